@@ -1,0 +1,1 @@
+"""The ground station: composes telemetry, vision and association; commands, sessions, screens."""

@@ -1,0 +1,164 @@
+"""One frozen record per frame: all that screens, overlays and logs may read.
+
+Units and frames: ENU metres, radians, Unix microseconds; image quantities in pixels. NaN is an unknown number,
+0 an unknown system id, ``inf`` an age of something never heard.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Box", "Event", "Health", "LinkHealth", "Snapshot", "VehicleRow"]
+
+Level = Literal["info", "warning", "alarm"]
+Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Something that happened and that an operator or an analyst may want to know."""
+
+    t_us: int
+    level: Level
+    kind: str
+    """One word for filters: ``link``, ``vehicle``, ``text``, ``identity``, ``video``, ``recording``, ``operator``."""
+    text: str
+    """Plain text, possibly from the air: never markup."""
+    system_id: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleRow:
+    """One line of the fleet table."""
+
+    system_id: int
+    name: str
+    role: Literal["uav", "ugv"]
+    kind: str
+    """Vehicle type in a word (``copter``, ``rover``), empty before the first heartbeat."""
+    mode: str
+    armed: bool | None
+    fix: str
+    heartbeat_age_s: float
+    position_age_s: float
+    position_state: str
+    """``ok``, ``stale``, ``lost``, ``never`` or ``refused``."""
+    loss: float
+    """Share of packets missing by sequence number, 0..1."""
+    p_enu: NDArray[np.float64]
+    """(3,) metres, NaN unknown."""
+    heading: float
+    """Clockwise from north, NaN unknown."""
+    std_m: float
+    in_view: bool | None
+    """Whether the reported position lies in the picture; None when the camera's pose is unknown."""
+    standing: Standing
+    track_id: int
+    """Track that carries this identity, 0 none."""
+    confidence: float
+    """Probability of that identity, NaN without one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """One tracked vehicle in the picture."""
+
+    track_id: int
+    """0 for a detection that no track took."""
+    cx: float
+    cy: float
+    w: float
+    h: float
+    angle: float
+    heading: float
+    score: float
+    coasting: bool
+    """Predicted, not seen in this frame."""
+    system_id: int
+    """Who it is, 0 unknown."""
+    confidence: float
+    """Of the name; of "none of ours" when unnamed; NaN before any evidence."""
+    runner_up: int
+    runner_up_confidence: float
+    residual_m: float
+    residual_px: float
+    position_age_s: float
+    projection: float
+    topology: float
+    fused: float
+    p_enu: NDArray[np.float64]
+    """(3,) where the box stands on the ground, NaN when the camera's pose is unknown."""
+    lat_deg: float
+    lon_deg: float
+
+    @property
+    def margin(self) -> float:
+        """Confidence ahead of the runner-up."""
+        return self.confidence - self.runner_up_confidence
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkHealth:
+    """Counters of one telemetry link."""
+
+    name: str
+    packets: int
+    bytes: int
+    bad: int
+    """Damaged frames and stray bytes skipped."""
+    dropped: int
+    """Datagrams the kernel dropped before we could read them."""
+    silent_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health:
+    """How the program itself is doing."""
+
+    fps: float = 0.0
+    lag_s: float = 0.0
+    """How far the picture on screen is behind the newest one."""
+    frames: int = 0
+    skipped_frames: int = 0
+    video: str = "none"
+    """``ok``, ``stalled``, ``ended``, ``none``."""
+    links: tuple[LinkHealth, ...] = ()
+    recorded_bytes: int = 0
+    recording: bool = False
+    free_bytes: int = 0
+    time_offset_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """The fleet, the boxes, the identities and the health at one frame."""
+
+    t_us: int
+    frame: int
+    """Index in the video, -1 before the first frame."""
+    width: int
+    height: int
+    image: NDArray[np.uint8] | None
+    """(height, width, 3) BGR, None when there is no picture."""
+    vehicles: tuple[VehicleRow, ...]
+    """UAV first."""
+    boxes: tuple[Box, ...]
+    footprint_enu: NDArray[np.float64] | None
+    """(4, 2) corners of the picture on the ground, image order from top left clockwise."""
+    uav_enu: NDArray[np.float64]
+    """(3,), NaN unknown."""
+    uav_heading: float
+    health: Health
+    events: tuple[Event, ...] = field(default=())
+    """What is new since the snapshot before."""
+
+    def name_of(self, system_id: int) -> str:
+        """The vehicle's name; ``UGV-<id>`` for an id that is not in the table, ``unknown`` for 0."""
+        for row in self.vehicles:
+            if row.system_id == system_id:
+                return row.name
+        return f"UGV-{system_id}" if system_id else "unknown"

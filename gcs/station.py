@@ -1,0 +1,58 @@
+"""What a screen drives: a live flight and a replay look the same from here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from gcs.snapshot import Event, Snapshot
+
+__all__ = ["Station", "Timeline"]
+
+
+class Timeline(Protocol):
+    """The clock of a replay; every method may be called from the screen's thread and returns at once."""
+
+    @property
+    def start_us(self) -> int: ...
+    @property
+    def stop_us(self) -> int: ...
+    @property
+    def now_us(self) -> int: ...
+    @property
+    def playing(self) -> bool: ...
+    @property
+    def speed(self) -> float: ...
+    def play(self) -> None: ...
+    def pause(self) -> None: ...
+    def seek(self, t_us: int) -> None:
+        """Go to the frame at or before ``t_us``, clamped to the recording."""
+
+    def step(self, frames: int) -> None:
+        """Pause and move by frames, negative is back."""
+
+    def set_speed(self, speed: float) -> None:
+        """Times real time, 0.1 to 20."""
+
+
+class Station(Protocol):
+    """A running flight or replay."""
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def timeline(self) -> Timeline | None:
+        """None when live."""
+
+    @property
+    def error(self) -> BaseException | None:
+        """Why it stopped by itself, None while all is well."""
+
+    def latest(self) -> Snapshot | None:
+        """The newest snapshot, None before the first."""
+
+    def events(self) -> Sequence[Event]:
+        """What happened so far, oldest first, bounded in number."""
+
+    def stop(self) -> None:
+        """End threads, seal the recording; safe to call twice."""

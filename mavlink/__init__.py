@@ -1,0 +1,1 @@
+"""MAVLink in and out: links, telemetry logs, decoding, clocks, geodesy and the fleet's state. SI units, radians, ENU metres, Unix µs."""
