@@ -14,17 +14,31 @@ class Timeline(Protocol):
     """The clock of a replay; every method may be called from the screen's thread and returns at once."""
 
     @property
-    def start_us(self) -> int: ...
+    def start_us(self) -> int:
+        """First moment of the recording."""
+
     @property
-    def stop_us(self) -> int: ...
+    def stop_us(self) -> int:
+        """Last moment of the recording."""
+
     @property
-    def now_us(self) -> int: ...
+    def now_us(self) -> int:
+        """Where it stands."""
+
     @property
-    def playing(self) -> bool: ...
+    def playing(self) -> bool:
+        """Whether time runs."""
+
     @property
-    def speed(self) -> float: ...
-    def play(self) -> None: ...
-    def pause(self) -> None: ...
+    def speed(self) -> float:
+        """Times real time."""
+
+    def play(self) -> None:
+        """Let time run."""
+
+    def pause(self) -> None:
+        """Stop time; the picture stays."""
+
     def seek(self, t_us: int) -> None:
         """Go to the frame at or before ``t_us``, clamped to the recording."""
 
@@ -39,7 +53,9 @@ class Station(Protocol):
     """A running flight or replay."""
 
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """What flies or is replayed."""
+
     @property
     def timeline(self) -> Timeline | None:
         """None when live."""

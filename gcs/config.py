@@ -1,0 +1,244 @@
+"""The mission file: who flies, what camera films, how clocks relate. TOML in, frozen dataclasses out.
+
+Every key has a default but the vehicles' ids and the camera's picture; an unknown key is refused with the nearest
+name, since a misspelt key would otherwise fly with the default. Angles are degrees in the file (``_deg``), everything
+inside the program is radians.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
+
+from gcs.errors import ConfigError
+
+__all__ = [
+    "Camera",
+    "Clock",
+    "DetectorChoice",
+    "IdentityChoice",
+    "Links",
+    "Mission",
+    "Vehicle",
+    "load_mission",
+    "parse_mission",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vehicle:
+    """One vehicle of the mission."""
+
+    system_id: int
+    """MAVLink system id, 1..255."""
+    name: str = ""
+    """What operators call it; ``UAV`` or ``UGV-<id>`` when empty."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """Pinhole camera with OpenCV's five distortion coefficients, and how it hangs on the UAV."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1 k2 p1 p2 k3."""
+    mount: Literal["stabilized", "fixed"] = "stabilized"
+    """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body."""
+    roll_deg: float = 0.0
+    pitch_deg: float = -90.0
+    """-90 looks straight down."""
+    yaw_deg: float = 0.0
+    """Relative to the body's nose."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """How the video's clock relates to the telemetry's."""
+
+    video_offset_s: float | Literal["auto"] = 0.0
+    """Video time minus telemetry time; ``auto`` has it estimated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorChoice:
+    """Which network finds vehicles."""
+
+    model: str = ""
+    """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
+    score: float = 0.3
+    """Boxes below are dropped."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentityChoice:
+    """When a box gets a name."""
+
+    threshold: float = 0.5
+    """A name is shown and written at this confidence or above."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Links:
+    """Where telemetry and video come from in flight; the command line overrides both."""
+
+    telemetry: tuple[str, ...] = ()
+    video: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission:
+    """All that a flight or a replay has to be told."""
+
+    uav: Vehicle
+    ugv: tuple[Vehicle, ...]
+    camera: Camera | None = None
+    """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once heard."""
+    clock: Clock = field(default_factory=Clock)
+    detector: DetectorChoice = field(default_factory=DetectorChoice)
+    identity: IdentityChoice = field(default_factory=IdentityChoice)
+    links: Links = field(default_factory=Links)
+
+    def __post_init__(self) -> None:
+        ids = [self.uav.system_id, *(v.system_id for v in self.ugv)]
+        twice = sorted({i for i in ids if ids.count(i) > 1})
+        if twice:
+            raise ConfigError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
+
+    @property
+    def ugv_ids(self) -> tuple[int, ...]:
+        """System ids of the ground vehicles, in the order of the file."""
+        return tuple(v.system_id for v in self.ugv)
+
+    def name_of(self, system_id: int) -> str:
+        """Name of a vehicle of this mission, a default for any other id."""
+        for vehicle in (self.uav, *self.ugv):
+            if vehicle.system_id == system_id:
+                return vehicle.name or ("UAV" if vehicle is self.uav else f"UGV-{system_id}")
+        return f"UGV-{system_id}"
+
+
+# Ranges of numbers, by dataclass and key: (least, most).
+_RANGES: dict[tuple[type, str], tuple[float, float]] = {
+    (Vehicle, "system_id"): (1, 255),
+    (Camera, "width"): (16, 16384),
+    (Camera, "height"): (16, 16384),
+    (Camera, "fx"): (1.0, 1e6),
+    (Camera, "fy"): (1.0, 1e6),
+    (Camera, "roll_deg"): (-180.0, 180.0),
+    (Camera, "pitch_deg"): (-90.0, 90.0),
+    (Camera, "yaw_deg"): (-360.0, 360.0),
+    (Clock, "video_offset_s"): (-60.0, 60.0),
+    (DetectorChoice, "score"): (0.0, 1.0),
+    (IdentityChoice, "threshold"): (0.0, 1.0),
+}
+_TABLES: dict[str, type] = {
+    "uav": Vehicle,
+    "camera": Camera,
+    "clock": Clock,
+    "detector": DetectorChoice,
+    "identity": IdentityChoice,
+    "links": Links,
+}
+# Tables that the recorder adds to session.toml; they describe, they do not steer.
+_NOTES = ("session",)
+
+
+def load_mission(path: Path) -> Mission:
+    """Read a mission or session file.
+
+    Raises:
+        ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read as text: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    return parse_mission(table, str(path))
+
+
+def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
+    """Check a parsed TOML table and build the mission; ``where`` goes into messages."""
+    _refuse_unknown(table, (*_TABLES, "ugv", *_NOTES), where)
+    if "uav" not in table or not table.get("ugv"):
+        raise ConfigError(f"{where}: needs [uav] and at least one [[ugv]] with a system_id")
+    ugvs = table["ugv"]
+    if not isinstance(ugvs, list):
+        raise ConfigError(f"{where}: write [[ugv]] with two brackets, once for each ground vehicle")
+    parts: dict[str, Any] = {
+        name: _build(kind, table[name], f"{where}: [{name}]") for name, kind in _TABLES.items() if name in table
+    }
+    parts["ugv"] = tuple(_build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}") for k, ugv in enumerate(ugvs))
+    return Mission(**parts)
+
+
+def _build(kind: type, table: object, where: str) -> Any:  # noqa: ANN401 - one of the dataclasses above
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{where} must be a table of keys and values")
+    known = {f.name: f for f in fields(kind)}
+    _refuse_unknown(table, tuple(known), where)
+    missing = [n for n, f in known.items() if n not in table and f.default is MISSING and f.default_factory is MISSING]
+    if missing:
+        raise ConfigError(f"{where}: {missing[0]} is missing")
+    return kind(**{name: _value(kind, name, value, where) for name, value in table.items()})
+
+
+def _value(kind: type, name: str, value: object, where: str) -> object:
+    """Check one value against the type that the dataclass declares."""
+    wanted = get_type_hints(kind)[name]
+    choices = [c for option in (wanted, *get_args(wanted)) if get_origin(option) is Literal for c in get_args(option)]
+    if choices and value in choices:
+        return value
+    if wanted is str and isinstance(value, str):
+        return value
+    if wanted == tuple[str, ...] and isinstance(value, list) and all(isinstance(v, str) for v in value):
+        return tuple(value)
+    if wanted == tuple[float, ...] and isinstance(value, list) and len(value) == 5 and all(map(_is_number, value)):
+        return tuple(float(v) for v in value)
+    if wanted is int and _is_number(value) and int(cast(float, value)) == value:
+        return int(_in_range(kind, name, float(cast(float, value)), where))
+    if (wanted is float or float in get_args(wanted)) and _is_number(value):
+        return _in_range(kind, name, float(cast(float, value)), where)
+    needed = _NEEDED.get(wanted, "a number") if not choices else " or ".join(repr(c) for c in choices)
+    if float in get_args(wanted):
+        needed = f"a number or {needed}"
+    raise ConfigError(f"{where}: {name} is {value!r}; {needed} is needed")
+
+
+_NEEDED: dict[object, str] = {
+    int: "a whole number",
+    str: "text in quotes",
+    tuple[float, ...]: "a list of 5 numbers (k1 k2 p1 p2 k3)",
+    tuple[str, ...]: "a list of texts",
+}
+
+
+def _in_range(kind: type, name: str, value: float, where: str) -> float:
+    least, most = _RANGES.get((kind, name), (-1e9, 1e9))
+    if not least <= value <= most:
+        raise ConfigError(f"{where}: {name} is {value}; it must lie between {least:g} and {most:g}")
+    return value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise ConfigError(f"{where}: unknown key {key!r}; {hint}")

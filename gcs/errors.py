@@ -1,0 +1,27 @@
+"""What can go wrong at the level of the application.
+
+GcsError
+├── ConfigError     a mission or session file that cannot be used
+├── SessionError    a folder that is no session, or cannot be written
+└── ScoreError      an identity log or truth file that cannot be compared
+"""
+
+from __future__ import annotations
+
+__all__ = ["ConfigError", "GcsError", "ScoreError", "SessionError"]
+
+
+class GcsError(Exception):
+    """Base; the message is one line that says what, where, and what to do."""
+
+
+class ConfigError(GcsError):
+    """A mission file with an unknown key, a wrong value, or no such file."""
+
+
+class SessionError(GcsError):
+    """A session that is missing something, or would be overwritten."""
+
+
+class ScoreError(GcsError):
+    """Files that cannot be scored against each other."""

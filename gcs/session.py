@@ -1,0 +1,170 @@
+"""A session folder: one flight in files that other people's tools can open, valid at every second.
+
+``session.toml`` what flew, ``telemetry.tlog`` the raw packets, ``video.*`` the untouched stream, ``frames.csv`` when
+each frame was taken, ``detections.csv`` what the detector saw, ``truth.csv`` (simulated or annotated), ``identity.csv`` and
+``identity.jsonl`` who is who, ``events.jsonl`` what happened. Only the first is needed beside the telemetry.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from gcs.config import Mission, load_mission
+from gcs.errors import SessionError
+from gcs.tables import Table, read_table
+from vision.detections import Detections
+
+__all__ = [
+    "FrameDetections",
+    "Session",
+    "create_folder",
+    "mission_table",
+    "open_session",
+    "read_detections",
+    "read_times",
+]
+
+VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Session:
+    """What a recording consists of; every path exists."""
+
+    path: Path
+    mission: Mission | None
+    """None: a bare log without a mission file; the vehicles are found in the log."""
+    tlog: Path
+    video: Path | None = None
+    frames: Path | None = None
+    detections: Path | None = None
+    truth: Path | None = None
+    identity: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """What to call it on a screen."""
+        return self.path.stem if self.path.is_file() else self.path.resolve().name
+
+
+def open_session(path: Path, *, video: Path | None = None, mission: Path | None = None) -> Session:
+    """Open a session folder, or a bare tlog with an optional video and mission file.
+
+    Raises:
+        SessionError: nothing there, or no telemetry in it.
+        ConfigError: the mission cannot be used.
+    """
+    if not path.exists():
+        raise SessionError(f"{path}: no such session folder or telemetry log")
+    for extra in (video, mission):
+        if extra is not None and not extra.is_file():
+            raise SessionError(f"{extra}: no such file")
+    chosen = load_mission(mission) if mission else None
+    if path.is_file():
+        return Session(path=path, mission=chosen, tlog=path, video=video)
+    tlog = path / "telemetry.tlog"
+    if not tlog.is_file():
+        raise SessionError(f"{path}: no telemetry.tlog in this folder; a session needs one")
+    toml = path / "session.toml"
+    if chosen is None and toml.is_file():
+        chosen = load_mission(toml)
+    found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if (path / f"video{suffix}").is_file()]
+    return Session(
+        path=path,
+        mission=chosen,
+        tlog=tlog,
+        video=video or (found[0] if found else None),
+        frames=None if video else _existing(path / "frames.csv"),
+        detections=_existing(path / "detections.csv"),
+        truth=_existing(path / "truth.csv"),
+        identity=_existing(path / "identity.csv"),
+    )
+
+
+def _existing(path: Path) -> Path | None:
+    return path if path.is_file() else None
+
+
+def read_times(path: Path) -> tuple[NDArray[np.int64], int]:
+    """Read ``frames.csv``: (n,) Unix µs by frame index, and the number of rows that could not be used.
+
+    A frame whose row is damaged gets the time between its neighbours, so that later frames keep their places.
+    """
+    table = read_table(path, ("frame", "time_us"))
+    if not len(table):
+        raise SessionError(f"{path}: no frame in it; delete the file if the video has its own time stamps")
+    frame, first = np.unique(table["frame"].astype(np.int64), return_index=True)
+    keep = frame >= 0
+    frame, time_us = frame[keep], table["time_us"][first][keep]
+    dense = np.interp(np.arange(frame[-1] + 1), frame, time_us)
+    return np.round(dense).astype(np.int64), table.skipped + len(table) - len(frame)
+
+
+class FrameDetections:
+    """The rows of ``detections.csv`` by frame, in the order of the file."""
+
+    def __init__(self, table: Table) -> None:
+        order = np.argsort(table["frame"], kind="stable")
+        self._frame = table["frame"][order].astype(np.int64)
+        self._columns = {k: v[order] for k, v in table.columns.items() if k != "frame"}
+        self.skipped = table.skipped
+
+    def at(self, frame: int) -> Detections:
+        """What was seen in a frame, perhaps nothing."""
+        start, stop = np.searchsorted(self._frame, (frame, frame + 1))
+        return Detections(**{name: column[start:stop] for name, column in self._columns.items()})
+
+    @property
+    def last(self) -> int:
+        """Index of the last frame that saw anything, -1 for none."""
+        return int(self._frame[-1]) if len(self._frame) else -1
+
+
+def read_detections(path: Path) -> FrameDetections:
+    """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown."""
+    return FrameDetections(read_table(path, ("frame", "cx", "cy", "w", "h", "angle", "score"), ("heading",)))
+
+
+def create_folder(parent: Path, now: datetime | None = None) -> Path:
+    """Make a new folder named after the time; a name that exists gets a number, nothing is ever reused."""
+    stem = (now or datetime.now(UTC)).strftime("%Y-%m-%d_%H-%M-%SZ")
+    for k in range(1000):
+        folder = parent / (f"{stem}.{k}" if k else stem)
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise SessionError(
+                f"{folder}: cannot be made: {error.strerror}; choose another place with --sessions"
+            ) from error
+        return folder
+    raise SessionError(f"{parent}: a thousand sessions of the same second; choose another place with --sessions")
+
+
+def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
+    """The text of ``session.toml``: the mission as it flew and a ``[session]`` table of notes."""
+    table: dict[str, Any] = {"session": dict(notes), "uav": _vehicle(mission, mission.uav.system_id)}
+    table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
+    for name in ("camera", "clock", "detector", "identity"):
+        part = getattr(mission, name)
+        if part is not None:
+            table[name] = {
+                k: list(v) if isinstance(v, tuple) else v for k in part.__slots__ if (v := getattr(part, k)) != ""
+            }
+    text = tomli_w.dumps(table)
+    tomllib.loads(text)
+    return text
+
+
+def _vehicle(mission: Mission, system_id: int) -> dict[str, Any]:
+    return {"system_id": system_id, "name": mission.name_of(system_id)}
