@@ -1,0 +1,27 @@
+"""What can go wrong in ``vision``.
+
+VisionError
+├── VideoError    a file, stream or recording that cannot be opened, read or written
+├── ModelError    a detector model that is missing or has inputs or outputs we cannot use
+└── CameraError   intrinsics or a mount that describe no camera
+"""
+
+from __future__ import annotations
+
+__all__ = ["CameraError", "ModelError", "VideoError", "VisionError"]
+
+
+class VisionError(Exception):
+    """Base of all errors of this package; the message says what, where and what to do."""
+
+
+class VideoError(VisionError):
+    """A video file, stream or recording cannot be opened, read or written."""
+
+
+class ModelError(VisionError):
+    """A detector model is missing, damaged or of a shape that is not supported."""
+
+
+class CameraError(VisionError):
+    """Intrinsics or a mount describe no camera."""

@@ -1,0 +1,107 @@
+"""Lens distortion of the normalised image plane and its exact undoing.
+
+The five-coefficient model of OpenCV, k1 k2 p1 p2 k3 (D. C. Brown, "Close-range camera calibration", 1971). With
+r² = x² + y² and radial = 1 + k1 r² + k2 r⁴ + k3 r⁶:
+
+    x' = x·radial + 2 p1 x y + p2 (r² + 2 x²)
+    y' = y·radial + p1 (r² + 2 y²) + 2 p2 x y
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["distort", "fold_radius", "undistort"]
+
+Floats = NDArray[np.float64]
+
+STEPS = 30
+CLOSE = 1e-10
+"""Residual, in focal lengths, at which a point counts as found: far below 1e-6 px for any real camera."""
+
+
+def distort(xy: Floats, lens: Floats) -> Floats:
+    """Ideal points (..., 2) as the lens (5,) shows them."""
+    if not lens.any():
+        return xy
+    k1, k2, p1, p2, k3 = lens
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x**2 + y**2
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    bent_y = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+    return np.stack([bent_x, bent_y], axis=-1)
+
+
+def undistort(xy: Floats, lens: Floats) -> Floats:
+    """Ideal points (..., 2) that the lens (5,) shows at these; NaN where none does.
+
+    Newton's method from a starting point that fixed-point steps have brought near; a step may not leave the disc in
+    which the model is one-to-one, so the answer is the true branch.
+    """
+    if not lens.any():
+        return xy
+    limit = fold_radius(lens)
+    ideal = _start(xy, lens, limit)
+    for _ in range(STEPS):
+        error = distort(ideal, lens) - xy
+        if not (np.abs(error) > CLOSE).any():
+            break
+        ideal = _clamp(ideal - _solve(_jacobian(ideal, lens), error), limit)
+    missed = np.abs(distort(ideal, lens) - xy).max(axis=-1) > CLOSE
+    return np.where(missed[..., None], np.nan, ideal)
+
+
+def fold_radius(lens: Floats) -> float:
+    """Radius, in focal lengths, up to which the radial model grows; points beyond it fold back. inf: it always does."""
+    k1, k2, _, _, k3 = lens
+    if min(k1, k2, k3) >= 0:
+        return float(np.inf)
+    # d(r·radial)/dr = 1 + 3 k1 q + 5 k2 q² + 7 k3 q³ = 0 with q = r²
+    roots = np.roots(np.array([7 * k3, 5 * k2, 3 * k1, 1.0]))
+    real = roots[np.abs(roots.imag) < 1e-9].real
+    return float(np.sqrt(real[real > 0].min(initial=np.inf)))
+
+
+def _start(xy: Floats, lens: Floats, limit: float) -> Floats:
+    """Three fixed-point steps x ← x' / radial, from the seen point."""
+    k1, k2, _, _, k3 = lens
+    ideal = _clamp(xy, limit)
+    for _ in range(3):
+        r2 = (ideal**2).sum(axis=-1, keepdims=True)
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        ideal = _clamp(xy / np.maximum(radial, 0.2), limit)
+    return ideal
+
+
+def _clamp(xy: Floats, limit: float) -> Floats:
+    """Points drawn back into the disc of 0.999 limit."""
+    if not np.isfinite(limit):
+        return xy
+    r = np.linalg.norm(xy, axis=-1, keepdims=True)
+    return np.asarray(xy * np.minimum(1.0, 0.999 * limit / np.maximum(r, 1e-12)))
+
+
+def _jacobian(xy: Floats, lens: Floats) -> tuple[Floats, Floats, Floats]:
+    """Entries xx, xy (= yx), yy of ∂distort/∂xy, each (...,)."""
+    k1, k2, p1, p2, k3 = lens
+    x, y = xy[..., 0], xy[..., 1]
+    r2 = x**2 + y**2
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    # ∂radial/∂x = 2 x · slope
+    slope = k1 + r2 * (2 * k2 + r2 * 3 * k3)
+    return (
+        radial + 2 * x**2 * slope + 2 * p1 * y + 6 * p2 * x,
+        2 * x * y * slope + 2 * p1 * x + 2 * p2 * y,
+        radial + 2 * y**2 * slope + 6 * p1 * y + 2 * p2 * x,
+    )
+
+
+def _solve(jacobian: tuple[Floats, Floats, Floats], error: Floats) -> Floats:
+    """J⁻¹ · error for symmetric 2 × 2 matrices."""
+    xx, xy, yy = jacobian
+    det = xx * yy - xy**2
+    det = np.where(np.abs(det) < 1e-12, 1e-12, det)
+    ex, ey = error[..., 0], error[..., 1]
+    return np.stack([(yy * ex - xy * ey) / det, (xx * ey - xy * ex) / det], axis=-1)
