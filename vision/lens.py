@@ -55,7 +55,8 @@ def undistort(xy: Floats, lens: Floats) -> Floats:
 
 def fold_radius(lens: Floats) -> float:
     """Radius, in focal lengths, up to which the radial model grows; points beyond it fold back. inf: it always does."""
-    k1, k2, _, _, k3 = lens
+    # coefficients too small to bend anything would only upset the root finding
+    k1, k2, k3 = np.where(np.abs(lens) < 1e-12, 0.0, lens)[[0, 1, 4]]
     if min(k1, k2, k3) >= 0:
         return float(np.inf)
     # d(r·radial)/dr = 1 + 3 k1 q + 5 k2 q² + 7 k3 q³ = 0 with q = r²
