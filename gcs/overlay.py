@@ -1,0 +1,233 @@
+"""Draw a snapshot on its picture: oriented boxes, front marks, names, a header. Pure.
+
+Units and frames: image pixels, x right, y down; angles clockwise on screen in radians; colours are red, green, blue
+here and turned to OpenCV's order only where OpenCV draws.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.snapshot import Box, Snapshot, Standing
+
+__all__ = [
+    "STANDING_RGB",
+    "box_bounds",
+    "box_corners",
+    "draw",
+    "front_mark",
+    "label_of",
+    "named_count",
+    "place_labels",
+    "standing_of",
+]
+
+Rgb = tuple[int, int, int]
+Rect = tuple[float, float, float, float]
+"""Left, top, width, height."""
+
+STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
+    {
+        "confirmed": (116, 230, 140),
+        "tentative": (255, 200, 90),
+        "coasting": (120, 180, 255),
+        "unidentified": (255, 130, 200),
+        "out of view": (139, 148, 165),
+        "no position": (255, 107, 107),
+    }
+)
+DARK: Final = (14, 18, 26)
+HEADER_INK: Final = (214, 222, 235)
+EMPTY_SIZE: Final = (1280, 720)
+FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def standing_of(snapshot: Snapshot, box: Box) -> Standing:
+    """How sure the station is of a box, in the same words as the fleet table."""
+    if box.coasting:
+        return "coasting"
+    if not box.system_id:
+        return "unidentified"
+    for row in snapshot.vehicles:
+        if row.system_id == box.system_id and row.standing in ("confirmed", "tentative"):
+            return row.standing
+    return "tentative"
+
+
+def label_of(snapshot: Snapshot, box: Box) -> str:
+    """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both."""
+    standing = standing_of(snapshot, box)
+    name = snapshot.name_of(box.system_id) if box.system_id else "?"
+    percent = f" {100 * box.confidence:.0f}%" if box.system_id and math.isfinite(box.confidence) else ""
+    before = "~" if standing == "coasting" else ""
+    after = "?" if standing == "tentative" else ""
+    return f"{before}{name}{after}{percent}"
+
+
+def named_count(snapshot: Snapshot) -> tuple[int, int]:
+    """Confirmed ground vehicles and all ground vehicles."""
+    standings = [row.standing for row in snapshot.vehicles if row.role == "ugv"]
+    return standings.count("confirmed"), len(standings)
+
+
+def box_corners(box: Box) -> NDArray[np.float64]:
+    """(4, 2) pixel corners of an oriented box, clockwise from its own top left."""
+    c, s = math.cos(box.angle), math.sin(box.angle)
+    # p = c + R(angle) · (±w/2, ±h/2)
+    half = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (box.w, box.h)
+    return np.asarray(half @ np.array([(c, s), (-s, c)]) + (box.cx, box.cy), dtype=np.float64)
+
+
+def front_mark(box: Box, reach: float = 0.45) -> NDArray[np.float64]:
+    """(2, 2) pixel ends of the tick ahead of the front edge, NaN when the front is unknown.
+
+    Args:
+        box: Its heading is clockwise from image up.
+        reach: Length of the tick in lengths of the box.
+    """
+    # d = (sin heading, −cos heading): clockwise from image up, y down
+    direction = np.array([math.sin(box.heading), -math.cos(box.heading)])
+    along = abs(math.cos(box.angle) * direction[0] + math.sin(box.angle) * direction[1])
+    length = box.w * along + box.h * (1.0 - along)
+    edge = np.array([box.cx, box.cy]) + direction * length / 2
+    return np.stack([edge, edge + direction * length * reach])
+
+
+def box_bounds(box: Box, scale: float = 1.0, margin: float = 0.0) -> Rect:
+    """Upright rectangle round a scaled box and its front tick."""
+    points = np.vstack([box_corners(box), front_mark(box)]) * scale
+    (left, top), (right, bottom) = np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
+    return float(left), float(top), float(right - left), float(bottom - top)
+
+
+def place_labels(anchors: Sequence[Rect], sizes: Sequence[tuple[float, float]], bounds: Rect) -> list[Rect]:
+    """Put each label beside its box so that labels cover neither each other nor other boxes where that is easy.
+
+    Args:
+        anchors: Upright bounding rectangle of each box; earlier ones choose first.
+        sizes: Width and height of each label, in the same units.
+        bounds: Rectangle that labels must not leave.
+
+    Returns:
+        One rectangle per label: the least covered of eight places round its box.
+    """
+    placed: list[Rect] = []
+    for index, (anchor, size) in enumerate(zip(anchors, sizes, strict=True)):
+        others = [other for at, other in enumerate(anchors) if at != index]
+        spots = [_clamp(spot, bounds) for spot in _spots(anchor, size)]
+        placed.append(
+            min(
+                spots,
+                key=lambda spot: (
+                    4.0 * sum(_overlap(spot, rect) for rect in placed)
+                    + 2.0 * _overlap(spot, anchor)
+                    + sum(_overlap(spot, rect) for rect in others)
+                ),
+            )
+        )
+    return placed
+
+
+def _spots(anchor: Rect, size: tuple[float, float]) -> list[Rect]:
+    x, y, w, h = anchor
+    lw, lh = size
+    middle, centre = x + (w - lw) / 2, y + (h - lh) / 2
+    corners = [(middle, y - lh), (middle, y + h), (x + w, centre), (x - lw, centre)]
+    corners += [(x + w, y - lh), (x - lw, y - lh), (x + w, y + h), (x - lw, y + h)]
+    return [(left, top, lw, lh) for left, top in corners]
+
+
+def _clamp(rect: Rect, bounds: Rect) -> Rect:
+    x, y, w, h = rect
+    left, top, width, height = bounds
+    return max(left, min(x, left + width - w)), max(top, min(y, top + height - h)), w, h
+
+
+def _overlap(a: Rect, b: Rect) -> float:
+    wide = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
+    high = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    return wide * high if wide > 0 and high > 0 else 0.0
+
+
+def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArray[np.uint8]:
+    """The picture with boxes, front ticks, names and a header with time and fleet summary.
+
+    Args:
+        snapshot: Its image is left as it is; without one the canvas is dark.
+        scale: Size of the result against the picture, above 0.
+        selected: System id to stress, 0 none.
+
+    Returns:
+        (round(height · scale), round(width · scale), 3) uint8 BGR.
+    """
+    canvas = _canvas(snapshot, scale)
+    unit = max(0.75, canvas.shape[0] / 900)
+    boxes = sorted(snapshot.boxes, key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy))
+    labels = [_ascii(label_of(snapshot, box)) for box in boxes]
+    sizes = [_text_size(text, unit) for text in labels]
+    anchors = [box_bounds(box, scale, 2 * unit) for box in boxes]
+    places = place_labels(anchors, sizes, (0, 0, canvas.shape[1], canvas.shape[0]))
+    for box in boxes:
+        _draw_box(canvas, box, STANDING_RGB[standing_of(snapshot, box)], scale, unit)
+    for box, text, place in zip(boxes, labels, places, strict=True):
+        colour = STANDING_RGB[standing_of(snapshot, box)]
+        stressed = bool(selected) and box.system_id == selected
+        _draw_label(canvas, text, place, unit, *((DARK, colour) if stressed else (colour, DARK)))
+    _draw_header(canvas, snapshot, unit)
+    return canvas
+
+
+def _canvas(snapshot: Snapshot, scale: float) -> NDArray[np.uint8]:
+    width, height = (snapshot.width, snapshot.height) if snapshot.width and snapshot.height else EMPTY_SIZE
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    if snapshot.image is None:
+        return np.full((size[1], size[0], 3), DARK[::-1], dtype=np.uint8)
+    if snapshot.image.shape[1::-1] == size:
+        return snapshot.image.copy()
+    return np.asarray(cv2.resize(snapshot.image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _draw_box(canvas: NDArray[np.uint8], box: Box, rgb: Rgb, scale: float, unit: float) -> None:
+    outline = np.round(box_corners(box) * scale).astype(np.int32)
+    thick = max(1, round(1.6 * unit))
+    cv2.polylines(canvas, [outline], True, DARK[::-1], thick + 2, cv2.LINE_AA)
+    cv2.polylines(canvas, [outline], True, rgb[::-1], 1 if box.coasting else thick, cv2.LINE_AA)
+    tick = front_mark(box) * scale
+    if np.isfinite(tick).all():
+        start, end = np.round(tick).astype(int).tolist()
+        cv2.line(canvas, start, end, DARK[::-1], thick + 3, cv2.LINE_AA)
+        cv2.line(canvas, start, end, rgb[::-1], thick + 1, cv2.LINE_AA)
+
+
+def _text_size(text: str, unit: float) -> tuple[float, float]:
+    (width, height), base = cv2.getTextSize(text, FONT, 0.55 * unit, max(1, round(unit)))
+    return float(width + 8 * unit), float(height + base + 4 * unit)
+
+
+def _draw_label(canvas: NDArray[np.uint8], text: str, place: Rect, unit: float, ink: Rgb, paper: Rgb) -> None:
+    x, y, w, h = (round(value) for value in place)
+    cv2.rectangle(canvas, (x, y), (x + w, y + h), paper[::-1], cv2.FILLED)
+    origin = x + round(4 * unit), y + h - round(5 * unit)
+    cv2.putText(canvas, text, origin, FONT, 0.55 * unit, ink[::-1], max(1, round(unit)), cv2.LINE_AA)
+
+
+def _draw_header(canvas: NDArray[np.uint8], snapshot: Snapshot, unit: float) -> None:
+    clock = datetime.fromtimestamp(snapshot.t_us // 100_000 / 10, UTC).strftime("%Y-%m-%d %H:%M:%S.%f")[:-5]
+    named, total = named_count(snapshot)
+    unnamed = sum(box.system_id == 0 for box in snapshot.boxes)
+    text = f"{clock}Z   frame {snapshot.frame}   {named}/{total} confirmed" + (f"   {unnamed} ?" if unnamed else "")
+    width, height = _text_size(text, unit)
+    _draw_label(canvas, text, (0.0, 0.0, width, height), unit, HEADER_INK, DARK)
+
+
+def _ascii(text: str) -> str:
+    """OpenCV's fonts hold printable ASCII only."""
+    return "".join(letter if " " <= letter <= "~" else "?" for letter in text)
