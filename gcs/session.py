@@ -1,8 +1,9 @@
 """A session folder: one flight in files that other people's tools can open, valid at every second.
 
 ``session.toml`` what flew, ``telemetry.tlog`` the raw packets, ``video.*`` the untouched stream, ``frames.csv`` when
-each frame was taken, ``detections.csv`` what the detector saw, ``truth.csv`` (simulated or annotated), ``identity.csv`` and
-``identity.jsonl`` who is who, ``events.jsonl`` what happened. Only the first is needed beside the telemetry.
+each frame was taken, ``detections.csv`` what the detector saw, ``truth.csv`` (simulated or annotated),
+``identity.csv`` and ``identity.jsonl`` who is who, ``events.jsonl`` what happened. Only the first is needed beside the
+telemetry.
 """
 
 from __future__ import annotations

@@ -14,8 +14,15 @@ from numpy.typing import NDArray
 
 __all__ = ["Box", "Event", "Health", "LinkHealth", "Snapshot", "VehicleRow"]
 
+NAN = float("nan")
+NEVER = float("inf")
+
 Level = Literal["info", "warning", "alarm"]
 Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position"]
+
+
+def _nowhere() -> NDArray[np.float64]:
+    return np.full(3, np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,28 +45,28 @@ class VehicleRow:
     system_id: int
     name: str
     role: Literal["uav", "ugv"]
-    kind: str
+    kind: str = ""
     """Vehicle type in a word (``copter``, ``rover``), empty before the first heartbeat."""
-    mode: str
-    armed: bool | None
-    fix: str
-    heartbeat_age_s: float
-    position_age_s: float
-    position_state: str
+    mode: str = ""
+    armed: bool | None = None
+    fix: str = ""
+    heartbeat_age_s: float = NEVER
+    position_age_s: float = NEVER
+    position_state: str = "never"
     """``ok``, ``stale``, ``lost``, ``never`` or ``refused``."""
-    loss: float
+    loss: float = NAN
     """Share of packets missing by sequence number, 0..1."""
-    p_enu: NDArray[np.float64]
+    p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
     """(3,) metres, NaN unknown."""
-    heading: float
+    heading: float = NAN
     """Clockwise from north, NaN unknown."""
-    std_m: float
-    in_view: bool | None
+    std_m: float = NAN
+    in_view: bool | None = None
     """Whether the reported position lies in the picture; None when the camera's pose is unknown."""
-    standing: Standing
-    track_id: int
+    standing: Standing = "no position"
+    track_id: int = 0
     """Track that carries this identity, 0 none."""
-    confidence: float
+    confidence: float = NAN
     """Probability of that identity, NaN without one."""
 
 
@@ -76,24 +83,24 @@ class Box:
     angle: float
     heading: float
     score: float
-    coasting: bool
+    coasting: bool = False
     """Predicted, not seen in this frame."""
-    system_id: int
+    system_id: int = 0
     """Who it is, 0 unknown."""
-    confidence: float
+    confidence: float = NAN
     """Of the name; of "none of ours" when unnamed; NaN before any evidence."""
-    runner_up: int
-    runner_up_confidence: float
-    residual_m: float
-    residual_px: float
-    position_age_s: float
-    projection: float
-    topology: float
-    fused: float
-    p_enu: NDArray[np.float64]
+    runner_up: int = 0
+    runner_up_confidence: float = NAN
+    residual_m: float = NAN
+    residual_px: float = NAN
+    position_age_s: float = NAN
+    projection: float = NAN
+    topology: float = NAN
+    fused: float = NAN
+    p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
     """(3,) where the box stands on the ground, NaN when the camera's pose is unknown."""
-    lat_deg: float
-    lon_deg: float
+    lat_deg: float = NAN
+    lon_deg: float = NAN
 
     @property
     def margin(self) -> float:

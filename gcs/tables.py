@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,7 +61,7 @@ def read_table(path: Path, required: Sequence[str], optional: Sequence[str] = ()
     return Table(columns=columns, skipped=skipped)
 
 
-def _numbers(lines: csv._reader, places: Sequence[int], needed: int) -> tuple[list[list[float]], int]:
+def _numbers(lines: Iterator[list[str]], places: Sequence[int], needed: int) -> tuple[list[list[float]], int]:
     rows: list[list[float]] = []
     skipped = 0
     for cells in lines:

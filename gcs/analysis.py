@@ -1,0 +1,163 @@
+"""A recording folded from start to end: the same snapshots whether a screen, a log or a test asks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.config import Mission, Vehicle
+from gcs.errors import SessionError
+from gcs.pipeline import Pipeline
+from gcs.session import FrameDetections, Session, read_detections, read_times
+from gcs.snapshot import Event, Health, Snapshot
+from mavlink.decode import Heartbeat, decode
+from mavlink.modes import is_aircraft, is_ground_vehicle
+from mavlink.packet import Packet
+from mavlink.tlog import Tlog
+from vision.detector import Detector, open_detector
+from vision.video import Frame, VideoFile
+
+__all__ = ["Analysis", "discover"]
+
+# Frames a second when there is neither video nor detections: the fleet and the map still replay.
+BARE_FPS = 5.0
+
+
+def discover(tlog: Tlog) -> Mission:
+    """Who flies and who drives, from the heartbeats of a log.
+
+    Raises:
+        SessionError: no aircraft or no ground vehicle speaks in it.
+    """
+    kinds: dict[int, int] = {}
+    for packet in tlog.packets(message_ids=(0,)):
+        sample = decode(packet)
+        if isinstance(sample, Heartbeat):
+            kinds.setdefault(sample.system_id, sample.type)
+    aircraft = sorted(i for i, kind in kinds.items() if is_aircraft(kind))
+    ground = sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))
+    if not aircraft or not ground:
+        missing = "aircraft" if not aircraft else "ground vehicle"
+        raise SessionError(f"{tlog.path}: no {missing} heartbeat in it; name the vehicles with --mission")
+    return Mission(uav=Vehicle(system_id=aircraft[0]), ugv=tuple(Vehicle(system_id=i) for i in ground))
+
+
+class Analysis:
+    """One session, opened: its frames' times and the fold over them."""
+
+    def __init__(self, session: Session, *, redetect: bool = False) -> None:
+        """Open all files of a session.
+
+        Args:
+            session: What to fold.
+            redetect: Look at the video again even when the session has detections.
+
+        Raises:
+            SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
+        """
+        self.session = session
+        self._tlog = Tlog.open(session.tlog)
+        self.mission = session.mission or discover(self._tlog)
+        times, self._bad_times = read_times(session.frames) if session.frames else (None, 0)
+        self.video = self._open_video(session.video, times)
+        self._boxes = self._open_detections(redetect)
+        self.times_us = self._frame_times(times)
+        self.warnings = tuple(self._complaints())
+
+    def _open_video(self, path: Path | None, times: NDArray[np.int64] | None) -> VideoFile | None:
+        if path is None:
+            return None
+        return VideoFile.open(path, times, start_us=int(self._tlog.index.t_us[0]))
+
+    def _open_detections(self, redetect: bool) -> FrameDetections | None:
+        path = self.session.detections
+        if redetect and self.session.video is None:
+            raise SessionError(f"{self.session.path}: no video to detect in; leave --detect out to use its detections")
+        if path is None or redetect:
+            return None
+        if self.session.frames is None and self.session.video is None:
+            raise SessionError(
+                f"{self.session.path}: detections.csv needs frames.csv beside it, the time of each frame"
+            )
+        return read_detections(path)
+
+    def _frame_times(self, times: NDArray[np.int64] | None) -> NDArray[np.int64]:
+        if self.video is not None:
+            return self.video.times_us
+        if times is not None:
+            return times
+        first, last = int(self._tlog.index.t_us.min()), int(self._tlog.index.t_us.max())
+        return np.arange(first, last + 1, int(1e6 / BARE_FPS), dtype=np.int64)
+
+    def _complaints(self) -> Iterator[str]:
+        if self._tlog.index.damage:
+            size = sum(d.stop - d.start for d in self._tlog.index.damage)
+            yield f"{self.session.tlog.name}: {len(self._tlog.index.damage)} damaged places, {size} bytes skipped"
+        if self._boxes is not None and self._boxes.skipped:
+            yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
+        if self._bad_times:
+            yield f"frames.csv: {self._bad_times} rows could not be read; their frames got the time between neighbours"
+        if self.mission.camera is None:
+            yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
+
+    def detector(self) -> Detector | None:
+        """The mission's detector when frames have to be looked at, else None."""
+        if self.video is None or self._boxes is not None:
+            return None
+        choice = self.mission.detector
+        model = (self.session.path / choice.model) if choice.model else None
+        return open_detector(model, score=choice.score)
+
+    def snapshots(self, *, images: bool = True) -> Iterator[Snapshot]:
+        """Fold the whole recording.
+
+        Args:
+            images: Put each frame's picture into its snapshot.
+        """
+        pipeline = Pipeline(self.mission)
+        for text in self.warnings:
+            pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
+        detector = self.detector()
+        packets = _Ahead(self._tlog.packets())
+        look = detector is not None or images
+        for index, t_us, frame in self._frames(look):
+            for packet in packets.until(t_us):
+                pipeline.feed(packet)
+            image = frame.image if frame else None
+            if detector is not None and image is not None:
+                boxes = detector.detect(image, gsd_m=pipeline.gsd_m(t_us))
+            else:
+                boxes = self._boxes.at(index) if self._boxes else None
+                # A frame without rows was perhaps never looked at: a live flight skips frames when it cannot keep up.
+                boxes = boxes if boxes else None
+            health = Health(frames=index + 1, video="ok" if self.video else "none")
+            yield pipeline.frame(index, t_us, image=image if images else None, detections=boxes, health=health)
+
+    def _frames(self, look: bool) -> Iterator[tuple[int, int, Frame | None]]:
+        if self.video is not None and look:
+            for frame in self.video.frames():
+                yield frame.index, frame.t_us, frame
+            return
+        for index, t_us in enumerate(self.times_us.tolist()):
+            yield index, t_us, None
+
+    def close(self) -> None:
+        """Close the video."""
+        if self.video is not None:
+            self.video.close()
+
+
+class _Ahead:
+    """Packets in the order of arrival, handed out up to a time."""
+
+    def __init__(self, packets: Iterator[Packet]) -> None:
+        self._packets = packets
+        self._next = next(packets, None)
+
+    def until(self, t_us: int) -> Iterator[Packet]:
+        while self._next is not None and self._next.t_us <= t_us:
+            yield self._next
+            self._next = next(self._packets, None)

@@ -1,0 +1,51 @@
+"""One row for each box of each frame, flat, with names and places: for spreadsheets and data frames."""
+
+from __future__ import annotations
+
+import csv
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+from gcs.identitylog import open_new
+from gcs.snapshot import Snapshot
+
+__all__ = ["CsvExport"]
+
+COLUMNS = (
+    *("time_utc", "frame", "track_id", "system_id", "name", "confidence", "runner_up", "runner_up_confidence"),
+    *("cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg", "lat_deg", "lon_deg", "east_m", "north_m"),
+    *("residual_m", "position_age_s"),
+)
+
+
+class CsvExport:
+    """Degrees and metres, empty cells for what is unknown."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = open_new(path)
+        self._rows = csv.writer(self._file, lineterminator="\n")
+        self._rows.writerow(COLUMNS)
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append the boxes seen in a frame."""
+        time = datetime.fromtimestamp(snapshot.t_us * 1e-6, UTC).isoformat(timespec="microseconds")
+        for box in snapshot.boxes:
+            if box.coasting:
+                continue
+            name = snapshot.name_of(box.system_id) if box.system_id else ""
+            who = (box.track_id or "", box.system_id or "", name, _cell(box.confidence, 4))
+            second = (box.runner_up or "", _cell(box.runner_up_confidence, 4))
+            shape = [_cell(v, 2) for v in (box.cx, box.cy, box.w, box.h)]
+            turn = [_cell(math.degrees(v), 2) for v in (box.angle, box.heading)]
+            place = (_cell(box.lat_deg, 7), _cell(box.lon_deg, 7), *(_cell(float(v), 3) for v in box.p_enu[:2]))
+            trust = (_cell(box.residual_m, 3), _cell(box.position_age_s, 3))
+            self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _cell(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else ""

@@ -1,0 +1,37 @@
+"""One JSON object for each box of each frame, with the evidence; the first line describes the file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from gcs.identitylog import json_row, open_new
+from gcs.snapshot import Snapshot
+
+__all__ = ["JsonlExport"]
+
+HEADER = {
+    "format": "rollcall identity",
+    "version": 1,
+    "time": "Unix microseconds",
+    "box": "cx cy w h px, angle rad: image +x to the width axis, clockwise on screen",
+    "heading": "rad clockwise from image up",
+    "enu_m": "east north up of the box on the ground",
+    "datum": "WGS-84 degrees",
+}
+
+
+class JsonlExport:
+    """null is unknown."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = open_new(path)
+        self._file.write(json.dumps(HEADER) + "\n")
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append the boxes seen in a frame."""
+        self._file.write("".join(json_row(snapshot, box) + "\n" for box in snapshot.boxes if not box.coasting))
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

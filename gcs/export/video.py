@@ -1,0 +1,55 @@
+"""The recording with boxes and names drawn in, as an H.264 mp4 that any player shows, at its own frame times."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import av
+
+from gcs.errors import SessionError
+from gcs.overlay import draw
+from gcs.snapshot import Snapshot
+
+__all__ = ["VideoExport"]
+
+TIME_BASE = Fraction(1, 90_000)
+
+
+class VideoExport:
+    """Frames keep their time stamps, so the film runs in step with the log."""
+
+    def __init__(self, path: Path) -> None:
+        if path.exists():
+            raise SessionError(f"{path}: exists already and is never overwritten; choose another place")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._film = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
+        except OSError as error:
+            raise SessionError(f"{path}: cannot be written: {error.strerror}") from error
+        self._stream: av.VideoStream | None = None
+        self._start_us = 0
+        self._last = -1
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append one drawn frame; two frames of the same moment keep the first."""
+        image = draw(snapshot)
+        height, width = (side - side % 2 for side in image.shape[:2])
+        if self._stream is None:
+            self._stream = self._film.add_stream("libx264", rate=30, options={"crf": "23", "preset": "veryfast"})
+            self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
+            self._stream.codec_context.time_base = TIME_BASE
+            self._start_us = snapshot.t_us
+        frame = av.VideoFrame.from_ndarray(image[:height, :width], format="bgr24")
+        frame.pts = round((snapshot.t_us - self._start_us) * 1e-6 / TIME_BASE)
+        frame.time_base = TIME_BASE
+        if frame.pts <= self._last:
+            return
+        self._last = frame.pts
+        self._film.mux(self._stream.encode(frame))
+
+    def close(self) -> None:
+        """Flush the encoder and finish the file."""
+        if self._stream is not None:
+            self._film.mux(self._stream.encode(None))
+        self._film.close()

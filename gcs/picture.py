@@ -1,0 +1,202 @@
+"""What a frame shows, put into the snapshot's words: boxes with their names, vehicles with their standing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.identifier import Identities
+from gcs.config import Camera, Mission
+from gcs.snapshot import Box, Standing, VehicleRow
+from mavlink.fleet import FleetState, VehicleStatus
+from mavlink.geodesy import LocalFrame
+from vision.camera import Intrinsics, Mount, Pose, ground
+from vision.detections import Detections
+from vision.tracker import Tracks
+
+__all__ = ["View", "boxes_of", "fitted", "intrinsics_of", "mount_of", "vehicle_rows"]
+
+FloatArray = NDArray[np.float64]
+# At or above, a name is shown as confirmed.
+CONFIRMED = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """The camera at one frame."""
+
+    intrinsics: Intrinsics
+    pose: Pose
+    ground_z: float
+    """Height of the ground plane, ENU metres."""
+    attitude_known: bool
+
+
+def intrinsics_of(camera: Camera) -> Intrinsics:
+    """The camera of a mission file."""
+    return Intrinsics(
+        width=camera.width,
+        height=camera.height,
+        fx=camera.fx,
+        fy=camera.fy,
+        cx=camera.cx,
+        cy=camera.cy,
+        distortion=np.array(camera.distortion),
+    )
+
+
+def mount_of(camera: Camera | None) -> Mount:
+    """How the camera hangs; straight down on a gimbal unless the mission says otherwise."""
+    if camera is None:
+        return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
+    roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])
+    return Mount(kind=camera.mount, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
+
+
+def fitted(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
+    """The same camera delivering a picture of another size."""
+    kx, ky = width / intrinsics.width, height / intrinsics.height
+    return replace(
+        intrinsics,
+        width=width,
+        height=height,
+        fx=intrinsics.fx * kx,
+        fy=intrinsics.fy * ky,
+        cx=intrinsics.cx * kx,
+        cy=intrinsics.cy * ky,
+    )
+
+
+def boxes_of(
+    detections: Detections,
+    tracks: Tracks | None,
+    identities: Identities | None,
+    vehicle_uv: dict[int, FloatArray],
+    view: View | None,
+    origin: LocalFrame | None,
+) -> tuple[Box, ...]:
+    """Boxes of a frame: those that tracks took, with their names, then those that no track took.
+
+    Args:
+        detections: Of this frame.
+        tracks: After this frame, None when nothing was looked at.
+        identities: In the order of the tracks, None without a camera pose.
+        vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
+        view: The camera, None unknown.
+        origin: Of the local frame, None unknown.
+    """
+    if tracks is None:
+        return ()
+    boxes = [_tracked(k, tracks, detections, identities) for k in range(len(tracks.track_id))]
+    alone = sorted(set(range(len(detections))) - set(tracks.detection.tolist()))
+    boxes += [_untracked(k, detections) for k in alone]
+    if view is None or not boxes:
+        return tuple(boxes)
+    p_enu = ground(view.intrinsics, view.pose, np.array([[b.cx, b.cy] for b in boxes]), view.ground_z)
+    nowhere = np.full(len(boxes), np.nan)
+    lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
+    return tuple(
+        replace(
+            box,
+            p_enu=p_enu[k],
+            lat_deg=float(lat[k]),
+            lon_deg=float(lon[k]),
+            residual_px=_distance(box, vehicle_uv.get(box.system_id)),
+        )
+        for k, box in enumerate(boxes)
+    )
+
+
+def _distance(box: Box, uv: FloatArray | None) -> float:
+    return float("nan") if uv is None else float(np.hypot(box.cx - uv[0], box.cy - uv[1]))
+
+
+def _tracked(k: int, tracks: Tracks, detections: Detections, identities: Identities | None) -> Box:
+    """Box of track k: as detected in this frame, or as predicted when coasting."""
+    seen = int(tracks.detection[k])
+    source, row = (detections, seen) if seen >= 0 else (tracks, k)
+    box = _untracked(row, source)
+    box = replace(box, track_id=int(tracks.track_id[k]), coasting=seen < 0, heading=float(tracks.heading[k]))
+    if identities is None:
+        return box
+    return replace(
+        box,
+        system_id=int(identities.system_id[k]),
+        confidence=float(identities.confidence[k]),
+        runner_up=int(identities.runner_up[k]),
+        runner_up_confidence=float(identities.runner_up_confidence[k]),
+        residual_m=float(identities.residual_m[k]),
+        position_age_s=float(identities.position_age_s[k]),
+        projection=float(identities.projection[k]),
+        topology=float(identities.topology[k]),
+        fused=float(identities.fused[k]),
+    )
+
+
+def _untracked(k: int, source: Detections | Tracks) -> Box:
+    return Box(
+        track_id=0,
+        cx=float(source.cx[k]),
+        cy=float(source.cy[k]),
+        w=float(source.w[k]),
+        h=float(source.h[k]),
+        angle=float(source.angle[k]),
+        heading=float(source.heading[k]),
+        score=float(source.score[k]),
+    )
+
+
+def vehicle_rows(
+    mission: Mission,
+    state: FleetState,
+    boxes: tuple[Box, ...],
+    vehicle_uv: dict[int, FloatArray],
+    size: tuple[int, int],
+) -> tuple[VehicleRow, ...]:
+    """The fleet table, UAV first; ``vehicle_uv`` is empty when the camera's pose is unknown."""
+    by_name = {box.system_id: box for box in boxes if box.system_id}
+    rows = []
+    for k, status in enumerate(state.vehicles):
+        is_uav = k == 0
+        box = None if is_uav else by_name.get(status.system_id)
+        uv = vehicle_uv.get(status.system_id)
+        in_view = None if is_uav or not vehicle_uv else uv is not None and _inside(uv, size)
+        rows.append(
+            VehicleRow(
+                system_id=status.system_id,
+                name=mission.name_of(status.system_id),
+                role="uav" if is_uav else "ugv",
+                kind=status.kind,
+                mode=status.mode,
+                armed=status.armed,
+                fix=status.fix,
+                heartbeat_age_s=status.heartbeat_age_s,
+                position_age_s=status.position_age_s,
+                position_state=status.position_state,
+                loss=status.loss,
+                p_enu=state.uav.p_enu if is_uav else state.p_enu[k - 1],
+                heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
+                std_m=float("nan") if is_uav else float(state.std_m[k - 1]),
+                in_view=in_view,
+                standing=_standing(status, box, in_view),
+                track_id=box.track_id if box else 0,
+                confidence=box.confidence if box else float("nan"),
+            )
+        )
+    return tuple(rows)
+
+
+def _inside(uv: FloatArray, size: tuple[int, int]) -> bool:
+    return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
+
+
+def _standing(status: VehicleStatus, box: Box | None, in_view: bool | None) -> Standing:
+    if box is not None:
+        if box.coasting:
+            return "coasting"
+        return "confirmed" if box.confidence >= CONFIRMED else "tentative"
+    if status.position_state in ("never", "lost", "refused"):
+        return "no position"
+    return "out of view" if in_view is False else "unidentified"

@@ -1,0 +1,248 @@
+"""The fold: packets and frames in time order go in, one snapshot a frame comes out.
+
+The only place where telemetry, vision and association meet. A live flight, a replay and a test run this same code.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities, Sighting, VehicleReports
+from assoc.reattach import reattach_gated
+from gcs.config import Mission
+from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
+from gcs.snapshot import Event, Health, Snapshot
+from mavlink.fleet import Fleet, FleetState, Notice
+from mavlink.packet import Packet
+from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
+from vision.detections import Detections
+from vision.tracker import Stitch, Tracker, Tracks
+
+__all__ = ["Pipeline"]
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+# A lost track is continued by a leftover box no farther than this from where its vehicle says it is (projected, 3 σ).
+STITCH_GATE_SIGMA = 3.0
+UNKNOWN_OFFSET_STD_S = 0.35
+
+
+class Pipeline:
+    """Folds one mission's packets and frames; owns the fleet, the tracker and the identifier."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.mission = mission
+        self.fleet = Fleet(mission.uav.system_id, mission.ugv_ids)
+        self._tracker = Tracker()
+        auto = mission.clock.video_offset_s == "auto"
+        params = IdentifierParams(threshold=mission.identity.threshold)
+        if auto:
+            params = replace(params, time_offset_std_s=UNKNOWN_OFFSET_STD_S)
+        self._identifier = Identifier(mission.ugv_ids, params)
+        self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
+        self._intrinsics = intrinsics_of(mission.camera) if mission.camera else None
+        self._mount = mount_of(mission.camera)
+        self._view: View | None = None
+        self._name_of_track: dict[int, int] = {}
+        self._conflict: frozenset[int] = frozenset()
+        self._events: list[Event] = []
+
+    def feed(self, packet: Packet) -> None:
+        """Take in one telemetry packet."""
+        self._events += [_event(notice) for notice in self.fleet.feed(packet)]
+
+    def note(self, event: Event) -> None:
+        """Add an event of the surroundings (links, video, operator) to the next snapshot."""
+        self._events.append(event)
+
+    def gsd_m(self, t_us: int) -> float | None:
+        """Ground metres a pixel at the picture's centre, None while the camera's pose is unknown."""
+        view = self._look(self.fleet.at(self._telemetry_time(t_us)))
+        return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
+
+    def frame(
+        self,
+        index: int,
+        t_us: int,
+        *,
+        image: NDArray[np.uint8] | None = None,
+        detections: Detections | None = None,
+        health: Health | None = None,
+    ) -> Snapshot:
+        """Take in one frame and the boxes found in it: track, identify.
+
+        Args:
+            index: Place in the video.
+            t_us: When it was taken, Unix µs on the video's clock.
+            image: (H, W, 3) BGR, only passed on.
+            detections: Boxes found; None: nobody looked, and tracks are left as they are.
+            health: How the program is doing, passed on.
+        """
+        state = self.fleet.at(self._telemetry_time(t_us))
+        view = self._look(state, image)
+        if detections is None:
+            return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
+        warp = _warp(self._view, view)
+        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=self._stitch(state, view))
+        self._view = view
+        identities = self._identify(t_us, detections, tracks, view)
+        self._tell(t_us, identities)
+        return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
+
+    def _telemetry_time(self, t_us: int) -> int:
+        return t_us - round(self._offset_s * 1e6)
+
+    def _look(self, state: FleetState, image: NDArray[np.uint8] | None = None) -> View | None:
+        """Camera pose from the UAV's report, None without a position or a camera."""
+        uav = state.uav
+        if self._intrinsics is None and uav.camera is not None:
+            self._intrinsics = intrinsics_of(uav.camera)
+        if self._intrinsics is not None and image is not None:
+            self._intrinsics = fitted(self._intrinsics, image.shape[1], image.shape[0])
+        if self._intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
+            return None
+        R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
+        pose = camera_pose(self._mount, uav.p_enu, R_enu_body, uav.R_enu_gimbal if uav.attitude_valid else None)
+        ground_z = float(uav.p_enu[2] - uav.height_m)
+        return View(intrinsics=self._intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
+
+    def _stitch(self, state: FleetState, view: View | None) -> Stitch | None:
+        """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
+        if view is None or not self._name_of_track:
+            return None
+        uv = self._projected(state, view)
+        place = {system_id: k for k, system_id in enumerate(uv)}
+        centre = np.array([*uv.values()]).reshape(-1, 2)
+        std_m = state.std_m[[self.mission.ugv_ids.index(i) for i in uv]]
+        gate_px = STITCH_GATE_SIGMA * std_m / ground_sampling(view.intrinsics, view.pose, view.ground_z)
+
+        def stitch(track_id: IntArray, centres: FloatArray) -> IntArray:
+            vehicle = np.array([place.get(self._name_of_track.get(int(t), 0), -1) for t in track_id], dtype=np.int64)
+            return reattach_gated(centre, vehicle, centres, gate_px)
+
+        return stitch
+
+    def _projected(self, state: FleetState, view: View | None) -> dict[int, FloatArray]:
+        """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""
+        if view is None:
+            return {}
+        uv, ahead = project(view.intrinsics, view.pose, _on_ground(state.p_enu, view.ground_z))
+        usable = ahead & state.valid
+        return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
+
+    def _identify(self, t_us: int, detections: Detections, tracks: Tracks, view: View | None) -> Identities | None:
+        reports = self.fleet.take_reports()
+        if view is None:
+            return None
+        place = {system_id: k for k, system_id in enumerate(self.mission.ugv_ids)}
+        seen = tracks.detection >= 0
+        centre = np.column_stack([tracks.cx, tracks.cy])
+        centre[seen] = detections.centre[tracks.detection[seen]]
+        reach = 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
+        front = centre + reach * np.column_stack([np.sin(tracks.heading), -np.cos(tracks.heading)])
+        sighting = Sighting(
+            t_us=self._telemetry_time(t_us),
+            track_id=tracks.track_id,
+            ray_cam=view.intrinsics.rays(centre),
+            front_cam=view.intrinsics.rays(front),
+            gap_s=np.where(seen, 0.0, tracks.gap_s),
+            score=tracks.score,
+        )
+        camera = CameraState(
+            R_enu_cam=view.pose.R_enu_cam,
+            p_enu=view.pose.p_enu,
+            ground_z=view.ground_z,
+            px_rad=1.0 / view.intrinsics.fx,
+            attitude_known=view.attitude_known,
+            position_known=True,
+            stabilized=self._mount.kind == "stabilized",
+        )
+        heard = VehicleReports(
+            t_us=reports.t_us,
+            vehicle=np.array([place[int(s)] for s in reports.system_id], dtype=np.int64),
+            p_enu=reports.p_enu,
+            v_enu=reports.v_enu,
+            heading=reports.heading,
+            std_m=reports.std_m,
+        )
+        return self._identifier.update(sighting, camera, heard)
+
+    def _tell(self, t_us: int, identities: Identities | None) -> None:
+        """Events for names that came, went or changed, and for vehicles whose reports contradict the picture."""
+        if identities is None:
+            self._name_of_track = {}
+            return
+        named = {int(t): int(s) for t, s in zip(identities.track_id, identities.system_id, strict=True) if s}
+        sure = dict(zip(identities.track_id.tolist(), identities.confidence.tolist(), strict=True))
+        for track, vehicle in named.items():
+            before = self._name_of_track.get(track)
+            if before != vehicle:
+                text = f"track {track} is {self.mission.name_of(vehicle)} ({sure[track]:.0%})"
+                text += f", no longer {self.mission.name_of(before)}" if before else ""
+                level = "warning" if before else "info"
+                self._events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
+        for track, vehicle in self._name_of_track.items():
+            if track in sure and track not in named:
+                text = f"track {track} is no longer {self.mission.name_of(vehicle)}: the evidence does not suffice"
+                self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
+        conflict = frozenset(identities.conflict)
+        for vehicle in sorted(conflict - self._conflict):
+            text = f"{self.mission.name_of(vehicle)} reports a place that contradicts the picture: unnamed until clear"
+            self._events.append(Event(t_us=t_us, level="alarm", kind="identity", text=text, system_id=vehicle))
+        self._name_of_track, self._conflict = named, conflict
+
+    def _snapshot(
+        self,
+        index: int,
+        t_us: int,
+        state: FleetState,
+        view: View | None,
+        image: NDArray[np.uint8] | None,
+        detections: Detections,
+        tracks: Tracks | None,
+        identities: Identities | None,
+        health: Health | None,
+    ) -> Snapshot:
+        events, self._events = tuple(self._events), []
+        uv = self._projected(state, view)
+        boxes = boxes_of(detections, tracks, identities, uv, view, self.fleet.origin)
+        width, height = (self._intrinsics.width, self._intrinsics.height) if self._intrinsics else (0, 0)
+        if image is not None:
+            height, width = image.shape[:2]
+        return Snapshot(
+            t_us=t_us,
+            frame=index,
+            width=width,
+            height=height,
+            image=image,
+            vehicles=vehicle_rows(self.mission, state, boxes, uv, (width, height)),
+            boxes=boxes,
+            footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
+            uav_enu=state.uav.p_enu,
+            uav_heading=state.uav.yaw,
+            health=health or Health(),
+            events=events,
+        )
+
+
+_LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
+
+
+def _on_ground(p_enu: FloatArray, ground_z: float) -> FloatArray:
+    flat = p_enu.copy()
+    flat[:, 2] = ground_z
+    return flat
+
+
+def _warp(before: View | None, now: View | None) -> FloatArray | None:
+    """How the ground moved in the picture, known where both poses are."""
+    if before is None or now is None or not (before.attitude_known and now.attitude_known):
+        return None
+    return image_warp(now.intrinsics, before.pose, now.pose, now.ground_z)
+
+
+def _event(notice: Notice) -> Event:
+    return Event(t_us=notice.t_us, level=notice.level, kind=notice.kind, text=notice.text, system_id=notice.system_id)
