@@ -1,1 +1,4 @@
-"""MAVLink in and out: links, telemetry logs, decoding, clocks, geodesy and the fleet's state. SI units, radians, ENU metres, Unix µs."""
+"""MAVLink in and out: links, telemetry logs, decoding, clocks, geodesy and the fleet's state.
+
+SI units, radians, ENU metres, Unix µs. Degrees, millimetres and centimetres per second are converted on decoding.
+"""

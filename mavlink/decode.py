@@ -1,0 +1,197 @@
+"""Packet → sample: pure, and the only place where the units of the wire are known.
+
+Payloads are unpacked by the dialect's own formats, without its message objects. MAVLink 2 leaves out trailing zero
+bytes; they are put back, so fields that the sender cut off read 0. Definitions: https://mavlink.io/en/messages/
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.geodesy import euler_from_quaternion
+from mavlink.packet import MAGIC_V2, Packet
+from mavlink.samples import (
+    Attitude,
+    CameraFov,
+    CameraInformation,
+    GimbalAttitude,
+    GlobalPosition,
+    GpsRaw,
+    Heartbeat,
+    MountOrientation,
+    RadioStatus,
+    Sample,
+    StatusText,
+    SystemTime,
+    TimeSync,
+    VideoStreamInformation,
+)
+
+__all__ = ["clean_text", "decode"]
+
+_RAD = math.pi / 180.0
+
+_Head = tuple[int, int, int]
+_Values = tuple[Any, ...]
+
+
+def clean_text(raw: bytes) -> str:
+    """Text from the air: cut at the first NUL, bad UTF-8 and control characters replaced by U+FFFD."""
+    text = raw.split(b"\0", 1)[0].decode("utf-8", "replace")
+    return text if text.isprintable() else "".join(c if c.isprintable() else "\ufffd" for c in text)
+
+
+def _heartbeat(head: _Head, v: _Values) -> Heartbeat:
+    custom_mode, kind, autopilot, base_mode, status, _ = v
+    return Heartbeat(*head, kind, autopilot, base_mode, custom_mode, status)
+
+
+def _system_time(head: _Head, v: _Values) -> SystemTime:
+    return SystemTime(*head, v[0], v[1])
+
+
+def _timesync(head: _Head, v: _Values) -> TimeSync:
+    return TimeSync(*head, v[0], v[1])
+
+
+def _attitude(head: _Head, v: _Values) -> Attitude:
+    return Attitude(*head, *v)
+
+
+def _attitude_quaternion(head: _Head, v: _Values) -> Attitude:
+    boot_ms, w, x, y, z, p, q, r = v[:8]
+    return Attitude(*head, boot_ms, *euler_from_quaternion(w, x, y, z), p, q, r)
+
+
+def _global_position(head: _Head, v: _Values) -> GlobalPosition:
+    boot_ms, lat, lon, alt, relative_alt, vx, vy, vz, hdg = v
+    return GlobalPosition(
+        *head,
+        boot_ms,
+        lat * 1e-7,
+        lon * 1e-7,
+        alt * 1e-3,
+        relative_alt * 1e-3,
+        vx * 0.01 if -32768 < vx < 32767 else math.nan,
+        vy * 0.01 if -32768 < vy < 32767 else math.nan,
+        vz * 0.01 if -32768 < vz < 32767 else math.nan,
+        hdg * 0.01 * _RAD if hdg <= 36000 else math.nan,
+    )
+
+
+def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
+    _, lat, lon, alt, eph, _, _, _, fix_type, satellites, _, h_acc, v_acc, *_ = v
+    return GpsRaw(
+        *head,
+        fix_type,
+        lat * 1e-7,
+        lon * 1e-7,
+        alt * 1e-3,
+        eph * 0.01 if 0 < eph < 65535 else math.nan,
+        satellites if satellites < 255 else 0,
+        h_acc * 1e-3 if 0 < h_acc < 0xFFFFFFFF else math.nan,
+        v_acc * 1e-3 if 0 < v_acc < 0xFFFFFFFF else math.nan,
+    )
+
+
+def _gimbal(head: _Head, v: _Values) -> GimbalAttitude:
+    boot_ms, w, x, y, z, _, _, _, _, flags, *_, device_id = v
+    return GimbalAttitude(*head, boot_ms, flags, (w, x, y, z), device_id)
+
+
+def _mount(head: _Head, v: _Values) -> MountOrientation:
+    boot_ms, roll, pitch, yaw, yaw_absolute = v
+    return MountOrientation(*head, boot_ms, roll * _RAD, pitch * _RAD, yaw * _RAD, yaw_absolute * _RAD)
+
+
+def _positive(value: float) -> float:
+    return value if value > 0.0 else math.nan
+
+
+def _camera_information(head: _Head, v: _Values) -> CameraInformation:
+    _, _, focal, sensor_w, sensor_h, flags, width, height, _ = v[:9]
+    vendor, model = bytes(v[9:41]), bytes(v[41:73])
+    return CameraInformation(
+        *head,
+        clean_text(vendor),
+        clean_text(model),
+        _positive(focal * 1e-3),
+        _positive(sensor_w * 1e-3),
+        _positive(sensor_h * 1e-3),
+        width,
+        height,
+        flags,
+    )
+
+
+def _camera_fov(head: _Head, v: _Values) -> CameraFov:
+    return CameraFov(*head, v[0], (v[7], v[8], v[9], v[10]), _positive(v[11] * _RAD), _positive(v[12] * _RAD))
+
+
+def _video_stream(head: _Head, v: _Values) -> VideoStreamInformation:
+    rate, _, _, width, height, _, hfov, stream_id, _, _, name, uri, *_ = v
+    return VideoStreamInformation(
+        *head, stream_id, clean_text(name), clean_text(uri), _positive(rate), width, height, _positive(hfov * _RAD)
+    )
+
+
+def _statustext(head: _Head, v: _Values) -> StatusText:
+    return StatusText(*head, v[0], clean_text(v[1]), v[2], v[3])
+
+
+def _radio(head: _Head, v: _Values) -> RadioStatus:
+    errors, corrected, rssi, remote_rssi, tx_buffer, noise, remote_noise = v
+    return RadioStatus(*head, rssi, remote_rssi, noise, remote_noise, tx_buffer, errors, corrected)
+
+
+_MAKERS: dict[int, Callable[[_Head, _Values], Sample]] = {
+    0: _heartbeat,
+    2: _system_time,
+    24: _gps_raw,
+    30: _attitude,
+    31: _attitude_quaternion,
+    33: _global_position,
+    109: _radio,
+    111: _timesync,
+    166: _radio,
+    253: _statustext,
+    259: _camera_information,
+    265: _mount,
+    269: _video_stream,
+    271: _camera_fov,
+    285: _gimbal,
+}
+
+
+def _decoder(message_id: int) -> tuple[Callable[[_Head, _Values], Sample], struct.Struct, int]:
+    unpacker: struct.Struct = ardupilotmega.mavlink_map[message_id].unpacker
+    return _MAKERS[message_id], unpacker, unpacker.size
+
+
+_DECODERS = {message_id: _decoder(message_id) for message_id in _MAKERS}
+
+
+def decode(packet: Packet) -> Sample | None:
+    """What a packet says, or None when it is a message that this program has no use for.
+
+    Args:
+        packet: a frame that :mod:`mavlink.frame` or :mod:`mavlink.tlog` let through.
+    """
+    raw = packet.raw
+    if raw[0] == MAGIC_V2:
+        message_id, start = raw[7] | raw[8] << 8 | raw[9] << 16, 10
+        head = (packet.t_us, raw[5], raw[6])
+    else:
+        message_id, start = raw[5], 6
+        head = (packet.t_us, raw[3], raw[4])
+    decoder = _DECODERS.get(message_id)
+    if decoder is None:
+        return None
+    make, unpacker, size = decoder
+    payload = raw[start : start + raw[1]]
+    return make(head, unpacker.unpack(payload if len(payload) == size else payload.ljust(size, b"\0")))

@@ -1,0 +1,27 @@
+"""What can go wrong with MAVLink.
+
+MavlinkError
+├── LinkError        a link cannot be opened or written
+├── TlogError        a telemetry log cannot be read or written
+└── GeodesyError     a place on Earth that does not exist
+"""
+
+from __future__ import annotations
+
+__all__ = ["GeodesyError", "LinkError", "MavlinkError", "TlogError"]
+
+
+class MavlinkError(Exception):
+    """Base of everything this package raises on purpose."""
+
+
+class LinkError(MavlinkError):
+    """A link cannot be opened or written; the message names the URL and what to do."""
+
+
+class TlogError(MavlinkError):
+    """A telemetry log cannot be read or written; the message names the file and why."""
+
+
+class GeodesyError(MavlinkError):
+    """Latitude, longitude or altitude is not a number or out of range."""

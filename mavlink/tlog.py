@@ -1,0 +1,220 @@
+"""Telemetry logs: the format that every MAVLink ground station writes and reads.
+
+A record is eight bytes of big-endian Unix µs and the raw frame, nothing else: a log is valid after every record.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink.errors import TlogError
+from mavlink.packet import Packet
+from mavlink.tlog_columns import read_columns
+from mavlink.tlog_index import Damage, TlogCounts, TlogIndex, build_index
+from mavlink.tlog_scan import Bytes
+
+__all__ = ["Damage", "Tlog", "TlogCounts", "TlogIndex", "TlogWriter"]
+
+_TIME = struct.Struct(">Q")
+
+
+class TlogWriter:
+    """Appends packets to a new log, one system call each: what was accepted survives the death of the process.
+
+    Args:
+        path: must not exist; nothing recorded is ever overwritten.
+
+    Raises:
+        TlogError: the file exists or cannot be made.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        try:
+            self._fd = os.open(self.path, flags, 0o644)
+        except FileExistsError:
+            raise TlogError(f"{self.path}: exists already, and recordings are never overwritten") from None
+        except OSError as error:
+            raise TlogError(f"{self.path}: cannot be made: {error.strerror}") from error
+        self.records = 0
+        self._size = 0
+
+    def write(self, packet: Packet) -> None:
+        """Appends one packet.
+
+        Raises:
+            TlogError: the disk is full or gone; the log still ends with a whole record, and write may be tried again.
+        """
+        record = _TIME.pack(packet.t_us) + packet.raw
+        try:
+            written = os.write(self._fd, record)
+            while written < len(record):
+                written += os.write(self._fd, record[written:])
+        except OSError as error:
+            self._cut_torn_record()
+            raise TlogError(f"{self.path}: cannot be written: {error.strerror}") from error
+        self._size += len(record)
+        self.records += 1
+
+    def sync(self) -> None:
+        """Waits until the disk has everything.
+
+        Raises:
+            TlogError: the disk says it has not.
+        """
+        try:
+            os.fsync(self._fd)
+        except OSError as error:
+            raise TlogError(f"{self.path}: not safely on disk: {error.strerror}") from error
+
+    def close(self) -> None:
+        """Closes the file; closing twice does nothing."""
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+    def _cut_torn_record(self) -> None:
+        try:
+            os.ftruncate(self._fd, self._size)
+        except OSError:
+            return  # a reader skips a torn record; the write's own error is the one to report
+
+    def __enter__(self) -> TlogWriter:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self.close()
+
+
+class Tlog:
+    """A log opened for reading: everything undamaged in it, at any place in it.
+
+    Example:
+        >>> from mavlink.tlog import Tlog
+        >>> log = Tlog.open("flight.tlog")                      # doctest: +SKIP
+        >>> heartbeats = log.index.message_id == 0              # doctest: +SKIP
+    """
+
+    def __init__(self, path: Path, data: Bytes, index: TlogIndex) -> None:
+        self.path = path
+        self.index = index
+        self._data = data
+
+    @classmethod
+    def open(cls, path: Path | str) -> Tlog:
+        """Reads and checks the whole file; damage is listed in ``index.damage``.
+
+        Raises:
+            TlogError: no such file, not readable, empty, or without a single good frame.
+        """
+        path = Path(path)
+        data = _map(path)
+        index = build_index(data)
+        if len(index) == 0:
+            raise TlogError(f"{path}: no MAVLink frame found in {data.size} bytes; is it a telemetry log?")
+        return cls(path, data, index)
+
+    def packet(self, row: int) -> Packet:
+        """The record in one row of the index."""
+        start = int(self.index.offset[row])
+        return Packet(int(self.index.t_us[row]), self._data[start : start + int(self.index.length[row])].tobytes())
+
+    def packets(self, start_us: int | None = None, stop_us: int | None = None) -> Iterator[Packet]:
+        """Packets in file order, those with start_us ≤ t_us < stop_us."""
+        yield from self._packets(self.select(start_us, stop_us))
+
+    def select(
+        self,
+        start_us: int | None = None,
+        stop_us: int | None = None,
+        message_ids: Collection[int] | None = None,
+        system_ids: Collection[int] | None = None,
+    ) -> NDArray[np.int64]:
+        """Rows of the index in a span of time (stop excluded), of some messages and of some systems; None is all."""
+        index = self.index
+        chosen = np.ones(len(index), dtype=np.bool_)
+        if start_us is not None:
+            chosen &= index.t_us >= start_us
+        if stop_us is not None:
+            chosen &= index.t_us < stop_us
+        if message_ids is not None:
+            chosen &= np.isin(index.message_id, list(message_ids))
+        if system_ids is not None:
+            chosen &= np.isin(index.system_id, list(system_ids))
+        return np.flatnonzero(chosen)
+
+    def columns(self, message_id: int, system_id: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+        """All messages of one kind as columns, in the units of the wire.
+
+        Args:
+            message_id: for instance 33, GLOBAL_POSITION_INT.
+            system_id: of one vehicle only; None of all.
+
+        Returns:
+            (n,) rows of the index and (n,) structured values with the message's own field names.
+
+        Raises:
+            TlogError: the dialect has no such message.
+        """
+        index = self.index
+        chosen = (index.message_id == message_id) & index.known
+        if system_id is not None:
+            chosen &= index.system_id == system_id
+        rows = np.flatnonzero(chosen)
+        return rows, read_columns(self._data, index.offset[rows], message_id)
+
+    def cut(
+        self,
+        out: Path | str,
+        start_us: int | None = None,
+        stop_us: int | None = None,
+        message_ids: Collection[int] | None = None,
+        system_ids: Collection[int] | None = None,
+    ) -> int:
+        """Writes a part of the log into a new file, with times as in the index, and returns the number of records.
+
+        Raises:
+            TlogError: the new file exists or cannot be written.
+        """
+        out = Path(out)
+        rows = self.select(start_us, stop_us, message_ids, system_ids)
+        try:
+            with out.open("xb") as file:
+                for packet in self._packets(rows):
+                    file.write(_TIME.pack(packet.t_us) + packet.raw)
+        except FileExistsError:
+            raise TlogError(f"{out}: exists already, and recordings are never overwritten") from None
+        except OSError as error:
+            raise TlogError(f"{out}: cannot be written: {error.strerror}") from error
+        return rows.size
+
+    def _packets(self, rows: NDArray[np.int64]) -> Iterator[Packet]:
+        buffer = self._data.data
+        for block in range(0, rows.size, 4096):
+            part = rows[block : block + 4096]
+            starts, stops = self.index.offset[part], self.index.offset[part] + self.index.length[part]
+            times = self.index.t_us[part].tolist()
+            for t_us, start, stop in zip(times, starts.tolist(), stops.tolist(), strict=True):
+                yield Packet(t_us, bytes(buffer[start:stop]))
+
+
+def _map(path: Path) -> Bytes:
+    """The file's bytes, read from the disk as they are touched."""
+    try:
+        with path.open("rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise TlogError(f"{path}: empty file")
+            return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
+    except FileNotFoundError:
+        raise TlogError(f"{path}: no such file") from None
+    except OSError as error:
+        raise TlogError(f"{path}: cannot be read: {error.strerror}") from error

@@ -1,0 +1,158 @@
+"""Finds every MAVLink frame in a file's bytes at once: numpy over all places where a frame could begin.
+
+Every byte that may be a magic is a candidate; headers are read for all candidates together, and the checksums of all
+plausible ones are computed in groups of equal length, two bytes per step through a table of 65,536 entries:
+
+    crc' = T[crc ⊕ w],   w the next two bytes, little-endian
+
+So damage anywhere costs only the frame it is in: no frame is found by way of the one before it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink.dialect import DEFINITIONS
+from mavlink.frame import SIGNATURE_LENGTH
+from mavlink.packet import MAGIC_V1, MAGIC_V2
+
+__all__ = ["Frames", "find_frames", "gather", "measure_unknown"]
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+_WINDOW = 1 << 23  # bytes searched at a time: the candidates of one window stay in the cache
+_ROWS = 1 << 14  # frames per checksum block, for the same reason
+_ID_LIMIT = 1 << 16  # one more than the greatest id the tables hold; no dialect here goes beyond
+_UNKNOWN = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Frames in a file, (N,) each, ordered by offset."""
+
+    offset: Ints
+    """Bytes from the start of the file to the magic byte."""
+    length: Ints
+    """Bytes from the magic to the end of the checksum or signature."""
+
+    @property
+    def end(self) -> Ints:
+        """Offset of the first byte after each frame."""
+        return self.offset + self.length
+
+    def take(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Frames:
+        """Some of the frames."""
+        return Frames(self.offset[index], self.length[index])
+
+
+@cache
+def _tables() -> tuple[NDArray[np.int16], NDArray[np.uint8], NDArray[np.uint16], NDArray[np.uint16]]:
+    """Payload length by id (−1 unknown), CRC extra by id, CRC of one byte, CRC of two bytes."""
+    longest = np.full(_ID_LIMIT, _UNKNOWN, dtype=np.int16)
+    extra = np.zeros(_ID_LIMIT, dtype=np.uint8)
+    for message_id, (length, crc_extra) in DEFINITIONS.items():
+        longest[message_id] = length
+        extra[message_id] = crc_extra
+    one = np.arange(256, dtype=np.uint16)
+    for _ in range(8):
+        one = np.where(one & 1, (one >> 1) ^ np.uint16(0x8408), one >> 1).astype(np.uint16)
+    word = np.arange(_ID_LIMIT, dtype=np.uint16)
+    half = one[word & 0xFF] ^ (word >> 8)
+    return longest, extra, one, one[half & 0xFF] ^ (half >> 8)
+
+
+def gather(data: Bytes, at: Ints, width: int) -> Bytes:
+    """(N, width) bytes of ``data`` from each place in ``at`` on; every place must have that many."""
+    windows = np.ndarray((max(data.size - width + 1, 0),), dtype=f"V{width}", buffer=data, strides=(1,))
+    return windows[at].view(np.uint8).reshape(-1, width)
+
+
+def _headers(data: Bytes, at: Ints, magic: int) -> tuple[Ints, NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
+    """Places whose header is whole and has no foreign flag, with frame length, message id and payload length."""
+    size = 12 if magic == MAGIC_V2 else 8
+    at = at[at <= data.size - size]
+    head = gather(data, at, size)
+    if magic == MAGIC_V2:
+        understood = head[:, 2] <= 1
+        at, head = at[understood], head[understood]
+        ids = head[:, 7].astype(np.int64) | head[:, 8].astype(np.int64) << 8 | head[:, 9].astype(np.int64) << 16
+        length = head[:, 1].astype(np.int64) + 12 + SIGNATURE_LENGTH * head[:, 2]
+    else:
+        ids = head[:, 5].astype(np.int64)
+        length = head[:, 1].astype(np.int64) + 8
+    fits = at + length <= data.size
+    return at[fits], length[fits], ids[fits], head[fits, 1]
+
+
+def _crc_right(data: Bytes, at: Ints, covered: int, extra: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """(N,) whether the checksum over ``covered`` bytes after the magic is right."""
+    _, _, one, two = _tables()
+    right = np.empty(at.size, dtype=np.bool_)
+    for block in range(0, at.size, _ROWS):
+        part = slice(block, block + _ROWS)
+        rows = gather(data, at[part] + 1, covered + 2)
+        crc = np.full(len(rows), 0xFFFF, dtype=np.uint16)
+        if covered % 2:
+            crc = one[(crc ^ rows[:, 0]) & 0xFF] ^ (crc >> 8)
+        words = np.ascontiguousarray(rows[:, covered % 2 :]).view("<u2").T
+        for word in words[:-1]:
+            crc = two[crc ^ word]
+        crc = one[(crc ^ extra[part]) & 0xFF] ^ (crc >> 8)
+        right[part] = crc == words[-1]
+    return right
+
+
+def _good_frames(data: Bytes, at: Ints, magic: int) -> Frames:
+    """Those of the candidate places where a good frame begins."""
+    longest, extras, _, _ = _tables()
+    at, length, ids, payload = _headers(data, at, magic)
+    plausible = payload <= longest[np.minimum(ids, _ID_LIMIT - 1)]
+    at, length, ids, payload = at[plausible], length[plausible], ids[plausible], payload[plausible]
+    covered = payload.astype(np.uint16) + np.uint16(9 if magic == MAGIC_V2 else 5)
+    order = np.argsort(covered, kind="stable")
+    right = np.zeros(at.size, dtype=np.bool_)
+    bounds = np.flatnonzero(np.diff(covered[order])) + 1
+    for group in np.split(order, bounds):
+        if group.size:
+            right[group] = _crc_right(data, at[group], int(covered[group[0]]), extras[ids[group]])
+    return Frames(at[right], length[right])
+
+
+def find_frames(data: Bytes) -> Frames:
+    """Every place where a good frame begins; frames may overlap where one carries another, or by chance.
+
+    Args:
+        data: (size,) the file.
+
+    Returns:
+        Frames of known messages with the right checksum, by offset.
+    """
+    found: list[Frames] = []
+    for start in range(0, data.size, _WINDOW):
+        window = data[start : start + _WINDOW]
+        found += [
+            _good_frames(data, np.flatnonzero(window == magic) + start, magic) for magic in (MAGIC_V2, MAGIC_V1)
+        ]
+    offset = np.concatenate([frames.offset for frames in found]) if found else np.empty(0, dtype=np.int64)
+    length = np.concatenate([frames.length for frames in found]) if found else np.empty(0, dtype=np.int64)
+    order = np.argsort(offset, kind="stable")
+    return Frames(offset[order], length[order])
+
+
+def measure_unknown(data: Bytes, at: Ints) -> Ints:
+    """(N,) lengths of the frames with unknown message ids at these places, 0 where there is none."""
+    longest = _tables()[0]
+    lengths = np.zeros(at.size, dtype=np.int64)
+    inside = np.flatnonzero(at < data.size)
+    for magic in (MAGIC_V2, MAGIC_V1):
+        rows = inside[data[at[inside]] == magic]
+        places, length, ids, _ = _headers(data, at[rows], magic)
+        unknown = longest[np.minimum(ids, _ID_LIMIT - 1)] == _UNKNOWN
+        kept = np.isin(at[rows], places[unknown])
+        lengths[rows[kept]] = length[unknown]
+    return lengths
