@@ -1,0 +1,164 @@
+"""Makes MAVLink frames, for the simulator and for tests: SI units in, bytes out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega
+
+__all__ = ["ARDUPILOT", "COPTER", "GCS", "NO_AUTOPILOT", "ROVER", "Speaker"]
+
+COPTER, ROVER, GCS = 2, 10, 6
+"""MAV_TYPE values."""
+ARDUPILOT, NO_AUTOPILOT = 3, 8
+"""MAV_AUTOPILOT values."""
+
+_ARMED, _CUSTOM_MODE = 128, 1
+_STATE_ACTIVE = 4
+_UINT16_MAX = 65535
+
+
+class Speaker:
+    """One MAVLink sender with its own sequence counter.
+
+    Angles in radians, yaw clockwise from north, velocities north-east-down in m/s, times in milliseconds since boot.
+
+    Args:
+        system_id: 1..255.
+        component_id: 1 is the autopilot.
+        version: 2 or 1, the MAVLink version spoken.
+        key: 32 bytes to sign with (MAVLink 2 only).
+    """
+
+    def __init__(self, system_id: int, component_id: int = 1, *, version: int = 2, key: bytes | None = None) -> None:
+        self._mav: Any = ardupilotmega.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+        self._version = version
+        if key is not None:
+            self._mav.signing.secret_key = key
+            self._mav.signing.sign_outgoing = True
+            self._mav.signing.timestamp = 1
+
+    def pack(self, message: Any) -> bytes:  # noqa: ANN401  (the dialect's messages carry no types)
+        """Any message of the dialect as a frame."""
+        frame: bytes = message.pack(self._mav, force_mavlink1=self._version == 1)
+        self._mav.seq = (self._mav.seq + 1) % 256
+        return frame
+
+    def heartbeat(
+        self,
+        kind: int = ROVER,
+        *,
+        autopilot: int = ARDUPILOT,
+        custom_mode: int = 0,
+        armed: bool = True,
+        status: int = _STATE_ACTIVE,
+    ) -> bytes:
+        """HEARTBEAT."""
+        base_mode = _CUSTOM_MODE | (_ARMED if armed else 0)
+        return self.pack(
+            ardupilotmega.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, status, 3)
+        )
+
+    def system_time(self, boot_ms: int, unix_us: int) -> bytes:
+        """SYSTEM_TIME; unix_us 0 before the vehicle knows."""
+        return self.pack(ardupilotmega.MAVLink_system_time_message(unix_us, boot_ms))
+
+    def timesync(self, tc1_ns: int, ts1_ns: int) -> bytes:
+        """TIMESYNC; tc1 0 asks."""
+        return self.pack(ardupilotmega.MAVLink_timesync_message(tc1_ns, ts1_ns))
+
+    def attitude(
+        self, boot_ms: int, roll: float, pitch: float, yaw: float, rates: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> bytes:
+        """ATTITUDE."""
+        return self.pack(ardupilotmega.MAVLink_attitude_message(boot_ms, roll, pitch, yaw, *rates))
+
+    def attitude_quaternion(
+        self, boot_ms: int, q: Sequence[float], rates: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> bytes:
+        """ATTITUDE_QUATERNION, q = w, x, y, z."""
+        return self.pack(ardupilotmega.MAVLink_attitude_quaternion_message(boot_ms, *q, *rates))
+
+    def global_position_int(
+        self,
+        boot_ms: int,
+        lat_deg: float,
+        lon_deg: float,
+        alt_m: float,
+        relative_alt_m: float = 0.0,
+        v_ned: Sequence[float] = (0.0, 0.0, 0.0),
+        heading: float = math.nan,
+    ) -> bytes:
+        """GLOBAL_POSITION_INT; a NaN heading is sent as unknown."""
+        cdeg = _UINT16_MAX if math.isnan(heading) else round(math.degrees(heading) * 100.0) % 36000
+        return self.pack(
+            ardupilotmega.MAVLink_global_position_int_message(
+                boot_ms,
+                round(lat_deg * 1e7),
+                round(lon_deg * 1e7),
+                round(alt_m * 1e3),
+                round(relative_alt_m * 1e3),
+                *(max(-32767, min(32766, round(v * 100.0))) for v in v_ned),
+                cdeg,
+            )
+        )
+
+    def gps_raw_int(
+        self,
+        time_us: int,
+        lat_deg: float,
+        lon_deg: float,
+        alt_m: float,
+        *,
+        fix_type: int = 3,
+        satellites: int = 12,
+        hdop: float = math.nan,
+        h_acc_m: float = 0.0,
+    ) -> bytes:
+        """GPS_RAW_INT; h_acc_m 0 and a NaN hdop are sent as unknown."""
+        eph = _UINT16_MAX if math.isnan(hdop) else round(hdop * 100.0)
+        place = (round(lat_deg * 1e7), round(lon_deg * 1e7), round(alt_m * 1e3))
+        return self.pack(
+            ardupilotmega.MAVLink_gps_raw_int_message(
+                time_us, fix_type, *place, eph, _UINT16_MAX, _UINT16_MAX, _UINT16_MAX, satellites,
+                h_acc=round(h_acc_m * 1e3),
+            )
+        )  # fmt: skip
+
+    def gimbal_attitude(self, boot_ms: int, q: Sequence[float], flags: int = 44) -> bytes:
+        """GIMBAL_DEVICE_ATTITUDE_STATUS, q = w, x, y, z; 44 is roll and pitch lock, yaw in the vehicle's frame."""
+        return self.pack(
+            ardupilotmega.MAVLink_gimbal_device_attitude_status_message(
+                0, 0, boot_ms, flags, list(q), math.nan, math.nan, math.nan, 0, gimbal_device_id=1
+            )
+        )
+
+    def mount_orientation(self, boot_ms: int, roll: float, pitch: float, yaw: float, yaw_absolute: float) -> bytes:
+        """MOUNT_ORIENTATION; yaw is relative to the nose, yaw_absolute to north."""
+        degrees = (math.degrees(angle) for angle in (roll, pitch, yaw, yaw_absolute))
+        return self.pack(ardupilotmega.MAVLink_mount_orientation_message(boot_ms, *degrees))
+
+    def statustext(self, text: str, severity: int = 6, text_id: int = 0, chunk: int = 0) -> bytes:
+        """STATUSTEXT of at most 50 bytes."""
+        return self.pack(
+            ardupilotmega.MAVLink_statustext_message(severity, text.encode()[:50], id=text_id, chunk_seq=chunk)
+        )
+
+    def camera_information(
+        self, boot_ms: int, model: str, focal_length_mm: float, sensor_mm: Sequence[float], size_px: Sequence[int]
+    ) -> bytes:
+        """CAMERA_INFORMATION; sensor and picture as (width, height)."""
+        name = list(model.encode()[:32].ljust(32, b"\0"))
+        return self.pack(
+            ardupilotmega.MAVLink_camera_information_message(
+                boot_ms, [0] * 32, name, 0, focal_length_mm, *sensor_mm, *size_px, 0, 0, 0, b""
+            )
+        )
+
+    def radio_status(self, rssi: int, remote_rssi: int, noise: int = 40, remote_noise: int = 40) -> bytes:
+        """RADIO_STATUS."""
+        return self.pack(
+            ardupilotmega.MAVLink_radio_status_message(rssi, remote_rssi, 100, noise, remote_noise, 0, 0)
+        )
