@@ -1,7 +1,7 @@
 """What a renderer is given: the camera, the bodies and the roads; and the pinhole projection they share.
 
-World frame: ENU metres, ground z = 0, headings in radians clockwise from north. Camera frame: OpenCV axes (x right, y down,
-z forward); ``R_enu_cam`` maps camera vectors into ENU. Distortion is Brown's k1 k2 p1 p2 k3, as OpenCV has it.
+World frame: ENU metres, ground z = 0, headings in radians clockwise from north. Camera frame: OpenCV axes (x right,
+y down, z forward); ``R_enu_cam`` maps camera vectors into ENU. Distortion is Brown's k1 k2 p1 p2 k3, as OpenCV has it.
 """
 
 from __future__ import annotations

@@ -1,0 +1,302 @@
+"""What is simulated: every knob, as frozen dataclasses. SI units; angles in degrees where the name says so.
+
+Vehicles are numbered 0..n−1: first those the UAV films, then those that only report. System ids are 1 for the UAV and
+``FIRST_UGV_ID + index`` for the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from sim.errors import ScenarioError
+
+__all__ = [
+    "FIRST_UGV_ID",
+    "UAV_ID",
+    "Attitude",
+    "Blackout",
+    "Camera",
+    "Detector",
+    "Fault",
+    "Flight",
+    "Gnss",
+    "Ground",
+    "Occlusion",
+    "Scenario",
+    "Targets",
+    "Timing",
+]
+
+UAV_ID = 1
+FIRST_UGV_ID = 11
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """The fleet and the ground it drives on."""
+
+    kind: Literal["straight", "curved", "open", "formation", "parked"] = "curved"
+    formation: Literal["line", "column", "wedge", "grid"] = "line"
+    """Only for ``kind = "formation"``: line is abreast, column one behind the other."""
+    vehicles: int = 6
+    """Vehicles that the UAV films."""
+    outside: int = 0
+    """Further vehicles that report but drive beyond the picture."""
+    speed_mps: float = 3.5
+    spacing_m: float = 9.0
+    """Between neighbours: along the lane, in the formation, at least between parked vehicles."""
+    lanes: int = 2
+    lane_width_m: float = 3.5
+    road_deg: float = 90.0
+    """Mean direction of the road, clockwise from north: 90 runs along the picture's width while the UAV looks north."""
+    bend_deg: float = 50.0
+    """How far a curved road turns to either side of its mean direction."""
+    bend_length_m: float = 120.0
+    lane_changes_per_min: float = 2.0
+    """Of each vehicle, where there is room."""
+    stops_per_min: float = 0.5
+    """Of each vehicle."""
+    area_m: tuple[float, float] = (44.0, 24.0)
+    """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the picture; wider than the
+    picture makes them leave and re-enter."""
+    length_m: float = 2.2
+    width_m: float = 1.4
+    height_m: float = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """How the UAV really flies."""
+
+    height_m: float = 40.0
+    follow: bool = True
+    """Keep the filmed vehicles' middle in the picture; otherwise hover over where they began."""
+    sway_m: float = 1.0
+    """Amplitude of the wind's sway."""
+    tilt_sway_deg: float = 1.5
+    yaw_deg: float = 0.0
+    yaw_sway_deg: float = 2.0
+    yaw_rate_dps: float = 0.0
+    """Turning round the filmed point: with an oblique camera this is an orbit."""
+    drift_mps: float = 0.0
+    climb_mps: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """Intrinsics in pixels and mount, as in ``session.toml``."""
+
+    width: int = 1920
+    height: int = 1080
+    fx: float = 1200.0
+    fy: float = 1200.0
+    cx: float = 960.0
+    cy: float = 540.0
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    mount: Literal["stabilized", "fixed"] = "stabilized"
+    roll_deg: float = 0.0
+    pitch_deg: float = -90.0
+    yaw_deg: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gnss:
+    """Position errors per horizontal axis: white noise and a first-order Gauss–Markov bias."""
+
+    white_m: float = 0.3
+    bias_m: float = 0.6
+    """Standard deviation of the wandering bias."""
+    tau_s: float = 60.0
+    """Its correlation time."""
+    uav_white_m: float = 0.1
+    uav_bias_m: float = 0.5
+    """Length of the UAV's constant horizontal error; its direction follows from the seed."""
+    height_bias_m: float = 0.0
+    """Reported height of the UAV minus the true one."""
+    altitude_quirk_m: float = 0.0
+    """Added to ``relative_alt`` of ground vehicles, as some autopilots do when home was set before the EKF."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attitude:
+    """Errors of what the vehicles say of their orientation."""
+
+    compass_bias_deg: float = 0.0
+    """Reported yaw of the UAV minus the true one."""
+    tilt_pitch_deg: float = 0.0
+    """True pitch of a stabilized camera minus the nominal one; for a fixed camera, error of the reported pitch."""
+    tilt_roll_deg: float = 0.0
+    noise_deg: float = 0.3
+    missing: bool = False
+    """The UAV reports neither attitude nor heading nor gimbal."""
+    gimbal: bool = True
+    """The UAV reports GIMBAL_DEVICE_ATTITUDE_STATUS (stabilized mount only)."""
+    ugv_heading_noise_deg: float = 1.5
+    ugv_heading_bias_deg: float = 2.0
+    """Standard deviation over the vehicles."""
+    ugv_heading_missing: bool = False
+    """Ground vehicles report hdg 65535 and no attitude."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Clocks, rates and the radio."""
+
+    video_offset_s: float = 0.0
+    """Video time minus telemetry time, in the frame stamps."""
+    declared_offset: Literal["exact", "zero", "auto"] = "exact"
+    """What ``session.toml`` says of it."""
+    frame_jitter_s: float = 0.002
+    rate_min_hz: float = 5.0
+    """Each vehicle's position rate lies between the two."""
+    rate_max_hz: float = 5.0
+    latency_s: float = 0.03
+    jitter_s: float = 0.01
+    """Mean of the exponential delay on top."""
+    loss: float = 0.0
+    clock_ppm: float = 120.0
+    """Bound of the drift of the vehicles' boot clocks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detector:
+    """What an oriented detector makes of the picture."""
+
+    pixel_noise: float = 1.0
+    angle_noise_deg: float = 2.0
+    miss: float = 0.02
+    clutter: float = 0.0
+    """Mean number of boxes on nothing per frame."""
+    score: float = 0.75
+    """Mean score of a true box."""
+    flip: float = 0.01
+    """Share of boxes whose front is taken for the rear."""
+    heading_missing: bool = False
+    bursts_per_min: float = 0.0
+    """Losses of one vehicle for a while, per vehicle."""
+    burst_min_s: float = 1.0
+    burst_max_s: float = 4.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Targets:
+    """What is seen and is not ours."""
+
+    still: int = 0
+    moving: int = 0
+    """Other cars under way."""
+    persons: int = 0
+    lookalikes: int = 0
+    """Vehicles of our own make that drive among ours and report to nobody."""
+    parked_lookalikes: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Occlusion:
+    """A roof or canopy that hides one vehicle for a while; others that pass below are hidden too."""
+
+    vehicle: int
+    t_s: float
+    """Middle of the occlusion."""
+    duration_s: float = 2.0
+    height_m: float = 5.0
+    width_m: float = 3.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blackout:
+    """Nothing at all is detected."""
+
+    start_s: float
+    stop_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One vehicle's telemetry goes wrong."""
+
+    vehicle: int
+    kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift"]
+    start_s: float
+    stop_s: float = 1e9
+    size: float = 0.0
+    """Jump in metres, lag in seconds, drift in metres per second; 0 takes 15 m, 3 s, 0.5 m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """One flight. Equal scenarios give equal sessions, byte for byte."""
+
+    name: str = "nominal"
+    seed: int = 1
+    duration_s: float = 60.0
+    fps: float = 10.0
+    start_us: int = 1_795_170_000_000_000
+    """Unix time of the first frame's exposure."""
+    latitude_deg: float = 48.1
+    longitude_deg: float = 11.6
+    altitude_m: float = 550.0
+    ground: Ground = field(default_factory=Ground)
+    flight: Flight = field(default_factory=Flight)
+    camera: Camera = field(default_factory=Camera)
+    gnss: Gnss = field(default_factory=Gnss)
+    attitude: Attitude = field(default_factory=Attitude)
+    timing: Timing = field(default_factory=Timing)
+    detector: Detector = field(default_factory=Detector)
+    targets: Targets = field(default_factory=Targets)
+    occlusions: tuple[Occlusion, ...] = ()
+    blackouts: tuple[Blackout, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_ranges(self)
+
+    @property
+    def fleet_size(self) -> int:
+        """Number of reporting ground vehicles, filmed and outside."""
+        return self.ground.vehicles + self.ground.outside
+
+    @property
+    def ugv_ids(self) -> tuple[int, ...]:
+        """System ids of the ground vehicles in index order."""
+        return tuple(range(FIRST_UGV_ID, FIRST_UGV_ID + self.fleet_size))
+
+    @property
+    def frame_count(self) -> int:
+        """Frames of the whole flight."""
+        return round(self.duration_s * self.fps)
+
+
+def _check_ranges(scenario: Scenario) -> None:
+    ranges: tuple[tuple[str, float, float, float], ...] = (
+        ("seed", scenario.seed, 0, 2**63),
+        ("duration_s", scenario.duration_s, 0.1, 7200),
+        ("fps", scenario.fps, 0.5, 120),
+        ("ground.vehicles", scenario.ground.vehicles, 1, 200),
+        ("ground.outside", scenario.ground.outside, 0, 200),
+        ("ground.vehicles + ground.outside", scenario.fleet_size, 1, 240),
+        ("ground.speed_mps", scenario.ground.speed_mps, 0.1, 30),
+        ("ground.spacing_m", scenario.ground.spacing_m, 1.0, 200),
+        ("ground.lanes", scenario.ground.lanes, 1, 8),
+        ("ground.bend_deg", scenario.ground.bend_deg, 0, 80),
+        ("flight.height_m", scenario.flight.height_m, 3, 500),
+        ("camera.pitch_deg", scenario.camera.pitch_deg, -90, -10),
+        ("gnss.white_m", scenario.gnss.white_m, 0, 100),
+        ("gnss.tau_s", scenario.gnss.tau_s, 0.1, 1e6),
+        ("timing.rate_min_hz", scenario.timing.rate_min_hz, 0.1, scenario.timing.rate_max_hz),
+        ("timing.rate_max_hz", scenario.timing.rate_max_hz, 0.1, 50),
+        ("timing.loss", scenario.timing.loss, 0, 1),
+        ("detector.miss", scenario.detector.miss, 0, 1),
+        ("detector.score", scenario.detector.score, 0.05, 0.95),
+    )
+    for key, value, low, high in ranges:
+        if not low <= value <= high:
+            raise ScenarioError(f"scenario: {key} = {value} is out of range; give a value from {low:g} to {high:g}")
+    indexed: tuple[Occlusion | Fault, ...] = (*scenario.occlusions, *scenario.faults)
+    for what in indexed:
+        if not 0 <= what.vehicle < scenario.fleet_size:
+            raise ScenarioError(
+                f"scenario: vehicle = {what.vehicle} of {type(what).__name__.lower()} does not exist; "
+                f"vehicles are 0 to {scenario.fleet_size - 1}"
+            )

@@ -1,0 +1,132 @@
+"""A scenario written as a session folder, as if it had been flown and recorded."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from sim.detections import DetectorModel, seen_truth
+from sim.errors import SessionError
+from sim.scenario import UAV_ID, Scenario
+from sim.scenario_file import save_scenario
+from sim.speaker import speak
+from sim.world import World, random_stream
+
+__all__ = ["frame_times", "session_toml", "write_session"]
+
+FloatArray = NDArray[np.float64]
+
+
+def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> World:
+    """Write ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv``, ``scenario.toml`` and what was seen.
+
+    Without video, what was seen is ``detections.csv``, and ``truth.csv`` has its rows with the true system ids. With
+    video it is ``video.mp4``, and ``truth.csv`` has the true boxes of what is visible. Equal scenarios give equal
+    bytes.
+
+    Args:
+        scenario: what is flown.
+        folder: must not exist yet.
+        video: render and encode the video instead of modelling a detector.
+
+    Returns:
+        the world that was recorded.
+
+    Raises:
+        SessionError: if the folder exists or cannot be made.
+        ScenarioError: if the scenario cannot be played.
+    """
+    world = World(scenario)
+    try:
+        folder.mkdir(parents=True, exist_ok=False)
+    except FileExistsError as error:
+        raise SessionError(f"{folder}: exists already; recordings are never overwritten, give another name") from error
+    except OSError as error:
+        raise SessionError(f"{folder}: cannot be made: {error.strerror}; give a folder that can be written") from error
+    t, stamps_us = frame_times(scenario)
+    save_scenario(scenario, folder / "scenario.toml")
+    (folder / "session.toml").write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+    _write_frames(folder / "frames.csv", stamps_us)
+    _write_tlog(folder / "telemetry.tlog", world)
+    if video:
+        # the renderer and the encoder are loaded only by those who need them
+        from sim.film import write_video
+
+        _write_visible_truth(folder / "truth.csv", world, t)
+        write_video(world, t, folder / "video.mp4")
+    else:
+        _write_detections(folder, world, t)
+    return world
+
+
+def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
+    """True exposure of each frame (k,) in seconds, and the Unix µs that its stamp says (video offset included)."""
+    jitter = random_stream(scenario, "frames").normal(0.0, scenario.timing.frame_jitter_s, scenario.frame_count)
+    room = 0.4 / scenario.fps
+    t = np.arange(scenario.frame_count) / scenario.fps + np.clip(jitter, -room, room)
+    stamps = scenario.start_us + np.rint((t + scenario.timing.video_offset_s) * 1e6).astype(np.int64)
+    return t, stamps
+
+
+def session_toml(scenario: Scenario) -> dict[str, Any]:
+    """What ``session.toml`` says of the flight."""
+    camera = scenario.camera
+    offset: dict[str, Any] = {"exact": scenario.timing.video_offset_s, "zero": 0.0, "auto": "auto"}
+    return {
+        "uav": {"system_id": UAV_ID},
+        "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
+        "camera": {
+            "width": camera.width,
+            "height": camera.height,
+            "fx": camera.fx,
+            "fy": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
+            "distortion": list(camera.distortion),
+            "mount": camera.mount,
+            "roll_deg": camera.roll_deg,
+            "pitch_deg": camera.pitch_deg,
+            "yaw_deg": camera.yaw_deg,
+        },
+        "clock": {"video_offset_s": offset[scenario.timing.declared_offset]},
+    }
+
+
+def _write_frames(path: Path, stamps_us: NDArray[np.int64]) -> None:
+    rows = "".join(f"{index},{stamp}\n" for index, stamp in enumerate(stamps_us.tolist()))
+    path.write_bytes(("frame,time_us\n" + rows).encode())
+
+
+def _write_tlog(path: Path, world: World) -> None:
+    path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in speak(world)))
+
+
+def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
+    model = DetectorModel(world)
+    detections = ["frame,cx,cy,w,h,angle,score,heading\n"]
+    truth = ["frame,cx,cy,w,h,angle,system_id\n"]
+    for frame, now in enumerate(t.tolist()):
+        rows = model.detect(now)
+        for (cx, cy, w, h, angle, score, heading), system_id in zip(
+            rows.values.tolist(), rows.system_id.tolist(), strict=True
+        ):
+            box = f"{frame},{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f}"
+            detections.append(f"{box},{score:.3f},{heading:.4f}\n")
+            truth.append(f"{box},{system_id}\n")
+    (folder / "detections.csv").write_bytes("".join(detections).encode())
+    (folder / "truth.csv").write_bytes("".join(truth).encode())
+
+
+def _write_visible_truth(path: Path, world: World, t: FloatArray) -> None:
+    lines = ["frame,cx,cy,w,h,angle,system_id\n"]
+    for frame, now in enumerate(t.tolist()):
+        boxes, rows, system_id = seen_truth(world, now)
+        for i, name in zip(rows.tolist(), system_id.tolist(), strict=True):
+            box = f"{boxes.cx[i]:.2f},{boxes.cy[i]:.2f},{boxes.w[i]:.2f},{boxes.h[i]:.2f},{boxes.angle[i]:.4f}"
+            lines.append(f"{frame},{box},{name}\n")
+    path.write_bytes("".join(lines).encode())
