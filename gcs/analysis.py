@@ -33,8 +33,8 @@ def discover(tlog: Tlog) -> Mission:
         SessionError: no aircraft or no ground vehicle speaks in it.
     """
     kinds: dict[int, int] = {}
-    for packet in tlog.packets(message_ids=(0,)):
-        sample = decode(packet)
+    for row in tlog.select(message_ids=(0,)).tolist():
+        sample = decode(tlog.packet(row))
         if isinstance(sample, Heartbeat):
             kinds.setdefault(sample.system_id, sample.type)
     aircraft = sorted(i for i, kind in kinds.items() if is_aircraft(kind))

@@ -224,6 +224,7 @@ class Pipeline:
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
             health=health or Health(),
+            pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             events=events,
         )
 

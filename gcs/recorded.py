@@ -76,5 +76,5 @@ def _whole(value: float) -> int:
 
 def _name_row(mission: Mission, system_id: int) -> VehicleRow:
     """A table row that knows the name and nothing else."""
-    role = "uav" if system_id == mission.uav.system_id else "ugv"
-    return VehicleRow(system_id=system_id, name=mission.name_of(system_id), role=role)
+    is_uav = system_id == mission.uav.system_id
+    return VehicleRow(system_id=system_id, name=mission.name_of(system_id), role="uav" if is_uav else "ugv")

@@ -29,12 +29,14 @@ class RollCall:
         self.frames = 0
         self.boxes = 0
         self.unnamed = 0
+        self.attitude_frames = 0
 
     def add(self, snapshot: Snapshot) -> None:
         """Take in one frame."""
         self._start_us = self._start_us or snapshot.t_us
         self._stop_us = snapshot.t_us
         self.frames += 1
+        self.attitude_frames += snapshot.pose == "known"
         for row in snapshot.vehicles:
             if row.system_id in self._entries and row.in_view:
                 self._entries[row.system_id].frames_in_view += 1

@@ -160,6 +160,8 @@ class Snapshot:
     """(3,), NaN unknown."""
     uav_heading: float
     health: Health
+    pose: Literal["known", "no attitude", "unknown"] = "unknown"
+    """What is known of where the camera was and how it looked."""
     events: tuple[Event, ...] = field(default=())
     """What is new since the snapshot before."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -13,9 +14,6 @@ from gcs.snapshot import Snapshot
 
 __all__ = ["FORMATS", "CsvExport", "Export", "JsonlExport", "VideoExport", "open_export"]
 
-FORMATS = {"csv": CsvExport, "jsonl": JsonlExport, "mp4": VideoExport}
-
-
 class Export(Protocol):
     """An open export file."""
 
@@ -24,6 +22,9 @@ class Export(Protocol):
 
     def close(self) -> None:
         """Finish the file."""
+
+
+FORMATS: dict[str, Callable[[Path], Export]] = {"csv": CsvExport, "jsonl": JsonlExport, "mp4": VideoExport}
 
 
 def open_export(form: str, path: Path) -> Export:

@@ -1,0 +1,74 @@
+"""What commands print, and the one place where errors become exit codes.
+
+Exit codes: 0 done; 1 a fault of the program; 2 input that cannot be used; 3 a link, port, disk or camera that is not
+to be had; 4 done, but no box could be named.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from assoc.errors import AssocError
+from gcs.errors import GcsError
+from mavlink.errors import LinkError, MavlinkError
+from sim.errors import SimError
+from vision.errors import VisionError
+
+__all__ = ["BAD_INPUT", "NOT_AVAILABLE", "NO_NAMES", "explained", "note", "quiet_stderr", "say"]
+
+BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
+
+
+def say(text: str) -> None:
+    """A line of the command's result, on stdout."""
+    sys.stdout.write(text + "\n")
+    sys.stdout.flush()
+
+
+def note(text: str) -> None:
+    """A line beside the result, on stderr."""
+    sys.stderr.write(f"gcs: {text}\n")
+    sys.stderr.flush()
+
+
+@contextmanager
+def explained() -> Iterator[None]:
+    """Turn what a user can mend into one line and an exit code."""
+    try:
+        yield
+    except LinkError as error:
+        note(_one_line(error))
+        raise SystemExit(NOT_AVAILABLE) from error
+    except (GcsError, MavlinkError, VisionError, AssocError, SimError) as error:
+        note(_one_line(error))
+        raise SystemExit(BAD_INPUT) from error
+    except BrokenPipeError:
+        # The reader of our output went away: there is nobody left to tell.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise SystemExit(0) from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+@contextmanager
+def quiet_stderr(path: Path | None) -> Iterator[None]:
+    """Send file descriptor 2 to a file while a screen is up: libraries write to it past Python."""
+    target = os.open(path or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    saved = os.dup(2)
+    sys.stderr.flush()
+    os.dup2(target, 2)
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(target)

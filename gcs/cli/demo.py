@@ -1,0 +1,35 @@
+"""``gcs demo``: the bundled recording, from pixels to names."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from gcs.cli.console import NO_NAMES, say
+from gcs.cli.identify import identify_into
+from gcs.cli.replay import show_replay
+from gcs.cli.score import score_text
+from gcs.errors import SessionError
+from gcs.score import score_files
+from gcs.session import open_session
+
+__all__ = ["demo"]
+
+BUNDLED = Path(__file__).parents[2] / "sitl_logs" / "curved-road"
+
+
+def demo() -> None:
+    """Replay the bundled recording; without a terminal, name its vehicles and print the score."""
+    if not BUNDLED.is_dir():
+        raise SessionError(f"{BUNDLED}: the bundled recording is not here; run the demo from a checkout of the project")
+    session = open_session(BUNDLED)
+    if sys.stdout.isatty() and sys.stdin.isatty():
+        raise SystemExit(show_replay(session, detect=True))
+    with tempfile.TemporaryDirectory() as folder:
+        calls = identify_into(session, Path(folder), detect=True)
+        say(calls.text())
+        say("")
+        say(score_text(score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")))
+    if not calls.named:
+        raise SystemExit(NO_NAMES)

@@ -1,0 +1,53 @@
+"""``gcs export``: an identity log in other people's formats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.analysis import Analysis
+from gcs.cli.console import note
+from gcs.errors import GcsError
+from gcs.export import FORMATS, open_export
+from gcs.recorded import recorded
+from gcs.session import open_session
+from gcs.snapshot import Snapshot
+
+__all__ = ["export"]
+
+
+def export(
+    session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="File to write; the ending names the format.")],
+    form: Annotated[str | None, typer.Option("--format", "-f", help=f"One of {', '.join(FORMATS)}.")] = None,
+    identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it stands.")] = None,
+    video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
+    mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
+) -> None:
+    """Write identities as csv, jsonl, or a film with the names drawn in (mp4)."""
+    form = form or out.suffix.lstrip(".")
+    analysis = Analysis(open_session(session, video=video, mission=mission))
+    pictures = form == "mp4"
+    if pictures and analysis.video is None:
+        analysis.close()
+        raise GcsError(f"{session}: no video in it to draw on; choose csv or jsonl")
+    written = 0
+    try:
+        sink = open_export(form, out)
+        for snapshot in _snapshots(analysis, identity, pictures):
+            sink.write(snapshot)
+            written += 1
+        sink.close()
+    finally:
+        analysis.close()
+    note(f"{written} frames written to {out}")
+
+
+def _snapshots(analysis: Analysis, identity: Path | None, pictures: bool) -> Iterator[Snapshot]:
+    """What a log says, or else what the analysis finds."""
+    if identity is not None:
+        return recorded(identity, analysis.mission, analysis.video if pictures else None)
+    return analysis.snapshots(images=pictures)

@@ -1,0 +1,79 @@
+"""``gcs fly``: the live screen, or the same flight without one."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import NO_NAMES, note, quiet_stderr, say
+from gcs.config import load_mission
+from gcs.errors import GcsError
+from gcs.live import Flight, FlightPlan
+from gcs.rollcall import RollCall
+
+__all__ = ["fly"]
+
+
+def fly(
+    mission: Annotated[Path, typer.Argument(help="Mission file: vehicles, camera, clocks.")],
+    link: Annotated[list[str] | None, typer.Option("--link", "-l", help="Telemetry link; may be repeated.")] = None,
+    video: Annotated[str | None, typer.Option("--video", "-v", help="Video URL, device or file.")] = None,
+    sessions: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("sessions"),
+    model: Annotated[Path | None, typer.Option(help="ONNX detector instead of the mission's.")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
+    duration: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
+    graphics: Annotated[str, typer.Option(help="auto, blocks or pixels.")] = "auto",
+) -> None:
+    """Name the vehicles in a live video; listens only, records everything."""
+    loaded = load_mission(mission)
+    links = tuple(link or ()) or loaded.links.telemetry
+    if not links:
+        raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
+    chosen = model or (mission.parent / loaded.detector.model if loaded.detector.model else None)
+    source = loaded.links.video if video is None else video
+    plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions, model=chosen)
+    calls = RollCall(loaded)
+    flight = Flight(plan, calls.add)
+    try:
+        if headless or not sys.stdout.isatty():
+            _wait(flight, duration)
+        else:
+            _screen(flight, graphics, duration)
+    finally:
+        flight.stop()
+    say(calls.text())
+    say(f"{flight.packets} packets received; recorded in {flight.folder}")
+    if flight.error:
+        raise GcsError(f"the flight ended by itself: {flight.error}; the recording up to then is whole")
+    if source and not calls.named:
+        raise SystemExit(NO_NAMES)
+
+
+def _wait(flight: Flight, duration: float | None) -> None:
+    """Until the time is over, a signal comes or the flight ends by itself."""
+    stop = threading.Event()
+    before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+    note(f"recording in {flight.folder}; stop with Ctrl-C")
+    waited = 0.0
+    try:
+        while not stop.wait(0.2) and flight.error is None:
+            waited += 0.2
+            if duration is not None and waited >= duration:
+                break
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _screen(flight: Flight, graphics: str, duration: float | None) -> None:
+    from gcs.tui import GRAPHICS, run
+
+    if graphics not in GRAPHICS:
+        raise GcsError(f"--graphics is {graphics!r}; choose {', '.join(GRAPHICS)}")
+    with quiet_stderr(flight.folder / "console.log"):
+        run(flight, graphics, duration_s=duration)

@@ -1,0 +1,78 @@
+"""``gcs identify``: a recording in, identities out, no screen."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.analysis import Analysis
+from gcs.cli.console import NO_NAMES, note, say
+from gcs.errors import SessionError
+from gcs.identitylog import EventLog, IdentityLog
+from gcs.rollcall import RollCall
+from gcs.session import Session, open_session
+from gcs.snapshot import Snapshot
+
+__all__ = ["identify", "identify_into"]
+
+
+def identify(
+    session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder for identity.csv, identity.jsonl, events.jsonl.")],
+    video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
+    mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
+    detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
+) -> None:
+    """Name the boxes of a recording, faster than real time; same input, same bytes."""
+    opened = open_session(session, video=video, mission=mission)
+    calls = identify_into(opened, out, detect=detect)
+    say(calls.text())
+    if not calls.named:
+        raise SystemExit(NO_NAMES)
+
+
+def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollCall:
+    """Fold a session and write its identity log; warnings go to stderr."""
+    analysis = Analysis(session, redetect=detect)
+    for text in analysis.warnings:
+        note(text)
+    start = time.monotonic()
+    calls = RollCall(analysis.mission)
+    last: Snapshot | None = None
+    try:
+        with IdentityLog(out) as log:
+            events = EventLog(out / "events.jsonl")
+            for last in analysis.snapshots(images=False):
+                log.write(last)
+                events.write(last.events)
+                calls.add(last)
+            events.close()
+    finally:
+        analysis.close()
+    if last is None:
+        raise SessionError(f"{session.path}: not one frame in it")
+    for text in _doubts(last, calls):
+        note(text)
+    took = time.monotonic() - start
+    span = (int(analysis.times_us[-1]) - int(analysis.times_us[0])) * 1e-6
+    note(f"{calls.frames} frames in {took:.1f} s, {span / took:.1f} times real time; wrote {out}")
+    return calls
+
+
+def _doubts(last: Snapshot, calls: RollCall) -> list[str]:
+    """What an operator should know about inputs that were lacking."""
+    doubts = []
+    uav = last.vehicles[0]
+    if uav.position_state == "never":
+        doubts.append(f"the UAV (system id {uav.system_id}) never reported a position: nothing can be placed or named")
+    elif calls.attitude_frames == 0:
+        doubts.append("the UAV never reported its attitude: names rest on motion alone and take longer")
+    silent = [row.name for row in last.vehicles[1:] if row.position_state == "never"]
+    if silent:
+        doubts.append(f"no position was ever reported by {', '.join(silent)}: they cannot be named")
+    if not calls.boxes:
+        doubts.append("not one vehicle was detected in the video")
+    return doubts

@@ -1,0 +1,40 @@
+"""``gcs replay``: a recording on the screens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import quiet_stderr
+from gcs.errors import GcsError
+from gcs.replay import Replay
+from gcs.session import Session, open_session
+
+__all__ = ["replay", "show_replay"]
+
+
+def replay(
+    session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
+    video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
+    mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
+    detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
+    graphics: Annotated[str, typer.Option(help="auto, blocks or pixels.")] = "auto",
+) -> None:
+    """Play, seek and step through a recording."""
+    raise SystemExit(show_replay(open_session(session, video=video, mission=mission), detect=detect, graphics=graphics))
+
+
+def show_replay(session: Session, *, detect: bool = False, graphics: str = "auto") -> int:
+    """Run the screens over a session until the user quits; returns the exit code."""
+    from gcs.tui import GRAPHICS, run
+
+    if graphics not in GRAPHICS:
+        raise GcsError(f"--graphics is {graphics!r}; choose {', '.join(GRAPHICS)}")
+    station = Replay(session, redetect=detect)
+    try:
+        with quiet_stderr(None):
+            return run(station, graphics)
+    finally:
+        station.stop()

@@ -1,0 +1,45 @@
+"""``gcs score``: how right an identity log is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import say
+from gcs.errors import ScoreError
+from gcs.score import Score, score_files
+
+__all__ = ["score", "score_text"]
+
+
+def score(
+    truth: Annotated[Path, typer.Argument(help="Session folder with truth.csv, or a truth.csv.")],
+    identity: Annotated[Path, typer.Argument(help="identity.csv to judge.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Compare an identity log with the truth."""
+    path = truth / "truth.csv" if truth.is_dir() else truth
+    if not path.is_file():
+        raise ScoreError(f"{path}: no such file; only simulated or annotated sessions have a truth to compare with")
+    result = score_files(path, identity)
+    say(json.dumps(asdict(result)) if as_json else score_text(result))
+
+
+def score_text(result: Score) -> str:
+    """The figures, one a line."""
+    rows = (
+        ("precision", f"{result.precision:.2%}", "right names of names given"),
+        ("coverage", f"{result.coverage:.2%}", "our boxes that got a name"),
+        ("right", f"{result.right:.2%}", "our boxes that got the right name"),
+        ("FPER", f"{result.fper:.2%}", f"of {result.false_targets} false targets, left unnamed"),
+        ("switches", str(result.switches), "changes of a vehicle's name"),
+        ("IDF1", f"{result.idf1:.2%}", "of the tracks"),
+        ("ECE", f"{result.ece:.4f}", "expected calibration error of the confidence"),
+        ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
+    )
+    head = f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named"
+    return "\n".join([head, *(f"{name:<12} {value:>9}  {what}" for name, value, what in rows)])

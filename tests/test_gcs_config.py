@@ -1,0 +1,95 @@
+import tomllib
+
+import pytest
+
+from gcs.config import load_mission, parse_mission
+from gcs.errors import ConfigError
+from gcs.session import mission_table
+
+GOOD = """
+[uav]
+system_id = 1
+[[ugv]]
+system_id = 11
+name = "Alpha"
+[[ugv]]
+system_id = 12
+[camera]
+width = 1920
+height = 1080
+fx = 1200
+fy = 1200.0
+cx = 960.0
+cy = 540.0
+distortion = [0, 0, 0, 0, 0]
+mount = "fixed"
+pitch_deg = -45.0
+[clock]
+video_offset_s = "auto"
+"""
+
+
+def test_reads_every_part():
+    mission = parse_mission(tomllib.loads(GOOD), "m.toml")
+    assert mission.uav.system_id == 1
+    assert mission.ugv_ids == (11, 12)
+    assert [mission.name_of(i) for i in (1, 11, 12, 99)] == ["UAV", "Alpha", "UGV-12", "UGV-99"]
+    assert mission.camera is not None
+    assert (mission.camera.fx, mission.camera.mount, mission.camera.pitch_deg) == (1200.0, "fixed", -45.0)
+    assert mission.clock.video_offset_s == "auto"
+    assert mission.identity.threshold == 0.5
+
+
+def test_written_and_read_again_is_the_same():
+    mission = parse_mission(tomllib.loads(GOOD), "m.toml")
+    again = parse_mission(tomllib.loads(mission_table(mission, {"format": 1})), "session.toml")
+    assert (again.camera, again.clock, again.ugv_ids, again.identity) == (
+        mission.camera,
+        mission.clock,
+        mission.ugv_ids,
+        mission.identity,
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("[clock]", "[clok]"), "unknown key 'clok'; did you mean clock?"),
+        (("video_offset_s", "vido_offset_s"), "did you mean video_offset_s?"),
+        (("width = 1920", ""), "width is missing"),
+        (("width = 1920", "width = 3"), "must lie between 16 and 16384"),
+        (("fx = 1200", "fx = nan"), "fx is nan"),
+        (("fx = 1200", 'fx = "wide"'), "a number is needed"),
+        (("system_id = 12", "system_id = 11"), "system id 11 is given to two vehicles"),
+        (("system_id = 12", "system_id = 300"), "must lie between 1 and 255"),
+        (("system_id = 12", "system_id = true"), "a whole number is needed"),
+        (("system_id = 12", "system_id = 1.5"), "a whole number is needed"),
+        (('mount = "fixed"', 'mount = "glued"'), "'stabilized' or 'fixed' is needed"),
+        (("[0, 0, 0, 0, 0]", "[0, 0]"), "a list of 5 numbers"),
+        (('video_offset_s = "auto"', 'video_offset_s = "later"'), "a number or 'auto' is needed"),
+        (("[[ugv]]\nsystem_id = 12\n", "[[ugv]]\n"), "[[ugv]] number 2: system_id is missing"),
+    ],
+)
+def test_says_what_is_wrong_and_where(change, message):
+    with pytest.raises(ConfigError) as refused:
+        parse_mission(tomllib.loads(GOOD.replace(*change)), "m.toml")
+    assert str(refused.value).startswith("m.toml") or "two vehicles" in message
+    assert message in str(refused.value)
+
+
+def test_needs_vehicles():
+    with pytest.raises(ConfigError, match=r"needs \[uav\] and at least one"):
+        parse_mission({"uav": {"system_id": 1}}, "m.toml")
+    with pytest.raises(ConfigError, match="two brackets"):
+        parse_mission({"uav": {"system_id": 1}, "ugv": {"system_id": 2}}, "m.toml")
+
+
+def test_files_that_are_not_missions(tmp_path):
+    with pytest.raises(ConfigError, match="no such file"):
+        load_mission(tmp_path / "absent.toml")
+    (tmp_path / "bad.toml").write_text("[uav\n")
+    with pytest.raises(ConfigError, match="not valid TOML"):
+        load_mission(tmp_path / "bad.toml")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="cannot be read as text"):
+        load_mission(tmp_path / "binary.toml")

@@ -1,0 +1,79 @@
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+
+from gcs.errors import SessionError
+from gcs.session import create_folder, open_session, read_detections, read_times
+from gcs.tables import read_table
+
+
+def test_a_name_is_never_reused(tmp_path):
+    now = datetime(2026, 11, 20, 10, 33, 12, tzinfo=UTC)
+    names = [create_folder(tmp_path, now).name for _ in range(3)]
+    assert names == ["2026-11-20_10-33-12Z", "2026-11-20_10-33-12Z.1", "2026-11-20_10-33-12Z.2"]
+
+
+def test_a_folder_that_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SessionError, match="cannot be made"):
+        create_folder(tmp_path / "file")
+
+
+def test_what_is_missing_is_named(tmp_path):
+    with pytest.raises(SessionError, match="no such session"):
+        open_session(tmp_path / "absent")
+    with pytest.raises(SessionError, match=r"no telemetry\.tlog"):
+        open_session(tmp_path)
+    (tmp_path / "telemetry.tlog").write_bytes(b"x")
+    with pytest.raises(SessionError, match=r"absent\.mp4: no such file"):
+        open_session(tmp_path, video=tmp_path / "absent.mp4")
+
+
+def test_finds_the_parts(tmp_path):
+    for name in ("telemetry.tlog", "video.mkv", "frames.csv", "truth.csv"):
+        (tmp_path / name).write_bytes(b"x")
+    session = open_session(tmp_path)
+    assert session.mission is None
+    assert (session.video, session.frames, session.truth) == (
+        tmp_path / "video.mkv",
+        tmp_path / "frames.csv",
+        tmp_path / "truth.csv",
+    )
+    assert session.detections is None
+
+
+def test_a_damaged_time_gets_the_one_between(tmp_path):
+    path = tmp_path / "frames.csv"
+    path.write_text("frame,time_us\n0,1795171703985018\n1,179x\n2,1795171704185018\n")
+    times, bad = read_times(path)
+    assert times.tolist() == [1795171703985018, 1795171704085018, 1795171704185018]
+    assert bad == 1
+
+
+def test_bad_rows_are_counted_and_the_rest_is_used(tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text(
+        "frame,cx,cy,w,h,angle,score,heading\n"
+        "1,10,20,30,15,0.5,0.9,\n"
+        "0,11,21,30,15,0.5,0.8,1.25\n"
+        "1,oops,20,30,15,0.5,0.9,\n"
+        "1,12\n"
+        "1,nan,20,30,15,0.5,0.9,\n"
+        "1,13,20,30,15,0.5,0.7,2\n"
+    )
+    boxes = read_detections(path)
+    assert boxes.skipped == 3
+    assert boxes.at(1).cx.tolist() == [10, 13]
+    assert np.isnan(boxes.at(1).heading[0])
+    assert boxes.at(0).heading.tolist() == [1.25]
+    assert len(boxes.at(7)) == 0
+
+
+def test_a_missing_column_is_named(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("frame,cx\n1,2\n")
+    with pytest.raises(SessionError, match="column 'cy' is missing"):
+        read_table(path, ("frame", "cx", "cy"))
+    with pytest.raises(SessionError, match="no such file"):
+        read_table(tmp_path / "absent.csv", ("frame",))
