@@ -1,0 +1,151 @@
+"""Video files: the number that each picture carries must be the index under which it is found."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+
+from vision.errors import VideoError
+from vision.video import VideoFile
+
+WIDTH, HEIGHT, BITS = 160, 96, 10
+
+
+def picture(number):
+    """A picture that shows ``number`` as ten bars, light for 1."""
+    image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
+    for bit in range(BITS):
+        if number >> bit & 1:
+            image[:, bit * 16 : bit * 16 + 16] = 255
+    return image
+
+
+def number_of(image):
+    assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
+    return sum(1 << bit for bit in range(BITS) if image[HEIGHT // 2, bit * 16 + 8].mean() > 127)
+
+
+def write(path, pts_ms, *, gop=12, bframes=2):
+    """A clip whose i-th picture is shown at ``pts_ms[i]`` and carries the number i."""
+    with av.open(str(path), "w") as container:
+        options = {"preset": "ultrafast", "x264-params": f"bframes={bframes}"}
+        stream = container.add_stream("libx264", rate=30, options=options)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.gop_size = gop
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for number, pts in enumerate(pts_ms):
+            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame.pts, frame.time_base = int(pts), Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+def steady(n):
+    return np.arange(n) * 40
+
+
+def varying(n):
+    return np.cumsum(np.random.default_rng(3).integers(15, 200, n))
+
+
+@pytest.fixture(params=["mp4", "mkv", "ts"])
+def container(request):
+    return request.param
+
+
+@pytest.mark.parametrize("rhythm", [steady, varying])
+def test_every_picture_is_found_under_its_number(tmp_path, container, rhythm):
+    pts = rhythm(60)
+    with VideoFile.open(write(tmp_path / f"clip.{container}", pts), start_us=1_000_000) as video:
+        assert (video.n, video.width, video.height, video.mismatch) == (60, WIDTH, HEIGHT, 0)
+        shown = list(video.frames())
+        assert [frame.index for frame in shown] == [number_of(frame.image) for frame in shown] == list(range(60))
+        np.testing.assert_allclose(video.times_us - 1_000_000, (pts - pts[0]) * 1000, atol=1000)
+        assert [frame.t_us for frame in shown] == video.times_us.tolist()
+        for index in np.random.default_rng(0).integers(0, 60, 25):
+            assert number_of(video.read(int(index)).image) == index
+
+
+def test_reading_on_and_jumping_mix(tmp_path):
+    with VideoFile.open(write(tmp_path / "clip.mp4", steady(60))) as video:
+        for index in (0, 1, 2, 5, 59, 58, 59, 12, 11, 13, 0, 59):
+            assert number_of(video.read(index).image) == index
+        assert [number_of(frame.image) for frame in video.frames(start=50)] == list(range(50, 60))
+        assert list(video.frames(start=60)) == []
+        assert video.fps == pytest.approx(25.0)
+
+
+def test_iterators_are_independent_and_can_be_closed_early(tmp_path):
+    with VideoFile.open(write(tmp_path / "clip.mkv", steady(30))) as video:
+        first, second = video.frames(), video.frames(start=20)
+        assert (next(first).index, next(second).index, next(first).index) == (0, 20, 1)
+        first.close()
+        assert next(second).index == 21
+        second.close()
+
+
+def test_given_times_are_used(tmp_path):
+    path = write(tmp_path / "clip.mp4", steady(20))
+    times = 1_800_000_000_000_000 + np.arange(20) * 33_333
+    with VideoFile.open(path, times) as video:
+        assert video.read(7).t_us == times[7]
+        assert video.fps == pytest.approx(30.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("rows", "n", "mismatch"), [(25, 20, 5), (15, 15, -5)])
+def test_the_shorter_of_times_and_pictures_counts(tmp_path, rows, n, mismatch):
+    with VideoFile.open(write(tmp_path / "clip.mp4", steady(20)), np.arange(rows) * 40_000) as video:
+        assert (video.n, video.mismatch) == (n, mismatch)
+        assert len(list(video.frames())) == n
+        with pytest.raises(IndexError, match="no frame"):
+            video.read(n)
+
+
+@pytest.mark.parametrize("kind", ["mkv", "ts"])
+def test_a_file_cut_short_plays_what_is_there(tmp_path, kind):
+    path = write(tmp_path / f"clip.{kind}", steady(100))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 6 // 10])
+    with VideoFile.open(path) as video:
+        assert 35 < video.n < 80
+        numbers = [number_of(frame.image) for frame in video.frames()]
+        assert numbers[:-1] == list(range(len(numbers) - 1))
+        assert len(numbers) >= video.n - 3
+        assert number_of(video.read(video.n // 2).image) == video.n // 2
+
+
+def test_a_stream_that_begins_between_key_pictures_starts_at_the_first(tmp_path):
+    path = write(tmp_path / "clip.ts", steady(60), bframes=0)
+    whole = path.read_bytes()
+    packets = [whole[i : i + 188] for i in range(0, len(whole), 188)]
+    path.write_bytes(b"".join(packets[:3] + packets[12:]))
+    with VideoFile.open(path) as video:
+        numbers = [number_of(frame.image) for frame in video.frames()]
+        assert numbers[0] % 12 == 0 and numbers == list(range(numbers[0], 60))
+        assert number_of(video.read(5).image) == numbers[5]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "no such file"), (b"", "empty"), (b"no video at all " * 500, "not a video"), (bytes(5000), "not a video")],
+    ids=["missing", "empty", "text", "zeros"],
+)
+def test_what_is_no_video_is_refused_in_one_line(tmp_path, content, words, capfd):
+    path = tmp_path / "clip.mp4"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(VideoError, match=words) as caught:
+        VideoFile.open(path)
+    assert "\n" not in str(caught.value) and str(path) in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_mp4_without_its_table_is_refused(tmp_path):
+    path = write(tmp_path / "clip.mp4", steady(30))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(VideoError, match="not a video"):
+        VideoFile.open(path)
