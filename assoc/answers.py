@@ -1,0 +1,93 @@
+"""Beliefs about tracks turned into the record that leaves the package, with its evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.estimate import Estimator
+from assoc.labels import names
+from assoc.motion import ReportLog
+from assoc.records import CameraState, Identities, Sighting
+
+__all__ = ["Beliefs", "compose", "no_beliefs"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_REMEMBERED = 200
+"""Tracks whose last beliefs are kept."""
+_UNSEEN = 0.5
+"""Probability of "none of ours" of a track that no update has met."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beliefs:
+    """Marginals of the last update."""
+
+    track_id: IntArray
+    """(m,)."""
+    p: FloatArray
+    """(m, n + 1), the last column "none of ours"."""
+    conflict: tuple[int, ...]
+    """Indices of vehicles that contradict."""
+
+    def of(self, track_id: IntArray) -> Beliefs:
+        """The beliefs in the order of other tracks; even odds for those not met yet."""
+        n = self.p.shape[1] - 1
+        p = np.full((len(track_id), n + 1), (1.0 - _UNSEEN) / max(n, 1))
+        p[:, n] = _UNSEEN if n else 1.0
+        known = {key: row for row, key in enumerate(self.track_id.tolist())}
+        for row, key in enumerate(track_id.tolist()):
+            if key in known:
+                p[row] = self.p[known[key]]
+        return Beliefs(track_id, p, self.conflict)
+
+    def renewed(self, track_id: IntArray, p: FloatArray, conflict: tuple[int, ...]) -> Beliefs:
+        """Newer beliefs on some tracks; the newest others are kept for when they are seen again."""
+        other = ~np.isin(self.track_id, track_id)
+        ids = np.concatenate([track_id, self.track_id[other]])[:_REMEMBERED]
+        return Beliefs(ids, np.concatenate([p, self.p[other]])[:_REMEMBERED], conflict)
+
+
+def no_beliefs(n: int) -> Beliefs:
+    """Before the first update."""
+    return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
+
+
+def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: CameraState, log: ReportLog,
+            estimator: Estimator, t: float, threshold: float) -> Identities:  # fmt: skip
+    """Names, runners-up and evidence of one frame.
+
+    Args:
+        system_ids: (n,).
+        beliefs: In the order of the sighting.
+        sighting: The frame.
+        camera: Its camera.
+        log: Newest reports.
+        estimator: Pose correction.
+        t: Time of the frame, seconds.
+        threshold: Least probability for a name.
+
+    Returns:
+        The identities.
+    """
+    m, n = len(sighting.track_id), len(system_ids)
+    rows = np.arange(m)
+    choice = names(beliefs.p)
+    choice = np.where((choice >= 0) & (beliefs.p[rows, choice] >= threshold), choice, -1)
+    others = beliefs.p[:, :n].copy()
+    others[rows[choice >= 0], choice[choice >= 0]] = -1.0
+    second = np.argmax(others, axis=1) if n else np.zeros(m, np.int64)
+    second_p = others[rows, second] if n else np.zeros(m)
+    ids = np.append(system_ids, 0)
+    nothing = np.full(m, np.nan)
+    residual, age = estimator.residuals(t, sighting, camera, choice)
+    return Identities(
+        track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=beliefs.p[rows, choice],
+        runner_up=np.where(second_p > 0.0, ids[second], 0), runner_up_confidence=np.maximum(second_p, 0.0),
+        residual_m=residual, position_age_s=age, projection=nothing, topology=nothing.copy(), fused=nothing.copy(),
+        conflict=tuple(int(ids[k]) for k in beliefs.conflict),
+    )  # fmt: skip

@@ -1,0 +1,206 @@
+"""Residuals track − report, summarised per block of time for every pair of track and vehicle.
+
+The track is interpolated to the report's sample time; reports are never interpolated, their noise would be mixed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.ground import OFFSET, THETA, GroundTracks
+from assoc.motion import Samples
+
+__all__ = ["Blocks", "make_blocks", "with_first_look"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """B blocks × T tracks × n vehicles, linearised at ``theta``."""
+
+    first: int
+    """Number of the first block."""
+    count: FloatArray
+    """(B, T, n) samples in the block."""
+    mean: FloatArray
+    """(B, T, n, 2) mean residual, metres, 0 where there is none."""
+    scatter: FloatArray
+    """(B, T, n) Σ|r − r̄|², m²."""
+    log_null: FloatArray
+    """(B, T, n) Σ ln p₀ of the samples."""
+    extra_var: FloatArray
+    """(B, T, n) variance of the block mean beyond bias and noise, m²: reports that had to be extrapolated."""
+    pixel_var: FloatArray
+    """(B, T) variance of one pixel on the ground, m²."""
+    jacobian: FloatArray
+    """(B, T, 2, 8) derivative of the mean residual by θ."""
+    heading: FloatArray
+    """(T, n) mean heading log-likelihood ratio over the window, 0 without headings."""
+    theta: FloatArray
+    """(8,)."""
+
+
+def _nearest_seen(seen: BoolArray) -> tuple[IntArray, IntArray]:
+    """For every row the last seen row at or before it (−1 none) and the first at or after it (F none)."""
+    rows = np.arange(len(seen))[:, None]
+    before = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
+    after = np.minimum.accumulate(np.where(seen, rows, len(seen))[::-1], axis=0)[::-1]
+    return before, after
+
+
+def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
+    """ln of 0.88 vM(e) + 0.07 vM(e + π) + 0.05/2π over 1/2π; the second term is a front taken for a rear."""
+    kappa = 1.0 / std**2
+    scale = np.sqrt(2 * np.pi * kappa)
+    c = np.cos(error)
+    ratio = 0.88 * scale * np.exp(kappa * (c - 1)) + 0.07 * scale * np.exp(-kappa * (c + 1)) + 0.05
+    return np.asarray(np.log(ratio))
+
+
+def _interpolated(tracks: GroundTracks, t: FloatArray, gap_max_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Track points (S, T, 2) and headings (S, T) at video times t, and where they are valid."""
+    last = len(tracks.t) - 1
+    before, after = _nearest_seen(np.isfinite(tracks.p[..., 0]))
+    k = np.searchsorted(tracks.t, t, side="right") - 1
+    inside = (k >= 0) & ((k < last) | (t <= tracks.t[last]))
+    k = np.clip(k, 0, max(last - 1, 0))
+    a, b = before[k], after[np.minimum(k + 1, last)]
+    valid = inside[:, None] & (a >= 0) & (b <= last)
+    a, b = np.where(valid, a, 0), np.where(valid, b, 0)
+    span = tracks.t[b] - tracks.t[a]
+    valid &= span <= gap_max_s
+    w = np.where(span > 0, (t[:, None] - tracks.t[a]) / np.where(span > 0, span, 1.0), 0.0)
+    column = np.arange(tracks.p.shape[1])[None, :]
+    p0 = tracks.p[a, column]
+    p = p0 + w[..., None] * (tracks.p[b, column] - p0)
+    return p, tracks.heading[np.where(w < 0.5, a, b), column], valid
+
+
+def _by_block(tracks: GroundTracks, first: int, n_blocks: int, block_s: float) -> tuple[FloatArray, FloatArray]:
+    """Block means of the squared pixel size (B, T) and of the Jacobian (B, T, 2, 8)."""
+    n_tracks = tracks.p.shape[1]
+    block = np.floor((tracks.t - tracks.theta[OFFSET]) / block_s).astype(np.int64) - first
+    rows = np.flatnonzero((block >= 0) & (block < n_blocks))
+    pixel = np.zeros((n_blocks, n_tracks))
+    jacobian = np.zeros((n_blocks, n_tracks, 2, THETA))
+    if not len(rows):
+        return pixel, jacobian
+    starts = np.flatnonzero(np.diff(block[rows], prepend=-1))
+    seen = np.isfinite(tracks.p[rows, :, 0])
+    count = np.maximum(np.add.reduceat(seen.astype(np.float64), starts, axis=0), 1.0)
+    where = block[rows][starts]
+    square = np.where(seen, tracks.pixel_m[rows] ** 2, 0.0)
+    pixel[where] = np.add.reduceat(square, starts, axis=0) / count
+    full = np.where(seen[..., None, None], tracks.jacobian[rows], 0.0)
+    jacobian[where] = np.add.reduceat(full, starts, axis=0) / count[..., None, None]
+    # ∂r/∂δ also holds the track's own motion
+    jacobian[where, ..., OFFSET] += _velocity(tracks.t[rows], tracks.p[rows], seen, starts)
+    return pixel, jacobian
+
+
+def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -> FloatArray:
+    """Least-squares velocity of each track in each block, (K, T, 2); 0 where it cannot be told."""
+    k = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
+    w = np.where(seen, (t - t[0])[:, None], 0.0)
+    q = np.where(seen[..., None], p - np.nan_to_num(p[:1]), 0.0)
+    sw, sww = np.add.reduceat(w, starts, axis=0), np.add.reduceat(w * w, starts, axis=0)
+    sq, swq = np.add.reduceat(q, starts, axis=0), np.add.reduceat(w[..., None] * q, starts, axis=0)
+    # v = (k Σtp − Σt Σp) / (k Σt² − (Σt)²)
+    spread = k * sww - sw * sw
+    safe = np.where(spread > 1e-3, spread, np.inf)
+    return np.asarray((k[..., None] * swq - sw[..., None] * sq) / safe[..., None])
+
+
+def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, first: int, last: int, block_s: float,
+                gap_max_s: float, heading_std: float) -> Blocks:  # fmt: skip
+    """Summarise the residuals of blocks first..last.
+
+    Args:
+        tracks: T tracks on the ground under some θ.
+        samples: Reports sorted by vehicle and time.
+        n_vehicles: n.
+        first: Number of the first block.
+        last: Number of the last one.
+        block_s: Length of a block, seconds.
+        gap_max_s: Longest hole in a track that is bridged.
+        heading_std: 1σ of image heading against reported heading, radians.
+
+    Returns:
+        The blocks, linearised at the tracks' θ.
+    """
+    n_blocks, n_tracks = max(last - first + 1, 0), tracks.p.shape[1]
+    shape = (n_blocks, n_tracks, n_vehicles)
+    count, scatter, log_null = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    mean = np.zeros((*shape, 2))
+    heading = np.zeros((n_tracks, n_vehicles))
+    block = np.floor(samples.t / block_s).astype(np.int64) - first
+    pixel, jacobian = _by_block(tracks, first, n_blocks, block_s)
+    if len(block) and len(tracks.t):
+        p, image_heading, valid = _interpolated(tracks, samples.t + tracks.theta[OFFSET], gap_max_s)
+        key = samples.vehicle * n_blocks + block
+        starts = np.flatnonzero(np.diff(key, prepend=-1))
+        at = (block[starts], slice(None), samples.vehicle[starts])
+        r = np.where(valid[..., None], p - samples.p[:, None, :], 0.0)
+        k = np.add.reduceat(valid.astype(np.float64), starts, axis=0)
+        m = np.add.reduceat(r, starts, axis=0) / np.maximum(k, 1.0)[..., None]
+        spread = np.add.reduceat(np.sum(r * r, axis=2), starts, axis=0) - k * np.sum(m * m, axis=2)
+        count[at], mean[at], scatter[at] = k, m, np.maximum(spread, 0.0)
+        log_null[at] = np.add.reduceat(np.where(valid, samples.log_null[:, None], 0.0), starts, axis=0)
+        error = image_heading - samples.heading[:, None]
+        heading = _mean_heading(error, valid, samples.vehicle, n_vehicles, heading_std)
+    return Blocks(
+        first=first, count=count, mean=mean, scatter=scatter, log_null=log_null, extra_var=np.zeros(shape),
+        pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
+    )  # fmt: skip
+
+
+def _mean_heading(error: FloatArray, valid: BoolArray, vehicle: IntArray, n: int, std: float) -> FloatArray:
+    """(T, n) heading evidence: the window's mean ratio, times the samples but at most four (errors last)."""
+    known = valid & np.isfinite(error)
+    ratio = np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
+    starts = np.flatnonzero(np.diff(vehicle, prepend=-1))
+    k = np.add.reduceat(known.astype(np.float64), starts, axis=0)
+    total = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1.0) * np.minimum(k, 4.0)
+    result = np.zeros((error.shape[1], n))
+    result[:, vehicle[starts]] = total.T
+    return result
+
+
+def with_first_look(blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray,
+                    longest_s: float) -> Blocks:  # fmt: skip
+    """Add one block for pairs that no report has met yet: the newest frame against extrapolated reports.
+
+    Args:
+        blocks: The blocks so far.
+        tracks: Their tracks.
+        seen: (T, n) pairs compared before the first block.
+        p: (n, 2) reports extrapolated to the newest frame.
+        age_s: (n,) by how much, seconds.
+        longest_s: Older reports are not used.
+
+    Returns:
+        Blocks with one more at the end.
+    """
+    wanted = ~(seen | np.any(blocks.count > 0, axis=0))
+    wanted &= np.isfinite(tracks.p[-1, :, 0])[:, None] & (np.isfinite(p[:, 0]) & (np.abs(age_s) <= longest_s))[None, :]
+    age = np.where(np.abs(age_s) <= longest_s, age_s, 0.0)
+    # speed uncertain by 0.5 m/s, acceleration by 1 m/s²
+    extra = (0.5 * age) ** 2 + (0.5 * age**2) ** 2
+    mean = np.where(wanted[..., None], tracks.p[-1][:, None, :] - p[None, :, :], 0.0)
+    known = np.isfinite(tracks.p[-1, :, 0])
+    zero = np.zeros((1, *wanted.shape))
+    return Blocks(
+        first=blocks.first, count=np.concatenate([blocks.count, wanted[None].astype(np.float64)]),
+        mean=np.concatenate([blocks.mean, mean[None]]), scatter=np.concatenate([blocks.scatter, zero]),
+        log_null=np.concatenate([blocks.log_null, zero]),
+        extra_var=np.concatenate([blocks.extra_var, np.broadcast_to(extra, zero.shape)]),
+        pixel_var=np.concatenate([blocks.pixel_var, np.where(known, tracks.pixel_m[-1] ** 2, 0.0)[None]]),
+        jacobian=np.concatenate([blocks.jacobian, np.where(known[:, None, None], tracks.jacobian[-1], 0.0)[None]]),
+        heading=blocks.heading, theta=blocks.theta,
+    )  # fmt: skip

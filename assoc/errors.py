@@ -1,0 +1,24 @@
+"""Errors of the association package.
+
+::
+
+    AssocError
+    ├── DegenerateError    the geometry does not determine the answer
+    └── ShapeError         an array does not have the shape that the function needs
+"""
+
+from __future__ import annotations
+
+__all__ = ["AssocError", "DegenerateError", "ShapeError"]
+
+
+class AssocError(Exception):
+    """Base of everything that this package raises on purpose."""
+
+
+class DegenerateError(AssocError):
+    """The positions do not determine the answer (collinear vehicles, too few of them); the message says why."""
+
+
+class ShapeError(AssocError):
+    """An array has another shape than the function needs; the message names both."""

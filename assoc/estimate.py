@@ -1,0 +1,210 @@
+"""One update of the estimator: state carried over, scene built, hypotheses searched, evidence folded."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence import Noise, fresh_state, put, restarted, run_filter, taken, with_columns
+from assoc.ground import THETA, ground_now
+from assoc.history import TrackHistory
+from assoc.labels import mixed_marginals, weights
+from assoc.memory import BiasMemory
+from assoc.motion import ReportLog
+from assoc.params import IdentifierParams
+from assoc.pose import PosePrior
+from assoc.records import CameraState, Sighting
+from assoc.search import Hypothesis, Scene, keep_best, refine, shifts, swaps, turns
+
+__all__ = ["Estimator"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SURE = 0.9
+_LOCK = 0.97
+_SETTLED_S = 1.5
+_STRANGER_S = 30.0
+_HEADING_STD = np.deg2rad(9.0)
+_EXTRA_WHITE_VAR = 0.02
+
+
+class Estimator:
+    """Evidence of all tracks and the best joint hypotheses."""
+
+    def __init__(self, history: TrackHistory, log: ReportLog, params: IdentifierParams) -> None:
+        self._history, self._log, self._params = history, log, params
+        self._state = fresh_state(0, log.n_vehicles, params.bias_m)
+        self._first_block: int | None = None
+        self._memory = BiasMemory(log.n_vehicles)
+        self._ended: dict[int, int] = {}
+        self._sure: dict[int, int] = {}
+        self._thetas: list[FloatArray] = []
+        self._bias_std = params.bias_m
+        self._stranger_s = -np.inf
+        self._updates = 0
+        self._locked = False
+        self._started_s = np.inf
+        self.conflict: tuple[int, ...] = ()
+
+    @property
+    def theta(self) -> FloatArray:
+        """(8,) pose correction of the best hypothesis."""
+        return self._thetas[0] if self._thetas else np.zeros(THETA)
+
+    def began(self, t: float, fresh: IntArray) -> None:
+        """Start the evidence of new tracks, with the biases that are remembered."""
+        self._started_s = min(self._started_s, t)
+        self._state = with_columns(self._state, len(self._history.track_id), self._bias_std)
+        if len(fresh):
+            mean, var = self._memory.recall(t, self._bias_std, self._params.bias_tau_s)
+            self._state = restarted(self._state, fresh, mean, var)
+            for column in fresh.tolist():
+                self._ended.pop(column, None)
+                self._sure.pop(column, None)
+
+    def update(self, t: float, live: IntArray, camera: CameraState) -> FloatArray:
+        """Marginals of the live tracks.
+
+        Args:
+            t: Time of the newest frame, seconds.
+            live: (m,) columns of its tracks.
+            camera: Its camera.
+
+        Returns:
+            (m, n + 1), the last column "none of ours".
+        """
+        n = self._log.n_vehicles
+        if not len(live) or not n:
+            return np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
+        self._updates += 1
+        scene = self._scene(t, live, camera)
+        found = self._search(scene, camera)
+        share = weights(found)
+        self._thetas = [h.theta for h in found[:3]]
+        p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)))
+        self._learn(t, scene, found[0], p, float(share[0]))
+        self._fold(scene, found[0])
+        return p
+
+    def residuals(self, t: float, sighting: Sighting, camera: CameraState,
+                  vehicle: IntArray) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+        """(m,) ground distance of each track to its vehicle's extrapolated report, and its age; NaN unnamed."""
+        p, age = self._log.extrapolated(t - float(self.theta[7]))
+        g = ground_now(sighting.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
+        named = vehicle >= 0
+        away = np.linalg.norm(g - p[np.maximum(vehicle, 0)], axis=1) if len(p) else np.full(len(vehicle), np.nan)
+        old = age[np.maximum(vehicle, 0)] if len(p) else np.full(len(vehicle), np.nan)
+        return np.where(named, away, np.nan), np.where(named, old, np.nan)
+
+    def _scene(self, t: float, live: IntArray, camera: CameraState) -> Scene:
+        """What this update works on."""
+        q = self._params
+        last = int(np.floor(t / q.block_s)) + 1
+        if self._first_block is None:
+            self._first_block = int(np.floor(t / q.block_s)) - 1
+        self._retire(t, live)
+        columns = np.concatenate([live, np.array(sorted(self._ended), np.int64)])
+        anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
+        noise = self._noise(camera)
+        return Scene(
+            history=self._history, columns=columns, live=len(live), anchors=anchors, log=self._log,
+            first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
+            first_look_s=3.0, heading_std=float(_HEADING_STD), state=taken(self._state, columns), noise=noise,
+            prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, len(columns)),
+            log_odds=q.prior_log_odds,
+        )  # fmt: skip
+
+    def _retire(self, t: float, live: IntArray) -> None:
+        """Confident tracks that ended keep carrying the pose while they are in the window."""
+        assert self._first_block is not None
+        start = self._first_block * self._params.block_s
+        for column in self._history.release(start - 1.0).tolist():
+            self._ended.pop(column, None)
+            self._sure.pop(column, None)
+        present = set(live.tolist())
+        for column in present:
+            self._ended.pop(column, None)
+        for column, vehicle in self._sure.items():
+            if column not in present and self._history.last_s[column] > start:
+                self._ended[column] = vehicle
+        self._ended = {c: v for c, v in self._ended.items() if self._history.last_s[c] > start}
+
+    def _switching(self, blocks: int, tracks: int) -> FloatArray:
+        """(B + 1, T) ln chance of a change of owner per block; none in the first look."""
+        result = np.full((blocks, tracks), np.log(self._params.switch_rate_close * self._params.block_s))
+        result[-1] = -50.0
+        return result
+
+    def _noise(self, camera: CameraState) -> Noise:
+        """Noise levels as believed now."""
+        q = self._params
+        height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
+        area = float(np.clip(2.0 * height**2, 500.0, 5e4))
+        return Noise(
+            white_var=self._log.white_std_m**2 + _EXTRA_WHITE_VAR, bias_std=self._bias_std,
+            decay=float(np.exp(-q.block_s / q.bias_tau_s)), floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2,
+            log_area=float(np.log(2.0 * area)), increment_max=q.increment_max,
+        )  # fmt: skip
+
+    def _prior(self, camera: CameraState) -> PosePrior:
+        """Prior of θ for this camera."""
+        q = self._params
+        free = not camera.attitude_known
+        tilt = np.deg2rad(5.0 if free and not camera.stabilized else q.tilt_std_deg)
+        yaw, rate = (np.pi, np.deg2rad(3.0)) if free else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
+        level = q.position_std_m if camera.position_known else 30.0
+        return PosePrior(
+            std=np.array([yaw, rate, tilt, tilt, level, level, q.height_std_m, q.time_offset_std_s], np.float64)
+        )
+
+    def _search(self, scene: Scene, camera: CameraState) -> list[Hypothesis]:
+        """Best joint hypotheses, from few starts when locked and from many when not."""
+        free = not camera.attitude_known
+        starts = [theta.copy() for theta in self._thetas[: 1 if self._locked else 3]]
+        if not self._locked:
+            everywhere = turns(scene.prior, free)
+            starts += everywhere if self._updates % 6 == 1 or not self._thetas else everywhere[:1]
+        found = keep_best([refine(scene, theta) for theta in starts], self._params.hypotheses)
+        if not self._locked and self._updates % 3 == 1:
+            found += [refine(scene, theta) for theta in shifts(scene, found[0], 8)]
+            found = keep_best(found, self._params.hypotheses)
+        found += swaps(scene, found[0], 2 if self._locked else 6)
+        return keep_best(found, self._params.hypotheses)
+
+    def _stranger_chance(self, t: float, m: int) -> FloatArray:
+        """(m,) prior chance of a look-alike, larger while strangers are about."""
+        q = self._params
+        recent = t - self._stranger_s < _STRANGER_S
+        return np.full(m, q.interloper_seen if recent else q.interloper)
+
+    def _learn(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray, share: float) -> None:
+        """Keep what is sure: biases, strangers, anchors, and whether the search may rest."""
+        n = p.shape[1] - 1
+        live = scene.columns[: scene.live]
+        age = t - self._history.first_s[live]
+        top = np.argmax(p, axis=1)
+        sure = (np.max(p, axis=1) > _SURE) & (age > _SETTLED_S)
+        rows = np.flatnonzero(sure & (top < n))
+        self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
+        if np.any(sure & (top == n) & (age > 2.5)):
+            self._stranger_s = t
+        for row, column in enumerate(live.tolist()):
+            self._sure.pop(column, None)
+            if sure[row] and top[row] < n:
+                self._sure[column] = int(top[row])
+        good = np.max(p, axis=1) > _LOCK
+        enough = good.all() or (good.sum() >= max(3.0, 0.7 * len(good)) and share > _SURE)
+        self._locked = bool(t - self._started_s > 4.0 and enough)
+
+    def _fold(self, scene: Scene, best: Hypothesis) -> None:
+        """Move evidence that leaves the window into the state."""
+        assert self._first_block is not None
+        span = round(self._params.window_s / self._params.block_s)
+        drop = scene.last_block - scene.first_block - span
+        if drop <= 0:
+            return
+        _, folded = run_filter(best.blocks, best.theta, scene.state, scene.noise, scene.log_switch, drop)
+        self._state = put(self._state, scene.columns, folded)
+        self._first_block += drop
+

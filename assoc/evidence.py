@@ -1,0 +1,161 @@
+"""How much likelier is it that a track is a vehicle than that the two are unrelated: recursion over blocks.
+
+Model of a pair that belongs together, per axis: residual = b(t) + white noise, where b is a Gauss–Markov bias
+(1σ σ_b, correlation time τ). The mean r̄ and scatter S of a block of k samples are then
+
+    e = r̄ − M,   s = V + (σ_w² + σ_px²)/k + σ_floor²
+    ln p₁ = −ln 2πs − |e|²/2s − (k − 1) ln 2πσ_w² − ln k − S/2σ_w²
+
+with M, V mean and variance of the bias from a scalar Kalman filter over blocks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.blocks import Blocks
+
+__all__ = ["NEVER", "Noise", "PairState", "fresh_state", "put", "restarted", "run_filter", "taken", "with_columns"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NEVER = -1e6
+"""Score of a pair that was never compared."""
+_RESET = 30.0
+"""A squared innovation this many times its variance is a new start, not a bias."""
+_FIRST_LEAST = -16.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """What the residuals are made of."""
+
+    white_var: float
+    """σ_w², m²."""
+    bias_std: float
+    """σ_b, metres."""
+    decay: float
+    """Correlation of the bias from one block to the next."""
+    floor_var: float
+    """σ_floor², m²."""
+    pixel_var: float
+    """Variance of a box centre, px²."""
+    log_area: float
+    """ln of twice the ground area in view: where a report could be if it were unrelated."""
+    increment_max: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairState:
+    """State of the recursion for T tracks × n vehicles."""
+
+    score: FloatArray
+    """(T, n) accumulated ln ratio."""
+    mean: FloatArray
+    """(T, n, 2) bias, metres."""
+    var: FloatArray
+    """(T, n) its variance, m²."""
+    seen: BoolArray
+    """(T, n) whether any block was compared."""
+
+
+def fresh_state(n_tracks: int, n_vehicles: int, bias_std: float) -> PairState:
+    """State before any evidence."""
+    shape = (n_tracks, n_vehicles)
+    return PairState(
+        score=np.full(shape, NEVER), mean=np.zeros((*shape, 2)), var=np.full(shape, bias_std**2),
+        seen=np.zeros(shape, np.bool_),
+    )  # fmt: skip
+
+
+def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
+    """(B, T, n) variance of the block mean about the bias, and the part of ln p₁ that does not hang on e and V."""
+    k = np.maximum(blocks.count, 1.0)
+    white = noise.white_var + noise.pixel_var * blocks.pixel_var[:, :, None]
+    constant = -(k - 1) * np.log(2 * np.pi * white) - np.log(k) - blocks.scatter / (2 * white)
+    return white / k + noise.floor_var + blocks.extra_var, constant
+
+
+def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,
+               fold: int = 0) -> tuple[PairState, PairState]:  # fmt: skip
+    """Carry the evidence through all blocks.
+
+    Args:
+        blocks: Residuals linearised near ``theta``.
+        theta: (8,) pose correction to evaluate at.
+        state: State before the first block.
+        noise: Noise levels.
+        log_switch: (B, T) ln chance that the track changed its owner in that block.
+        fold: Number of blocks after which a second copy of the state is wanted.
+
+    Returns:
+        State after the last block, state after ``fold`` blocks.
+    """
+    mean_r = blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :]
+    variance, constant = _constant(blocks, noise)
+    null = blocks.log_null
+    # the first comparison replaces one sample's share of ln p₀ by a uniform density over the ground in view
+    first_null = null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area
+    has_all = blocks.count > 0
+    decay, prior = noise.decay, noise.bias_std**2
+    M, V, L, seen = state.mean, state.var, state.score, state.seen
+    folded = state
+    for b in range(len(mean_r)):
+        if b == fold:
+            folded = PairState(score=L, mean=M, var=V, seen=seen)
+        has = has_all[b]
+        # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b²
+        M, V = decay * M, decay**2 * V + (1.0 - decay**2) * prior
+        e = mean_r[b] - M
+        s = V + variance[b]
+        e2 = e[..., 0] ** 2 + e[..., 1] ** 2
+        log_p = constant[b] - np.log(2 * np.pi * s) - e2 / (2 * s)
+        later = np.clip(log_p - null[b], -noise.increment_max, noise.increment_max)
+        first = np.maximum(log_p - first_null[b], _FIRST_LEAST)
+        L = np.where(has, np.where(seen, L + later, first), L)
+        gain = np.where(has, V / s, 0.0)
+        lost = has & (e2 > _RESET * s)
+        M = np.where(lost[..., None], 0.0, M + gain[..., None] * e)
+        V = np.where(lost, prior, V - gain * V)
+        seen = seen | has
+        best = np.maximum(np.max(L, axis=1, initial=0.0), 0.0)
+        L = np.where(seen, np.logaddexp(L, (best + log_switch[b])[:, None]), L)
+    final = PairState(score=L, mean=M, var=V, seen=seen)
+    return final, final if fold >= len(mean_r) else folded
+
+
+def taken(state: PairState, columns: NDArray[np.int64]) -> PairState:
+    """The state of some tracks."""
+    return PairState(
+        score=state.score[columns], mean=state.mean[columns], var=state.var[columns], seen=state.seen[columns]
+    )
+
+
+def put(state: PairState, columns: NDArray[np.int64], part: PairState) -> PairState:
+    """The state with some tracks replaced."""
+    score, mean, var, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
+    score[columns], mean[columns], var[columns], seen[columns] = part.score, part.mean, part.var, part.seen
+    return PairState(score=score, mean=mean, var=var, seen=seen)
+
+
+def with_columns(state: PairState, n_tracks: int, bias_std: float) -> PairState:
+    """The state widened to more tracks."""
+    extra = n_tracks - len(state.score)
+    if extra <= 0:
+        return state
+    more = fresh_state(extra, state.score.shape[1], bias_std)
+    return PairState(
+        score=np.concatenate([state.score, more.score]), mean=np.concatenate([state.mean, more.mean]),
+        var=np.concatenate([state.var, more.var]), seen=np.concatenate([state.seen, more.seen]),
+    )  # fmt: skip
+
+
+def restarted(state: PairState, columns: NDArray[np.int64], mean: FloatArray, var: FloatArray) -> PairState:
+    """The state with some tracks set back to the beginning, their bias filters started from (n, 2) and (n,)."""
+    score, means, variances, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
+    score[columns], means[columns], variances[columns], seen[columns] = NEVER, mean, var, False
+    return replace(state, score=score, mean=means, var=variances, seen=seen)

@@ -1,0 +1,170 @@
+"""Rays on the ground under a correction of the camera's pose.
+
+The correction θ = (yaw, yaw rate, pitch, roll, E, N, H, δ): radians, rad/s, radians, radians, metres ×3, seconds.
+Yaw is clockwise, about the vertical; its rate counts from the newest frame; pitch turns about the picture's horizontal
+right axis, roll about its horizontal forward axis; δ is video time minus telemetry time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.history import TrackHistory
+
+__all__ = [
+    "EAST", "HEIGHT", "NORTH", "OFFSET", "PITCH", "ROLL", "THETA", "YAW", "YAW_RATE", "GroundTracks", "ground_tracks",
+]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+THETA = 8
+"""Length of θ."""
+YAW, YAW_RATE, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET = range(THETA)
+
+_LEAST_FALL = 0.05
+"""Rays flatter than this (sine of the angle below the horizon) do not meet the ground usefully."""
+_DELTA_S = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundTracks:
+    """Tracks on the ground plane. F frames, T tracks."""
+
+    t: FloatArray
+    """(F,) video time, seconds."""
+    p: FloatArray
+    """(F, T, 2) east and north, metres, NaN unseen."""
+    jacobian: FloatArray
+    """(F, T, 2, 8) derivative of ``p`` by θ, without the motion of the track itself under δ."""
+    heading: FloatArray
+    """(F, T) clockwise from north, NaN unknown."""
+    pixel_m: FloatArray
+    """(F, T) ground length of one pixel, metres."""
+    theta: FloatArray
+    """(8,) the correction that was applied."""
+
+
+def _at(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Index of the row before each query and the weight of the row after; extrapolates one step at the ends."""
+    if len(times) < 2:
+        return np.zeros(len(query), np.int64), np.zeros(len(query))
+    k = np.clip(np.searchsorted(times, query, side="right") - 1, 0, len(times) - 2)
+    return k, (query - times[k]) / (times[k + 1] - times[k])
+
+
+def _camera_at(history: TrackHistory, rows: slice, delta_s: float) -> tuple[FloatArray, FloatArray]:
+    """Camera rotation (F, 3, 3) and position (F, 3) of the rows, taken δ earlier in telemetry.
+
+    Rotations are blended linearly: between neighbouring rows they differ by a few degrees at most.
+    """
+    if delta_s == 0.0:
+        return history.R[rows], history.p[rows]
+    times = history.t[: history.n]
+    k, w = _at(times, history.t[rows] - delta_s)
+    after = np.minimum(k + 1, history.n - 1)
+    R = history.R[k] * (1.0 - w)[:, None, None] + history.R[after] * w[:, None, None]
+    return R, history.p[k] * (1.0 - w)[:, None] + history.p[after] * w[:, None]
+
+
+def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Horizontal right and forward axes of the picture, each (F, 3)."""
+    right = R[:, :, 0] * np.array([1.0, 1.0, 0.0])
+    right /= np.maximum(np.linalg.norm(right, axis=1), 1e-9)[:, None]
+    # forward = up × right
+    forward = np.stack([-right[:, 1], right[:, 0], np.zeros(len(R))], axis=1)
+    return right, forward
+
+
+def _turned(d: FloatArray, R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArray:
+    """d' = Rz(−yaw) (d + pitch·right × d + roll·forward × d), per frame; d (F, T, 3)."""
+    right, forward = _level_axes(R)
+    d = d + np.cross((pitch * right + roll * forward)[:, None, :], d)
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    # clockwise by yaw: east' = c·e + s·n, north' = −s·e + c·n
+    return np.stack([c * d[..., 0] + s * d[..., 1], c * d[..., 1] - s * d[..., 0], d[..., 2]], axis=-1)
+
+
+def _hit(d: FloatArray, p: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """p_xy + d_xy (z − p_z)/d_z and the scale (z − p_z)/d_z; NaN where the ray does not fall."""
+    norm = np.sqrt(np.einsum("...i,...i->...", d, d))
+    falls = d[..., 2] < -_LEAST_FALL * norm
+    scale = np.where(falls, (z - p[:, 2])[:, None] / np.where(falls, d[..., 2], -1.0), np.nan)
+    return p[:, None, :2] + d[..., :2] * scale[..., None], scale
+
+
+def _points(history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray,
+            delta_s: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Ground points, turned rays, scales, camera rotation and corrected camera position."""
+    R, p = _camera_at(history, rows, delta_s)
+    yaw = theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1])
+    d = _turned(np.matmul(rays, R.transpose(0, 2, 1)), R, yaw, theta[PITCH], theta[ROLL])
+    p = p + theta[[EAST, NORTH, HEIGHT]]
+    g, scale = _hit(d, p, history.z[rows])
+    return g, d, scale, R, p
+
+
+def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns: IntArray) -> GroundTracks:
+    """Project the history from row ``start`` on onto the ground.
+
+    Args:
+        history: Frames and rays.
+        start: First row.
+        theta: (8,) pose correction.
+        columns: (T,) tracks wanted.
+
+    Returns:
+        Points, headings and derivatives by θ.
+    """
+    rows = slice(start, history.n)
+    delta = float(theta[OFFSET])
+    rays = history.ray[rows][:, columns]
+    g, d, scale, R, p = _points(history, rows, theta, rays, delta)
+    jacobian = np.zeros((*g.shape, THETA))
+    arm = g - p[:, None, :2]
+    # ∂g/∂yaw (clockwise) = (arm_n, −arm_e)
+    jacobian[..., 0, YAW], jacobian[..., 1, YAW] = arm[..., 1], -arm[..., 0]
+    jacobian[..., YAW_RATE] = jacobian[..., YAW] * (history.t[rows] - history.t[history.n - 1])[:, None, None]
+    yaw = theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1])
+    right, forward = _level_axes(R)
+    for k, axis in ((PITCH, right), (ROLL, forward)):
+        turn = np.cross(_turned(axis[:, None, :], R, yaw, 0.0, 0.0), d)
+        # ∂g = s (∂d_xy − d_xy ∂d_z / d_z)
+        slope = d[..., :2] * (turn[..., 2] / d[..., 2])[..., None]
+        jacobian[..., k] = scale[..., None] * (turn[..., :2] - slope)
+    jacobian[..., 0, EAST] = 1.0
+    jacobian[..., 1, NORTH] = 1.0
+    # H lifts the camera: s = (z − p_z)/d_z, ∂s/∂H = −1/d_z
+    jacobian[..., HEIGHT] = -d[..., :2] / d[..., 2:]
+    moved = _points(history, rows, theta, rays, delta + _DELTA_S)[0]
+    jacobian[..., OFFSET] = (moved - g) / _DELTA_S
+    front = _points(history, rows, theta, history.front[rows][:, columns], delta)[0] - g
+    norm = np.sqrt(np.einsum("...i,...i->...", d, d))
+    pixel = history.px_rad[rows][:, None] * scale * norm * norm / np.where(d[..., 2] < 0.0, -d[..., 2], np.nan)
+    return GroundTracks(
+        t=history.t[rows], p=g, jacobian=jacobian, heading=np.arctan2(front[..., 0], front[..., 1]),
+        pixel_m=np.abs(pixel), theta=theta,
+    )  # fmt: skip
+
+
+def ground_now(rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float,
+               theta: FloatArray) -> FloatArray:  # fmt: skip
+    """Rays of one frame on the corrected ground.
+
+    Args:
+        rays: (m, 3) camera frame.
+        R_enu_cam: (3, 3).
+        p_enu: (3,) camera position, metres.
+        ground_z: Height of the ground, metres.
+        theta: (8,) correction; its δ is left out.
+
+    Returns:
+        (m, 2) east and north, NaN where a ray does not fall.
+    """
+    R = R_enu_cam[None]
+    d = _turned((rays @ R_enu_cam.T)[None], R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL]))
+    hit = _hit(d, (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0]
+    return np.asarray(hit[0])

@@ -1,0 +1,130 @@
+"""What was seen in the last seconds, kept raw so that it can be reprojected under any pose correction.
+
+Rows are frames (thinned), columns are tracks. Times are float seconds since the identifier's first frame.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.records import CameraState, Sighting
+
+__all__ = ["TrackHistory"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SPARE_COLUMNS = 8
+
+
+class TrackHistory:
+    """Ring of frames: camera states, and the rays of every track.
+
+    Buffers have twice the wanted length; when full, the newest half moves to the front, so views stay contiguous.
+    """
+
+    def __init__(self, window_s: float, step_s: float) -> None:
+        self._keep = max(int(window_s / step_s) + 4, 8)
+        self._step_s = step_s
+        self._window_s = window_s
+        rows = 2 * self._keep
+        self.n = 0
+        """Rows in use."""
+        self.t = np.zeros(rows)
+        self.R = np.zeros((rows, 3, 3))
+        self.p = np.zeros((rows, 3))
+        self.z = np.zeros(rows)
+        self.px_rad = np.zeros(rows)
+        self.ray = np.full((rows, 0, 3), np.nan)
+        self.front = np.full((rows, 0, 3), np.nan)
+        self.track_id = np.zeros(0, np.int64)
+        """(T,) track of each column, 0 = free."""
+        self.first_s = np.zeros(0)
+        self.last_s = np.zeros(0)
+        self._column: dict[int, int] = {}
+
+    def append(self, t: float, sighting: Sighting, camera: CameraState) -> tuple[IntArray, IntArray]:
+        """Store one frame.
+
+        Args:
+            t: Its time, seconds; larger than any before.
+            sighting: The tracks.
+            camera: The camera's state.
+
+        Returns:
+            (m,) column of each track, and the columns that began with this frame.
+        """
+        self._make_row(t)
+        row = self.n - 1
+        self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
+        self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
+        columns, fresh = self._columns_of(sighting.track_id, t)
+        seen = sighting.gap_s <= 0.0
+        self.ray[row, columns[seen]] = sighting.ray_cam[seen]
+        self.front[row, columns[seen]] = sighting.front_cam[seen]
+        self.last_s[columns[seen]] = t
+        return columns, fresh
+
+    def release(self, before_s: float) -> IntArray:
+        """Free the columns of tracks not seen since; returns them."""
+        old = np.flatnonzero((self.track_id != 0) & (self.last_s < before_s))
+        for column in old:
+            del self._column[int(self.track_id[column])]
+        self.track_id[old] = 0
+        self.ray[:, old] = np.nan
+        self.front[:, old] = np.nan
+        return old
+
+    def start(self, t: float) -> int:
+        """First row that is not older than t."""
+        return int(np.searchsorted(self.t[: self.n], t))
+
+    def _make_row(self, t: float) -> None:
+        """Open the row of this frame, over the newest one while that is too close to the one before it."""
+        if self.n >= 2 and t - self.t[self.n - 2] < self._step_s:
+            self.ray[self.n - 1] = np.nan
+            self.front[self.n - 1] = np.nan
+            return
+        if self.n == len(self.t):
+            self._move()
+        self.n += 1
+        self.ray[self.n - 1] = np.nan
+        self.front[self.n - 1] = np.nan
+
+    def _move(self) -> None:
+        """Bring the newest half to the front."""
+        source = slice(self.n - self._keep, self.n)
+        for name in ("t", "R", "p", "z", "px_rad", "ray", "front"):
+            array = getattr(self, name)
+            array[: self._keep] = array[source].copy()
+        self.n = self._keep
+
+    def _columns_of(self, track_id: IntArray, t: float) -> tuple[IntArray, IntArray]:
+        """Column of each track; new tracks take free columns."""
+        columns = np.zeros(len(track_id), np.int64)
+        fresh: list[int] = []
+        for k, key in enumerate(track_id.tolist()):
+            if key not in self._column:
+                self._column[key] = self._free_column()
+                column = self._column[key]
+                self.track_id[column], self.first_s[column], self.last_s[column] = key, t, t
+                fresh.append(column)
+            columns[k] = self._column[key]
+        return columns, np.array(fresh, np.int64)
+
+    def _free_column(self) -> int:
+        """A free column; widens the buffers when there is none."""
+        taken = set(self._column.values())
+        width = len(self.track_id)
+        for column in range(width):
+            if column not in taken:
+                return column
+        rows = len(self.t)
+        extra = np.full((rows, _SPARE_COLUMNS, 3), np.nan)
+        self.ray = np.concatenate([self.ray, extra], axis=1)
+        self.front = np.concatenate([self.front, extra], axis=1)
+        self.track_id = np.concatenate([self.track_id, np.zeros(_SPARE_COLUMNS, np.int64)])
+        self.first_s = np.concatenate([self.first_s, np.zeros(_SPARE_COLUMNS)])
+        self.last_s = np.concatenate([self.last_s, np.zeros(_SPARE_COLUMNS)])
+        return width

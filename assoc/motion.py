@@ -1,0 +1,190 @@
+"""The vehicles' own reports: how well they predict themselves, and how noisy they are.
+
+"The track is not this vehicle" leaves the vehicle's reports to be explained by its own past alone. That null model is
+a constant-velocity Kalman filter per vehicle and per candidate white noise σ; its one-step likelihoods are kept with
+each report, and their sums over all reports choose σ without any association.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.records import VehicleReports
+
+__all__ = ["WHITE_STD_M", "ReportLog", "Samples"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5])
+"""(G,) candidates of the reports' white noise, metres."""
+
+_ACCELERATION = 1.0
+"""Power of the null model's white acceleration, m²/s³."""
+_SPEED_STD = 5.0
+"""Prior 1σ of a vehicle's speed per axis, m/s."""
+_LEAST_LOG = -12.0
+"""Floor of one sample's null likelihood, so that one jump does not decide everything."""
+_STANDING_MPS = 0.3
+_FORGET_S = 60.0
+_LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """Reports sorted by vehicle, then time."""
+
+    t: FloatArray
+    """(S,) sample time, seconds."""
+    vehicle: IntArray
+    """(S,) index."""
+    p: FloatArray
+    """(S, 2) east and north, metres."""
+    heading: FloatArray
+    """(S,) clockwise from north, NaN unknown."""
+    log_null: FloatArray
+    """(S,) ln density of the report under the vehicle's own past."""
+
+
+class ReportLog:
+    """Accepted reports of n vehicles and the state of their null model."""
+
+    def __init__(self, n: int, window_s: float) -> None:
+        self.n_vehicles = n
+        self._window_s = window_s
+        groups = len(WHITE_STD_M)
+        self._t: FloatArray = np.empty(0)
+        self._vehicle = np.empty(0, np.int64)
+        self._p = np.empty((0, 2))
+        self._heading: FloatArray = np.empty(0)
+        self._log_null = np.empty((0, groups))
+        self.last_t = np.full(n, -np.inf)
+        """(n,) time of the newest accepted report, seconds."""
+        self.last_p = np.full((n, 2), np.nan)
+        self.last_v = np.full((n, 2), np.nan)
+        """(n, 2) velocity, as reported or else as filtered."""
+        self.last_heading = np.full(n, np.nan)
+        self.first_t = np.full(n, np.inf)
+        self.frozen: BoolArray = np.zeros(n, np.bool_)
+        """(n,) the newest position was an exact repeat of a moving vehicle's."""
+        self._score = np.zeros((n, groups))
+        self._mean = np.zeros((n, groups, 2, 2))
+        """position and velocity, each (2,)"""
+        self._cov = np.zeros((n, groups, 3))
+        """pp, pv, vv: the axes share one covariance."""
+
+    @property
+    def white(self) -> int:
+        """Index of the likeliest white noise in ``WHITE_STD_M``."""
+        return int(np.argmax(np.sum(self._score, axis=0) + _LOG_PRIOR_STD))
+
+    @property
+    def white_std_m(self) -> float:
+        """The likeliest white noise, metres."""
+        return float(WHITE_STD_M[self.white])
+
+    def add(self, t: FloatArray, reports: VehicleReports) -> None:
+        """Accept reports.
+
+        Args:
+            t: (k,) sample times in the identifier's seconds.
+            reports: The reports; not finite, older or repeated ones are passed over.
+        """
+        order = np.argsort(t, kind="stable")
+        while len(order):
+            vehicles, first = np.unique(reports.vehicle[order], return_index=True)
+            chosen = order[first]
+            self._accept(vehicles, t[chosen], reports, chosen)
+            order = np.delete(order, first)
+        self._trim()
+
+    def samples(self, start: float, stop: float) -> Samples:
+        """Reports of a stretch of time, sorted by vehicle and time."""
+        inside = np.flatnonzero((self._t >= start) & (self._t < stop))
+        inside = inside[np.lexsort((self._t[inside], self._vehicle[inside]))]
+        return Samples(
+            t=self._t[inside], vehicle=self._vehicle[inside], p=self._p[inside],
+            heading=self._heading[inside], log_null=self._log_null[inside, self.white],
+        )  # fmt: skip
+
+    def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
+        """Newest positions moved on with their velocity.
+
+        Args:
+            t: Wanted time, seconds.
+            longest_s: Beyond this age the position is not moved further.
+
+        Returns:
+            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise.
+        """
+        age = t - self.last_t
+        step = np.clip(age, -longest_s, longest_s)
+        step[~np.isfinite(step)] = 0.0
+        return self.last_p + np.nan_to_num(self.last_v) * step[:, None], age
+
+    def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
+        """Take at most one report per vehicle."""
+        p = reports.p_enu[rows, :2]
+        good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + 1e-4))
+        good = np.asarray(good & np.logical_not(self._repeats(vehicle, t, p, reports.v_enu[rows, :2])))
+        vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
+        if not len(rows):
+            return
+        log_null = self._filter(vehicle, t, p)
+        reported = reports.v_enu[rows, :2]
+        known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
+        self.last_v[vehicle] = np.where(known[:, None], reported, self._mean[vehicle, self.white, 1])
+        self.last_t[vehicle], self.last_p[vehicle] = t, p
+        self.last_heading[vehicle] = reports.heading[rows]
+        self.first_t[vehicle] = np.minimum(self.first_t[vehicle], t)
+        self._t = np.concatenate([self._t, t])
+        self._vehicle = np.concatenate([self._vehicle, vehicle])
+        self._p = np.concatenate([self._p, p])
+        self._heading = np.concatenate([self._heading, reports.heading[rows]])
+        self._log_null = np.concatenate([self._log_null, log_null])
+
+    def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
+        """Exact repeats that carry no news: of a moving vehicle (frozen), or within a second of a standing one."""
+        same = np.all(p == self.last_p[vehicle], axis=1)
+        reported = np.nan_to_num(np.linalg.norm(v, axis=1))
+        before = np.nan_to_num(np.linalg.norm(self.last_v[vehicle], axis=1))
+        moving = (reported > _STANDING_MPS) | (before > _STANDING_MPS)
+        self.frozen[vehicle] = same & (moving | self.frozen[vehicle])
+        return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < 1.0)))
+
+    def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> FloatArray:
+        """One step of the null model; returns (k, G) ln densities, 0 for a vehicle's first report."""
+        fresh: BoolArray = np.asarray(~np.isfinite(self.last_t[vehicle]))
+        dt = np.where(fresh, 0.0, t - np.where(fresh, 0.0, self.last_t[vehicle]))[:, None]
+        mean, cov = self._mean[vehicle], self._cov[vehicle]
+        # x⁻ = x + v dt;  P⁻ = F P Fᵀ + q [dt³/3, dt²/2; dt²/2, dt]
+        predicted = mean[:, :, 0] + mean[:, :, 1] * dt[..., None]
+        pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION * dt**3 / 3
+        pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION * dt**2 / 2
+        vv = cov[..., 2] + _ACCELERATION * dt
+        white = WHITE_STD_M**2 + 0.01
+        e = p[:, None, :] - predicted
+        s = pp + white
+        e2 = np.sum(e * e, axis=2)
+        # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
+        log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LEAST_LOG)
+        gain_p, gain_v = pp / s, pv / s
+        mean = np.stack([predicted + gain_p[..., None] * e, mean[:, :, 1] + gain_v[..., None] * e], axis=2)
+        cov = np.stack([pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv], axis=2)
+        mean[fresh, :, 0], mean[fresh, :, 1] = p[fresh][:, None, :], 0.0
+        cov[fresh] = np.stack([white, np.zeros_like(white), np.full_like(white, _SPEED_STD**2)], axis=1)
+        self._mean[vehicle], self._cov[vehicle] = mean, cov
+        log_density[fresh] = 0.0
+        self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
+        return np.asarray(log_density)
+
+    def _trim(self) -> None:
+        """Forget what left the window."""
+        if len(self._t) and self._t[0] < np.max(self._t) - 2.0 * self._window_s:
+            keep = self._t >= np.max(self._t) - 1.2 * self._window_s
+            self._t, self._vehicle, self._p = self._t[keep], self._vehicle[keep], self._p[keep]
+            self._heading, self._log_null = self._heading[keep], self._log_null[keep]

@@ -1,0 +1,116 @@
+"""The camera's pose correction: one Gauss–Newton step on the whitened residuals of matched pairs, with priors.
+
+The bias filters' gains do not depend on θ, so innovations are linear in it: one pass over the blocks carries the
+residual and its Jacobian together, as nine columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.blocks import Blocks
+from assoc.evidence import Noise, PairState
+from assoc.ground import THETA
+
+__all__ = ["PosePrior", "Whitened", "fit", "misfit", "whiten"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PosePrior:
+    """Gaussian about zero."""
+
+    std: FloatArray
+    """(8,) 1σ of θ."""
+
+    def cost(self, theta: FloatArray) -> float:
+        """½ θᵀΛθ."""
+        return float(0.5 * np.sum((theta / self.std) ** 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Whitened:
+    """Innovations of P pairs over B blocks, divided by their 1σ."""
+
+    e: FloatArray
+    """(B, P, 2) at the blocks' θ; 0 where there is no sample."""
+    jacobian: FloatArray
+    """(B, P, 2, 8)."""
+    samples: FloatArray
+    """(P,) number of residuals of each pair."""
+    log_det: FloatArray
+    """(P,) Σ ln s: ln of the innovations' variances, both axes."""
+    theta: FloatArray
+    """(8,) where the Jacobian was taken."""
+
+
+def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairState, noise: Noise) -> Whitened:
+    """Innovations of some pairs as linear functions of θ.
+
+    Args:
+        blocks: All residuals.
+        tracks: (P,) columns.
+        vehicles: (P,) vehicles.
+        state: State of the bias filters before the first block.
+        noise: Noise levels.
+
+    Returns:
+        The whitened innovations.
+    """
+    count = blocks.count[:, tracks, vehicles]
+    x = np.concatenate([blocks.mean[:, tracks, vehicles][..., None], blocks.jacobian[:, tracks]], axis=3)
+    variance = (noise.white_var + noise.pixel_var * blocks.pixel_var[:, tracks]) / np.maximum(count, 1.0)
+    variance = variance + noise.floor_var + blocks.extra_var[:, tracks, vehicles]
+    M = np.concatenate([state.mean[tracks, vehicles][..., None], np.zeros((len(tracks), 2, THETA))], axis=2)
+    V = state.var[tracks, vehicles]
+    has = count > 0
+    out, log_det = np.zeros_like(x), np.zeros(len(tracks))
+    for b in range(len(x)):
+        M, V = noise.decay * M, noise.decay**2 * V + (1.0 - noise.decay**2) * noise.bias_std**2
+        s = V + variance[b]
+        e = x[b] - M
+        out[b] = e * np.where(has[b], 1.0 / np.sqrt(s), 0.0)[:, None, None]
+        log_det = log_det + np.where(has[b], np.log(s), 0.0)
+        gain = np.where(has[b], V / s, 0.0)
+        M, V = M + gain[:, None, None] * e, V - gain * V
+    return Whitened(
+        e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), log_det=log_det, theta=blocks.theta
+    )
+
+
+def misfit(white: Whitened, theta: FloatArray) -> FloatArray:
+    """(P,) ½ Σ e² of each pair at θ."""
+    e = white.e + white.jacobian @ (theta - white.theta)
+    return np.asarray(0.5 * np.sum(e * e, axis=(0, 2)))
+
+
+def fit(white: Whitened, prior: PosePrior) -> tuple[FloatArray, float]:
+    """θ of least cost, with pairs that fit badly held down.
+
+    Args:
+        white: Innovations of the matched pairs.
+        prior: Prior of θ.
+
+    Returns:
+        (8,) θ, and ½ ln|Λ| − ½ ln|Λ + JᵀJ|: what the fitted freedom costs in the evidence.
+    """
+    precision: FloatArray = np.diag(1.0 / prior.std**2)
+    theta = white.theta
+    H = precision
+    for _ in range(_ROUNDS):
+        d2 = 2.0 * misfit(white, theta)
+        # weight of a pair: min(1, 2·dof/d²)
+        weight = np.minimum(1.0, 2.0 * np.maximum(white.samples, 1.0) / np.maximum(d2, 1e-9))
+        J = (white.jacobian * np.sqrt(weight)[:, None, None]).reshape(-1, THETA)
+        e = (white.e * np.sqrt(weight)[:, None]).reshape(-1)
+        H = precision + J.T @ J
+        # (Λ + JᵀJ) θ = Jᵀ(J θ₀ − e)
+        theta = np.asarray(np.linalg.solve(H, J.T @ (J @ white.theta - e)), np.float64)
+    return theta, float(0.5 * (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(H)[1]))

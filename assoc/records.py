@@ -1,0 +1,136 @@
+"""What goes into the identifier and what comes out: plain arrays, one record per frame.
+
+Frames: camera = OpenCV (x right, y down, z forward); world = ENU metres. Times are int Unix µs. m tracks, k reports.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.errors import ShapeError
+
+__all__ = ["CameraState", "Identities", "Sighting", "VehicleReports"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def _need(name: str, array: NDArray[np.generic], shape: tuple[int, ...]) -> None:
+    """Raise ShapeError unless the array has the shape."""
+    if array.shape != shape:
+        raise ShapeError(f"{name}: expected shape {shape}, got {array.shape}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sighting:
+    """The tracks of one video frame."""
+
+    t_us: int
+    """When the frame was taken, Unix µs."""
+    track_id: IntArray
+    """(m,) identity of the track in the picture, unique in a frame."""
+    ray_cam: FloatArray
+    """(m, 3) ray through the box centre, camera frame; length does not matter."""
+    front_cam: FloatArray
+    """(m, 3) ray through a point ahead of the centre on the box's axis; NaN rows: front unknown."""
+    gap_s: FloatArray
+    """(m,) seconds since the track's last detection, 0 = seen in this frame."""
+    score: FloatArray
+    """(m,) detector score."""
+
+    def __post_init__(self) -> None:
+        m = len(self.track_id)
+        _need("ray_cam", self.ray_cam, (m, 3))
+        _need("front_cam", self.front_cam, (m, 3))
+        _need("gap_s", self.gap_s, (m,))
+        _need("score", self.score, (m,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraState:
+    """Where the camera was and how it looked, as telemetry has it at the time of the frame."""
+
+    R_enu_cam: FloatArray
+    """(3, 3) rotation camera → ENU."""
+    p_enu: FloatArray
+    """(3,) camera position, metres."""
+    ground_z: float
+    """Height of the ground plane in the same ENU frame, metres."""
+    px_rad: float
+    """Radians per pixel near the image centre."""
+    attitude_known: bool
+    """False: the heading of the picture is not known at all; tilt is taken from ``R_enu_cam`` nevertheless."""
+    position_known: bool
+    """False: ``p_enu`` is a guess."""
+    stabilized: bool
+    """True: a gimbal keeps the horizon; False: the camera tilts with the body, so tilt is known less well."""
+
+    def __post_init__(self) -> None:
+        _need("R_enu_cam", self.R_enu_cam, (3, 3))
+        _need("p_enu", self.p_enu, (3,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleReports:
+    """Position reports that arrived since the last frame, each at its own sample time."""
+
+    t_us: IntArray
+    """(k,) sample time on Unix time, µs."""
+    vehicle: IntArray
+    """(k,) index into the identifier's ``system_ids``."""
+    p_enu: FloatArray
+    """(k, 3) metres."""
+    v_enu: FloatArray
+    """(k, 3) m/s, NaN unknown."""
+    heading: FloatArray
+    """(k,) clockwise from north, radians, NaN unknown."""
+    std_m: FloatArray
+    """(k,) horizontal 1σ as the vehicle states it, metres, NaN unknown."""
+
+    def __post_init__(self) -> None:
+        k = len(self.t_us)
+        _need("vehicle", self.vehicle, (k,))
+        _need("p_enu", self.p_enu, (k, 3))
+        _need("v_enu", self.v_enu, (k, 3))
+        _need("heading", self.heading, (k,))
+        _need("std_m", self.std_m, (k,))
+
+    @staticmethod
+    def empty() -> VehicleReports:
+        """No reports."""
+        none = np.empty(0)
+        return VehicleReports(
+            t_us=np.empty(0, np.int64), vehicle=np.empty(0, np.int64), p_enu=np.empty((0, 3)),
+            v_enu=np.empty((0, 3)), heading=none, std_m=none,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identities:
+    """Who the tracks of a frame are, in the order of the sighting."""
+
+    track_id: IntArray
+    """(m,)."""
+    system_id: IntArray
+    """(m,) 0 = nobody or unknown."""
+    confidence: FloatArray
+    """(m,) probability of what is said: named, of that name; unnamed, of "none of ours"."""
+    runner_up: IntArray
+    """(m,) the next best name, 0 = none."""
+    runner_up_confidence: FloatArray
+    """(m,) its probability."""
+    residual_m: FloatArray
+    """(m,) ground distance between the track and the named vehicle's extrapolated report, NaN unnamed."""
+    position_age_s: FloatArray
+    """(m,) age of that report, NaN unnamed."""
+    projection: FloatArray
+    """(m,) projection mass of the named vehicle in this frame, NaN unnamed."""
+    topology: FloatArray
+    """(m,) topology mass, likewise."""
+    fused: FloatArray
+    """(m,) both fused by Dempster's rule, likewise."""
+    conflict: tuple[int, ...]
+    """System ids whose reports contradict the picture or one another."""

@@ -1,0 +1,207 @@
+"""Joint hypotheses of camera pose and assignment.
+
+One hypothesis is refined by turns: scores at θ → assignment → θ of that assignment, until the assignment stays.
+Starts are spread where that has local optima: the prior's mean, turned, shifted and swapped versions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.blocks import Blocks, make_blocks, with_first_look
+from assoc.evidence import Noise, PairState, run_filter
+from assoc.ground import EAST, NORTH, OFFSET, THETA, YAW, GroundTracks, ground_tracks
+from assoc.history import TrackHistory
+from assoc.matching import best_assignment
+from assoc.motion import ReportLog
+from assoc.pose import PosePrior, fit, misfit, whiten
+
+__all__ = ["Hypothesis", "Scene", "keep_best", "refine", "shifts", "swaps"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_TURNS = 4
+_FAR = np.array([0.03, 1e-3, 0.015, 0.015, 3.0, 3.0, 2.0, 0.1])
+"""Linearisation is renewed when θ moved further than this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """All that an update works on. T tracks: the m live ones first, then confident ones that ended."""
+
+    history: TrackHistory
+    columns: IntArray
+    """(T,) columns of the history."""
+    live: int
+    """m."""
+    anchors: IntArray
+    """(T − m,) vehicle of each track that ended."""
+    log: ReportLog
+    first_block: int
+    last_block: int
+    block_s: float
+    gap_max_s: float
+    first_look_s: float
+    heading_std: float
+    state: PairState
+    """Evidence of the T tracks before the first block."""
+    noise: Noise
+    prior: PosePrior
+    log_switch: FloatArray
+    """(B + 1, T)."""
+    log_odds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypothesis:
+    """One answer to both questions."""
+
+    theta: FloatArray
+    """(8,)."""
+    vehicle: IntArray
+    """(m,) −1 none."""
+    value: float
+    """ln evidence, up to a constant."""
+    score: FloatArray
+    """(m, n) ln ratios at θ."""
+    final: PairState
+    """State after the last block, T tracks."""
+    blocks: Blocks
+
+
+def residual_blocks(scene: Scene, theta: FloatArray) -> tuple[Blocks, GroundTracks]:
+    """The scene's residuals linearised at θ."""
+    start = scene.history.start(scene.first_block * scene.block_s + theta[OFFSET] - scene.gap_max_s)
+    tracks = ground_tracks(scene.history, start, theta, scene.columns)
+    samples = scene.log.samples(scene.first_block * scene.block_s, (scene.last_block + 1) * scene.block_s)
+    blocks = make_blocks(
+        tracks, samples, scene.log.n_vehicles, first=scene.first_block, last=scene.last_block, block_s=scene.block_s,
+        gap_max_s=scene.gap_max_s, heading_std=scene.heading_std,
+    )  # fmt: skip
+    p, age = scene.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
+    return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s), tracks
+
+
+def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, PairState]:
+    """(m, n) ln ratios of the live tracks at θ, and the state behind them."""
+    final, _ = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch)
+    m = scene.live
+    return final.score[:m] + blocks.heading[:m] + scene.log_odds, final
+
+
+def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
+    """Rows and vehicles that carry the pose: the assigned live tracks and the anchors."""
+    rows = np.flatnonzero(vehicle >= 0)
+    ended = np.arange(scene.live, len(scene.columns))
+    return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], scene.anchors])
+
+
+def refine(scene: Scene, theta: FloatArray) -> Hypothesis:
+    """Turn by turn from a start to a joint optimum."""
+    blocks = residual_blocks(scene, theta)[0]
+    score, final = scores(scene, blocks, theta)
+    vehicle = best_assignment(score)
+    cost = 0.0
+    for turn in range(_TURNS):
+        theta, cost = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+        if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
+            blocks = residual_blocks(scene, theta)[0]
+        score, final = scores(scene, blocks, theta)
+        before, vehicle = vehicle, best_assignment(score)
+        if np.array_equal(before, vehicle):
+            break
+    return _weighed(scene, theta, cost, vehicle, score, final, blocks)
+
+
+def _weighed(scene: Scene, theta: FloatArray, cost: float, vehicle: IntArray, score: FloatArray, final: PairState,
+             blocks: Blocks) -> Hypothesis:  # fmt: skip
+    """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
+    rows = np.flatnonzero(vehicle >= 0)
+    value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(theta) + cost
+    return Hypothesis(theta=theta, vehicle=vehicle, value=value, score=score, final=final, blocks=blocks)
+
+
+def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
+    """Neighbours of a hypothesis: two tracks exchange their vehicles and θ follows."""
+    rows = np.flatnonzero(best.vehicle >= 0)
+    if len(rows) < 2:
+        return []
+    at = best.score[np.ix_(rows, best.vehicle[rows])]
+    own = np.diagonal(at)
+    loss = own[:, None] + own[None, :] - at - at.T
+    loss[np.tril_indices(len(rows))] = np.inf
+    found = []
+    for k in np.argsort(loss, axis=None, kind="stable")[:most]:
+        a, b = np.unravel_index(int(k), loss.shape)
+        if not loss[a, b] < _SWAP_LOSS:
+            break
+        vehicle = best.vehicle.copy()
+        vehicle[rows[[a, b]]] = vehicle[rows[[b, a]]]
+        found.append(_forced(scene, best, vehicle))
+    return found
+
+
+_SWAP_LOSS = 40.0
+
+
+def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis:
+    """The hypothesis with a given assignment and the θ that suits it."""
+    theta, cost = fit(whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+    score, final = scores(scene, best.blocks, theta)
+    return _weighed(scene, theta, cost, vehicle, score, final, best.blocks)
+
+
+def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:
+    """Starts that move the whole picture so that one track falls on another vehicle: formations 'shifted by one'."""
+    residual = best.blocks.mean[:, : scene.live].sum(axis=0) / np.maximum(
+        (best.blocks.count[:, : scene.live] > 0).sum(axis=0), 1
+    )[..., None]  # fmt: skip
+    residual = residual[(best.blocks.count[:, : scene.live] > 0).any(axis=0)]
+    far = np.hypot(residual[:, 0], residual[:, 1])
+    limit = 4.0 * np.hypot(scene.prior.std[EAST], scene.noise.bias_std)
+    starts: list[FloatArray] = []
+    taken: list[FloatArray] = []
+    for k in np.argsort(far, kind="stable"):
+        if far[k] > limit or len(starts) >= most:
+            break
+        if far[k] < 1.0 or any(np.hypot(*(residual[k] - other)) < 1.5 for other in taken):
+            continue
+        taken.append(residual[k])
+        theta = best.theta.copy()
+        theta[[EAST, NORTH]] -= residual[k]
+        starts.append(theta)
+    return starts
+
+
+def turns(prior: PosePrior, pose_free: bool) -> list[FloatArray]:
+    """Starts from the prior: its mean, turned to both sides (all round without attitude), earlier and later."""
+    found = [np.zeros(THETA)]
+    yaws = np.deg2rad(np.arange(20.0, 360.0, 20.0) if pose_free else np.array([12.0, -12.0]))
+    for yaw in yaws:
+        start = np.zeros(THETA)
+        start[YAW] = (yaw + np.pi) % (2 * np.pi) - np.pi
+        found.append(start)
+    if prior.std[OFFSET] > 0.2:
+        for delta in (-0.35, 0.35):
+            start = np.zeros(THETA)
+            start[OFFSET] = delta
+            found.append(start)
+    return found
+
+
+def keep_best(found: list[Hypothesis], most: int) -> list[Hypothesis]:
+    """Best value per distinct assignment, in falling order."""
+    kept: dict[bytes, Hypothesis] = {}
+    for hypothesis in sorted(found, key=lambda h: -h.value):
+        kept.setdefault(hypothesis.vehicle.tobytes(), hypothesis)
+    return list(kept.values())[:most]
+
+
+def refit(scene: Scene, hypothesis: Hypothesis) -> FloatArray:
+    """(P,) misfit of the carrying pairs at the hypothesis' θ."""
+    white = whiten(hypothesis.blocks, *_pairs(scene, hypothesis.vehicle), scene.state, scene.noise)
+    return misfit(white, hypothesis.theta)
