@@ -1,0 +1,217 @@
+"""The index of a video file's pictures, and a decoder that goes to any of them.
+
+Ticks are the stream's own unit of time. The index is made without decoding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import chain
+from pathlib import Path
+
+import av
+import av.logging
+import numpy as np
+from av.container import InputContainer
+from av.packet import Packet
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+from vision.errors import VideoError
+
+__all__ = ["PictureIndex", "PictureReader", "bgr", "open_video", "read_index", "reason"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PictureIndex:
+    """Every picture's time stamp."""
+
+    width: int
+    height: int
+    pts: list[int]
+    """Display order, in ticks."""
+    order: dict[int, int]
+    """pts → index."""
+    key_pts: NDArray[np.int64]
+    """Pictures that decoding can begin at, ascending."""
+    tick_us: float
+
+
+def read_index(path: Path) -> PictureIndex:
+    """Read a file through without decoding."""
+    with closing(open_video(path)) as container:
+        stream = container.streams.video[0]
+        stamps: list[int] = []
+        keys: list[int] = []
+        for packet in _packets(container, stream):
+            pts = _stamp(packet)
+            if pts is None or packet.is_discard:
+                continue
+            if packet.is_keyframe:
+                keys.append(pts)
+            # pictures ahead of the first key picture have nothing to be decoded from
+            if keys and pts >= keys[0]:
+                stamps.append(pts)
+        shown = sorted(set(stamps))
+        width, height = stream.codec_context.width, stream.codec_context.height
+        if not shown or not width:
+            raise VideoError(f"video {path}: no picture with a time stamp in it; remux it, for example to .mkv")
+        return PictureIndex(
+            width=width,
+            height=height,
+            pts=shown,
+            order={stamp: i for i, stamp in enumerate(shown)},
+            key_pts=np.array(sorted(keys), dtype=np.int64),
+            tick_us=float((stream.time_base or Fraction(1, 1_000_000)) * 1_000_000),
+        )
+
+
+class PictureReader:
+    """One decoder at one place in the file."""
+
+    def __init__(self, path: Path, index: PictureIndex) -> None:
+        self._path = path
+        self._index = index
+        self._open()
+
+    def close(self) -> None:
+        """Release the file."""
+        self._pictures.close()
+        self._container.close()
+
+    def pictures(self) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Index and image of the pictures from the one that ``go`` went to."""
+        for index, frame in self._pictures:
+            yield index, self._image(frame)
+
+    def read(self, index: int) -> NDArray[np.uint8] | None:
+        """That picture, None when it does not decode."""
+        if not self._ahead(index):
+            self.go(index)
+        for found, frame in self._pictures:
+            self._next = found + 1
+            if found >= index:
+                return self._image(frame) if found == index else None
+        self._next = len(self._index.pts)
+        return None
+
+    def go(self, index: int) -> None:
+        """Make ``index`` the next picture: begin to decode at a key picture before it."""
+        target = self._index.pts[index]
+        before = int(np.searchsorted(self._index.key_pts, target, side="right")) - 1
+        step = 1
+        # a container may land behind the place asked for, so what it shows is checked and asked again from earlier on
+        while before > 0 and not self._land(int(self._index.key_pts[before]), target, index):
+            before, step = before - step, step * 2
+        if before <= 0 and index < len(self._index.pts):
+            self._rewind(index)
+
+    def _land(self, key: int, target: int, index: int) -> bool:
+        """Seek to a key picture; whether decoding then begins at or before the target."""
+        self._pictures.close()
+        try:
+            self._container.seek(key, stream=self._stream, backward=True)
+        except av.FFmpegError:
+            return False
+        packets = _packets(self._container, self._stream)
+        for packet in packets:
+            stamp = _stamp(packet)
+            if packet.is_keyframe and stamp is not None:
+                if stamp > target:
+                    return False
+                self._start(chain([packet], packets), index)
+                return True
+        return False
+
+    def _rewind(self, index: int) -> None:
+        """Start from the beginning of the file."""
+        self.close()
+        self._open(index)
+
+    def _open(self, index: int = 0) -> None:
+        self._container = open_video(self._path)
+        self._stream = self._container.streams.video[0]
+        self._stream.thread_type = "AUTO"
+        self._start(_packets(self._container, self._stream), index)
+
+    def _start(self, packets: Iterable[Packet[VideoStream]], index: int) -> None:
+        """Decode these packets from now on and show the pictures from ``index`` on."""
+        self._pictures = self._decode(packets, index)
+        self._next = index
+
+    def _ahead(self, index: int) -> bool:
+        """Whether decoding on is the shortest way: no key picture lies between here and there."""
+        if index < self._next or self._next >= len(self._index.pts):
+            return False
+        keys, pts = self._index.key_pts, self._index.pts
+        return bool(np.searchsorted(keys, pts[self._next], "right") == np.searchsorted(keys, pts[index], "right"))
+
+    def _decode(
+        self, packets: Iterable[Packet[VideoStream]], start: int
+    ) -> Generator[tuple[int, VideoFrame], None, None]:
+        """Index and decoded frame from ``start`` on; damaged packets are skipped."""
+        for packet in packets:
+            yield from self._shown(packet, start)
+        yield from self._shown(None, start)
+
+    def _shown(self, packet: Packet[VideoStream] | None, start: int) -> Iterator[tuple[int, VideoFrame]]:
+        """What the decoder gives out for one packet, or at the end for None."""
+        try:
+            frames = self._stream.codec_context.decode(packet)
+        except av.FFmpegError:
+            return
+        for frame in frames:
+            stamp = frame.pts if frame.pts is not None else frame.dts
+            index = -1 if stamp is None else self._index.order.get(stamp, -1)
+            if index >= start:
+                yield index, frame
+
+    def _image(self, frame: VideoFrame) -> NDArray[np.uint8]:
+        return bgr(frame, self._index.width, self._index.height)
+
+
+def bgr(frame: VideoFrame, width: int, height: int) -> NDArray[np.uint8]:
+    """A decoded frame as an image (height, width, 3)."""
+    return np.asarray(frame.to_ndarray(format="bgr24", width=width, height=height), dtype=np.uint8)
+
+
+def open_video(path: Path) -> InputContainer:
+    """A container with a video stream in it; FFmpeg is told to be silent, as it would write over the screen."""
+    av.logging.set_level(av.logging.PANIC)
+    if not path.is_file():
+        raise VideoError(f"video {path}: no such file")
+    if path.stat().st_size == 0:
+        raise VideoError(f"video {path}: the file is empty")
+    try:
+        container: InputContainer = av.open(str(path))
+    except (av.FFmpegError, OSError, ValueError) as error:
+        raise VideoError(f"video {path}: not a video that can be read ({reason(error)})") from error
+    if not container.streams.video:
+        container.close()
+        raise VideoError(f"video {path}: no video stream in it")
+    return container
+
+
+def _packets(container: InputContainer, stream: VideoStream) -> Iterator[Packet[VideoStream]]:
+    """The stream's packets up to the end or to where the file breaks off."""
+    try:
+        for packet in container.demux(stream):
+            if packet.size:
+                yield packet
+    except av.FFmpegError:
+        return
+
+
+def _stamp(packet: Packet[VideoStream]) -> int | None:
+    """Presentation time in ticks; the decoding time where a container has no other."""
+    stamp = packet.pts if packet.pts is not None else packet.dts
+    return None if stamp is None else int(stamp)
+
+
+def reason(error: BaseException) -> str:
+    """FFmpeg's words without the number and the path."""
+    return str(getattr(error, "strerror", None) or error).strip().rstrip(".").lower()
