@@ -1,0 +1,156 @@
+"""Write a trained network as ONNX, batch norm folded, peaks picked: what ``vision.decode_heatmap`` reads.
+
+``python -m vision.training.export --checkpoint .train/checkpoint.pt --out vision/models/rollcall-obb-s.onnx``
+
+The graph is written node by node: it is small, and no exporter's version changes it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from numpy.typing import NDArray
+from onnx import TensorProto, helper, numpy_helper
+
+from vision.training.net import STRIDE, ConvNorm, Net, Residual
+
+__all__ = ["export", "to_onnx"]
+
+OPSET = 17
+NOMINAL_LENGTH_PX = 29.0
+
+
+class _Graph:
+    """Nodes and weights as they are added; every method returns the name of its result."""
+
+    def __init__(self) -> None:
+        self.nodes: list[onnx.NodeProto] = []
+        self.weights: list[onnx.TensorProto] = []
+
+    def node(self, kind: str, *inputs: str, **attributes: object) -> str:
+        name = f"v{len(self.nodes)}"
+        self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
+        return name
+
+    def weight(self, values: NDArray[np.generic]) -> str:
+        name = f"w{len(self.weights)}"
+        self.weights.append(numpy_helper.from_array(np.ascontiguousarray(values), name))
+        return name
+
+    def conv(self, x: str, kernel: NDArray[np.float32], bias: NDArray[np.float32], stride: int) -> str:
+        pad = kernel.shape[-1] // 2
+        return self.node(
+            "Conv", x, self.weight(kernel), self.weight(bias), strides=[stride] * 2, pads=[pad] * 4,
+            kernel_shape=list(kernel.shape[2:]),
+        )  # fmt: skip
+
+    def conv_norm(self, x: str, module: ConvNorm, gain: float = 1.0) -> str:
+        kernel, bias = _folded(module)
+        y = self.conv(x, kernel * np.float32(gain), bias, int(module.conv.stride[0]))
+        return self.node("Relu", y) if module.relu else y
+
+    def residual(self, x: str, module: Residual) -> str:
+        y = self.conv_norm(self.conv_norm(x, module.first), module.second)
+        return self.node("Relu", self.node("Add", x, y))
+
+    def double(self, x: str) -> str:
+        scales = self.weight(np.array([1.0, 1.0, 2.0, 2.0], np.float32))
+        return self.node(
+            "Resize", x, "", scales, mode="nearest", coordinate_transformation_mode="asymmetric", nearest_mode="floor"
+        )
+
+    def part(self, x: str, first: int, last: int) -> str:
+        ends = [self.weight(np.array([v], np.int64)) for v in (first, last, 1)]
+        return self.node("Slice", x, *ends)
+
+
+def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX) -> onnx.ModelProto:
+    """The network as a model of its own.
+
+    Args:
+        net: trained.
+        version: written into the metadata.
+        nominal_length_px: length of a nominal vehicle (2.5 m) at which the network is best.
+
+    Returns:
+        A model: ``image`` (1, H, W, 3) uint8 BGR → ``map`` (1, 9, H / 4, W / 4) float32, channel 0 the score where it
+        is the greatest of its 3 × 3 neighbours, else 0; the other channels as in ``net``.
+    """
+    net.eval()
+    g = _Graph()
+    image = g.node("Transpose", g.node("Cast", "image", to=TensorProto.FLOAT), perm=[0, 3, 1, 2])
+    stem_first, stem_second = net.stem
+    # the stem's kernel takes 0..255 in place of 0..1
+    quarter = g.conv_norm(g.conv_norm(image, stem_first, gain=1.0 / 255.0), stem_second)
+    eighth = g.residual(g.conv_norm(quarter, net.middle[0]), net.middle[1])
+    deep = g.conv_norm(eighth, net.deep[0])
+    for block in list(net.deep)[1:]:
+        deep = g.residual(deep, block)
+    joined = g.node("Relu", g.node("Add", eighth, g.double(g.conv_norm(deep, net.deep_side))))
+    wide = g.double(g.conv_norm(g.conv_norm(joined, net.join), net.join_side))
+    last = g.conv_norm(g.node("Relu", g.node("Add", g.conv_norm(quarter, net.stem_side), wide)), net.last)
+    raw = g.conv(last, _numpy(net.head.weight), _numpy(net.head.bias), 1)
+    score = g.node("Sigmoid", g.part(raw, 0, 1))
+    highest = g.node("MaxPool", score, kernel_shape=[3, 3], pads=[1, 1, 1, 1], strides=[1, 1])
+    peak = g.node("Mul", score, g.node("Cast", g.node("Equal", score, highest), to=TensorProto.FLOAT))
+    g.nodes.append(helper.make_node("Concat", [peak, g.part(raw, 1, 99)], ["map"], axis=1))
+    return _model(g, version, nominal_length_px)
+
+
+def export(checkpoint: Path, out: Path, version: str) -> None:
+    """Turn a training checkpoint's averaged weights into a model file."""
+    net = Net()
+    net.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["average"])
+    out.parent.mkdir(parents=True, exist_ok=True)
+    onnx.save(to_onnx(net, version), str(out))
+
+
+def _model(g: _Graph, version: str, nominal_length_px: float) -> onnx.ModelProto:
+    image = helper.make_tensor_value_info("image", TensorProto.UINT8, [1, "height", "width", 3])
+    out = helper.make_tensor_value_info("map", TensorProto.FLOAT, [1, 9, "rows", "columns"])
+    graph = helper.make_graph(g.nodes, "rollcall-obb", [image], [out], g.weights)
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=8, producer_name="rollcall"
+    )
+    metadata = {
+        "rollcall": version,
+        "stride": str(STRIDE),
+        "nominal_length_px": str(nominal_length_px),
+        "nominal_length_m": "2.5",
+    }
+    helper.set_model_props(model, metadata)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def _folded(module: ConvNorm) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Kernel and bias with the batch norm in them: k' = k γ/σ, b' = β − μ γ/σ."""
+    norm = module.norm
+    factor = _numpy(norm.weight) / np.sqrt(_numpy(norm.running_var) + np.float32(norm.eps))
+    return _numpy(module.conv.weight) * factor[:, None, None, None], _numpy(norm.bias) - _numpy(
+        norm.running_mean
+    ) * factor
+
+
+def _numpy(tensor: torch.Tensor | None) -> NDArray[np.float32]:
+    if tensor is None:
+        raise ValueError("a trained layer without weights cannot be exported")
+    return np.asarray(tensor.detach().cpu().numpy(), dtype=np.float32)
+
+
+def main() -> None:
+    """Export from the command line."""
+    parser = argparse.ArgumentParser(description="Write a trained detector as ONNX.")
+    parser.add_argument("--checkpoint", type=Path, default=Path(".train/checkpoint.pt"))
+    parser.add_argument("--out", type=Path, default=Path("vision/models/rollcall-obb-s.onnx"))
+    parser.add_argument("--version", default="1")
+    args = parser.parse_args()
+    export(args.checkpoint, args.out, args.version)
+
+
+if __name__ == "__main__":
+    main()

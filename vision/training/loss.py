@@ -1,0 +1,104 @@
+"""Targets and losses of the detector's map.
+
+Score: the penalty-reduced focal loss of Zhou, Wang, Krähenbühl, "Objects as Points", arXiv:1904.07850, equation 1.
+Boxes: learnt at every cell near a centre, as the peak may fall one cell beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from vision.training.net import STRIDE
+
+__all__ = ["Losses", "losses"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Losses:
+    """Parts of the loss, each a scalar."""
+
+    score: Tensor
+    offset: Tensor
+    size: Tensor
+    front: Tensor
+    axis: Tensor
+
+    def total(self) -> Tensor:
+        """What is minimised."""
+        return self.score + self.offset + self.size + self.front + self.axis
+
+
+def losses(out: Tensor, boxes: Tensor, real: Tensor) -> Losses:
+    """Compare the map with the boxes.
+
+    Args:
+        out: (B, 9, h, w), the network's map.
+        boxes: (B, N, 6) cx, cy, length, width px, heading, weight.
+        real: (B, N) False for padding.
+    """
+    _, _, h, w = out.shape
+    centre, side = boxes[..., :2] / STRIDE, boxes[..., 2:4].clamp(min=1.0) / STRIDE
+    column = torch.arange(w, device=out.device) + 0.5
+    row = torch.arange(h, device=out.device) + 0.5
+    # from every cell's middle to every centre, in cells: (B, N, w) and (B, N, h)
+    dx, dy = centre[..., :1] - column, centre[..., 1:] - row
+    wanted = real & (boxes[..., 5] > 0.5)
+    # σ grows with the smaller side: a cell well inside a large vehicle is a small mistake
+    spread = 2.0 * (0.16 * side.min(dim=-1).values).clamp(0.5, 2.0)[..., None] ** 2
+    # exp(−(dx² + dy²) / 2σ²), as a product of rows and columns
+    across, down = torch.exp(-dx * dx / spread) * wanted[..., None], torch.exp(-dy * dy / spread)
+    heat, nearest = (down[..., :, None] * across[..., None, :]).max(dim=1)
+    score = _focal(out[:, 0], heat, _centre_cells(centre, wanted, h, w), _hidden_cells(dx, dy, side, real & ~wanted))
+
+    weight = torch.where(heat > 0.3, heat, 0.0)
+    total = weight.sum().clamp(min=1.0)
+    image, r, c = torch.nonzero(weight > 0.0, as_tuple=True)
+    if len(image) == 0:
+        zero = out.sum() * 0.0
+        return Losses(score=score, offset=zero, size=zero, front=zero, axis=zero)
+    k, found, share = nearest[image, r, c], out[image, :, r, c], weight[image, r, c] / total
+    offset = torch.stack([dx[image, k, c], dy[image, k, r]], dim=-1)
+    heading = boxes[image, k, 4]
+    front = torch.stack([heading.sin(), heading.cos()], dim=-1)
+    axis = torch.stack([(2.0 * heading).sin(), (2.0 * heading).cos()], dim=-1)
+
+    def mean(error: Tensor) -> Tensor:
+        return (error.sum(dim=-1) * share).sum()
+
+    return Losses(
+        score=score,
+        offset=mean(functional.smooth_l1_loss(found[:, 1:3], offset, reduction="none", beta=0.1)),
+        size=mean(functional.smooth_l1_loss(found[:, 3:5], side[image, k].log(), reduction="none", beta=0.05)),
+        front=mean((found[:, 5:7] - front) ** 2),
+        axis=mean(functional.smooth_l1_loss(found[:, 7:9], axis, reduction="none", beta=0.1)),
+    )
+
+
+def _centre_cells(centre: Tensor, wanted: Tensor, h: int, w: int) -> Tensor:
+    """(B, h, w) True in the cells that hold a centre."""
+    cells = torch.zeros((len(centre), h, w), dtype=torch.bool, device=centre.device)
+    image, k = torch.nonzero(wanted, as_tuple=True)
+    column, row = centre[image, k].long().unbind(dim=-1)
+    cells[image, row.clamp(0, h - 1), column.clamp(0, w - 1)] = True
+    return cells
+
+
+def _hidden_cells(dx: Tensor, dy: Tensor, side: Tensor, hidden: Tensor) -> Tensor:
+    """(B, h, w) True around vehicles that are mostly hidden: found or not, neither is a mistake."""
+    cells = torch.zeros((len(dx), dy.shape[2], dx.shape[2]), dtype=torch.bool, device=dx.device)
+    for image, k in torch.nonzero(hidden).tolist():
+        near = dy[image, k, :, None] ** 2 + dx[image, k, None, :] ** 2 < (0.5 * side[image, k, 0]) ** 2
+        cells[image] |= near
+    return cells
+
+
+def _focal(logit: Tensor, heat: Tensor, positive: Tensor, ignored: Tensor) -> Tensor:
+    """−(1 − p)² log p at centres, −(1 − heat)⁴ p² log(1 − p) elsewhere, per centre."""
+    p = torch.sigmoid(logit)
+    at = torch.where(positive, (1.0 - p) ** 2 * functional.softplus(-logit), 0.0)
+    elsewhere = torch.where(positive | ignored, 0.0, (1.0 - heat) ** 4 * p**2 * functional.softplus(logit))
+    return (at.sum() + elsewhere.sum()) / positive.sum().clamp(min=1)

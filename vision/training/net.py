@@ -1,0 +1,73 @@
+"""The network: small, anchor-free, fully convolutional; one map at stride 4 says what is centred in each cell.
+
+Nine channels: score logit; centre offset x, y in cells from the cell's middle; log length and log width in cells; front
+as (sin, cos) of the heading clockwise from image up; axis as (sin, cos) of twice the heading. The axis is the same for
+both directions of travel, so a vehicle whose front is doubtful keeps a sharp box, and the front vector's length says
+how sure the front is: under squared error, a front that is right with probability p has length 2p − 1.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+__all__ = ["CHANNELS", "STRIDE", "ConvNorm", "Net", "Residual"]
+
+STRIDE = 4
+CHANNELS = 9
+
+
+class ConvNorm(nn.Module):  # type: ignore[misc]  # torch is not typed here
+    """Convolution, batch norm, and ReLU unless told otherwise."""
+
+    def __init__(self, inputs: int, outputs: int, *, size: int = 3, stride: int = 1, relu: bool = True) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(inputs, outputs, size, stride, size // 2, bias=False)
+        self.norm = nn.BatchNorm2d(outputs)
+        self.relu = relu
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, inputs, H, W) → (B, outputs, H / stride, W / stride)."""
+        y: Tensor = self.norm(self.conv(x))
+        return torch.relu(y) if self.relu else y
+
+
+class Residual(nn.Module):  # type: ignore[misc]  # torch is not typed here
+    """x + two convolutions of x, then ReLU."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = ConvNorm(channels, channels)
+        self.second = ConvNorm(channels, channels, relu=False)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Shape is kept."""
+        return torch.relu(x + self.second(self.first(x)))
+
+
+class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
+    """Down to stride 16, and up again to stride 4 with skips."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stem = nn.Sequential(ConvNorm(3, 16, stride=2), ConvNorm(16, 24, stride=2))
+        self.middle = nn.Sequential(ConvNorm(24, 48, stride=2), Residual(48))
+        self.deep = nn.Sequential(ConvNorm(48, 80, stride=2), Residual(80), Residual(80))
+        self.deep_side = ConvNorm(80, 48, size=1, relu=False)
+        self.join = ConvNorm(48, 48)
+        self.join_side = ConvNorm(48, 32, size=1, relu=False)
+        self.stem_side = ConvNorm(24, 32, size=1, relu=False)
+        self.last = ConvNorm(32, 32)
+        self.head = nn.Conv2d(32, CHANNELS, 1)
+        # log-odds of a cell to hold a centre before anything is known
+        nn.init.constant_(self.head.bias[:1], -4.6)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """(B, 3, H, W) BGR in 0..1, sides multiples of 32 → (B, CHANNELS, H / 4, W / 4)."""
+        quarter = self.stem(image)
+        eighth = self.middle(quarter)
+        deep = self.deep_side(self.deep(eighth))
+        eighth = self.join(torch.relu(eighth + nn.functional.interpolate(deep, scale_factor=2.0, mode="nearest")))
+        wide = nn.functional.interpolate(self.join_side(eighth), scale_factor=2.0, mode="nearest")
+        out: Tensor = self.head(self.last(torch.relu(self.stem_side(quarter) + wide)))
+        return out

@@ -1,0 +1,191 @@
+"""Train the bundled detector on rendered pictures.
+
+``python -m vision.training.train --seed 0 --minutes 40 --out .train/``
+
+Pictures come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
+sim.crops`` is run for them, and training starts with the first shard. A run that was stopped goes on from its
+checkpoint; ``--minutes`` counts training time over all runs. Writes checkpoint.pt, loss.csv, quality.csv and model.onnx
+into the folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import logging
+import math
+import subprocess
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from vision.training.data import Pool
+from vision.training.evaluate import evaluate
+from vision.training.export import export
+from vision.training.loss import losses
+from vision.training.net import Net
+
+__all__ = ["Trainer"]
+
+log = logging.getLogger(__name__)
+BATCH = 16
+PEAK_RATE = 3e-3
+WARM_UP_STEPS = 200
+AVERAGE_KEEP = 0.998
+HELD_OUT_SEED = 900_000
+
+
+class Trainer:
+    """The state of a run: weights, their running average, optimiser, time spent."""
+
+    def __init__(self, seed: int, device: str) -> None:
+        torch.manual_seed(seed)
+        self.device = device
+        self.net = Net().to(device, memory_format=torch.channels_last)
+        self.average: dict[str, Tensor] = {k: v.detach().clone() for k, v in self.net.state_dict().items()}
+        decay = [p for p in self.net.parameters() if p.ndim > 1]
+        plain = [p for p in self.net.parameters() if p.ndim <= 1]
+        groups = [{"params": decay, "weight_decay": 0.02}, {"params": plain, "weight_decay": 0.0}]
+        self.optimiser = torch.optim.AdamW(groups, lr=PEAK_RATE)
+        self.step_count = 0
+        self.spent_s = 0.0
+
+    def step(self, pool: Pool, rng: np.random.Generator, progress: float) -> dict[str, float]:
+        """One update; ``progress`` 0..1 sets the learning rate: a warm-up, then half a cosine."""
+        warm = min(1.0, (self.step_count + 1) / WARM_UP_STEPS)
+        rate = PEAK_RATE * warm * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))) + 1e-6
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        batch = pool.batch(rng, BATCH)
+        self.net.train()
+        images = batch.images.to(self.device, memory_format=torch.channels_last)
+        with torch.autocast(self.device, dtype=torch.bfloat16):
+            cells = self.net(images)
+        parts = losses(cells.float(), batch.boxes.to(self.device), batch.real.to(self.device))
+        total = parts.total()
+        self.optimiser.zero_grad(set_to_none=True)
+        total.backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), 10.0)
+        self.optimiser.step()
+        self.step_count += 1
+        self._average()
+        values = {name: float(value.detach()) for name, value in _parts(parts).items()}
+        return {"step": self.step_count, "rate": rate, "total": float(total.detach()), **values}
+
+    def averaged(self) -> Net:
+        """The network with averaged weights, on the CPU."""
+        net = Net()
+        net.load_state_dict({k: v.cpu() for k, v in self.average.items()})
+        return net
+
+    def save(self, path: Path) -> None:
+        """Write all that is needed to go on, or nothing."""
+        part = path.with_suffix(".part")
+        state = {
+            "net": self.net.state_dict(), "average": self.average, "optimiser": self.optimiser.state_dict(),
+            "step_count": self.step_count, "spent_s": self.spent_s,
+        }  # fmt: skip
+        torch.save(state, part)
+        part.replace(path)
+
+    def load(self, path: Path) -> None:
+        """Go on from a checkpoint."""
+        state = torch.load(path, map_location=self.device, weights_only=True)
+        self.net.load_state_dict(state["net"])
+        self.average = state["average"]
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.step_count, self.spent_s = int(state["step_count"]), float(state["spent_s"])
+
+    def _average(self) -> None:
+        keep = min(AVERAGE_KEEP, 1.0 - 1.0 / (self.step_count + 1))
+        for name, value in self.net.state_dict().items():
+            if value.is_floating_point():
+                self.average[name].mul_(keep).add_(value.detach(), alpha=1.0 - keep)
+            else:
+                self.average[name].copy_(value)
+
+
+def run(out: Path, seed: int, minutes: float, threads: int, crops: int, every_s: float = 240.0) -> None:
+    """Train until the minutes are spent, then export."""
+    torch.set_num_threads(threads)
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    pool, held_out = Pool(folder=out / "pool"), Pool(folder=out / "held_out")
+    makers = _make_pictures(out, crops, seed)
+    checkpoint = out / "checkpoint.pt"
+    trainer = Trainer(seed, device)
+    if checkpoint.exists():
+        trainer.load(checkpoint)
+        log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
+    while pool.refresh() == 0 or held_out.refresh() == 0:
+        time.sleep(1.0)
+    rng = np.random.default_rng([seed, trainer.step_count])
+    tick, last_check, row = time.monotonic(), trainer.spent_s, {}
+    while trainer.spent_s < 60.0 * minutes:
+        row = trainer.step(pool, rng, trainer.spent_s / (60.0 * minutes))
+        now = time.monotonic()
+        trainer.spent_s, tick = trainer.spent_s + now - tick, now
+        if trainer.step_count % 50 == 0:
+            _append(out / "loss.csv", row)
+        if trainer.spent_s - last_check > every_s:
+            last_check = trainer.spent_s
+            _check(trainer, held_out, out, pool.refresh())
+            tick = time.monotonic()
+    trainer.save(checkpoint)
+    _check(trainer, held_out, out, pool.refresh())
+    export(checkpoint, out / "model.onnx", version="1")
+    for maker in makers:
+        maker.wait()
+
+
+def _check(trainer: Trainer, held_out: Pool, out: Path, pictures: int) -> None:
+    trainer.save(out / "checkpoint.pt")
+    quality = asdict(evaluate(trainer.averaged(), held_out.all()))
+    _append(out / "quality.csv", {"step": trainer.step_count, "minutes": trainer.spent_s / 60.0, **quality})
+    told = " ".join(f"{name} {value:.4f}" for name, value in quality.items())
+    log.info("%.1f min, step %d, %d pictures: %s", trainer.spent_s / 60.0, trainer.step_count, pictures, told)
+
+
+def _make_pictures(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
+    """Render what is missing beside the training, in a process of its own."""
+    command = [sys.executable, "-m", "sim.crops", "--per-shard", "500"]
+    jobs = []
+    if not any((out / "held_out").glob("crops_*.npz")):
+        jobs.append(["--out", str(out / "held_out"), "--seed", str(HELD_OUT_SEED), "--shards", "1"])
+    if len(list((out / "pool").glob("crops_*.npz"))) < crops // 500:
+        jobs.append(["--out", str(out / "pool"), "--seed", str(1000 * seed), "--shards", str(crops // 500)])
+    return [subprocess.Popen([*command, *job]) for job in jobs]
+
+
+def _parts(parts: object) -> dict[str, Tensor]:
+    return {name: getattr(parts, name) for name in ("score", "offset", "size", "front", "axis")}
+
+
+def _append(path: Path, row: dict[str, float]) -> None:
+    new = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, list(row))
+        if new:
+            writer.writeheader()
+        writer.writerow({k: f"{v:.6g}" for k, v in row.items()})
+
+
+def main() -> None:
+    """Train from the command line."""
+    parser = argparse.ArgumentParser(description="Train the bundled oriented detector.")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=40.0, help="training time over all runs")
+    parser.add_argument("--out", type=Path, default=Path(".train"))
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--crops", type=int, default=12000, help="pictures to render")
+    args = parser.parse_args()
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
+    run(args.out, args.seed, args.minutes, args.threads, args.crops)
+
+
+if __name__ == "__main__":
+    main()
