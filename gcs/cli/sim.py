@@ -1,1 +1,53 @@
 """``gcs sim``: a simulated flight, as a session folder or live over the network."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import note, say
+from gcs.errors import GcsError
+from sim.live import play
+from sim.presets import PRESETS, preset
+from sim.scenario import Scenario
+from sim.scenario_file import load_scenario
+from sim.session import write_session
+
+__all__ = ["sim"]
+
+
+def sim(
+    scenario: Annotated[str, typer.Argument(help=f"A scenario file, or one of {', '.join(PRESETS)}.")],
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Session folder to write.")] = None,
+    video: Annotated[bool, typer.Option("--video", help="Render the video instead of ideal detections.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Play in real time over UDP.")] = False,
+    telemetry: Annotated[str, typer.Option(help="Where --live sends MAVLink.")] = "udpout:127.0.0.1:14550",
+    stream: Annotated[str, typer.Option(help="Where --live sends MPEG-TS video; empty for none.")] = (
+        "udp://127.0.0.1:5600"
+    ),
+    duration: Annotated[float | None, typer.Option(help="Seconds, instead of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
+) -> None:
+    """Simulate a flight with truth: write a session, or play it live for ``gcs fly``."""
+    world = _scenario(scenario, duration, seed)
+    if live == (out is not None):
+        raise GcsError("give either --live or --out FOLDER")
+    if out is not None:
+        write_session(world, out, video=video)
+        note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {out}")
+        return
+    sent = play(world, telemetry, stream or None)
+    for system_id, count in sent.packets.items():
+        say(f"system {system_id}: {count} packets sent")
+    say(f"{sum(sent.packets.values())} packets, {sent.frames} frames sent")
+
+
+def _scenario(name: str, duration: float | None, seed: int | None) -> Scenario:
+    path = Path(name)
+    chosen = load_scenario(path) if path.suffix == ".toml" else preset(name)
+    if duration is not None:
+        chosen = replace(chosen, duration_s=duration)
+    return chosen if seed is None else replace(chosen, seed=seed)

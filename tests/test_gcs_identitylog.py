@@ -1,0 +1,129 @@
+import json
+
+import numpy as np
+import pytest
+
+from gcs.config import Mission, Vehicle
+from gcs.errors import GcsError, SessionError
+from gcs.export import open_export
+from gcs.identitylog import COLUMNS, EventLog, IdentityLog, read_identity
+from gcs.recorded import recorded
+from gcs.rollcall import RollCall
+from gcs.snapshot import Box, Event, Health, Snapshot, VehicleRow
+from vision.video import VideoFile
+
+MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
+
+
+def box(track_id, system_id, **change):
+    place = {"cx": 10.0 * track_id, "cy": 20.0, "w": 30.0, "h": 15.0, "angle": 0.5, "heading": 2.0, "score": 0.9}
+    return Box(track_id=track_id, system_id=system_id, confidence=0.98, **place | change)
+
+
+def snapshot(frame=0, *, boxes=(), image=None, events=()):
+    rows = tuple(
+        VehicleRow(system_id=i, name=MISSION.name_of(i), role="uav" if i == 1 else "ugv", in_view=i == 2)
+        for i in (1, 2, 3)
+    )
+    return Snapshot(
+        t_us=1_795_171_704_000_000 + 100_000 * frame,
+        frame=frame,
+        width=64,
+        height=48,
+        image=image,
+        vehicles=rows,
+        boxes=tuple(boxes),
+        footprint_enu=None,
+        uav_enu=np.zeros(3),
+        uav_heading=0.0,
+        health=Health(),
+        events=tuple(events),
+    )
+
+
+def test_rows_have_the_columns_and_unknown_is_empty(tmp_path):
+    with IdentityLog(tmp_path) as log:
+        log.write(snapshot(0, boxes=[box(1, 2, lat_deg=47.5, lon_deg=8.25), box(2, 0, heading=np.nan)]))
+        log.write(snapshot(1, boxes=[box(1, 2, coasting=True), box(0, 0)]))
+    lines = (tmp_path / "identity.csv").read_text().splitlines()
+    assert lines[0] == ",".join(COLUMNS)
+    assert lines[1] == ("1795171704000000,0,1,2,0.9800,10.00,20.00,30.00,15.00,0.5000,2.0000,47.5000000,8.2500000")
+    assert lines[2] == "1795171704000000,0,2,,0.9800,20.00,20.00,30.00,15.00,0.5000,,,"
+    assert lines[3] == "1795171704100000,1,,,0.9800,0.00,20.00,30.00,15.00,0.5000,2.0000,,"
+    assert len(lines) == 4
+
+
+def test_json_lines_hold_the_evidence(tmp_path):
+    full = box(1, 2, runner_up=3, runner_up_confidence=0.01, residual_m=0.4, residual_px=12.0, position_age_s=0.2)
+    with IdentityLog(tmp_path) as log:
+        log.write(snapshot(boxes=[full]))
+    row = json.loads((tmp_path / "identity.jsonl").read_text())
+    assert (row["name"], row["runner_up"], row["margin"]) == ("Alpha", 3, pytest.approx(0.97))
+    assert (row["residual_m"], row["residual_px"], row["position_age_s"], row["fused"]) == (0.4, 12.0, 0.2, None)
+
+
+def test_nothing_is_overwritten(tmp_path):
+    IdentityLog(tmp_path).close()
+    with pytest.raises(SessionError, match="never overwritten"):
+        IdentityLog(tmp_path)
+    for form in ("csv", "jsonl", "mp4"):
+        (tmp_path / f"there.{form}").write_text("kept")
+        with pytest.raises(SessionError, match="never overwritten"):
+            open_export(form, tmp_path / f"there.{form}")
+        assert (tmp_path / f"there.{form}").read_text() == "kept"
+    with pytest.raises(GcsError, match="no export format 'gif'"):
+        open_export("gif", tmp_path / "x.gif")
+
+
+def test_a_log_read_back_says_the_same(tmp_path):
+    before = [snapshot(k, boxes=[box(1, 2), box(2, 0)]) for k in range(3)]
+    with IdentityLog(tmp_path) as log:
+        for each in before:
+            log.write(each)
+    assert len(read_identity(tmp_path / "identity.csv")) == 6
+    after = list(recorded(tmp_path / "identity.csv", MISSION, None))
+    assert [s.t_us for s in after] == [s.t_us for s in before]
+    said = [[(b.track_id, b.system_id, b.cx) for b in s.boxes] for s in after]
+    assert said == [[(1, 2, 10.0), (2, 0, 20.0)]] * 3
+    assert after[0].name_of(2) == "Alpha"
+
+
+def test_events_keep_hostile_text_as_it_came(tmp_path):
+    log = EventLog(tmp_path / "events.jsonl")
+    log.write([Event(t_us=1, level="warning", kind="text", text='[/x] "quoted" \\', system_id=2)])
+    log.close()
+    assert json.loads((tmp_path / "events.jsonl").read_text())["text"] == '[/x] "quoted" \\'
+
+
+def test_csv_export_has_names_and_degrees(tmp_path):
+    sink = open_export("csv", tmp_path / "o.csv")
+    sink.write(snapshot(boxes=[box(1, 2)]))
+    sink.close()
+    header, row = (line.split(",") for line in (tmp_path / "o.csv").read_text().splitlines())
+    cells = dict(zip(header, row, strict=True))
+    assert cells["time_utc"].endswith("+00:00")
+    assert (cells["name"], cells["angle_deg"]) == ("Alpha", "28.65")
+
+
+def test_film_export_keeps_the_frames_times(tmp_path):
+    sink = open_export("mp4", tmp_path / "o.mp4")
+    image = np.full((48, 64, 3), 90, np.uint8)
+    for frame in (0, 1, 5):
+        sink.write(snapshot(frame, boxes=[box(2, 2)], image=image))
+    sink.close()
+    film = VideoFile.open(tmp_path / "o.mp4")
+    assert film.n == 3
+    assert np.diff(film.times_us).tolist() == pytest.approx([100_000, 400_000], abs=50)
+    film.close()
+
+
+def test_roll_call_counts_what_was_seen():
+    calls = RollCall(MISSION)
+    for frame in range(4):
+        calls.add(snapshot(frame, boxes=[box(1, 2 if frame else 0), box(2, 0)]))
+    assert (calls.named, calls.boxes, calls.unnamed) == (1, 8, 5)
+    text = calls.text()
+    assert "Alpha" in text
+    assert "75.0%" in text
+    assert "never in view" in text
+    assert "1 of 2 vehicles named" in text
