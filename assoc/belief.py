@@ -1,0 +1,81 @@
+"""Costs turned into masses and fused by Dempster's rule.
+
+Reference: Chen, Du, Wu, Drones 2025, 9(9), 612, section 3.4, doi:10.3390/drones9090612. Masses lie on singletons only:
+row j of a mass matrix says how much speaks for each vehicle being track j.
+
+Answers where the formulas have none: a matrix of equal costs says nothing, so every row is uniform; a row of zeros
+says nothing, so it is uniform; two rows in full conflict (K = 1) leave nothing, so the result is uniform.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["conflict", "fuse", "masses", "min_max_norm", "row_norm"]
+
+FloatArray = NDArray[np.float64]
+
+
+def min_max_norm(x: FloatArray) -> FloatArray:
+    """(x − min) / (max − min) over the whole matrix; zeros where max = min."""
+    if x.size == 0:
+        return x.copy()
+    low, high = float(np.min(x)), float(np.max(x))
+    # halves, so that the range of the largest floats stays finite
+    span = high / 2.0 - low / 2.0
+    if not span > 0.0:
+        return np.zeros_like(x)
+    return np.asarray((x / 2.0 - low / 2.0) / span)
+
+
+def row_norm(x: FloatArray) -> FloatArray:
+    """x_ij / Σ_k x_ik for x ≥ 0; rows without any weight become uniform."""
+    total = np.sum(x, axis=1, keepdims=True)
+    uniform = np.full(x.shape, 1.0 / max(x.shape[1], 1))
+    return np.asarray(np.where(total > 0.0, x / np.where(total > 0.0, total, 1.0), uniform))
+
+
+def masses(cost: FloatArray) -> FloatArray:
+    """M = RowNorm(1 − MinMaxNorm(cost)).
+
+    Args:
+        cost: (m, n) finite, smaller is better: pixel errors E or topology costs C.
+
+    Returns:
+        (m, n) rows sum to 1.
+    """
+    return row_norm(1.0 - min_max_norm(cost))
+
+
+def conflict(first: FloatArray, second: FloatArray) -> FloatArray:
+    """K_i = Σ_{k≠j} m¹_ik m²_ij.
+
+    Args:
+        first: (m, n) masses.
+        second: (m, n) masses.
+
+    Returns:
+        (m,) in [0, 1].
+    """
+    everything = np.sum(first, axis=1) * np.sum(second, axis=1)
+    return np.asarray(np.clip(everything - np.sum(first * second, axis=1), 0.0, 1.0))
+
+
+def fuse(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Dempster's rule: m_ij = m¹_ij m²_ij / (1 − K_i), rows renormalised.
+
+    The division by 1 − K cancels in the renormalisation, so it is not carried out: the result is the normalised
+    product, also where K is within rounding of 1.
+
+    Args:
+        first: (m, n) masses.
+        second: (m, n) masses.
+
+    Returns:
+        (m, n) rows sum to 1.
+    """
+    top = np.max(first, axis=1, keepdims=True, initial=0.0), np.max(second, axis=1, keepdims=True, initial=0.0)
+    # scaled rows, so that products of small masses do not vanish
+    a, b = (np.where(t > 0.0, x / np.where(t > 0.0, t, 1.0), 0.0) for x, t in zip((first, second), top, strict=True))
+    return row_norm(a * b)
