@@ -32,7 +32,24 @@ from mavlink.samples import (
     VideoStreamInformation,
 )
 
-__all__ = ["clean_text", "decode"]
+__all__ = [
+    "Attitude",
+    "CameraFov",
+    "CameraInformation",
+    "GimbalAttitude",
+    "GlobalPosition",
+    "GpsRaw",
+    "Heartbeat",
+    "MountOrientation",
+    "RadioStatus",
+    "Sample",
+    "StatusText",
+    "SystemTime",
+    "TimeSync",
+    "VideoStreamInformation",
+    "clean_text",
+    "decode",
+]
 
 _RAD = math.pi / 180.0
 

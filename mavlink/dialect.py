@@ -7,8 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 __all__ = ["DEFINITIONS", "message_name"]
 
 DEFINITIONS: dict[int, tuple[int, int]] = {
-    message_id: (message.unpacker.size, message.crc_extra)
-    for message_id, message in ardupilotmega.mavlink_map.items()
+    message_id: (message.unpacker.size, message.crc_extra) for message_id, message in ardupilotmega.mavlink_map.items()
 }
 """message id → (full payload length with extensions in bytes, CRC extra)."""
 

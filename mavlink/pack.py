@@ -57,9 +57,7 @@ class Speaker:
     ) -> bytes:
         """HEARTBEAT."""
         base_mode = _CUSTOM_MODE | (_ARMED if armed else 0)
-        return self.pack(
-            ardupilotmega.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, status, 3)
-        )
+        return self.pack(ardupilotmega.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, status, 3))
 
     def system_time(self, boot_ms: int, unix_us: int) -> bytes:
         """SYSTEM_TIME; unix_us 0 before the vehicle knows."""
@@ -75,9 +73,7 @@ class Speaker:
         """ATTITUDE."""
         return self.pack(ardupilotmega.MAVLink_attitude_message(boot_ms, roll, pitch, yaw, *rates))
 
-    def attitude_quaternion(
-        self, boot_ms: int, q: Sequence[float], rates: Sequence[float] = (0.0, 0.0, 0.0)
-    ) -> bytes:
+    def attitude_quaternion(self, boot_ms: int, q: Sequence[float], rates: Sequence[float] = (0.0, 0.0, 0.0)) -> bytes:
         """ATTITUDE_QUATERNION, q = w, x, y, z."""
         return self.pack(ardupilotmega.MAVLink_attitude_quaternion_message(boot_ms, *q, *rates))
 
@@ -159,6 +155,4 @@ class Speaker:
 
     def radio_status(self, rssi: int, remote_rssi: int, noise: int = 40, remote_noise: int = 40) -> bytes:
         """RADIO_STATUS."""
-        return self.pack(
-            ardupilotmega.MAVLink_radio_status_message(rssi, remote_rssi, 100, noise, remote_noise, 0, 0)
-        )
+        return self.pack(ardupilotmega.MAVLink_radio_status_message(rssi, remote_rssi, 100, noise, remote_noise, 0, 0))

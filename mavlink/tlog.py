@@ -128,9 +128,15 @@ class Tlog:
         start = int(self.index.offset[row])
         return Packet(int(self.index.t_us[row]), self._data[start : start + int(self.index.length[row])].tobytes())
 
-    def packets(self, start_us: int | None = None, stop_us: int | None = None) -> Iterator[Packet]:
-        """Packets in file order, those with start_us ≤ t_us < stop_us."""
-        yield from self._packets(self.select(start_us, stop_us))
+    def packets(
+        self,
+        start_us: int | None = None,
+        stop_us: int | None = None,
+        message_ids: Collection[int] | None = None,
+        system_ids: Collection[int] | None = None,
+    ) -> Iterator[Packet]:
+        """Packets in file order, those with start_us ≤ t_us < stop_us, of some messages and of some systems only."""
+        yield from self._packets(self.select(start_us, stop_us, message_ids, system_ids))
 
     def select(
         self,

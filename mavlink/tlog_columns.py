@@ -15,7 +15,6 @@ from mavlink.tlog_scan import Bytes, Ints, gather
 __all__ = ["message_dtype", "read_columns"]
 
 
-
 @cache
 def message_dtype(message_id: int) -> np.dtype[np.void]:
     """Packed dtype of a message's payload with all extensions, fields in wire order under their own names.

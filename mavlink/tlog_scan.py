@@ -135,9 +135,7 @@ def find_frames(data: Bytes) -> Frames:
     found: list[Frames] = []
     for start in range(0, data.size, _WINDOW):
         window = data[start : start + _WINDOW]
-        found += [
-            _good_frames(data, np.flatnonzero(window == magic) + start, magic) for magic in (MAGIC_V2, MAGIC_V1)
-        ]
+        found += [_good_frames(data, np.flatnonzero(window == magic) + start, magic) for magic in (MAGIC_V2, MAGIC_V1)]
     offset = np.concatenate([frames.offset for frames in found]) if found else np.empty(0, dtype=np.int64)
     length = np.concatenate([frames.length for frames in found]) if found else np.empty(0, dtype=np.int64)
     order = np.argsort(offset, kind="stable")

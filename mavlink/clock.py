@@ -1,0 +1,193 @@
+"""A vehicle's clock on Unix time, learnt from when its messages arrive.
+
+With b the vehicle's boot time of a message and a its arrival, a − b = offset + drift · b + delay, delay ≥ 0: the offset
+and the drift are those of the line that lies under all points as closely as it can (Moon, Skelly, Towsley, INFOCOM
+1999, doi:10.1109/INFCOM.1999.749287: the edge of the lower convex hull over their mean). The least delay of the link
+itself cannot be seen this way and stays in the offset. The vehicle's own Unix time is never used: it is often off by
+a second.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+
+__all__ = ["ClockParams", "VehicleClock"]
+
+_WRAP_US = (1 << 32) * 1000
+_MS = 1000
+_S = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockParams:
+    """How a vehicle's clock may behave."""
+
+    max_drift: float = 500e-6
+    """Greatest drift believed; autopilots measure 120–150 ppm. Raise for worse crystals, lower for steadier fits."""
+    bin_us: int = 2 * _S
+    """The least delay of each such span is kept. Raise for rare messages."""
+    bins: int = 60
+    """Spans remembered. Raise for a steadier drift, lower to follow temperature."""
+    fit_after_us: int = 20 * _S
+    """Drift is taken as 0 until the points span this much."""
+    late_us: int = 5 * _S
+    """A delay beyond this is either a late copy or a step of the host's clock."""
+    early_us: int = _S
+    """Arrival this much earlier than possible is a step of the host's clock, or a damaged time."""
+    step_hold_us: int = 3 * _S
+    """A step is believed when it has lasted this long."""
+    back_us: int = _S
+    """Boot time going back by more than this is a reboot or a late copy."""
+    reboot_hold_us: int = 250_000
+    """A reboot is believed when the new count has run on for this long."""
+    reboot_below_us: int = 300 * _S
+    """A vehicle that has just rebooted counts less than this."""
+
+
+class VehicleClock:
+    """Learns one vehicle's clock. Boot times are unwrapped (they wrap after 49.7 days) and in µs once inside."""
+
+    def __init__(self, params: ClockParams | None = None) -> None:
+        self.params = params or ClockParams()
+        self.reboots = 0
+        """How often the vehicle's count started anew."""
+        self.stray = False
+        """Whether the last boot time did not fit: a late copy, another sender, or a reboot not yet believed."""
+        self._frozen = 0
+        self._started = False
+        self._restart(0, 0)
+
+    def _restart(self, boot_us: int, arrival_us: int) -> None:
+        self._newest = boot_us
+        self._newest_arrival = arrival_us
+        self._offset = float(arrival_us - boot_us)  # of the line, at _anchor
+        self._anchor = boot_us
+        self._drift = 0.0
+        self._bins: deque[tuple[int, int]] = deque(maxlen=self.params.bins)
+        self._bin_stop = boot_us + self.params.bin_us
+        self._least = (boot_us, arrival_us - boot_us)
+        self._delay_us = 20_000.0
+        self._candidate: list[tuple[int, int]] = []
+
+    def to_unix_us(self, boot_ms: int, arrival_us: int) -> int:
+        """Learns from one message and says when it was made, Unix µs."""
+        return self.unix_of(self.learn(boot_ms, arrival_us))
+
+    def learn(self, boot_ms: int, arrival_us: int) -> int:
+        """Learns from one message and returns its boot time, unwrapped, µs.
+
+        A sender that leaves its boot time at zero has none: its messages then count by their arrival.
+        """
+        self._frozen = self._frozen + 1 if boot_ms == 0 else 0
+        boot_us = arrival_us if self._frozen >= 3 else self._unwrap(boot_ms * _MS, arrival_us)
+        if not self._started or self._frozen == 3:
+            self._started = True
+            self._restart(boot_us, arrival_us)
+            return boot_us
+        late_us = arrival_us - self.unix_of(boot_us)
+        back = boot_us < self._newest - self.params.back_us
+        self.stray = back or late_us > self.params.late_us or late_us < -self.params.early_us
+        if self.stray:
+            self._consider(boot_us, arrival_us)
+        else:
+            self._candidate.clear()
+            self._take(boot_us, arrival_us, late_us)
+        return boot_us
+
+    def unix_of(self, boot_us: int) -> int:
+        """Unix µs of a boot time."""
+        return boot_us + round(self._offset + self._drift * (boot_us - self._anchor))
+
+    def boot_of(self, t_us: int) -> int:
+        """Boot time of a Unix time: the inverse of :meth:`unix_of` to a µs."""
+        since_us = t_us - self._anchor - self._offset
+        return self._anchor + round(since_us / (1.0 + self._drift))
+
+    @property
+    def drift(self) -> float:
+        """Seconds that Unix time gains on the vehicle's clock per second, minus 0 before it can be told."""
+        return self._drift
+
+    @property
+    def uncertainty_s(self) -> float:
+        """How far off times may be, 1σ in seconds, without the link's least delay."""
+        if len(self._bins) < 5:
+            return 0.001 + self._delay_us * 1e-6
+        delays = sorted(d - self._line(b) for b, d in self._bins)
+        return 0.001 + delays[len(delays) // 2] * 1e-6
+
+    def _line(self, boot_us: int) -> float:
+        return self._offset + self._drift * (boot_us - self._anchor)
+
+    def _unwrap(self, boot_us: int, arrival_us: int) -> int:
+        if not self._started:
+            return boot_us
+        expected = self._newest + arrival_us - self._newest_arrival
+        wraps = (expected - boot_us + _WRAP_US // 2) // _WRAP_US
+        near = boot_us + wraps * _WRAP_US
+        # A reboot is far from what was expected either way: then the count as it came is the smaller surprise.
+        return near if abs(near - expected) < 600 * _S else boot_us
+
+    def _take(self, boot_us: int, arrival_us: int, late_us: int) -> None:
+        self._delay_us += 0.02 * (max(late_us, 0) - self._delay_us)
+        if boot_us > self._newest:
+            self._newest, self._newest_arrival = boot_us, arrival_us
+        delay = arrival_us - boot_us
+        if late_us < 0:
+            self._offset += late_us  # nothing arrives before it is sent
+        if delay - self._line(boot_us) < self._least[1] - self._line(self._least[0]):
+            self._least = (boot_us, delay)
+        if boot_us >= self._bin_stop:
+            self._bins.append(self._least)
+            self._least = (boot_us, delay)
+            self._bin_stop = boot_us + self.params.bin_us
+            self._fit()
+
+    def _fit(self) -> None:
+        """The line under the points of all bins that is closest to them."""
+        points = list(self._bins)
+        if points[-1][0] - points[0][0] >= self.params.fit_after_us:
+            limit = self.params.max_drift
+            self._drift = max(-limit, min(limit, _hull_slope(points)))
+        self._anchor = points[-1][0]
+        self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
+        if not self._drift:
+            # without a drift the old points say less and less: each may be off by the greatest drift since
+            self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
+
+    def _consider(self, boot_us: int, arrival_us: int) -> None:
+        """Collects messages on another time line, and moves there once it has run alone for long enough."""
+        candidate = self._candidate
+        if candidate:
+            first_boot, first_arrival = candidate[0]
+            shift = (arrival_us - boot_us) - (first_arrival - first_boot)
+            if abs(shift) > _S // 2 or arrival_us < first_arrival:
+                candidate.clear()
+        candidate.append((boot_us, arrival_us))
+        del candidate[1:-2]
+        rebooted = boot_us < self._newest - self.params.back_us and boot_us < self.params.reboot_below_us
+        hold_us = self.params.reboot_hold_us if rebooted else self.params.step_hold_us
+        if len(candidate) >= 3 and arrival_us - candidate[0][1] >= hold_us:
+            self.reboots += boot_us < self._newest - self.params.back_us
+            self._restart(boot_us, arrival_us)
+            self.stray = False
+
+
+def _hull_slope(points: list[tuple[int, int]]) -> float:
+    """Slope of the lower convex hull's edge over the points' mean abscissa; points in order."""
+    hull: list[tuple[int, int]] = []
+    for x, y in points:
+        while len(hull) >= 2:
+            (x0, y0), (x1, y1) = hull[-2], hull[-1]
+            # the middle point lies on or above the chord: it is not a corner of the lower hull
+            if (y1 - y0) * (x - x0) < (y - y0) * (x1 - x0):
+                break
+            hull.pop()
+        hull.append((x, y))
+    mean = sum(x for x, _ in points) / len(points)
+    for (x0, y0), (x1, y1) in pairwise(hull):
+        if x0 <= mean <= x1 and x1 > x0:
+            return (y1 - y0) / (x1 - x0)
+    return 0.0

@@ -1,0 +1,243 @@
+"""Who is where, when: one UAV and its ground vehicles, from packets.
+
+Samples are kept by each vehicle's own boot time, so that a clock learnt better later also dates earlier reports better.
+A report that cannot be right is counted and said, never used and never fatal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from mavlink.attitudes import ATTITUDE_LOST_S, Pose
+from mavlink.camera_report import CameraReports, Gimbals
+from mavlink.decode import decode
+from mavlink.dialect import DEFINITIONS
+from mavlink.gate import GateParams
+from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
+from mavlink.modes import is_vehicle, kind_name
+from mavlink.packet import Packet
+from mavlink.positions import LOST_S, Estimate, Fix
+from mavlink.samples import (
+    Attitude,
+    CameraFov,
+    CameraInformation,
+    GimbalAttitude,
+    GlobalPosition,
+    GpsRaw,
+    Heartbeat,
+    MountOrientation,
+    StatusText,
+    VideoStreamInformation,
+)
+from mavlink.state import CameraReport, FleetState, Notice, Reports, UavState, VehicleStatus
+from mavlink.vehicle import Vehicle
+
+__all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState", "VehicleStatus"]
+
+_UAV_SPEED = 80.0
+_ORIGIN_PATIENCE_US = 10_000_000
+_WAITING = 2000  # reports kept until the origin is known
+_REPORTS = 100_000  # reports kept until somebody takes them
+_NOWHERE = Fix(*[math.nan] * 9)
+
+
+class Fleet:
+    """Folds packets into the fleet's state.
+
+    Args:
+        uav_id: system id of the UAV.
+        ugv_ids: system ids of the ground vehicles; their order is that of all arrays.
+        origin: of the ENU frame; None: the UAV's first position, or that of the first ground vehicle that has reported
+            for ten seconds without the UAV.
+        params: what a ground vehicle can do.
+    """
+
+    def __init__(
+        self,
+        uav_id: int,
+        ugv_ids: Sequence[int],
+        origin: LocalFrame | None = None,
+        params: GateParams | None = None,
+    ) -> None:
+        self.origin = origin
+        self._uav_id = uav_id
+        self._ids = np.array(ugv_ids, dtype=np.int64)
+        self._uav = Vehicle(uav_id, drives=False, params=GateParams(max_speed=_UAV_SPEED))
+        self._ugvs = [Vehicle(system_id, drives=True, params=params or GateParams()) for system_id in ugv_ids]
+        self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
+        self._strangers: set[int] = set()
+        self._home_up = math.nan
+        self._waiting: deque[tuple[Vehicle, int, GlobalPosition]] = deque(maxlen=_WAITING)
+        self._waiting_since_us = 0
+        self._reports: deque[tuple[Vehicle, int, Fix]] = deque(maxlen=_REPORTS)
+        self._gimbals = Gimbals()
+        self._camera = CameraReports()
+        self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
+            Heartbeat: lambda vehicle, sample: vehicle.take_heartbeat(sample),
+            GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample),
+            StatusText: lambda vehicle, sample: vehicle.take_text(sample),
+            Attitude: self._attitude,
+            GlobalPosition: self._position,
+            GimbalAttitude: self._gimbal,
+            MountOrientation: self._gimbal,
+            CameraInformation: self._camera_message,
+            CameraFov: self._camera_message,
+            VideoStreamInformation: self._camera_message,
+        }
+
+    def feed(self, packet: Packet) -> tuple[Notice, ...]:
+        """Takes one packet, in order of arrival; returns what an operator should know."""
+        if packet.message_id not in DEFINITIONS:
+            return ()  # not checked by anything, so not even its sender is known
+        vehicle = self._vehicles.get(packet.system_id)
+        if vehicle is None:
+            return self._stranger(packet)
+        vehicle.heard(packet)
+        sample = decode(packet)
+        take = self._take.get(type(sample))
+        return tuple(take(vehicle, sample)) if take is not None else ()
+
+    def at(self, t_us: int) -> FleetState:
+        """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last."""
+        estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
+        statuses = [
+            vehicle.status(t_us, e, self._pose(vehicle, t_us)) for vehicle, e in zip(self._ugvs, estimates, strict=True)
+        ]
+        rows = np.array([e.fix if e else _NOWHERE for e in estimates], dtype=np.float64).reshape(-1, len(_NOWHERE))
+        uav, uav_status = self._uav_at(t_us)
+        return FleetState(
+            t_us=t_us,
+            uav=uav,
+            system_id=self._ids,
+            p_enu=rows[:, 0:3],
+            v_enu=rows[:, 3:6],
+            heading=rows[:, 6],
+            age_s=np.array([s.position_age_s for s in statuses], dtype=np.float64),
+            std_m=rows[:, 7],
+            valid=np.array([_usable(e, s) for e, s in zip(estimates, statuses, strict=True)], dtype=np.bool_),
+            vehicles=(uav_status, *statuses),
+        )
+
+    def take_reports(self) -> Reports:
+        """Positions of ground vehicles accepted since the last call."""
+        taken, self._reports = self._reports, deque(maxlen=_REPORTS)
+        rows = np.array([fix for _, _, fix in taken], dtype=np.float64).reshape(-1, len(_NOWHERE))
+        return Reports(
+            t_us=np.array([vehicle.clock.unix_of(boot_us) for vehicle, boot_us, _ in taken], dtype=np.int64),
+            system_id=np.array([vehicle.system_id for vehicle, _, _ in taken], dtype=np.int64),
+            p_enu=rows[:, 0:3],
+            v_enu=rows[:, 3:6],
+            heading=rows[:, 6],
+            std_m=rows[:, 7],
+        )
+
+    def _stranger(self, packet: Packet) -> tuple[Notice, ...]:
+        """Says once that a vehicle is on the air that is not in the mission."""
+        if packet.system_id in self._strangers or packet.message_id != 0:
+            return ()
+        sample = decode(packet)
+        if not isinstance(sample, Heartbeat) or not is_vehicle(sample.type, sample.autopilot):
+            return ()
+        self._strangers.add(packet.system_id)
+        text = f"{kind_name(sample.type)} {packet.system_id} is on the air and not in the mission: ignored"
+        return (Notice(t_us=packet.t_us, level="info", kind="vehicle", text=text, system_id=packet.system_id),)
+
+    def _attitude(self, vehicle: Vehicle, sample: Attitude) -> tuple[Notice, ...]:
+        if not vehicle.counts(sample.component_id):
+            return ()
+        boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
+        vehicle.take_attitude(boot_us, sample)
+        return notices
+
+    def _position(self, vehicle: Vehicle, sample: GlobalPosition) -> tuple[Notice, ...]:
+        if not vehicle.counts(sample.component_id):
+            return ()
+        boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
+        reason = vehicle.nonsense(sample)
+        if reason:
+            return notices + tuple(vehicle.refuse(sample.t_us, reason))
+        if self.origin is None and not self._found_origin(vehicle, boot_us, sample):
+            return notices
+        return notices + self._place(vehicle, boot_us, sample)
+
+    def _found_origin(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> bool:
+        """Sets the origin if this report may; else keeps the report for when it is known."""
+        self._waiting_since_us = self._waiting_since_us or sample.t_us
+        if vehicle is not self._uav and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
+            self._waiting.append((vehicle, boot_us, sample))
+            return False
+        self.origin = LocalFrame(sample.lat_deg, sample.lon_deg, sample.alt_m)
+        if vehicle is self._uav:
+            self._learn_home(sample)
+        for waiting in self._waiting:
+            self._place(*waiting)
+        self._waiting.clear()
+        return True
+
+    def _learn_home(self, sample: GlobalPosition) -> None:
+        if self.origin is not None:
+            self._home_up = sample.alt_m - sample.relative_alt_m - self.origin.alt_m
+
+    def _place(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> tuple[Notice, ...]:
+        assert self.origin is not None
+        fix, notices = vehicle.take_position(boot_us, sample, self.origin, self._home_up)
+        if fix is not None and vehicle is self._uav:
+            self._learn_home(sample)
+        elif fix is not None:
+            self._reports.append((vehicle, boot_us, fix))
+        return notices
+
+    def _gimbal(self, vehicle: Vehicle, sample: GimbalAttitude | MountOrientation) -> tuple[Notice, ...]:
+        if vehicle is self._uav:
+            # stamped on arrival: gimbals of their own have a clock of their own
+            boot_us = vehicle.clock.boot_of(sample.t_us)
+            if isinstance(sample, GimbalAttitude):
+                self._gimbals.take_device(boot_us, sample)
+            else:
+                self._gimbals.take_mount(boot_us, sample)
+        return ()
+
+    def _camera_message(
+        self, vehicle: Vehicle, sample: CameraInformation | CameraFov | VideoStreamInformation
+    ) -> tuple[Notice, ...]:
+        if vehicle is self._uav:
+            self._camera.take(sample)
+        return ()
+
+    def _pose(self, vehicle: Vehicle, t_us: int) -> Pose | None:
+        return vehicle.attitudes.at(vehicle.clock.boot_of(t_us))
+
+    def _uav_at(self, t_us: int) -> tuple[UavState, VehicleStatus]:
+        boot_us = self._uav.clock.boot_of(t_us)
+        estimate, pose = self._uav.positions.at(boot_us), self._uav.attitudes.at(boot_us)
+        status = self._uav.status(t_us, estimate, pose)
+        fix = estimate.fix if estimate else _NOWHERE
+        roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
+        state = UavState(
+            p_enu=np.array(fix[0:3]),
+            v_enu=np.array(fix[3:6]),
+            height_m=fix.height_m,
+            R_enu_body=R_ENU_NED @ rotation_from_euler(roll, pitch, yaw),
+            yaw=yaw % (2.0 * math.pi),
+            pitch=pitch,
+            roll=roll,
+            R_enu_gimbal=self._gimbals.at(boot_us, yaw),
+            position_age_s=status.position_age_s,
+            attitude_age_s=status.attitude_age_s,
+            position_valid=_usable(estimate, status),
+            attitude_valid=pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S),
+            camera=self._camera.report,
+        )
+        return state, status
+
+
+def _usable(estimate: Estimate | None, status: VehicleStatus) -> bool:
+    """Whether a position may be used: heard in the last seconds, and by one sender only."""
+    if estimate is None or status.contested:
+        return False
+    return estimate.bracketed or estimate.age_s <= LOST_S

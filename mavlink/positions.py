@@ -1,0 +1,228 @@
+"""One vehicle's positions: judged as they come, interpolated when asked."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+from mavlink.gate import GateParams, course_gap, too_far
+from mavlink.geodesy import wrap_pi
+from mavlink.history import History
+from mavlink.samples import GlobalPosition
+
+__all__ = ["LOST_S", "Estimate", "Fix", "Positions", "Verdict"]
+
+Verdict = Literal["new", "standing", "moved", "frozen", "duplicate", "late", "jump"]
+"""new: usable; standing: usable, says nothing new; moved: usable after a jump; the others are not used."""
+
+LOST_S = 3.0
+_EXTRAPOLATE_S = 2.0
+_HERMITE_S = 2.0
+_ACCELERATION = 1.5  # m/s², 1σ of what a driver does between reports
+_STANDING_SPEED = 0.3
+_STANDING_REPORT_US = 1_000_000
+_YAW_GAP = math.radians(20.0)
+_COURSE_DISTRUST, _COURSE_WORST = 5, 10
+_CONTEST_COUNT, _CONTEST_US = 3, 5_000_000
+
+
+class Fix(NamedTuple):
+    """A position in ENU metres and how it was moving."""
+
+    east: float
+    north: float
+    up: float
+    v_east: float
+    v_north: float
+    v_up: float
+    heading: float
+    """Clockwise from north, NaN unknown."""
+    std_m: float
+    height_m: float
+    """Above home as reported."""
+
+
+class Estimate(NamedTuple):
+    """Where a vehicle is at some time, by its own reports."""
+
+    fix: Fix
+    age_s: float
+    """Since the newest report at or before that time."""
+    bracketed: bool
+    """A later report exists too, and soon enough after: interpolated, not extrapolated."""
+
+
+class Positions:
+    """Positions of one vehicle by its own boot time in µs.
+
+    Args:
+        params: limits.
+        drives: a ground vehicle, whose course must fit its heading.
+    """
+
+    def __init__(self, params: GateParams, *, drives: bool) -> None:
+        self.period_s = math.nan
+        """Usual time between reports."""
+        self.contested_us = 0
+        """Boot time until which two senders fight over this vehicle's place, 0 never."""
+        self._params = params
+        self._drives = drives
+        self._history: History[Fix] = History()
+        self._elsewhere: list[tuple[int, Fix]] = []
+        self._contests = 0
+        self._contest_us = 0
+        self._course_badness = 0
+        self._heading_trusted = True
+        self._place = (math.nan, math.nan)
+        self._reported_us = 0
+
+    def clear(self) -> None:
+        """Forgets every position, for a vehicle that has rebooted."""
+        self._history.clear()
+        self._elsewhere.clear()
+        self._place = (math.nan, math.nan)
+        self._reported_us = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether any position was accepted."""
+        return len(self._history) > 0
+
+    def has(self, boot_us: int) -> bool:
+        """Whether a position of exactly this time is known."""
+        return self._history.has(boot_us)
+
+    @property
+    def last(self) -> tuple[int, Fix] | None:
+        """The newest accepted position and its time."""
+        return self._history.last
+
+    def judged_heading(self, sample: GlobalPosition, yaw: float) -> float:
+        """The reported heading, or NaN when attitude or course contradict it.
+
+        Args:
+            sample: the report.
+            yaw: of the same vehicle's attitude now, NaN unknown.
+        """
+        heading = sample.heading
+        if math.isnan(heading):
+            return heading
+        if self._drives and math.hypot(sample.v_east, sample.v_north) >= self._params.course_speed:
+            wrong = course_gap(sample.v_east, sample.v_north, heading) > self._params.course_gap
+            badness = self._course_badness + (1 if wrong else -1)
+            self._course_badness = max(0, min(_COURSE_WORST, badness))
+            if self._course_badness >= _COURSE_DISTRUST:
+                self._heading_trusted = False
+            elif self._course_badness == 0:
+                self._heading_trusted = True
+        contradicted = abs(wrap_pi(heading - yaw)) > _YAW_GAP  # False when yaw is NaN
+        return math.nan if contradicted or not self._heading_trusted else heading
+
+    def take(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
+        """Judges one report against those before and keeps it when it can be right.
+
+        Args:
+            boot_us: when it was made.
+            fix: the position in ENU.
+            place: the position as it was on the wire, to tell a repetition.
+        """
+        if self._history.has(boot_us):
+            return "duplicate"
+        last = self._history.last
+        if last is not None and self._is_jump(boot_us, fix, last):
+            return self._jump(boot_us, fix, place)
+        repeated = place == self._place
+        if repeated and math.hypot(fix.v_east, fix.v_north) > _STANDING_SPEED:
+            return "frozen"
+        if self._history.add(boot_us, fix) != "added":
+            return "late"
+        self._note_contest(boot_us)
+        self._learn_period(boot_us, last)
+        if repeated and boot_us - self._reported_us < _STANDING_REPORT_US:
+            return "standing"
+        self._place, self._reported_us = place, max(boot_us, self._reported_us)
+        return "new"
+
+    def at(self, boot_us: int) -> Estimate | None:
+        """Position at a time: between two reports interpolated, after the last carried on for two seconds at most.
+
+        Returns:
+            None before the first report.
+        """
+        before, after = self._history.around(boot_us)
+        if before is None:
+            return None
+        age_s = (boot_us - before[0]) * 1e-6
+        if after is not None and after[0] - before[0] <= LOST_S * 1e6:
+            return Estimate(_between(before, after, boot_us), age_s, True)
+        return Estimate(_carried(before[1], age_s), age_s, False)
+
+    def _is_jump(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:
+        gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north)
+        return too_far(gap_m, abs(boot_us - last[0]) * 1e-6, max(fix.std_m, last[1].std_m), self._params)
+
+    def _jump(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
+        elsewhere = self._elsewhere
+        if elsewhere and (boot_us <= elsewhere[-1][0] or self._is_jump(boot_us, fix, elsewhere[-1])):
+            elsewhere.clear()
+        elsewhere.append((boot_us, fix))
+        del elsewhere[1:-2]
+        if len(elsewhere) < 3 or boot_us - elsewhere[0][0] < self._params.jump_accept_us:
+            return "jump"
+        self.clear()
+        self._history.add(boot_us, fix)
+        self._place, self._reported_us = place, boot_us
+        return "moved"
+
+    def _note_contest(self, boot_us: int) -> None:
+        """Good reports between refused ones: somebody else uses this system id, or the receiver flickers."""
+        if boot_us - self._contest_us > _CONTEST_US:
+            self._contests = 0
+        if self._elsewhere:
+            self._elsewhere.clear()
+            self._contests += 1
+            self._contest_us = boot_us
+            if self._contests >= _CONTEST_COUNT:
+                self.contested_us = boot_us + _CONTEST_US
+
+    def _learn_period(self, boot_us: int, last: tuple[int, Fix] | None) -> None:
+        if last is None or boot_us <= last[0]:
+            return
+        gap_s = min((boot_us - last[0]) * 1e-6, LOST_S)
+        # one gap after a loss must not look like a slow sender
+        self.period_s = gap_s if math.isnan(self.period_s) else self.period_s + 0.1 * (gap_s - self.period_s)
+
+
+def _between(before: tuple[int, Fix], after: tuple[int, Fix], boot_us: int) -> Fix:
+    """Cubic Hermite through both reports where their velocities fit their places, else a straight line."""
+    (t0, a), (t1, b) = before, after
+    dt = (t1 - t0) * 1e-6
+    s = (boot_us - t0) / (t1 - t0)
+    mix = [x + s * (y - x) for x, y in zip(a, b, strict=True)]
+    if _velocities_fit(a, b, dt):
+        # p = h00 p0 + h10 dt v0 + h01 p1 + h11 dt v1
+        h10, h11 = s * (1.0 - s) ** 2, -s * s * (1.0 - s)
+        h01 = s * s * (3.0 - 2.0 * s)
+        for k in range(3):
+            mix[k] = a[k] + h01 * (b[k] - a[k]) + dt * (h10 * a[k + 3] + h11 * b[k + 3])
+    mix[6] = (a.heading + s * wrap_pi(b.heading - a.heading)) % (2.0 * math.pi)
+    if math.isnan(mix[6]):
+        mix[6] = a.heading if s < 0.5 else b.heading
+    return Fix(*mix)
+
+
+def _velocities_fit(a: Fix, b: Fix, dt: float) -> bool:
+    if dt > _HERMITE_S:
+        return False
+    east = (b.east - a.east) / dt - 0.5 * (a.v_east + b.v_east)
+    north = (b.north - a.north) / dt - 0.5 * (a.v_north + b.v_north)
+    up = (b.up - a.up) / dt - 0.5 * (a.v_up + b.v_up)
+    return east * east + north * north + up * up < 4.0  # m²/s²; False when any is NaN
+
+
+def _carried(fix: Fix, age_s: float) -> Fix:
+    """The last report moved on by its velocity; less certain with every second."""
+    dt = min(age_s, _EXTRAPOLATE_S)
+    ve, vn, vu = (0.0 if math.isnan(v) else v for v in (fix.v_east, fix.v_north, fix.v_up))
+    std_m = math.hypot(fix.std_m, 0.5 * _ACCELERATION * age_s * age_s)
+    return fix._replace(east=fix.east + ve * dt, north=fix.north + vn * dt, up=fix.up + vu * dt, std_m=std_m)
