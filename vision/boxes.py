@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["canonical", "corners", "hull", "nms", "prob_iou", "rotated_iou", "wrap"]
+__all__ = ["canonical", "corners", "hull", "nms", "prob_iou", "prob_iou_pairs", "rotated_iou", "wrap"]
 
 Floats = NDArray[np.float64]
 
@@ -85,17 +85,21 @@ def prob_iou(a: ArrayLike, b: ArrayLike) -> Floats:
     Returns:
         (m, k) in [0, 1].
     """
-    rows_a, rows_b = _rows(a), _rows(b)
-    xx_a, yy_a, xy_a = _covariance(rows_a)
-    xx_b, yy_b, xy_b = _covariance(rows_b)
+    return prob_iou_pairs(_rows(a)[:, None], _rows(b)[None])
+
+
+def prob_iou_pairs(a: Floats, b: Floats) -> Floats:
+    """Probabilistic overlap of boxes (..., 5) with boxes (..., 5), element by element with broadcasting: (...)."""
+    xx_a, yy_a, xy_a = _covariance(a)
+    xx_b, yy_b, xy_b = _covariance(b)
     # S = Σa + Σb (twice the mean covariance), d = μa − μb
-    xx, yy, xy = xx_a[:, None] + xx_b, yy_a[:, None] + yy_b, xy_a[:, None] + xy_b
-    dx, dy = rows_a[:, None, 0] - rows_b[:, 0], rows_a[:, None, 1] - rows_b[:, 1]
+    xx, yy, xy = xx_a + xx_b, yy_a + yy_b, xy_a + xy_b
+    dx, dy = a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]
     det = xx * yy - xy**2
     # B = ¼ dᵀ S⁻¹ d + ½ ln( det S / (4 √(det Σa · det Σb)) )
     near = (xx * dy**2 + yy * dx**2 - 2 * xy * dx * dy) / (4 * det)
     det_a, det_b = xx_a * yy_a - xy_a**2, xx_b * yy_b - xy_b**2
-    shape = 0.5 * np.log(det / (4 * np.sqrt(det_a[:, None] * det_b)))
+    shape = 0.5 * np.log(det / (4 * np.sqrt(det_a * det_b)))
     # H = √(1 − e^−B)
     hellinger = np.sqrt(np.clip(-np.expm1(-np.maximum(near + shape, 0.0)), 0.0, 1.0))
     return np.asarray(1.0 - hellinger)
@@ -133,8 +137,8 @@ def _rows(boxes: ArrayLike) -> Floats:
 
 def _covariance(rows: Floats) -> tuple[Floats, Floats, Floats]:
     """Entries xx, yy, xy of R diag(w²/12, h²/12) Rᵀ; a side below a tenth of a pixel counts as that."""
-    along, across = (np.maximum(rows[:, k], 0.1) ** 2 / 12 for k in (2, 3))
-    c, s = np.cos(rows[:, 4]), np.sin(rows[:, 4])
+    along, across = (np.maximum(rows[..., k], 0.1) ** 2 / 12 for k in (2, 3))
+    c, s = np.cos(rows[..., 4]), np.sin(rows[..., 4])
     return along * c**2 + across * s**2, along * s**2 + across * c**2, (along - across) * c * s
 
 
