@@ -12,7 +12,7 @@ from sim.scenario import Scenario
 from sim.view import OCCLUDER
 from sim.world import World, random_stream
 
-__all__ = ["DetectedRows", "DetectorModel", "seen_truth", "wrapped"]
+__all__ = ["DetectedRows", "DetectorModel", "seen_truth", "truth_rows", "wrapped"]
 
 FloatArray = NDArray[np.float64]
 
@@ -98,6 +98,16 @@ def seen_truth(world: World, t: float) -> tuple[Boxes, NDArray[np.int64], NDArra
     seen = in_picture(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
     rows = np.flatnonzero(seen)
     return boxes, rows, world.roles.system_id[rows]
+
+
+def truth_rows(world: World, t: float) -> list[str]:
+    """``cx,cy,w,h,angle,system_id`` of everything visible at time t."""
+    boxes, rows, system_id = seen_truth(world, t)
+    columns = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle], axis=-1)[rows].tolist()
+    return [
+        f"{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f},{name}"
+        for (cx, cy, w, h, angle), name in zip(columns, system_id.tolist(), strict=True)
+    ]
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

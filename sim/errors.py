@@ -2,12 +2,13 @@
 
 SimError
 ├── ScenarioError   a scenario that cannot be played: unknown key, wrong type, value out of range, no room
-└── SessionError    a session folder that cannot be written
+├── SessionError    a session folder that cannot be written
+└── PlayError       a live play that cannot begin: bad address, truth file in the way
 """
 
 from __future__ import annotations
 
-__all__ = ["ScenarioError", "SessionError", "SimError"]
+__all__ = ["PlayError", "ScenarioError", "SessionError", "SimError"]
 
 
 class SimError(Exception):
@@ -20,3 +21,7 @@ class ScenarioError(SimError):
 
 class SessionError(SimError):
     """A session folder that cannot be written; the text names the path."""
+
+
+class PlayError(SimError):
+    """A live play that cannot begin; the text names the address or path."""

@@ -16,23 +16,23 @@ def nominal(seed: int = 1) -> Scenario:
     return Scenario(
         name="nominal",
         seed=seed,
-        ground=Ground(kind="curved", vehicles=7, spacing_m=9.0, lanes=2, bend_deg=35.0),
+        ground=Ground(kind="curved", vehicles=7, spacing_m=8.0, lanes=2, bend_deg=35.0),
         gnss=Gnss(white_m=0.3, bias_m=0.5),
     )
 
 
-def curved_road(seed: int = 1) -> Scenario:
+def curved_road(seed: int = 2) -> Scenario:
     """Six of ours on a winding road, a seventh out of the picture, a canopy at a turn, a look-alike at the roadside."""
     return Scenario(
         name="curved-road",
         seed=seed,
         duration_s=32.0,
-        ground=Ground(kind="curved", vehicles=6, outside=1, speed_mps=3.2, spacing_m=9.0, lanes=2),
+        ground=Ground(kind="curved", vehicles=6, outside=1, speed_mps=3.2, spacing_m=9.0, lanes=3),
         flight=Flight(height_m=40.0, sway_m=0.8),
         gnss=Gnss(white_m=0.3, bias_m=0.6, tau_s=60.0),
         timing=Timing(rate_min_hz=5.0, rate_max_hz=5.0),
         targets=Targets(parked_lookalikes=1),
-        occlusions=(Occlusion(vehicle=2, t_s=16.0, duration_s=2.2),),
+        occlusions=(Occlusion(vehicle=0, t_s=20.0, duration_s=2.2),),
     )
 
 

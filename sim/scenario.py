@@ -55,7 +55,7 @@ class Ground:
     bend_length_m: float = 120.0
     lane_changes_per_min: float = 2.0
     """Of each vehicle, where there is room."""
-    stops_per_min: float = 0.5
+    stops_per_min: float = 0.3
     """Of each vehicle."""
     area_m: tuple[float, float] = (44.0, 24.0)
     """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the picture; wider than the

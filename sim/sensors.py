@@ -76,9 +76,9 @@ class Sensors:
             zeroed=_during(t, self._faults(vehicle), "zero"),
         )
 
-    def uav(self, t: FloatArray) -> UavReading:
-        """Readings of the UAV at times t (k,)."""
-        rng = random_stream(self.scenario, f"uav {len(t)}")
+    def uav(self, t: FloatArray, what: str) -> UavReading:
+        """Readings of the UAV at times t (k,); each purpose has noise of its own."""
+        rng = random_stream(self.scenario, f"uav {what}")
         scenario, truth = self.scenario, self.world.at_uav(t)
         noise = rng.normal(0.0, 1.0, (len(t), 6))
         p = truth.p_enu + scenario.gnss.uav_white_m * noise[:, :3] * (1.0, 1.0, 0.5)
@@ -94,9 +94,9 @@ class Sensors:
             roll=truth.roll + tilt[1] + 0.3 * spread * noise[:, 5],
         )
 
-    def silent(self, vehicle: int, t: FloatArray) -> NDArray[np.bool_]:
-        """(k,) True while a fault keeps the vehicle off the air."""
-        return _during(t, self._faults(vehicle), "silent")
+    def silent(self, vehicle: int, t: float) -> bool:
+        """True while a fault keeps the vehicle off the air."""
+        return any(f.kind == "silent" and f.start_s <= t < f.stop_s for f in self._faults(vehicle))
 
     def _truth(self, vehicle: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         xy, v, heading = self.world.track_of(vehicle, t)

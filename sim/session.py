@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from sim.detections import DetectorModel, seen_truth
+from sim.detections import DetectorModel, truth_rows
 from sim.errors import SessionError
 from sim.scenario import UAV_ID, Scenario
 from sim.scenario_file import save_scenario
@@ -123,10 +123,5 @@ def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
 
 
 def _write_visible_truth(path: Path, world: World, t: FloatArray) -> None:
-    lines = ["frame,cx,cy,w,h,angle,system_id\n"]
-    for frame, now in enumerate(t.tolist()):
-        boxes, rows, system_id = seen_truth(world, now)
-        for i, name in zip(rows.tolist(), system_id.tolist(), strict=True):
-            box = f"{boxes.cx[i]:.2f},{boxes.cy[i]:.2f},{boxes.w[i]:.2f},{boxes.h[i]:.2f},{boxes.angle[i]:.4f}"
-            lines.append(f"{frame},{box},{name}\n")
-    path.write_bytes("".join(lines).encode())
+    rows = "".join(f"{frame},{row}\n" for frame, now in enumerate(t.tolist()) for row in truth_rows(world, now))
+    path.write_bytes(("frame,cx,cy,w,h,angle,system_id\n" + rows).encode())

@@ -107,7 +107,7 @@ class _Traffic:
     def _wanted_speed(self, now: float, cruise: float, reference: float) -> FloatArray:
         wander = self._wander * np.sin(2.0 * np.pi * now / self._period + self._phase)
         behind = self._agents.s + wander + reference - self.s
-        pull = np.where(self._agents.cooperative, 0.25 * behind, 0.0)
+        pull = np.where(self._agents.cooperative, 0.35 * behind, 0.0)
         stops = self._rng.random(len(self.s)) < self._ground.stops_per_min / 60.0 * STEP_S
         self._stop_until = np.where(stops, now + self._rng.uniform(1.5, 3.5, len(self.s)), self._stop_until)
         wanted = np.clip(cruise * self._agents.pace + pull, 0.3 * cruise, 1.8 * cruise * self._agents.pace)

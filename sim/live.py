@@ -1,0 +1,121 @@
+"""A scenario played in real time: telemetry over UDP, one socket per vehicle, and video as MPEG-TS over UDP."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sim.broadcast import VideoSender
+from sim.errors import PlayError
+from sim.scenario import UAV_ID, Scenario
+from sim.speaker import TALK_FROM_S, Spoken, speak
+from sim.world import World
+
+__all__ = ["Played", "play"]
+
+TICK_S = 0.2
+LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4
+"""Time to prepare before the first packet is due: readings are computed for the whole flight."""
+
+BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """What was sent."""
+
+    packets: dict[int, int]
+    """MAVLink packets by system id."""
+    frames: int
+    frames_skipped: int
+    """Frames whose turn had passed before they could be drawn."""
+    start_us: int
+    """Unix time of the first frame's exposure."""
+
+
+def play(
+    scenario: Scenario,
+    telemetry_url: str = "udpout:127.0.0.1:14550",
+    video_url: str | None = "udp://127.0.0.1:5600",
+    duration_s: float | None = None,
+    on_tick: Callable[[float], None] | None = None,
+    *,
+    stop: threading.Event | None = None,
+    boot_noise: bool = False,
+    truth_path: Path | None = None,
+) -> Played:
+    """Play until the duration is over or ``stop`` is set.
+
+    Telemetry begins two seconds before the video. Each vehicle has a socket, hence a source port, of its own. Frames
+    are exposed on time or skipped, never queued; their time stamps are their true exposure times.
+
+    Args:
+        scenario: what is flown; its ``start_us`` is replaced by the present.
+        telemetry_url: ``udpout:host:port``.
+        video_url: ``udp://host:port``, or None for telemetry alone.
+        duration_s: length of the video; the scenario's own when None.
+        on_tick: called about five times a second with the seconds since the first frame (negative before it).
+        stop: ends the play early when set.
+        boot_noise: begin with the plain text that autopilots send while they boot.
+        truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame.
+
+    Raises:
+        PlayError: if an address is malformed or the truth file exists.
+        ScenarioError: if the scenario cannot be played.
+    """
+    target = _udp_target(telemetry_url)
+    stop = stop or threading.Event()
+    scenario = dataclasses.replace(scenario, duration_s=duration_s or scenario.duration_s)
+    world = World(scenario)
+    sender = VideoSender(world, video_url, truth_path) if video_url else None
+    lead_s = LEAD_S + LEAD_PER_VEHICLE_SECOND * scenario.fleet_size * scenario.duration_s
+    start_us = time.time_ns() // 1000 + round((lead_s - TALK_FROM_S) * 1e6)
+    packets = dict.fromkeys((UAV_ID, *scenario.ugv_ids), 0)
+    ids = (*scenario.ugv_ids, UAV_ID)
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in ids]
+        if sender is not None:
+            sender.start(start_us)
+            stack.callback(sender.close)
+        for noise in BOOT_NOISE if boot_noise else ():
+            for outlet in sockets:
+                outlet.sendto(noise, target)
+        for packet in _on_time(speak(world, start_us), start_us, stop, on_tick):
+            sockets[packet.vehicle].sendto(packet.raw, target)
+            packets[ids[packet.vehicle]] += 1
+    frames, skipped = (sender.sent, sender.skipped) if sender is not None else (0, 0)
+    return Played(packets=packets, frames=frames, frames_skipped=skipped, start_us=start_us)
+
+
+def _on_time(
+    packets: Iterable[Spoken], start_us: int, stop: threading.Event, on_tick: Callable[[float], None] | None
+) -> Iterator[Spoken]:
+    """The packets, each at its time of arrival."""
+    next_tick = -np.inf
+    for packet in packets:
+        while (wait_s := packet.t_us / 1e6 - time.time()) > 0.0:
+            now = time.time() - start_us / 1e6
+            if on_tick is not None and now >= next_tick:
+                on_tick(now)
+                next_tick = now + TICK_S
+            if stop.wait(min(wait_s, TICK_S)):
+                return
+        if stop.is_set():
+            return
+        yield packet
+
+
+def _udp_target(url: str) -> tuple[str, int]:
+    scheme, _, address = url.partition(":")
+    host, _, port = address.removeprefix("//").rpartition(":")
+    if scheme != "udpout" or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise PlayError(f"{url}: is no telemetry address; give udpout:host:port, for example udpout:127.0.0.1:14550")
+    return host, int(port)
