@@ -1,0 +1,239 @@
+"""The station's app: polls for snapshots, hands them to the panes, turns keys into wishes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import App, ComposeResult
+from textual.binding import BindingType
+from textual.filter import ANSIToTruecolor, LineFilter
+from textual.reactive import reactive
+
+from gcs.snapshot import Snapshot
+from gcs.station import Station
+from gcs.tui import playback
+from gcs.tui.alert import AlertLine
+from gcs.tui.deck import Deck
+from gcs.tui.event_log import EventPane, heard
+from gcs.tui.fleet import FleetPane
+from gcs.tui.help import HelpScreen
+from gcs.tui.hints import HintLine
+from gcs.tui.identity import IdentityPane
+from gcs.tui.keys import BINDINGS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
+from gcs.tui.map import MapPane
+from gcs.tui.messages import SeekTo, VehiclePicked
+from gcs.tui.pane import Pane
+from gcs.tui.pixels import Graphics, pixel_images
+from gcs.tui.prompts import Ask
+from gcs.tui.saving import save_new
+from gcs.tui.status import StatusBar
+from gcs.tui.timeline import TimelineBar
+from gcs.tui.video import VideoPane
+from gcs.tui.wording import age, clock, plain
+
+__all__ = ["RollcallApp", "error_line"]
+
+POLL_S = 1 / 12
+SILENT_S = 2.0
+ALARM_SHOWN_US = 8_000_000
+SCREENSHOT_TITLE = "Rollcall"
+
+
+def error_line(error: BaseException) -> str:
+    """One plain line on why the station stopped."""
+    return f"station stopped: {plain(str(error)) or type(error).__name__}"
+
+
+class RollcallApp(App[None]):
+    """Screens of one station; the station's threads never touch a widget."""
+
+    CSS_PATH = "app.tcss"
+    TITLE = "Rollcall"
+    ENABLE_COMMAND_PALETTE = False
+    ALLOW_SELECT = False
+    AUTO_FOCUS = None
+    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS]
+
+    snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
+    selected: reactive[int] = reactive(0, repaint=False)
+
+    def __init__(self, station: Station, *, graphics: Graphics = "auto") -> None:
+        """Show a station.
+
+        Args:
+            station: A running flight or replay; it is stopped by whoever started it.
+            graphics: ``pixels`` and ``auto`` ask the terminal for real pixels and fall back to half blocks.
+        """
+        super().__init__()
+        self._station = station
+        self._pixels = pixel_images(graphics)
+        self._newest_at = time.monotonic()
+
+    def compose(self) -> ComposeResult:
+        """Status, alert, panes, timeline, keys."""
+        live = self._station.timeline is None
+        bound = (RollcallApp.snapshot, RollcallApp.selected)
+        kinds: tuple[tuple[type[Pane], str], ...] = (
+            (MapPane, "map"), (FleetPane, "fleet"), (IdentityPane, "identity"), (EventPane, "events"),
+        )  # fmt: skip
+        video = VideoPane(id="video", pixels=self._pixels)
+        panes = [video, *(kind(id=id) for kind, id in kinds)]
+        yield StatusBar(self._station.title, live=live, id="status").data_bind(RollcallApp.snapshot)
+        yield AlertLine(id="alert")
+        yield Deck([pane.data_bind(*bound) for pane in panes], id="deck")
+        if not live:
+            yield TimelineBar(id="timeline")
+        yield HintLine(LIVE_HINTS if live else REPLAY_HINTS, id="hints")
+
+    def on_mount(self) -> None:
+        """Start to poll."""
+        self._poll()
+        self.set_interval(POLL_S, self._poll)
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Without the palette filter: every colour here is true colour, and it costs more than the picture itself."""
+        return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
+
+    def _poll(self) -> None:
+        newest = self._station.latest()
+        if newest is not None and newest is not self.snapshot:
+            self._newest_at = time.monotonic()
+            self.query_one(Deck).fit_to(newest)
+            self.snapshot = newest
+        said = self._station.events()
+        log = self.query_one(EventPane)
+        if len(said) != len(log.said) or (said and said[-1] is not log.said[-1]):
+            log.said = tuple(said)
+        if self._station.timeline is not None:
+            self.query_one(TimelineBar).show(self._station.timeline, said)
+        self.query_one(AlertLine).text = self._alert()
+
+    def _alert(self) -> str:
+        if self._station.error is not None:
+            return f"{error_line(self._station.error)} — q quits"
+        silent_s = time.monotonic() - self._newest_at
+        if self._station.timeline is None and self.snapshot is not None and silent_s > SILENT_S:
+            return f"nothing new for {age(float(int(silent_s)))}: the screen shows the past"
+        now_us = 0 if self.snapshot is None else self.snapshot.t_us
+        recent = [event for event in self.query_one(EventPane).said if event.level == "alarm"
+                  and 0 <= now_us - event.t_us < ALARM_SHOWN_US]  # fmt: skip
+        return f"{clock(recent[-1].t_us)} {recent[-1].text}" if recent else ""
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Replay keys exist only in a replay."""
+        return self._station.timeline is not None or action not in REPLAY_ACTIONS
+
+    def action_toggle_play(self) -> None:
+        """Play or pause."""
+        if self._station.timeline is not None:
+            playback.toggle(self._station.timeline)
+
+    def action_jump(self, seconds: int) -> None:
+        """Move by seconds."""
+        if self._station.timeline is not None:
+            playback.jump(self._station.timeline, seconds)
+
+    def action_step(self, frames: int) -> None:
+        """Move by frames."""
+        if self._station.timeline is not None:
+            self._station.timeline.step(frames)
+
+    def action_speed(self, steps: int) -> None:
+        """Faster or slower."""
+        if self._station.timeline is not None:
+            playback.change_speed(self._station.timeline, steps)
+
+    def action_edge(self, end: int) -> None:
+        """First or last frame."""
+        if (timeline := self._station.timeline) is not None:
+            timeline.seek(timeline.stop_us if end else timeline.start_us)
+
+    def action_event(self, steps: int) -> None:
+        """Next or previous event of those the log shows."""
+        if (timeline := self._station.timeline) is None:
+            return
+        event = playback.event_beside(heard(self._station.events(), self.query_one(EventPane).least), timeline, steps)
+        if event is None:
+            self.notify("no later event" if steps > 0 else "no earlier event", markup=False, timeout=2)
+        else:
+            timeline.seek(event.t_us)
+
+    def action_go_to(self) -> None:
+        """Ask for a time."""
+        if (timeline := self._station.timeline) is None:
+            return
+        start, stop, now = timeline.start_us, timeline.stop_us, timeline.now_us
+        hint = "1:30 from the start, +10, -1:00, 50%, 10:33:12Z"
+        ask = Ask("Go to time", hint, lambda text: playback.parse_time(text, start, stop, now))
+        self.push_screen(ask, lambda goal: None if goal is None else timeline.seek(min(max(goal, start), stop)))
+
+    def action_pane(self, pane: str) -> None:
+        """Show, focus or hide a pane."""
+        self.query_one(Deck).toggle(pane)
+
+    def action_layout(self, layout: int) -> None:
+        """One of three layouts."""
+        self.query_one(Deck).choose(layout)
+
+    def action_maximise(self) -> None:
+        """The focused pane, or the layout's first view, over everything."""
+        deck = self.query_one(Deck)
+        pane = self.focused.id if isinstance(self.focused, Pane) and self.focused.id else None
+        deck.maximise(deck.wish.maximised or pane or ("map" if deck.wish.layout == 2 else "video"))
+
+    def action_pick(self, steps: int) -> None:
+        """Select the vehicle above or below."""
+        ids = [row.system_id for row in self.snapshot.vehicles] if self.snapshot is not None else []
+        if ids:
+            first = 0 if steps > 0 else len(ids) - 1
+            self.selected = ids[(ids.index(self.selected) + steps) % len(ids) if self.selected in ids else first]
+
+    def action_release(self) -> None:
+        """Leave the maximised pane, else the selection."""
+        deck = self.query_one(Deck)
+        if deck.wish.maximised:
+            deck.maximise(deck.wish.maximised)
+        else:
+            self.selected = 0
+
+    def action_zoom(self, steps: int) -> None:
+        """Zoom the map."""
+        self.query_one(MapPane).zoom_by(steps)
+
+    def action_follow(self) -> None:
+        """What the map follows."""
+        self.query_one(MapPane).follow_next()
+
+    def action_level(self) -> None:
+        """Level filter of the log."""
+        self.query_one(EventPane).next_filter()
+
+    def action_help(self) -> None:
+        """All keys."""
+        self.push_screen(HelpScreen(live=self._station.timeline is None))
+
+    def action_save(self) -> None:
+        """Ask where to, then save the screen as it was before the question."""
+        drawing = self.export_screenshot(title=SCREENSHOT_TITLE)
+        moment = clock(self.snapshot.t_us).replace(":", "") if self.snapshot is not None else "screen"
+        ask = Ask("Save the screen as SVG", "a new file; nothing is overwritten", lambda text: save_new(text, drawing),
+                  value=f"rollcall-{moment}.svg")  # fmt: skip
+        self.push_screen(ask, lambda path: None if path is None else self.notify(f"saved {path}", markup=False))
+
+    def action_leave(self) -> None:
+        """Quit; an error of the station is the exit message."""
+        error = self._station.error
+        # rich text, since a plain string would be read as markup
+        self.exit(return_code=int(error is not None), message=None if error is None else Text(error_line(error)))
+
+    def on_vehicle_picked(self, message: VehiclePicked) -> None:
+        """A pane was clicked."""
+        self.selected = message.system_id
+
+    def on_seek_to(self, message: SeekTo) -> None:
+        """The timeline was clicked."""
+        if self._station.timeline is not None:
+            self._station.timeline.seek(message.t_us)

@@ -1,0 +1,145 @@
+"""Which pane goes where: three layouts from 80×24 upward, in whole cells. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+__all__ = ["PANES", "Rect", "Wish", "arranged", "default_panes"]
+
+Rect = tuple[int, int, int, int]
+"""Left, top, width, height in cells."""
+
+PANES = ("video", "map", "fleet", "identity", "events")
+FLEET_WIDTHS = (31, 40, 50, 59, 64, 70, 77)
+"""Widths at which one more column of the fleet table fits."""
+IDENTITY_ROWS = 13
+EVENT_ROWS = 4
+CHART_ROWS = 8
+ROOMY = (120, 36)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """What the operator wants to see."""
+
+    layout: int = 1
+    """1 video first, 2 map first, 3 both beside each other."""
+    toggled: frozenset[str] = field(default=frozenset())
+    """Panes switched against the layout's default."""
+    maximised: str = ""
+    """A pane that takes everything, empty for none."""
+    fleet_rows: int = 8
+    aspect: float = 16 / 9
+    """Of the picture, width over height."""
+
+    def shown(self, width: int, height: int) -> frozenset[str]:
+        """Panes wanted in a field of this size."""
+        return default_panes(self.layout, width, height) ^ self.toggled
+
+
+def default_panes(layout: int, width: int, height: int) -> frozenset[str]:
+    """Panes of a layout before the operator switches any; not all of them fit a small screen."""
+    if width >= ROOMY[0] and height >= ROOMY[1]:
+        return frozenset(PANES)
+    return frozenset(PANES) - {1: {"map"}, 2: {"video"}, 3: {"identity", "events"}}.get(layout, set())
+
+
+def arranged(width: int, height: int, wish: Wish) -> Mapping[str, Rect]:
+    """Rectangles of the panes that find room.
+
+    Args:
+        width: Of the field, cells.
+        height: Of the field, cells.
+        wish: Layout and switched panes.
+    """
+    if width <= 0 or height <= 0:
+        return {}
+    if wish.maximised:
+        return {wish.maximised: (0, 0, width, height)}
+    shown = wish.shown(width, height)
+    return _beside(width, height, wish, shown) if wish.layout == 3 else _main(width, height, wish, shown)
+
+
+def _main(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
+    """A large view with the log below; table, identity and the other view in a column on the right."""
+    views = [pane for pane in (("video", "map") if wish.layout == 1 else ("map", "video")) if pane in shown]
+    left = [*views[:1], *(["events"] if "events" in shown else [])]
+    right = [pane for pane in ("fleet", "identity") if pane in shown] + views[1:]
+    if not left or not right:
+        return _column(left or right, (0, 0, width, height), wish)
+    most = max(FLEET_WIDTHS[0], round(0.35 * width))
+    right_width = min(max(size for size in FLEET_WIDTHS if size <= most), width // 2)
+    left_width = width - right_width - 1
+    return {
+        **_column(left, (0, 0, left_width, height), wish),
+        **_column(right, (left_width + 1, 0, right_width, height), wish),
+    }
+
+
+def _beside(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
+    """Both views beside each other above the whole table."""
+    views = [pane for pane in ("video", "map") if pane in shown]
+    below = [pane for pane in ("fleet", "identity", "events") if pane in shown]
+    if not views or not below:
+        return _column(views or below, (0, 0, width, height), wish)
+    table = wish.fleet_rows + 1
+    spare = EVENT_ROWS + 3 if height >= ROOMY[1] else 0
+    view_width = (width - len(views) + 1) // len(views)
+    top = max(CHART_ROWS, min(_picture_rows(view_width, wish), height - table - spare))
+    top = min(top, height - 2)
+    rects: dict[str, Rect] = {}
+    for index, pane in enumerate(views):
+        left = index * (view_width + 1)
+        rects[pane] = (left, 0, width - left if index == len(views) - 1 else view_width, top)
+    rest = (0, top, width, height - top)
+    if width < ROOMY[0] or below == ["fleet"] or "fleet" not in below:
+        return rects | _column(below, rest, wish)
+    table_width = round(0.62 * width)
+    beside = (table_width + 1, top, width - table_width - 1, height - top)
+    under = ["events"] if "events" in below and "identity" in below else []
+    return (
+        rects
+        | _column(["fleet", *under], (0, top, table_width, height - top), wish)
+        | _column([pane for pane in below if pane not in ("fleet", *under)], beside, wish)
+    )
+
+
+def _column(panes: Sequence[str], field: Rect, wish: Wish) -> dict[str, Rect]:
+    """Stack panes; those that find no room are left out, the least needed first."""
+    left, top, width, height = field
+    heights = _heights(list(panes), width, height, wish)
+    rects: dict[str, Rect] = {}
+    for pane, rows in heights.items():
+        rects[pane] = (left, top, width, rows)
+        top += rows
+    return rects
+
+
+def _heights(panes: list[str], width: int, height: int, wish: Wish) -> dict[str, int]:
+    least = {
+        "video": CHART_ROWS,
+        "map": CHART_ROWS,
+        "fleet": min(wish.fleet_rows + 1, max(4, height // 2)),
+        "identity": 6,
+        "events": EVENT_ROWS,
+    }
+    for spare in ("identity", "events", "map", "video"):
+        if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
+            panes.remove(spare)
+    natural = {**least, "video": _picture_rows(width, wish), "fleet": wish.fleet_rows + 1, "identity": IDENTITY_ROWS}
+    rows = {pane: least[pane] for pane in panes}
+    for pane in ("fleet", "video", "identity"):
+        if pane in rows:
+            free = height - sum(rows.values())
+            rows[pane] += max(0, min(free, natural[pane] - rows[pane]))
+    # what is left goes to the pane that uses it best
+    for pane in ("map", "events", "video", "identity", "fleet"):
+        if pane in rows:
+            rows[pane] += height - sum(rows.values())
+            break
+    return rows
+
+
+def _picture_rows(width: int, wish: Wish) -> int:
+    return max(1, round(width / wish.aspect / 2)) + 1

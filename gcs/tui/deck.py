@@ -1,0 +1,109 @@
+"""The deck holds the panes and lays them out by the operator's wish."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from textual import events
+from textual.app import ComposeResult
+from textual.geometry import NULL_OFFSET, NULL_SPACING, Region, Size
+from textual.layout import Layout, WidgetPlacement
+from textual.widget import Widget
+
+from gcs.snapshot import Snapshot
+from gcs.tui.arrange import Rect, Wish, arranged
+from gcs.tui.pane import Pane
+
+__all__ = ["Deck"]
+
+
+class _DeckLayout(Layout):
+    """Puts each pane on the rectangle that the deck has for it."""
+
+    name = "deck"
+
+    def arrange(self, parent: Widget, children: list[Widget], size: Size, greedy: bool = True) -> list[WidgetPlacement]:
+        rects: Mapping[str, Rect] = parent.rects_in(size) if isinstance(parent, Deck) else {}
+        return [
+            WidgetPlacement(Region(*rects[child.id]), NULL_OFFSET, NULL_SPACING, child)
+            for child in children
+            if child.id is not None and child.id in rects
+        ]
+
+
+class Deck(Widget):
+    """All panes; those without room are not displayed."""
+
+    def __init__(self, panes: Iterable[Pane], *, id: str) -> None:
+        super().__init__(id=id)
+        self._panes = tuple(panes)
+        self._deck_layout = _DeckLayout()
+        self.wish = Wish()
+
+    @property
+    def layout(self) -> Layout:
+        """The deck's own layout."""
+        return self._deck_layout
+
+    def compose(self) -> ComposeResult:
+        """The panes."""
+        yield from self._panes
+
+    def rects_in(self, size: Size) -> Mapping[str, Rect]:
+        """Rectangle of every pane that finds room, by id."""
+        return arranged(size.width, size.height, self.wish)
+
+    def has_room(self, pane_id: str) -> bool:
+        """Whether a pane is on screen."""
+        return pane_id in self.rects_in(self.size)
+
+    def change(self, wish: Wish) -> None:
+        """Lay out anew if anything differs."""
+        if wish != self.wish:
+            self.wish = wish
+            self._show()
+
+    def fit_to(self, snapshot: Snapshot) -> None:
+        """Follow the number of vehicles and the shape of the picture."""
+        aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.wish.aspect
+        self.change(replace(self.wish, fleet_rows=max(1, len(snapshot.vehicles)), aspect=min(max(aspect, 0.3), 4.0)))
+
+    def choose(self, layout: int) -> None:
+        """One of the three layouts, as it comes."""
+        self.change(replace(self.wish, layout=layout, toggled=frozenset(), maximised=""))
+
+    def maximise(self, pane_id: str) -> None:
+        """One pane over everything; the same again, or none, brings the layout back."""
+        self.change(replace(self.wish, maximised="" if self.wish.maximised == pane_id else pane_id))
+
+    def toggle(self, pane_id: str) -> None:
+        """Bring a pane to the focus; put it away when it has it."""
+        pane = self.query_one(f"#{pane_id}", Pane)
+        if self.wish.maximised:
+            hide = self.wish.maximised == pane_id
+            self.change(replace(self.wish, maximised="" if hide else pane_id))
+            self.screen.set_focus(None if hide else pane)
+        elif pane.has_focus and self.has_room(pane_id):
+            self.change(replace(self.wish, toggled=self.wish.toggled ^ {pane_id}))
+            self.screen.set_focus(None)
+        else:
+            self._bring(pane_id)
+            self.screen.set_focus(pane)
+
+    def _bring(self, pane_id: str) -> None:
+        if pane_id not in self.wish.shown(*self.size):
+            self.change(replace(self.wish, toggled=self.wish.toggled ^ {pane_id}))
+        if not self.has_room(pane_id):
+            self.maximise(pane_id)
+
+    def _show(self) -> None:
+        rects = self.rects_in(self.size)
+        for pane in self._panes:
+            pane.display = pane.id in rects
+            # a child's wish for layout is what makes its parent forget the arrangement before
+            pane.refresh(layout=True)
+
+    def on_resize(self, event: events.Resize) -> None:
+        """Panes may find or lose room."""
+        self._show()

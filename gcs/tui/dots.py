@@ -1,0 +1,76 @@
+"""Braille dots: a grid of 2×4 dots per cell, drawn on with lines and circles, each cell in the last ink used."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Dots"]
+
+BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int64)
+LONGEST = 4096
+
+
+class Dots:
+    """Bits and inks of a grid of cells; coordinates in dots, x right, y down, outside is cut off."""
+
+    def __init__(self, columns: int, rows: int) -> None:
+        self.columns, self.rows = columns, rows
+        self.bits: NDArray[np.int64] = np.zeros((rows, columns), dtype=np.int64)
+        """(rows, columns) braille pattern, 0 where nothing is drawn."""
+        self.ink: NDArray[np.int64] = np.zeros((rows, columns), dtype=np.int64)
+        """(rows, columns) packed 0xRRGGBB of the last thing drawn there."""
+
+    def points(self, xy: NDArray[np.float64], ink: int) -> None:
+        """Set dots at (k, 2) positions; NaN and far ones are skipped."""
+        whole = np.floor(xy[np.isfinite(xy).all(axis=1)])
+        keep = ((whole >= 0) & (whole < (2 * self.columns, 4 * self.rows))).all(axis=1)
+        x, y = whole[keep].astype(np.int64).T
+        np.bitwise_or.at(self.bits, (y // 4, x // 2), BITS[y % 4, x % 2])
+        self.ink[y // 4, x // 2] = ink
+
+    def line(self, start: NDArray[np.float64], end: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
+        """A straight line; ``every`` above 1 leaves gaps between dots."""
+        clipped = _clip(start, end, 2.0 * self.columns, 4.0 * self.rows)
+        if clipped is None:
+            return
+        a, b = clipped
+        count = min(LONGEST, max(1, math.ceil(float(np.abs(b - a).max()) / every)))
+        self.points(a + (b - a) * np.linspace(0.0, 1.0, count + 1)[:, None], ink)
+
+    def polygon(self, corners: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
+        """A closed outline through (k, 2) corners."""
+        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            self.line(start, end, ink, every)
+
+    def circle(self, centre: NDArray[np.float64], radius: float, ink: int, every: float = 1.0) -> None:
+        """A circle; nothing for radii that are unknown or beyond all sense."""
+        if not (math.isfinite(radius) and 0 < radius < LONGEST):
+            return
+        turn = np.linspace(0.0, 2 * math.pi, max(8, math.ceil(2 * math.pi * radius / every)), endpoint=False)
+        self.points(centre + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1), ink)
+
+
+def _clip(
+    start: NDArray[np.float64], end: NDArray[np.float64], width: float, height: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The part of a segment inside the grid (Liang–Barsky), None when there is none or an end is unknown."""
+    if not (np.isfinite(start).all() and np.isfinite(end).all()):
+        return None
+    delta = end - start
+    enter, leave = 0.0, 1.0
+    for step, low in (
+        (-delta[0], start[0]),
+        (delta[0], width - start[0]),
+        (-delta[1], start[1]),
+        (delta[1], height - start[1]),
+    ):
+        if step == 0:
+            if low < 0:
+                return None
+            continue
+        at = low / step
+        enter, leave = (max(enter, at), leave) if step < 0 else (enter, min(leave, at))
+    return (start + delta * enter, start + delta * leave) if enter <= leave else None

@@ -1,0 +1,113 @@
+"""The event log: newest at the bottom, filtered by level, bounded, plain text only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.reactive import reactive
+from textual.strip import Strip
+
+from gcs.snapshot import Event, Level
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
+from gcs.tui.pane import Pane
+from gcs.tui.strips import Part, fitted, line
+from gcs.tui.wording import clock, plain
+
+__all__ = ["EventPane", "heard"]
+
+FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
+SAID: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
+MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
+MOST: Final = 2000
+
+
+def heard(said: Sequence[Event], least: Level) -> list[Event]:
+    """Events of at least a level, the newest few thousand."""
+    newest = islice(reversed(said), MOST)
+    rank = FILTERS.index(least)
+    return [event for event in newest if _rank(event.level) >= rank][::-1]
+
+
+def _rank(level: str) -> int:
+    return FILTERS.index(level) if level in FILTERS else 0
+
+
+class EventPane(Pane):
+    """What happened; scrolls when focused, else follows the newest."""
+
+    label: ClassVar[str] = "EVENTS"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up,k", "scroll_by(1)", "Older", id="events.up", show=False, tooltip="Scroll the event log up"),
+        Binding("down,j", "scroll_by(-1)", "Newer", id="events.down", show=False, tooltip="Scroll the event log down"),
+        Binding("pageup", "scroll_by(10)", "Older", id="events.pageup", show=False, tooltip="Scroll ten events up"),
+        Binding("pagedown", "scroll_by(-10)", "Newer", id="events.pagedown", show=False, tooltip="Scroll ten down"),
+    ]
+
+    said: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)
+    least: reactive[Level] = reactive("info", repaint=False)
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._back = 0
+
+    def next_filter(self) -> None:
+        """All, warnings and alarms, alarms only, all …"""
+        self.least = FILTERS[(FILTERS.index(self.least) + 1) % len(FILTERS)]
+
+    def action_scroll_by(self, rows: int) -> None:
+        """Older (positive) or newer."""
+        room = max(0, len(heard(self.said, self.least)) - (self.size.height - 1))
+        self._back = min(max(self._back + rows, 0), room)
+        self.redraw()
+
+    def watch_said(self) -> None:
+        """Something happened."""
+        self.redraw()
+
+    def watch_least(self) -> None:
+        """Another filter begins at the newest event."""
+        self._back = 0
+        self.redraw()
+
+    def watch_snapshot(self) -> None:
+        """Nothing: only events change this pane."""
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Older."""
+        self.action_scroll_by(2)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Newer."""
+        self.action_scroll_by(-2)
+
+    def note(self) -> Sequence[Part]:
+        """The filter, and whether the newest is on screen."""
+        back = f"{self._back} newer below · " if self._back else ""
+        alarms = sum(event.level == "alarm" for event in self.said)
+        loud: list[Part] = [(f"{alarms} alarm{'s' if alarms > 1 else ''} ", ink(level_colour("alarm"), HEAD))]
+        return [(f"{back}{SAID[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
+
+    def body(self, width: int, height: int) -> list[Strip]:
+        """The newest events that fit, oldest first."""
+        shown = heard(self.said, self.least)
+        if not shown:
+            return [line([(" nothing yet", ink(FAINT))], width)]
+        stop = len(shown) - min(self._back, max(0, len(shown) - height))
+        return [self._row(event, width) for event in shown[max(0, stop - height) : stop]]
+
+    def _row(self, event: Event, width: int) -> Strip:
+        colour = level_colour(event.level)
+        ours = bool(self.selected) and event.system_id == self.selected
+        parts: list[Part] = [
+            (f" {clock(event.t_us)[:-1]} ", ink(FAINT)),
+            (f"{MARKS.get(event.level, '  ')} ", ink(colour, bold=True)),
+        ]
+        if width >= 76:
+            parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
+        room = width - sum(len(text) for text, _ in parts) - 1
+        parts.append((fitted(plain(event.text), room).rstrip(), ink(BRIGHT if ours else colour)))
+        return line(parts, width)

@@ -1,0 +1,163 @@
+"""The fleet table: one vehicle per row, UAV first, as many columns as fit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from textual import events
+from textual.strip import Strip
+
+from gcs.snapshot import VehicleRow
+from gcs.tui.messages import VehiclePicked
+from gcs.tui.palette import (
+    ACCENT,
+    ALARM,
+    BRIGHT,
+    FAINT,
+    HEAD,
+    INK,
+    PANEL,
+    PICKED,
+    WARN,
+    Rgb,
+    ink,
+    position_colour,
+    standing_colour,
+)
+from gcs.tui.pane import Pane
+from gcs.tui.strips import Part, fitted, line
+from gcs.tui.wording import age, number, percent, plain, position, standing_word
+
+__all__ = ["FleetPane", "columns_for"]
+
+HEARTBEAT_LOST_S = 3.5
+Cell = tuple[str, Rgb]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One column of the table."""
+
+    title: str
+    width: int
+    rank: int
+    """Columns of low rank stay when the pane is narrow."""
+    cell: Callable[[VehicleRow], Cell]
+    align: str = "left"
+
+
+def _mode(row: VehicleRow) -> Cell:
+    return plain(row.mode) or "–", INK
+
+
+def _armed(row: VehicleRow) -> Cell:
+    words: dict[bool | None, Cell] = {True: ("armed", BRIGHT), False: ("safe", FAINT), None: ("–", FAINT)}
+    return words[row.armed]
+
+
+def _fix(row: VehicleRow) -> Cell:
+    return plain(row.fix) or "–", WARN if row.fix in ("none", "2D") else INK
+
+
+def _heartbeat(row: VehicleRow) -> Cell:
+    if math.isinf(row.heartbeat_age_s):
+        return "never", FAINT
+    if row.heartbeat_age_s > HEARTBEAT_LOST_S:
+        return position("lost", row.heartbeat_age_s), ALARM
+    return age(row.heartbeat_age_s), INK
+
+
+def _position(row: VehicleRow) -> Cell:
+    return position(row.position_state, row.position_age_s), position_colour(row.position_state)
+
+
+def _view(row: VehicleRow) -> Cell:
+    words: dict[bool | None, Cell] = {True: ("in", INK), False: ("out", FAINT), None: ("–", FAINT)}
+    return words[row.in_view]
+
+
+def _loss(row: VehicleRow) -> Cell:
+    return percent(row.loss), WARN if row.loss > 0.1 else FAINT
+
+
+def _identity(row: VehicleRow) -> Cell:
+    if row.role == "uav":
+        return (f"{row.p_enu[2]:.0f} m up" if math.isfinite(row.p_enu[2]) else "–"), INK
+    return f"{standing_word(row.standing)} {percent(row.confidence)}".rstrip(), standing_colour(row.standing)
+
+
+COLUMNS = (
+    Column(title="ID", width=3, rank=11, align="right", cell=lambda row: (str(row.system_id), FAINT)),
+    Column(title="NAME", width=7, rank=0, cell=lambda row: (plain(row.name), BRIGHT)),
+    Column(title="TYPE", width=6, rank=12, cell=lambda row: (plain(row.kind) or "–", FAINT)),
+    Column(title="MODE", width=8, rank=3, cell=_mode),
+    Column(title="ARM", width=5, rank=7, cell=_armed),
+    Column(title="FIX", width=9, rank=4, cell=_fix),
+    Column(title="HEART", width=8, rank=5, align="right", cell=_heartbeat),
+    Column(title="POS", width=8, rank=1, align="right", cell=_position),
+    Column(title="±", width=6, rank=8, align="right", cell=lambda row: (number(row.std_m, "m"), FAINT)),
+    Column(title="LOSS", width=4, rank=9, align="right", cell=_loss),
+    Column(title="VIEW", width=4, rank=6, cell=_view),
+    Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),
+    Column(title="IDENTITY", width=13, rank=2, cell=_identity),
+)
+
+
+def columns_for(width: int) -> tuple[Column, ...]:
+    """Columns that fit ``width`` cells, in their order on screen; name, position and identity always."""
+    kept: list[Column] = []
+    # the mark before the first column and the gap before each other one cost a cell each
+    room = width
+    for column in sorted(COLUMNS, key=lambda column: column.rank):
+        if column.rank > 2 and room < column.width + 1:
+            break
+        kept.append(column)
+        room -= column.width + 1
+    return tuple(column for column in COLUMNS if column in kept)
+
+
+class FleetPane(Pane):
+    """The fleet."""
+
+    label: ClassVar[str] = "FLEET"
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._first = 0
+
+    def heading(self, width: int) -> Strip:
+        """Column names are the heading, so that no row is lost."""
+        style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
+        titles = [fitted(column.title, column.width, column.align) for column in columns_for(width)]
+        return line([("▌" if self.has_focus else " ", ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
+
+    def body(self, width: int, height: int) -> list[Strip]:
+        """One row per vehicle; scrolled so that the selected one is on screen."""
+        if self.snapshot is None or not self.snapshot.vehicles:
+            return [line([(" no vehicle heard yet", ink(FAINT))], width)]
+        rows = self.snapshot.vehicles
+        at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
+        self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
+        columns = columns_for(width)
+        return [self._row(row, columns, width) for row in rows[self._first : self._first + height]]
+
+    def _row(self, row: VehicleRow, columns: Sequence[Column], width: int) -> Strip:
+        picked = bool(self.selected) and row.system_id == self.selected
+        paper = PICKED if picked else PANEL
+        parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
+        for index, column in enumerate(columns):
+            text, colour = column.cell(row)
+            space = " " if index else ""
+            parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
+        return line(parts, width, paper)
+
+    def on_click(self, event: events.Click) -> None:
+        """Pick the vehicle of a row."""
+        if self.snapshot is None:
+            return
+        at = self._first + event.y - 1
+        if event.y > 0 and at < len(self.snapshot.vehicles):
+            self.post_message(VehiclePicked(self.snapshot.vehicles[at].system_id))

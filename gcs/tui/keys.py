@@ -1,0 +1,72 @@
+"""Every key of the station in one table: bindings, hints and help read it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from textual.binding import Binding
+
+__all__ = ["BINDINGS", "GROUPS", "LIVE_HINTS", "REPLAY_ACTIONS", "REPLAY_HINTS"]
+
+
+def _key(keys: str, action: str, said: str, tooltip: str, *, shown: str | None = None, id: str) -> Binding:
+    return Binding(keys, action, said, id=id, tooltip=tooltip, key_display=shown, show=False)
+
+
+REPLAY: Final = (
+    _key("space", "toggle_play", "play", "Play or pause", id="replay.play"),
+    _key("left", "jump(-5)", "−5 s", "Back 5 seconds", id="replay.back", shown="←"),
+    _key("right", "jump(5)", "+5 s", "Forward 5 seconds", id="replay.forward", shown="→"),
+    _key("shift+left", "jump(-30)", "−30 s", "Back 30 seconds", id="replay.far_back", shown="shift ←"),
+    _key("shift+right", "jump(30)", "+30 s", "Forward 30 seconds", id="replay.far_forward", shown="shift →"),
+    _key("comma", "step(-1)", "frame", "One frame back", id="replay.step_back", shown=","),
+    _key("full_stop", "step(1)", "frame", "One frame forward", id="replay.step", shown="."),
+    _key("left_square_bracket", "speed(-1)", "slower", "Slower, down to 0.1 times", id="replay.slower", shown="["),
+    _key("right_square_bracket", "speed(1)", "faster", "Faster, up to 20 times", id="replay.faster", shown="]"),
+    _key("home", "edge(0)", "start", "Go to the start", id="replay.start"),
+    _key("end", "edge(1)", "end", "Go to the end", id="replay.end"),
+    _key("g", "go_to", "go to", "Go to a time: 1:30, +10, 50% or 10:33:12Z", id="replay.go"),
+    _key("n", "event(1)", "event", "Go to the next event of the log's filter", id="replay.next"),
+    _key("N", "event(-1)", "event", "Go to the event before", id="replay.previous"),
+)
+PANES: Final = (
+    _key("v", "pane('video')", "video", "Video: show and focus, again to hide", id="pane.video"),
+    _key("m", "pane('map')", "map", "Map: show and focus, again to hide", id="pane.map"),
+    _key("f", "pane('fleet')", "fleet", "Fleet table: show and focus, again to hide", id="pane.fleet"),
+    _key("i", "pane('identity')", "identity", "Identity: evidence of the vehicle, again to hide", id="pane.identity"),
+    _key("e", "pane('events')", "events", "Event log: show and focus, again to hide", id="pane.events"),
+    _key("z", "maximise", "zoom", "Focused pane over the whole screen and back", id="pane.maximise"),
+    _key("1", "layout(1)", "video", "Layout: video first", id="layout.video"),
+    _key("2", "layout(2)", "map", "Layout: map first", id="layout.map"),
+    _key("3", "layout(3)", "both", "Layout: video and map above the whole table", id="layout.both"),
+)
+LOOK: Final = (
+    _key("up,k", "pick(-1)", "vehicle", "Vehicle above", id="pick.up", shown="↑"),
+    _key("down,j", "pick(1)", "vehicle", "Vehicle below", id="pick.down", shown="↓"),
+    _key("escape", "release", "back", "Leave the zoomed pane, then the vehicle", id="pick.none", shown="esc"),
+    _key("plus,equals_sign", "zoom(1)", "closer", "Map: closer", id="map.closer", shown="+"),
+    _key("minus", "zoom(-1)", "farther", "Map: farther", id="map.farther", shown="-"),
+    _key("0", "zoom(0)", "fit", "Map: fit everything", id="map.fit"),
+    _key("c", "follow", "follow", "Map: follow all, UAV or the selected vehicle", id="map.follow"),
+    _key("l", "level", "level", "Event log: all, warnings, alarms", id="events.level"),
+)
+STATION: Final = (
+    _key("s", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
+    _key("question_mark", "help", "help", "All keys", id="station.help", shown="?"),
+    _key("q,ctrl+q", "leave", "quit", "Quit and seal the recording", id="station.quit", shown="q"),
+)
+
+GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION))
+BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
+REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event"})
+
+LIVE_HINTS: Final = (
+    ("q", "quit"), ("?", "help"), ("↑↓", "vehicle"), ("z", "zoom"), ("123", "layout"), ("vmfie", "panes"),
+    ("l", "level"), ("+-0", "map"), ("c", "follow"), ("s", "save"),
+)  # fmt: skip
+"""Keys and a word for the last row, the most needed first."""
+REPLAY_HINTS: Final = (
+    ("q", "quit"), ("?", "help"), ("space", "play"), ("←→", "5 s"), ("[]", "speed"), ("g", "go to"), ("n", "event"),
+    ("↑↓", "vehicle"), ("z", "zoom"), (",.", "frame"), ("123", "layout"), ("vmfie", "panes"), ("l", "level"),
+    ("+-0", "map"), ("c", "follow"), ("s", "save"),
+)  # fmt: skip

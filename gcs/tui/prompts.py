@@ -1,0 +1,61 @@
+"""A question in one line: a time to go to, a file to save to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar, TypeVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from gcs.tui.palette import ACCENT, ALARM, FAINT, ink
+from gcs.tui.wording import plain
+
+__all__ = ["Ask"]
+
+Answer = TypeVar("Answer")
+
+
+class Ask(ModalScreen[Answer | None]):
+    """Asks until the answer can be understood, or escape."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "cancel", "Cancel", id="ask.cancel", tooltip="Close without an answer"),
+    ]
+
+    def __init__(self, question: str, hint: str, understand: Callable[[str], Answer], *, value: str = "") -> None:
+        """Ask something.
+
+        Args:
+            question: One line, plain text.
+            hint: Below the answer until it is refused.
+            understand: Turns the answer into a value; its ValueError or OSError is shown to the operator.
+            value: Answer to begin with.
+        """
+        super().__init__()
+        self._question, self._hint, self._understand, self._value = question, hint, understand, value
+
+    def compose(self) -> ComposeResult:
+        """Question, answer, hint."""
+        with Vertical(id="ask"):
+            yield Static(Text(self._question, ink(ACCENT, bold=True)), markup=False)
+            yield Input(self._value, id="answer", select_on_focus=False, compact=True)
+            yield Static(Text(self._hint, ink(FAINT)), id="hint", markup=False)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Hand the answer over or say what is wrong with it."""
+        try:
+            answer = self._understand(event.value)
+        except (ValueError, OSError) as error:
+            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            self.query_one("#hint", Static).update(Text(plain(said), ink(ALARM)))
+            return
+        self.dismiss(answer)
+
+    def action_cancel(self) -> None:
+        """No answer."""
+        self.dismiss(None)

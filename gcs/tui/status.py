@@ -1,0 +1,124 @@
+"""The status bar: what is flown or replayed, recording, links, video, disk; the least important goes first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from textual.reactive import reactive
+from textual.strip import Strip
+from textual.widget import Widget
+
+from gcs.overlay import named_count
+from gcs.snapshot import Health, LinkHealth, Snapshot
+from gcs.tui.palette import ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, WARN, ink
+from gcs.tui.strips import Part, split_line, width_of
+from gcs.tui.wording import age, bytes_text, clock, duration, plain
+
+__all__ = ["StatusBar"]
+
+LINK_SILENT_S = 3.5
+DISK_LOW_BYTES = 2_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """A piece of the bar."""
+
+    rank: int
+    """Highest goes first when there is no room."""
+    parts: tuple[Part, ...]
+
+
+class StatusBar(Widget):
+    """One row on top."""
+
+    ALLOW_SELECT: ClassVar[bool] = False
+    snapshot: reactive[Snapshot | None] = reactive(None, always_update=True)
+
+    def __init__(self, title: str, *, live: bool, id: str) -> None:
+        super().__init__(id=id)
+        self._title = plain(title)
+        self._live = live
+        self._first_us = 0
+
+    def watch_snapshot(self, snapshot: Snapshot | None) -> None:
+        """Elapsed time counts from the first snapshot."""
+        if snapshot is not None and not self._first_us:
+            self._first_us = snapshot.t_us
+
+    def render_line(self, y: int) -> Strip:
+        """Title on the left, all else on the right."""
+        width = self.size.width
+        name = "ROLLCALL" if self._live else "REPLAY"
+        left: list[Part] = [(f" {name} ", ink(BRIGHT, HEAD, bold=True))]
+        items = sorted(self._items(), key=lambda item: item.rank)
+        while items and width_of(left) + sum(width_of(item.parts) + 2 for item in items) > width:
+            items.pop()
+        kept = [item for item in self._items() if any(item.rank == other.rank for other in items)]
+        right: list[Part] = []
+        for item in kept:
+            right += [("  ", ink(FAINT, HEAD)), *item.parts]
+        room = width - width_of(left) - width_of(right) - 2
+        if len(self._title) <= room:
+            left.append((self._title, ink(FAINT, HEAD)))
+        return split_line(left, [*right, (" ", ink(FAINT, HEAD))], width)
+
+    def _items(self) -> list[Item]:
+        if self.snapshot is None:
+            return []
+        health = self.snapshot.health
+        named, total = named_count(self.snapshot)
+        items = [_item(3, f"{named}/{total} confirmed", GOOD if named == total and total else INK)]
+        if self._live:
+            size = _item(5, bytes_text(health.recorded_bytes), INK)
+            items = [self._recording(health), size, *items, _links(health), *_links_named(health), _disk(health)]
+            items.append(_item(1, clock(self.snapshot.t_us), INK))
+        items.append(_video(health))
+        return items
+
+    def _recording(self, health: Health) -> Item:
+        assert self.snapshot is not None
+        since = duration((self.snapshot.t_us - self._first_us) / 1e6)
+        if not health.recording:
+            return _item(0, f"NOT RECORDING {since}", WARN)
+        return Item(rank=0, parts=(("● REC ", ink(ALARM, HEAD, bold=True)), (since, ink(INK, HEAD))))
+
+
+def _item(rank: int, text: str, colour: tuple[int, int, int]) -> Item:
+    return Item(rank=rank, parts=((text, ink(colour, HEAD)),))
+
+
+def _silent(link: LinkHealth) -> bool:
+    return not link.silent_s <= LINK_SILENT_S
+
+
+def _links(health: Health) -> Item:
+    silent = [link for link in health.links if _silent(link)]
+    if not health.links:
+        return _item(2, "no link", ALARM)
+    if not silent:
+        return _item(2, f"{len(health.links)} link{'s' if len(health.links) > 1 else ''} ok", INK)
+    return _item(2, f"{len(silent)} of {len(health.links)} links silent {age(silent[0].silent_s)}", ALARM)
+
+
+def _links_named(health: Health) -> list[Item]:
+    parts: list[Part] = []
+    for link in health.links:
+        parts.append((f"{plain(link.name)} ", ink(ALARM if _silent(link) else FAINT, HEAD)))
+        lost = f" {link.bad} bad" * bool(link.bad) + f" {link.dropped} dropped" * bool(link.dropped)
+        parts.append((f"{link.packets}{lost} ", ink(WARN if link.dropped else FAINT, HEAD)))
+    return [Item(rank=7, parts=tuple(parts))] if parts else []
+
+
+def _disk(health: Health) -> Item:
+    low = health.free_bytes < DISK_LOW_BYTES
+    free = bytes_text(health.free_bytes)
+    return _item(2, f"disk LOW {free}", ALARM) if low else _item(6, f"disk {free} free", FAINT)
+
+
+def _video(health: Health) -> Item:
+    if health.video != "ok":
+        return _item(4, f"video {plain(health.video)}", FAINT if health.video in ("none", "ended") else ALARM)
+    late = health.lag_s > 0.5
+    return _item(4, f"video ok lag {health.lag_s:.1f}s", WARN if late else FAINT)

@@ -1,0 +1,56 @@
+"""Lines of cells: styled parts to Textual strips, cropped and padded to an exact width."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rich.cells import cell_len, set_cell_size
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+
+from gcs.tui.palette import HEAD, PANEL, Rgb, ink
+
+__all__ = ["Part", "bar", "blank", "fitted", "line", "split_line", "width_of"]
+
+Part = tuple[str, Style]
+"""Plain text and how it looks; the text must already be free of control characters."""
+
+
+def line(parts: Iterable[Part], width: int, paper: Rgb = PANEL) -> Strip:
+    """A strip of exactly ``width`` cells."""
+    segments = [Segment(text, style) for text, style in parts if text]
+    return Strip(segments).adjust_cell_length(width, ink(paper=paper))
+
+
+def blank(width: int, paper: Rgb = PANEL) -> Strip:
+    """A strip of background."""
+    return Strip([Segment(" " * width, ink(paper=paper))], width)
+
+
+def width_of(parts: Iterable[Part]) -> int:
+    """Cells that parts take."""
+    return sum(cell_len(text) for text, _ in parts)
+
+
+def split_line(left: Sequence[Part], right: Sequence[Part], width: int, paper: Rgb = HEAD) -> Strip:
+    """Parts at both ends of one strip; the right end is dropped when there is no room."""
+    gap = width - width_of(left) - width_of(right)
+    if gap < 1:
+        return line(left, width, paper)
+    return line([*left, (" " * gap, ink(paper=paper)), *right], width, paper)
+
+
+def fitted(text: str, width: int, align: str = "left") -> str:
+    """Text cut with an ellipsis or padded to exactly ``width`` cells."""
+    size = cell_len(text)
+    if size > width:
+        return set_cell_size(text, width - 1) + "…" if width > 0 else ""
+    return " " * (width - size) + text if align == "right" else text + " " * (width - size)
+
+
+def bar(share: float, width: int) -> str:
+    """A horizontal bar of eighths of a cell, ``share`` 0..1, NaN empty."""
+    eighths = round(8 * width * min(max(share, 0.0), 1.0)) if share == share else 0
+    full, rest = divmod(eighths, 8)
+    return ("█" * full + (" ▏▎▍▌▋▊▉"[rest] if rest else "")).ljust(width)

@@ -1,0 +1,87 @@
+"""The video pane: the picture in half blocks, or real pixels where the terminal can show them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.strip import Strip
+
+from gcs.overlay import draw
+from gcs.snapshot import Snapshot
+from gcs.tui.messages import VehiclePicked
+from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
+from gcs.tui.pane import Pane
+from gcs.tui.pixels import Pixels
+from gcs.tui.scene import box_at, picture_cells
+from gcs.tui.strips import Part, line
+from gcs.tui.wording import plain
+
+__all__ = ["VideoPane"]
+
+PIXELS_EVERY_S = 0.15
+"""Terminals take far longer for an image than for text."""
+IMAGE_ID = "pixels"
+
+
+class VideoPane(Pane):
+    """The picture with boxes and names."""
+
+    label: ClassVar[str] = "VIDEO"
+
+    def __init__(self, *, id: str, pixels: Pixels | None = None) -> None:
+        super().__init__(id=id)
+        self._pixels = pixels
+        self._sent_at = 0.0
+        self._sent: tuple[int, int, int] = (0, 0, 0)
+
+    def compose(self) -> ComposeResult:
+        """An image of textual-image in pixel mode, nothing else."""
+        if self._pixels is not None:
+            yield self._pixels.widget(id=IMAGE_ID)
+
+    def note(self) -> Sequence[Part]:
+        """State of the video, rate, lag and frame number."""
+        if self.snapshot is None:
+            return ()
+        health = self.snapshot.health
+        colour = {"ok": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
+        parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
+        if health.video == "ok":
+            late = WARN if health.lag_s > 0.5 else FAINT
+            parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD)), (f"lag {health.lag_s:.1f}s ", ink(late, HEAD))]
+        return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))]
+
+    def body(self, width: int, height: int) -> list[Strip]:
+        """The picture, or a word on what is awaited."""
+        if self.snapshot is None:
+            return [line([(" waiting for the first frame …", ink(FAINT))], width)]
+        if height <= 0:
+            return []
+        if self._pixels is not None:
+            self._send(self._pixels, self.snapshot, width, height)
+            return []
+        return picture_cells(self.snapshot, self.selected, width, height).strips()
+
+    def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
+        now = time.monotonic()
+        look = (width, height, self.selected)
+        if look == self._sent and now - self._sent_at < PIXELS_EVERY_S:
+            return
+        self._sent, self._sent_at = look, now
+        wide, high = max(1, snapshot.width), max(1, snapshot.height)
+        scale = min(width * pixels.cell_width / wide, height * pixels.cell_height / high)
+        child = self.query_one(f"#{IMAGE_ID}")
+        child.styles.width = max(1, min(width, int(wide * scale / pixels.cell_width)))
+        child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
+        child.styles.margin = (1, 0, 0, 0)
+        child.image = pixels.picture(draw(snapshot, scale=scale, selected=self.selected))  # type: ignore[attr-defined]
+
+    def on_click(self, event: events.Click) -> None:
+        """Pick the vehicle under the pointer."""
+        if self.snapshot is not None:
+            box = box_at(self.snapshot, event.x, event.y - 1, self.size.width, self.size.height - 1)
+            self.post_message(VehiclePicked(box.system_id if box else 0))

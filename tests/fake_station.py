@@ -1,0 +1,194 @@
+"""A station that stands still: synthetic snapshots with everything an operator may meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.snapshot import Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
+
+START_US = 1_795_170_792_000_000  # 2026-11-20 10:33:12 UTC
+STOP_US = START_US + 754_000_000
+HOSTILE = (
+    "[/x]",
+    "[@click=app.quit]x[/]",
+    "\x1b[2J\x1b]0;pwned\x07\x1b[31mred",
+    "a\r\nb\tc\x00\x9b31m",
+    "\u202eesrever\u2066",
+    "[bold red]x[/bold red] [link=http://x]",
+    "\ufffd\ud800 \U0001f916 漢字 e\u0301",
+    "{}%s{0}$(x)`x`\\",
+)
+WIDTH, HEIGHT = 1280, 720
+NAN = math.nan
+
+# system id, east, north, heading (deg), standing, confidence, position state, position age
+FLEET: tuple[tuple[int, float, float, float, Standing, float, str, float], ...] = (
+    (11, -14.0, 8.0, 40.0, "confirmed", 0.97, "ok", 0.2),
+    (12, -3.0, 3.5, 95.0, "confirmed", 0.99, "ok", 0.1),
+    (13, 4.0, 9.0, 180.0, "tentative", 0.61, "stale", 1.4),
+    (14, 12.0, -5.0, 300.0, "coasting", 0.88, "ok", 0.3),
+    (15, 16.0, 5.0, 220.0, "unidentified", NAN, "ok", 0.4),
+    (16, 42.0, 21.0, 10.0, "out of view", NAN, "ok", 0.2),
+    (17, NAN, NAN, NAN, "no position", NAN, "lost", 12.0),
+)
+
+
+def texture() -> NDArray[np.uint8]:
+    """(720, 1280, 3) dry ground with a road, the same on every machine."""
+    rng = np.random.default_rng(7)
+    coarse = cv2.resize(rng.random((9, 16)).astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
+    fine = cv2.resize(rng.random((90, 160)).astype(np.float32), (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR)
+    light = (58 + 52 * coarse + 22 * fine)[..., None]
+    image = np.clip(light * np.array([0.72, 0.98, 1.06]), 0, 255).astype(np.uint8)
+    cv2.line(image, (0, 560), (1280, 250), (112, 116, 120), 74)
+    cv2.line(image, (0, 560), (1280, 250), (150, 154, 156), 3)
+    return image
+
+
+def to_pixel(east: float, north: float) -> tuple[float, float]:
+    return WIDTH / 2 + east * 28.0, HEIGHT / 2 - north * 28.0
+
+
+def box(system_id: int, track_id: int, east: float, north: float, heading_deg: float, confidence: float) -> Box:
+    cx, cy = to_pixel(east, north)
+    heading = math.radians(heading_deg)
+    return Box(
+        track_id=track_id, cx=cx, cy=cy, w=62.0, h=38.0, angle=heading - math.pi / 2, heading=heading, score=0.91,
+        coasting=False, system_id=system_id, confidence=confidence, runner_up=12 if system_id else 0,
+        runner_up_confidence=0.02 if system_id else NAN, residual_m=0.42 if system_id else NAN,
+        residual_px=6.1 if system_id else NAN, position_age_s=0.2 if system_id else NAN,
+        projection=0.92 if system_id else NAN, topology=0.88 if system_id else NAN, fused=0.97 if system_id else NAN,
+        p_enu=np.array([east, north, 0.0]), lat_deg=47.397742, lon_deg=8.545594,
+    )  # fmt: skip
+
+
+def vehicle(
+    system_id: int, east: float, north: float, heading: float, standing: Standing, confidence: float, state: str,
+    age: float,
+) -> VehicleRow:  # fmt: skip
+    return VehicleRow(
+        system_id=system_id, name=f"UGV-{system_id}", role="ugv", kind="rover", mode="AUTO", armed=True,
+        fix="RTK" if state == "ok" else "3D", heartbeat_age_s=age if state == "lost" else 0.4, position_age_s=age,
+        position_state=state, loss=0.01 * (system_id % 4), p_enu=np.array([east, north, 0.0]),
+        heading=math.radians(heading), std_m=1.2 if state == "ok" else 4.0,
+        in_view=None if math.isnan(east) else standing != "out of view", standing=standing,
+        track_id=system_id - 8 if not math.isnan(confidence) else 0, confidence=confidence,
+    )  # fmt: skip
+
+
+def make_snapshot(frame: int = 1234, *, live: bool = False, t_us: int | None = None) -> Snapshot:
+    """Seven ground vehicles: sure, doubtful, coasting, unnamed, out of view, lost; one box that is nobody's."""
+    image = texture()
+    rows = [vehicle(*entry) for entry in FLEET]
+    boxes = [box(row.system_id, row.track_id, *entry[1:4], row.confidence)
+             for row, entry in zip(rows, FLEET, strict=True) if row.track_id]  # fmt: skip
+    boxes = [replace(each, coasting=each.system_id == 14) for each in boxes]
+    boxes += [box(0, 21, 16.0, 5.0, 220.0, 0.4), box(0, 0, -17.0, -9.0, NAN, 0.8)]
+    boxes[-1] = replace(boxes[-1], angle=0.3)
+    for each in boxes:
+        corners = cv2.boxPoints(((each.cx, each.cy), (each.w - 8, each.h - 8), math.degrees(each.angle)))
+        cv2.fillPoly(image, [np.round(corners).astype(np.int32)], (214, 218, 222))
+    uav = replace(
+        vehicle(1, -2.0, -4.0, 12.0, "out of view", NAN, "ok", 0.1),
+        name="UAV-1", role="uav", kind="copter", mode="GUIDED", in_view=None, standing="out of view", fix="RTK float",
+        p_enu=np.array([-2.0, -4.0, 40.0]),
+    )  # fmt: skip
+    health = Health(
+        fps=24.9, lag_s=0.12, frames=frame, skipped_frames=3, video="ok", recorded_bytes=184_000_000, recording=live,
+        free_bytes=52_400_000_000, links=(
+            LinkHealth(name="udpin:0.0.0.0:14550", packets=48_211, bytes=2_100_000, bad=4, dropped=0, silent_s=0.0),
+            LinkHealth(name="/dev/ttyUSB0", packets=911, bytes=40_000, bad=0, dropped=2, silent_s=6.2 if live else 0.1),
+        ),
+    )  # fmt: skip
+    return Snapshot(
+        t_us=START_US + 251_400_000 if t_us is None else t_us, frame=frame, width=WIDTH, height=HEIGHT, image=image,
+        vehicles=(uav, *rows), boxes=tuple(boxes), uav_enu=uav.p_enu, uav_heading=uav.heading, health=health,
+        footprint_enu=np.array([[-22.9, 12.9], [22.9, 12.9], [22.9, -12.9], [-22.9, -12.9]]),
+    )  # fmt: skip
+
+
+def make_events() -> tuple[Event, ...]:
+    said = [
+        (2.0, "info", "recording", "session 2026-11-20_10-33-12Z opened", 0),
+        (3.1, "info", "vehicle", "UAV-1 heard: copter, GUIDED", 1),
+        (4.0, "info", "vehicle", "UGV-11 heard: rover, AUTO", 11),
+        (20.5, "info", "identity", "UGV-12 confirmed on track 4 (99%)", 12),
+        (61.0, "warning", "link", "link /dev/ttyUSB0 silent for 3.5 s", 0),
+        (95.2, "info", "identity", "UGV-11 confirmed on track 3 (97%)", 11),
+        (130.0, "alarm", "vehicle", "UGV-17 position lost", 17),
+        (180.4, "warning", "identity", "UGV-13 tentative: UGV-15 is as likely", 13),
+        (240.0, "info", "text", "UGV-11: EKF3 IMU0 is using GPS", 11),
+    ]
+    return tuple(
+        Event(t_us=START_US + round(at * 1e6), level=level, kind=kind, text=text, system_id=who)  # type: ignore[arg-type]
+        for at, level, kind, text, who in said
+    )
+
+
+class FakeTimeline:
+    """A replay's clock that moves only when told."""
+
+    def __init__(self) -> None:
+        self.start_us, self.stop_us = START_US, STOP_US
+        self.now_us = START_US + 251_400_000
+        self.playing = False
+        self.speed = 1.0
+        self.steps: list[int] = []
+
+    def play(self) -> None:
+        self.playing = True
+
+    def pause(self) -> None:
+        self.playing = False
+
+    def seek(self, t_us: int) -> None:
+        self.now_us = min(max(t_us, self.start_us), self.stop_us)
+
+    def step(self, frames: int) -> None:
+        self.playing = False
+        self.steps.append(frames)
+
+    def set_speed(self, speed: float) -> None:
+        self.speed = speed
+
+
+class FakeStation:
+    """What a screen is given in tests; change its fields to make something happen."""
+
+    def __init__(self, *, live: bool = False, snapshot: Snapshot | None = None) -> None:
+        self.title = "live" if live else "2026-11-20_10-33-12Z"
+        self.timeline = None if live else FakeTimeline()
+        self.error: BaseException | None = None
+        self.snapshot: Snapshot | None = make_snapshot(live=live) if snapshot is None else snapshot
+        self.said: list[Event] = list(make_events())
+        self.stopped = 0
+
+    def latest(self) -> Snapshot | None:
+        return self.snapshot
+
+    def events(self) -> Sequence[Event]:
+        return self.said
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+
+def hostile_station(text: str) -> FakeStation:
+    """Every string that may come from the air is ``text``."""
+    station = FakeStation(live=True)
+    base = make_snapshot(live=True)
+    rows = tuple(replace(row, name=text, kind=text, mode=text, fix=text, position_state=text) for row in base.vehicles)
+    health = replace(base.health, video=text, links=tuple(replace(link, name=text) for link in base.health.links))
+    station.title = text
+    station.said = [
+        Event(t_us=START_US, level=level, kind=kind, text=text, system_id=11)
+        for level in ("info", "warning", "alarm") for kind in ("text", text)
+    ]  # fmt: skip
+    station.snapshot = replace(base, vehicles=rows, health=health, events=tuple(station.said))
+    return station
