@@ -51,6 +51,9 @@ class FrameCounts:
         )
 
 
+_ONE_GOOD = FrameCounts(good=1)
+
+
 class _Verdict(IntEnum):
     NOTHING = 0
     GOOD = 1
@@ -166,7 +169,7 @@ def split(data: bytes) -> tuple[list[bytes], FrameCounts]:
         The frames in order, good ones and those of unknown messages, and the counts.
     """
     if _is_one_good_frame(data):
-        return [data], FrameCounts(good=1)
+        return [data], _ONE_GOOD
     frames, _, counts, _ = _scan(data, final=True, in_step=True)
     return frames, counts
 

@@ -1,0 +1,61 @@
+"""Links: where packets come from. All are silent: nothing is ever sent unless :meth:`Link.send` is called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from mavlink.link_serial import SerialLink
+from mavlink.link_tally import LinkCounts
+from mavlink.link_tcp import TcpIn, TcpOut
+from mavlink.link_udp import UdpIn, UdpOut
+from mavlink.link_url import LinkUrl, parse_url
+from mavlink.packet import Packet
+
+__all__ = ["Link", "LinkCounts", "LinkUrl", "open_link", "parse_url"]
+
+
+class Link(Protocol):
+    """One way in for packets. One thread reads; any thread may send, look at the counts and close."""
+
+    name: str
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What came so far."""
+
+    def read(self, timeout_s: float) -> list[Packet]:
+        """Packets in order of arrival, each stamped when it came; empty after the timeout and when closed."""
+
+    def send(self, data: bytes) -> None:
+        """Sends one frame to those on the other end.
+
+        Raises:
+            LinkError: nobody is there, or it cannot be sent.
+        """
+
+    def close(self) -> None:
+        """Closes the link; closing twice does nothing."""
+
+
+_OPENERS: dict[str, Callable[[LinkUrl, int], Link]] = {
+    "udpin": UdpIn,
+    "udpout": UdpOut,
+    "tcpin": TcpIn,
+    "tcpout": TcpOut,
+    "serial": SerialLink,
+}
+
+
+def open_link(url: str, index: int = 0) -> Link:
+    """Opens a link.
+
+    Args:
+        url: as :func:`mavlink.link_url.parse_url` has it, for instance ``udpin:0.0.0.0:14550``.
+        index: put into every packet as its ``link``.
+
+    Raises:
+        LinkError: bad URL, port in use, no such device or host; one line that says what to do.
+    """
+    parsed = parse_url(url)
+    return _OPENERS[parsed.kind](parsed, index)
