@@ -116,7 +116,7 @@ def _random_view(rng: np.random.Generator, side: int) -> CameraView:
     focal = distance / gsd
     forward = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
     right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
-    at = rng.uniform(-38.0, 38.0, 2)
+    at = rng.uniform(-30.0, 30.0, 2)
     # the crop is a part of a wider picture: its principal point lies off the crop by up to a frame
     cx, cy = 0.5 * side + rng.uniform(-1.0, 1.0, 2) * np.array([1.0, 0.6]) * 0.35 * focal
     aim = (0.5 * side - cx) / focal * right + (0.5 * side - cy) / focal * np.cross(forward, right) + forward

@@ -147,8 +147,7 @@ def _random_ground(rng: np.random.Generator) -> GroundStyle:
         soil_share=float(rng.uniform(0.0, 0.6)),
         marks=bool(rng.random() < 0.8),
         wear=float(rng.uniform(0.0, 1.0)),
-        m_per_px=0.05,
-        max_px=3584,
+        side_px=3584,
     )
 
 

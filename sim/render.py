@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sim.bodies import Model, car, person, rover
 from sim.exposure import Exposure, expose
 from sim.foliage import Tree, draw_tree, tree_shadow
-from sim.ground import Ground, GroundStyle, build_ground
+from sim.ground import Ground, GroundStyle, Window
 from sim.view import PERSON, STRANGER, UGV, Bodies, CameraView, Scene, project, ray_ground
 
 __all__ = ["DEFAULT_MODELS", "Renderer", "Style"]
@@ -32,6 +32,8 @@ FACES = np.array([[4, 5, 6, 7], [3, 2, 6, 7], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2,
 SHIFT = 4
 """Fraction bits of OpenCV's drawing coordinates."""
 SKY = (214, 190, 168)
+FAR = 6.0
+"""Beyond so many heights of the camera the ground is drawn wherever it comes from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +69,7 @@ class Renderer:
     def __init__(self, scene: Scene, style: Style | None = None, seed: int = 0) -> None:
         self.style = style or Style()
         self.seed = seed
-        self.ground = build_ground(scene, self.style.ground, np.random.default_rng([seed, 0]))
+        self.ground = Ground(scene, self.style.ground, np.random.default_rng([seed, 0]))
 
     def draw(self, view: CameraView, bodies: Bodies, index: int = 0, exposure: Exposure | None = None) -> Image:
         """One frame.
@@ -88,12 +90,14 @@ class Renderer:
 
 def draw_ground(ground: Ground, view: CameraView) -> Image:
     """The ground as the camera sees it, sky above the horizon: (height, width, 3)."""
-    level = ground.level_for(_ground_gsd(view))
-    texture, flags = ground.levels[level], cv2.INTER_LINEAR
+    x, y, radius = _footprint(view)
+    window: Window = ground.around(x, y, radius)
+    level = window.level_for(_ground_gsd(view))
+    texture, flags = window.levels[level], cv2.INTER_LINEAR
     # ground point (e, n, 1) → camera: Rᵀ [e_x e_y −c]
     C = view.R_enu_cam.T
     cam_ground = np.column_stack([C[:, 0], C[:, 1], -C @ view.p_enu])
-    texture_from_cam = ground.texture_from_enu(level) @ np.linalg.inv(cam_ground)
+    texture_from_cam = window.texture_from_enu(level) @ np.linalg.inv(cam_ground)
     if view.distortion.any():
         lens = (view.fx, view.fy, view.cx - 0.5, view.cy - 0.5, *(float(k) for k in view.distortion))
         rays = _undistorted(view.width, view.height, lens)
@@ -126,6 +130,21 @@ def draw_bodies(image: Image, view: CameraView, bodies: Bodies, style: Style) ->
         draw_tree(image, view, tree, style.leaf, style.sun(), style.ambient)
 
 
+def _footprint(view: CameraView) -> tuple[float, float, float]:
+    """Middle and half side, metres, of a square of ground that holds what is seen of it, as far as FAR heights away."""
+    u, v = np.meshgrid(np.linspace(0.0, view.width, 5), np.linspace(0.0, view.height, 5))
+    at = ray_ground(view, np.stack([u, v], axis=-1)).reshape(-1, 3)[:, :2]
+    at = at[np.isfinite(at).all(axis=1)]
+    if not len(at):
+        return float(view.p_enu[0]), float(view.p_enu[1]), 1.0
+    offset = at - view.p_enu[:2]
+    reach = np.linalg.norm(offset, axis=1, keepdims=True)
+    at = view.p_enu[:2] + offset * np.minimum(1.0, FAR * view.p_enu[2] / np.maximum(reach, 1e-9))
+    low, high = at.min(axis=0), at.max(axis=0)
+    x, y = 0.5 * (low + high)
+    return float(x), float(y), float(0.5 * (high - low).max())
+
+
 def _ground_gsd(view: CameraView) -> float:
     """Metres per pixel at the ground below the middle of the picture's lower half."""
     at = ray_ground(view, [view.cx, 0.5 * (view.cy + view.height)])
@@ -156,7 +175,7 @@ def _draw_sky(image: Image, view: CameraView, ground: Ground) -> None:
         return
     fine = cv2.resize(down.astype(np.float32), None, fx=8, fy=8, interpolation=cv2.INTER_LINEAR)
     fine = fine[5 : 5 + view.height, 5 : 5 + view.width]
-    image[fine <= 0.02] = np.array(ground.mean, np.uint8)
+    image[fine <= 0.02] = ground.mean.astype(np.uint8)
     image[fine <= 0.0] = SKY
 
 
