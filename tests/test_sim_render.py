@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.bodies import PAINT, crate
+from sim.crops import SIDE, crop, labels
+from sim.exposure import Exposure
+from sim.ground import Ground, GroundStyle
+from sim.randomise import VEHICLES, random_scene, random_style
+from sim.render import SKY, Renderer, Style
+from sim.view import OCCLUDER, STRANGER, UGV, Bodies, CameraView, Road, Scene, project, ray_ground
+
+PLAIN = GroundStyle(side_px=1024)
+STILL = Exposure(noise=0.0, vignette=0.0)
+MAGENTA = (255, 0, 255)
+
+
+def camera(pitch_deg=-90.0, yaw=0.0, p_enu=(0.0, 0.0, 40.0), size=(640, 360), focal=400.0, distortion=(0.0,) * 5):
+    pitch = np.radians(pitch_deg)
+    forward = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
+    right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
+    R_enu_cam = np.column_stack([right, np.cross(forward, right), forward])
+    return CameraView(
+        width=size[0], height=size[1], fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2,
+        distortion=np.array(distortion), R_enu_cam=R_enu_cam, p_enu=np.array(p_enu, dtype=float),
+    )  # fmt: skip
+
+
+def bodies(*rows, color=MAGENTA):
+    kind, x, y, heading, length, width, height = np.array(rows, dtype=float).reshape(-1, 7).T
+    return Bodies(
+        kind=kind.astype(np.int8), x=x, y=y, heading=heading, length=length, width=width, height=height,
+        color=np.tile(np.array(color, np.uint8), (len(x), 1)),
+    )  # fmt: skip
+
+
+def test_the_same_arguments_give_the_same_pixels():
+    scene = Scene(roads=(Road(centre=np.stack([np.linspace(-40, 40, 81), np.zeros(81)], axis=1), width=7.0, lanes=2),))
+    things = bodies((UGV, 2, 3, 0.4, 2.2, 1.4, 0.9), (OCCLUDER, -4, 2, 0, 4, 4, 5))
+    style = Style(ground=PLAIN)
+    first, again = (Renderer(scene, style, seed=3) for _ in range(2))
+    frames = [first.draw(camera(), things, 5), first.draw(camera(), things, 6), again.draw(camera(), things, 5)]
+    np.testing.assert_array_equal(frames[0], frames[2])
+    assert (frames[0] != frames[1]).any()  # other noise in another frame
+    assert (frames[0] != Renderer(scene, style, seed=4).draw(camera(), things, 5)).any()
+
+
+VIEWS = {
+    "straight down": camera(),
+    "turned": camera(yaw=2.0),
+    "oblique": camera(-50.0, 0.7, (-15.0, -25.0, 30.0)),
+    "distorted": camera(distortion=(-0.2, 0.05, 0.001, -0.001, 0.0)),
+}
+
+
+@pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS.keys())
+def test_a_body_is_drawn_where_it_projects_to(view):
+    style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: crate(inset=0.0, lid=PAINT)})
+    flat = bodies((UGV, 3.0, 4.0, 0.6, 4.0, 2.0, 0.02))
+    image = Renderer(Scene(), style).draw(view, flat).astype(int)
+    v, u = np.nonzero((image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] > 150))
+    assert len(u) > 50
+    # the mean over the body's area, as perspective shows its near half larger
+    forward, right = np.array([np.sin(0.6), np.cos(0.6), 0.0]), np.array([np.cos(0.6), -np.sin(0.6), 0.0])
+    a, b = np.meshgrid(np.linspace(-1.95, 1.95, 40), np.linspace(-0.95, 0.95, 20))
+    uv, _ = project(view, np.array([3.0, 4.0, 0.02]) + a[..., None] * forward + b[..., None] * right)
+    weight = (
+        1.0
+        / np.linalg.norm(
+            np.array([3.0, 4.0, 0.0]) + a[..., None] * forward + b[..., None] * right - view.p_enu, axis=-1
+        )
+        ** 3
+    )
+    want = (uv * weight[..., None]).sum(axis=(0, 1)) / weight.sum()
+    np.testing.assert_allclose([u.mean() + 0.5, v.mean() + 0.5], want, atol=0.3)
+
+
+def test_ground_stays_where_it_is_when_the_camera_moves():
+    renderer = Renderer(Scene(), Style(ground=PLAIN, exposure=STILL))
+    none = bodies()
+    here = renderer.draw(camera(p_enu=(0.0, 0.0, 40.0)), none).astype(int)
+    there = renderer.draw(camera(p_enu=(3.0, 0.0, 40.0)), none).astype(int)  # 3 m at 10 px/m
+    assert np.abs(here[:, 30:] - there[:, :-30]).max() <= 2
+    assert np.abs(here - there).mean() > 2
+
+
+def test_windows_of_ground_agree_where_they_overlap():
+    line = np.stack([np.linspace(-80, 80, 161), 0.2 * np.linspace(-80, 80, 161)], axis=1)
+    scene = Scene(roads=(Road(centre=line, width=7.0, lanes=2),))
+    ground = Ground(scene, PLAIN, np.random.default_rng(0))
+    a, b = ground.around(0.0, 0.0, 10.0), ground.around(20.0, 20.0, 10.0)
+    assert (a.west, a.north) != (b.west, b.north)
+    shift = round((b.west - a.west) / a.m_per_px)
+    differs = (a.levels[0][:-shift, shift:] != b.levels[0][shift:, :-shift]).any(axis=-1)
+    assert differs.mean() < 1e-4  # the ends of drawn lines, where a window cuts them
+    assert ground.around(0.5, 0.5, 10.0) is a
+
+
+def test_a_tree_hides_what_stands_below_it():
+    style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: crate(inset=0.0, lid=PAINT)})
+    renderer = Renderer(Scene(), style)
+    box = (UGV, 0.0, 0.0, 0.0, 2.2, 1.4, 0.9)
+
+    def painted(things):
+        image = renderer.draw(camera(), things).astype(int)
+        return int(((image[..., 0] > 150) & (image[..., 1] < 60)).sum())
+
+    assert painted(bodies(box, (OCCLUDER, 0.0, 0.0, 0.0, 6.0, 6.0, 6.0))) < 0.2 * painted(bodies(box))
+
+
+def test_shadows_fall_away_from_the_sun():
+    style = Style(ground=PLAIN, exposure=STILL, sun_azimuth=np.pi / 2, sun_elevation=0.7, shadow=0.6)  # sun in the east
+    renderer = Renderer(Scene(), style)
+    lit, none = (renderer.draw(camera(), b).astype(int) for b in (bodies((STRANGER, 0, 0, 0, 4, 2, 1.5)), bodies()))
+    west, east = (slice(170, 190), slice(298, 306)), (slice(170, 190), slice(334, 342))
+    assert lit[west].mean() < 0.6 * none[west].mean()
+    assert lit[east].mean() > 0.95 * none[east].mean()
+
+
+def test_the_sky_lies_above_the_horizon():
+    view = camera(-5.0, p_enu=(0.0, 0.0, 20.0))
+    image = Renderer(Scene(), Style(ground=PLAIN, exposure=STILL)).draw(view, bodies((UGV, 0, 60, 0, 2.2, 1.4, 0.9)))
+    above = np.isnan(ray_ground(view, [[320.0, 2.0], [320.0, 350.0]])).any(axis=1)
+    assert above.tolist() == [True, False]
+    np.testing.assert_array_equal(image[2, 320], SKY)
+    assert (image[350, 320] != SKY).any()
+
+
+def test_a_picture_with_nothing_but_sky():
+    image = Renderer(Scene(), Style(ground=PLAIN, exposure=STILL)).draw(camera(60.0), bodies())
+    assert (image == SKY).all()
+
+
+def test_labels_straight_down():
+    view = camera()  # 10 px/m at z = 0, image up is north
+    (label,) = labels(view, bodies((UGV, 5.0, -3.0, 1.0, 2.2, 1.4, 0.0)))
+    np.testing.assert_allclose(label, [320 + 50, 180 + 30, 22, 14, 1.0], atol=1e-9)
+
+
+def test_crops_hold_their_vehicles_and_nothing_else():
+    rng = np.random.default_rng(11)
+    style = replace(random_style(rng), ground=PLAIN)
+    renderer = Renderer(random_scene(rng), style)
+    made = [crop(renderer, style, np.random.default_rng([5, k])) for k in range(6)]
+    again = crop(renderer, style, np.random.default_rng([5, 0]))
+    np.testing.assert_array_equal(made[0].image, again.image)
+    np.testing.assert_array_equal(made[0].boxes, again.boxes)
+    boxes = np.concatenate([m.boxes for m in made])
+    assert all(m.image.shape == (SIDE, SIDE, 3) for m in made)
+    assert len(boxes) > 10
+    assert ((boxes[:, :2] > 0) & (boxes[:, :2] < SIDE)).all()
+    assert (boxes[:, 2] > boxes[:, 3]).all()
+    assert set(boxes[:, 5]) <= {0.0, 1.0}
+    assert OCCLUDER not in VEHICLES
+
+
+def test_models_have_a_front():
+    """No vehicle looks the same turned about: its picture, turned by half a turn, differs clearly."""
+    style = Style(ground=PLAIN, exposure=STILL, shadow=0.0)
+    renderer = Renderer(Scene(), style)
+    for kind, size in ((UGV, (2.2, 1.4, 0.9)), (STRANGER, (4.5, 1.8, 1.5))):
+        image = renderer.draw(camera(focal=1200.0), bodies((kind, 0, 0, 0, *size), color=(60, 140, 60)))
+        part = image[130:230, 290:350].astype(int)
+        assert np.abs(part - part[::-1, ::-1]).mean() > 10
