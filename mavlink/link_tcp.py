@@ -170,7 +170,7 @@ class TcpIn:
         except OSError as error:
             self._server.close()
             if error.errno == errno.EADDRINUSE:
-                text = f"{self.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it, or use another port"
+                text = f"{self.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
                 raise LinkError(text) from None
             raise LinkError(f"{self.name}: cannot listen: {error.strerror or error}") from error
 

@@ -142,7 +142,7 @@ class UdpIn(_Udp):
         except OSError as error:
             self._socket.close()
             if error.errno == errno.EADDRINUSE:
-                text = f"{self.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it, or use another port"
+                text = f"{self.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
                 raise LinkError(text) from None
             raise LinkError(f"{self.name}: cannot listen: {error.strerror or error}") from error
 

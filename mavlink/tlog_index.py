@@ -193,18 +193,21 @@ def build_index(data: Bytes) -> TlogIndex:
     )
     known = order < good.offset.size
     source: TimeSource = "none"
-    t_us, time_ok = np.zeros(order.size, dtype=np.int64), np.zeros(order.size, dtype=np.bool_)
-    there = time_ok
+    t_us, there = np.zeros(order.size, dtype=np.int64), np.zeros(order.size, dtype=np.bool_)
+    time_ok = there
     if step:
         t_us, there, source = _read_times(data, frames)
         time_ok = _times_ok(t_us, there)
+        # what nothing checks must at least have a time that fits; noise does not
+        keep = known | time_ok
+        frames, known, t_us, there, time_ok = frames.take(keep), known[keep], t_us[keep], there[keep], time_ok[keep]
     damage = describe_gaps(data, frames, there, step)
     if step:
         damage += describe_times(frames, there & ~time_ok, TIME_LENGTH)
     t_us = _fill(t_us, time_ok)
     counts = TlogCounts(
-        records=order.size,
-        unknown=unknown.offset.size,
+        records=known.size,
+        unknown=int(np.count_nonzero(~known)),
         size_bytes=data.size,
         damaged_bytes=int(data.size - frames.length.sum() - TIME_LENGTH * np.count_nonzero(there)),
         bad_times=int(np.count_nonzero(~time_ok)),
