@@ -17,6 +17,7 @@ from mavlink.decode import Heartbeat, decode
 from mavlink.modes import is_aircraft, is_ground_vehicle
 from mavlink.packet import Packet
 from mavlink.tlog import Tlog
+from vision.detections import Detections
 from vision.detector import Detector, open_detector
 from vision.video import Frame, VideoFile
 
@@ -127,14 +128,18 @@ class Analysis:
             for packet in packets.until(t_us):
                 pipeline.feed(packet)
             image = frame.image if frame else None
+            boxes: Detections | None
             if detector is not None and image is not None:
                 boxes = detector.detect(image, gsd_m=pipeline.gsd_m(t_us))
             else:
-                boxes = self._boxes.at(index) if self._boxes else None
-                # A frame without rows was perhaps never looked at: a live flight skips frames when it cannot keep up.
-                boxes = boxes if boxes else None
+                boxes = self._kept(index)
             health = Health(frames=index + 1, video="ok" if self.video else "none")
             yield pipeline.frame(index, t_us, image=image if images else None, detections=boxes, health=health)
+
+    def _kept(self, index: int) -> Detections | None:
+        """Detections of a frame; one without any was perhaps never looked at, as a live flight skips frames."""
+        boxes = self._boxes.at(index) if self._boxes else None
+        return boxes if boxes else None
 
     def _frames(self, look: bool) -> Iterator[tuple[int, int, Frame | None]]:
         if self.video is not None and look:

@@ -16,7 +16,7 @@ from pathlib import Path
 from gcs.config import Mission
 from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
-from gcs.snapshot import Event, Health, LinkHealth, Snapshot
+from gcs.snapshot import Event, Health, Level, LinkHealth, Snapshot
 from mavlink.link import Link, open_link
 from mavlink.packet import Packet
 from vision.detector import Detector, open_detector
@@ -197,7 +197,7 @@ class Flight:
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and now - ends[-1] < 2 else 0.0
         video = self._video_state()
         if video != self._health.video:
-            level = "alarm" if video == "stalled" else "info"
+            level: Level = "alarm" if video == "stalled" else "info"
             self._pipeline.note(Event(t_us=time.time_ns() // 1000, level=level, kind="video", text=f"video {video}"))
         self._health = Health(
             fps=fps,

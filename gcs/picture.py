@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from assoc.identifier import Identities
 from gcs.config import Camera, Mission
 from gcs.snapshot import Box, Standing, VehicleRow
-from mavlink.fleet import FleetState, VehicleStatus
+from mavlink.fleet import CameraReport, FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
 from vision.camera import Intrinsics, Mount, Pose, ground
 from vision.detections import Detections
@@ -34,8 +34,8 @@ class View:
     attitude_known: bool
 
 
-def intrinsics_of(camera: Camera) -> Intrinsics:
-    """The camera of a mission file."""
+def intrinsics_of(camera: Camera | CameraReport) -> Intrinsics:
+    """The camera of a mission file, or as the UAV reports it."""
     return Intrinsics(
         width=camera.width,
         height=camera.height,

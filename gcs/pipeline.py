@@ -14,7 +14,7 @@ from assoc.identifier import CameraState, Identifier, IdentifierParams, Identiti
 from assoc.reattach import reattach_gated
 from gcs.config import Mission
 from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
-from gcs.snapshot import Event, Health, Snapshot
+from gcs.snapshot import Event, Health, Level, Snapshot
 from mavlink.fleet import Fleet, FleetState, Notice
 from mavlink.packet import Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
@@ -25,8 +25,6 @@ __all__ = ["Pipeline"]
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
-# A lost track is continued by a leftover box no farther than this from where its vehicle says it is (projected, 3 σ).
-STITCH_GATE_SIGMA = 3.0
 UNKNOWN_OFFSET_STD_S = 0.35
 
 
@@ -117,11 +115,11 @@ class Pipeline:
         place = {system_id: k for k, system_id in enumerate(uv)}
         centre = np.array([*uv.values()]).reshape(-1, 2)
         std_m = state.std_m[[self.mission.ugv_ids.index(i) for i in uv]]
-        gate_px = STITCH_GATE_SIGMA * std_m / ground_sampling(view.intrinsics, view.pose, view.ground_z)
+        variance = (std_m / ground_sampling(view.intrinsics, view.pose, view.ground_z)) ** 2
 
         def stitch(track_id: IntArray, centres: FloatArray) -> IntArray:
             vehicle = np.array([place.get(self._name_of_track.get(int(t), 0), -1) for t in track_id], dtype=np.int64)
-            return reattach_gated(centre, vehicle, centres, gate_px)
+            return reattach_gated(centre, variance, vehicle, centres)
 
         return stitch
 
@@ -182,7 +180,7 @@ class Pipeline:
             if before != vehicle:
                 text = f"track {track} is {self.mission.name_of(vehicle)} ({sure[track]:.0%})"
                 text += f", no longer {self.mission.name_of(before)}" if before else ""
-                level = "warning" if before else "info"
+                level: Level = "warning" if before else "info"
                 self._events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
         for track, vehicle in self._name_of_track.items():
             if track in sure and track not in named:

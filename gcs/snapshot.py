@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Box", "Event", "Health", "LinkHealth", "Snapshot", "VehicleRow"]
+__all__ = ["Box", "Event", "Health", "Level", "LinkHealth", "Snapshot", "Standing", "VehicleRow"]
 
 NAN = float("nan")
 NEVER = float("inf")

@@ -13,7 +13,7 @@ SWARM = Path(__file__).parents[1] / "sitl_logs" / "ardupilot-swarm"
 
 def gcs(*args, timeout=120):
     """Run the command as a user does; returns exit code, stdout, stderr."""
-    command = [sys.executable, "-c", "from gcs.cli import main; main()", *map(str, args)]
+    command = [sys.executable, "-c", "from gcs.cli.app import main; main()", *map(str, args)]
     done = subprocess.run(
         command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=timeout, check=False
     )

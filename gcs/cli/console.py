@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from assoc.errors import AssocError
 from gcs.errors import GcsError
@@ -18,9 +19,11 @@ from mavlink.errors import LinkError, MavlinkError
 from sim.errors import SimError
 from vision.errors import VisionError
 
-__all__ = ["BAD_INPUT", "NOT_AVAILABLE", "NO_NAMES", "explained", "note", "quiet_stderr", "say"]
+__all__ = ["BAD_INPUT", "NOT_AVAILABLE", "NO_NAMES", "Graphics", "explained", "note", "quiet_stderr", "say"]
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
+
+Graphics = Literal["auto", "blocks", "pixels"]
 
 
 def say(text: str) -> None:

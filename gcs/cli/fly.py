@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import NO_NAMES, note, quiet_stderr, say
+from gcs.cli.console import NO_NAMES, Graphics, note, quiet_stderr, say
 from gcs.config import load_mission
 from gcs.errors import GcsError
 from gcs.live import Flight, FlightPlan
@@ -26,24 +26,27 @@ def fly(
     sessions: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("sessions"),
     model: Annotated[Path | None, typer.Option(help="ONNX detector instead of the mission's.")] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
-    duration: Annotated[float | None, typer.Option(help="Stop after so many seconds.")] = None,
-    graphics: Annotated[str, typer.Option(help="auto, blocks or pixels.")] = "auto",
+    duration: Annotated[float | None, typer.Option(help="Stop after so many seconds; without a screen.")] = None,
+    graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
     """Name the vehicles in a live video; listens only, records everything."""
     loaded = load_mission(mission)
     links = tuple(link or ()) or loaded.links.telemetry
     if not links:
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
+    screen = not headless and sys.stdout.isatty()
+    if screen and duration is not None:
+        raise GcsError("--duration is for flights without a screen; add --headless")
     chosen = model or (mission.parent / loaded.detector.model if loaded.detector.model else None)
     source = loaded.links.video if video is None else video
     plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions, model=chosen)
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
     try:
-        if headless or not sys.stdout.isatty():
-            _wait(flight, duration)
+        if screen:
+            _screen(flight, graphics)
         else:
-            _screen(flight, graphics, duration)
+            _wait(flight, duration)
     finally:
         flight.stop()
     say(calls.text())
@@ -70,10 +73,9 @@ def _wait(flight: Flight, duration: float | None) -> None:
             signal.signal(number, handler)
 
 
-def _screen(flight: Flight, graphics: str, duration: float | None) -> None:
-    from gcs.tui import GRAPHICS, run
+def _screen(flight: Flight, graphics: Graphics) -> None:
+    # The screens are slow to import, and headless flights do without.
+    from gcs.tui import run
 
-    if graphics not in GRAPHICS:
-        raise GcsError(f"--graphics is {graphics!r}; choose {', '.join(GRAPHICS)}")
     with quiet_stderr(flight.folder / "console.log"):
-        run(flight, graphics, duration_s=duration)
+        run(flight, graphics)

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import quiet_stderr
-from gcs.errors import GcsError
+from gcs.cli.console import Graphics, quiet_stderr
 from gcs.replay import Replay
 from gcs.session import Session, open_session
 
@@ -20,18 +19,17 @@ def replay(
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
-    graphics: Annotated[str, typer.Option(help="auto, blocks or pixels.")] = "auto",
+    graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
     """Play, seek and step through a recording."""
     raise SystemExit(show_replay(open_session(session, video=video, mission=mission), detect=detect, graphics=graphics))
 
 
-def show_replay(session: Session, *, detect: bool = False, graphics: str = "auto") -> int:
+def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = "auto") -> int:
     """Run the screens over a session until the user quits; returns the exit code."""
-    from gcs.tui import GRAPHICS, run
+    # The screens are slow to import, and headless commands do without.
+    from gcs.tui import run
 
-    if graphics not in GRAPHICS:
-        raise GcsError(f"--graphics is {graphics!r}; choose {', '.join(GRAPHICS)}")
     station = Replay(session, redetect=detect)
     try:
         with quiet_stderr(None):
