@@ -36,6 +36,8 @@ class Blocks:
     """(B, T, n) Σ ln p₀ of the samples."""
     extra_var: FloatArray
     """(B, T, n) variance of the block mean beyond bias and noise, m²: reports that had to be extrapolated."""
+    jump_var: FloatArray
+    """(B, n) squared jump of the vehicle's own reports, m²."""
     pixel_var: FloatArray
     """(B, T) variance of one pixel on the ground, m²."""
     jacobian: FloatArray
@@ -138,7 +140,7 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
     shape = (n_blocks, n_tracks, n_vehicles)
     count, scatter, log_null = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     mean = np.zeros((*shape, 2))
-    heading = np.zeros((n_tracks, n_vehicles))
+    heading, jump = np.zeros((n_tracks, n_vehicles)), np.zeros((n_blocks, n_vehicles))
     block = np.floor(samples.t / block_s).astype(np.int64) - first
     pixel, jacobian = _by_block(tracks, first, n_blocks, block_s)
     if len(block) and len(tracks.t):
@@ -150,13 +152,14 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
         k = np.add.reduceat(valid.astype(np.float64), starts, axis=0)
         m = np.add.reduceat(r, starts, axis=0) / np.maximum(k, 1.0)[..., None]
         spread = np.add.reduceat(np.sum(r * r, axis=2), starts, axis=0) - k * np.sum(m * m, axis=2)
+        jump[block[starts], samples.vehicle[starts]] = np.maximum.reduceat(samples.jump_var, starts)
         count[at], mean[at], scatter[at] = k, m, np.maximum(spread, 0.0)
         log_null[at] = np.add.reduceat(np.where(valid, samples.log_null[:, None], 0.0), starts, axis=0)
         error = image_heading - samples.heading[:, None]
         heading = _mean_heading(error, valid, samples.vehicle, n_vehicles, heading_std)
     return Blocks(
         first=first, count=count, mean=mean, scatter=scatter, log_null=log_null, extra_var=np.zeros(shape),
-        pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
+        jump_var=jump, pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
     )  # fmt: skip
 
 
@@ -200,6 +203,7 @@ def with_first_look(blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: Fl
         mean=np.concatenate([blocks.mean, mean[None]]), scatter=np.concatenate([blocks.scatter, zero]),
         log_null=np.concatenate([blocks.log_null, zero]),
         extra_var=np.concatenate([blocks.extra_var, np.broadcast_to(extra, zero.shape)]),
+        jump_var=np.concatenate([blocks.jump_var, zero[:, 0]]),
         pixel_var=np.concatenate([blocks.pixel_var, np.where(known, tracks.pixel_m[-1] ** 2, 0.0)[None]]),
         jacobian=np.concatenate([blocks.jacobian, np.where(known[:, None, None], tracks.jacobian[-1], 0.0)[None]]),
         heading=blocks.heading, theta=blocks.theta,

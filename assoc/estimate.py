@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence import Noise, fresh_state, put, restarted, run_filter, taken, with_columns
+from assoc.evidence import Noise, bounded, fresh_state, put, restarted, run_filter, taken, with_columns
 from assoc.ground import THETA, ground_now
 from assoc.history import TrackHistory
 from assoc.labels import mixed_marginals, weights
+from assoc.levels import learnt_bias
 from assoc.memory import BiasMemory
 from assoc.motion import ReportLog
 from assoc.params import IdentifierParams
@@ -24,7 +25,9 @@ IntArray = NDArray[np.int64]
 _SURE = 0.9
 _LOCK = 0.97
 _SETTLED_S = 1.5
+_RECENT_S = 1.5
 _STRANGER_S = 30.0
+_NOISE_EVERY_S = 1.5
 _HEADING_STD = np.deg2rad(9.0)
 _EXTRA_WHITE_VAR = 0.02
 
@@ -34,14 +37,15 @@ class Estimator:
 
     def __init__(self, history: TrackHistory, log: ReportLog, params: IdentifierParams) -> None:
         self._history, self._log, self._params = history, log, params
-        self._state = fresh_state(0, log.n_vehicles, params.bias_m)
+        self._state = fresh_state(0, log.n_vehicles)
         self._first_block: int | None = None
         self._memory = BiasMemory(log.n_vehicles)
         self._ended: dict[int, int] = {}
         self._sure: dict[int, int] = {}
         self._thetas: list[FloatArray] = []
         self._bias_std = params.bias_m
-        self._stranger_s = -np.inf
+        self._stranger_s = self._noise_s = -np.inf
+        self._close: dict[int, set[int]] = {}
         self._updates = 0
         self._locked = False
         self._started_s = np.inf
@@ -55,7 +59,7 @@ class Estimator:
     def began(self, t: float, fresh: IntArray) -> None:
         """Start the evidence of new tracks, with the biases that are remembered."""
         self._started_s = min(self._started_s, t)
-        self._state = with_columns(self._state, len(self._history.track_id), self._bias_std)
+        self._state = with_columns(self._state, len(self._history.track_id))
         if len(fresh):
             mean, var = self._memory.recall(t, self._bias_std, self._params.bias_tau_s)
             self._state = restarted(self._state, fresh, mean, var)
@@ -63,21 +67,22 @@ class Estimator:
                 self._ended.pop(column, None)
                 self._sure.pop(column, None)
 
-    def update(self, t: float, live: IntArray, camera: CameraState) -> FloatArray:
-        """Marginals of the live tracks.
+    def update(self, t: float, camera: CameraState) -> tuple[IntArray, FloatArray]:
+        """Marginals of the tracks that are seen, or were a moment ago: a missed box must not free its name.
 
         Args:
             t: Time of the newest frame, seconds.
-            live: (m,) columns of its tracks.
             camera: Its camera.
 
         Returns:
-            (m, n + 1), the last column "none of ours".
+            (m,) columns of the history and (m, n + 1) marginals, the last column "none of ours".
         """
-        n = self._log.n_vehicles
+        n, history = self._log.n_vehicles, self._history
+        live = np.flatnonzero((history.track_id != 0) & (history.last_s > t - _RECENT_S))
         if not len(live) or not n:
-            return np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
+            return live, np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
         self._updates += 1
+        self._note_close(t, live, camera)
         scene = self._scene(t, live, camera)
         found = self._search(scene, camera)
         share = weights(found)
@@ -85,7 +90,7 @@ class Estimator:
         p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)))
         self._learn(t, scene, found[0], p, float(share[0]))
         self._fold(scene, found[0])
-        return p
+        return live, p
 
     def residuals(self, t: float, sighting: Sighting, camera: CameraState,
                   vehicle: IntArray) -> tuple[FloatArray, FloatArray]:  # fmt: skip
@@ -110,8 +115,8 @@ class Estimator:
         return Scene(
             history=self._history, columns=columns, live=len(live), anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
-            first_look_s=3.0, heading_std=float(_HEADING_STD), state=taken(self._state, columns), noise=noise,
-            prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, len(columns)),
+            first_look_s=3.0, heading_std=float(_HEADING_STD),
+            state=bounded(taken(self._state, columns), self._bias_std), noise=noise, prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, columns),
             log_odds=q.prior_log_odds,
         )  # fmt: skip
 
@@ -130,11 +135,25 @@ class Estimator:
                 self._ended[column] = vehicle
         self._ended = {c: v for c, v in self._ended.items() if self._history.last_s[c] > start}
 
-    def _switching(self, blocks: int, tracks: int) -> FloatArray:
+    def _switching(self, blocks: int, columns: IntArray) -> FloatArray:
         """(B + 1, T) ln chance of a change of owner per block; none in the first look."""
-        result = np.full((blocks, tracks), np.log(self._params.switch_rate_close * self._params.block_s))
+        q, first = self._params, self._first_block or 0
+        result = np.full((blocks, len(columns)), np.log(q.switch_rate * q.block_s))
+        for b in range(blocks - 1):
+            result[b, np.isin(columns, list(self._close.get(first + b, ())))] = np.log(q.switch_rate_close * q.block_s)
         result[-1] = -50.0
         return result
+
+    def _note_close(self, t: float, seen: IntArray, camera: CameraState) -> None:
+        """Remember which tracks a tracker could have swapped now: close together, or just not seen."""
+        g = ground_now(self._history.ray[self._history.n - 1, seen], camera.R_enu_cam, camera.p_enu, camera.ground_z,
+                       self.theta)  # fmt: skip
+        away = np.linalg.norm(g[:, None] - g[None], axis=2) + np.diag(np.full(len(g), np.inf))
+        lost = ~np.isfinite(g[:, 0])
+        close = lost | (np.min(np.nan_to_num(away, nan=np.inf), axis=1, initial=np.inf) < self._params.close_m)
+        block = int(np.floor(t / self._params.block_s))
+        self._close.setdefault(block, set()).update(seen[close].tolist())
+        self._close = {b: s for b, s in self._close.items() if self._first_block is None or b >= self._first_block}
 
     def _noise(self, camera: CameraState) -> Noise:
         """Noise levels as believed now."""
@@ -186,6 +205,10 @@ class Estimator:
         top = np.argmax(p, axis=1)
         sure = (np.max(p, axis=1) > _SURE) & (age > _SETTLED_S)
         rows = np.flatnonzero(sure & (top < n))
+        if t - self._noise_s >= _NOISE_EVERY_S:
+            self._noise_s = t
+            carrying = np.flatnonzero((np.max(p, axis=1) > 0.8) & (top < n))
+            self._bias_std = learnt_bias(scene, best, carrying, top[carrying], self._state, self._bias_std)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
         if np.any(sure & (top == n) & (age > 2.5)):
             self._stranger_s = t

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from assoc.blocks import Blocks
 
-__all__ = ["NEVER", "Noise", "PairState", "fresh_state", "put", "restarted", "run_filter", "taken", "with_columns"]
+__all__ = [
+    "NEVER", "Noise", "PairState", "bounded", "fresh_state", "put", "restarted", "run_filter", "taken", "with_columns",
+]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -58,18 +60,23 @@ class PairState:
     mean: FloatArray
     """(T, n, 2) bias, metres."""
     var: FloatArray
-    """(T, n) its variance, m²."""
+    """(T, n) its variance, m²; inf: nothing known beyond the prior."""
     seen: BoolArray
     """(T, n) whether any block was compared."""
 
 
-def fresh_state(n_tracks: int, n_vehicles: int, bias_std: float) -> PairState:
+def fresh_state(n_tracks: int, n_vehicles: int) -> PairState:
     """State before any evidence."""
     shape = (n_tracks, n_vehicles)
     return PairState(
-        score=np.full(shape, NEVER), mean=np.zeros((*shape, 2)), var=np.full(shape, bias_std**2),
+        score=np.full(shape, NEVER), mean=np.zeros((*shape, 2)), var=np.full(shape, np.inf),
         seen=np.zeros(shape, np.bool_),
     )  # fmt: skip
+
+
+def bounded(state: PairState, bias_std: float) -> PairState:
+    """The state with nothing known of a bias meaning the prior: variances at most σ_b²."""
+    return replace(state, var=np.minimum(state.var, bias_std**2))
 
 
 def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
@@ -108,8 +115,8 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
         if b == fold:
             folded = PairState(score=L, mean=M, var=V, seen=seen)
         has = has_all[b]
-        # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b²
-        M, V = decay * M, decay**2 * V + (1.0 - decay**2) * prior
+        # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
+        M, V = decay * M, decay**2 * V + (1.0 - decay**2) * prior + blocks.jump_var[b]
         e = mean_r[b] - M
         s = V + variance[b]
         e2 = e[..., 0] ** 2 + e[..., 1] ** 2
@@ -142,12 +149,12 @@ def put(state: PairState, columns: NDArray[np.int64], part: PairState) -> PairSt
     return PairState(score=score, mean=mean, var=var, seen=seen)
 
 
-def with_columns(state: PairState, n_tracks: int, bias_std: float) -> PairState:
+def with_columns(state: PairState, n_tracks: int) -> PairState:
     """The state widened to more tracks."""
     extra = n_tracks - len(state.score)
     if extra <= 0:
         return state
-    more = fresh_state(extra, state.score.shape[1], bias_std)
+    more = fresh_state(extra, state.score.shape[1])
     return PairState(
         score=np.concatenate([state.score, more.score]), mean=np.concatenate([state.mean, more.mean]),
         var=np.concatenate([state.var, more.var]), seen=np.concatenate([state.seen, more.seen]),

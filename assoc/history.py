@@ -44,7 +44,7 @@ class TrackHistory:
         self.last_s = np.zeros(0)
         self._column: dict[int, int] = {}
 
-    def append(self, t: float, sighting: Sighting, camera: CameraState) -> tuple[IntArray, IntArray]:
+    def append(self, t: float, sighting: Sighting, camera: CameraState) -> IntArray:
         """Store one frame.
 
         Args:
@@ -53,7 +53,7 @@ class TrackHistory:
             camera: The camera's state.
 
         Returns:
-            (m,) column of each track, and the columns that began with this frame.
+            The columns that began with this frame.
         """
         self._make_row(t)
         row = self.n - 1
@@ -64,7 +64,7 @@ class TrackHistory:
         self.ray[row, columns[seen]] = sighting.ray_cam[seen]
         self.front[row, columns[seen]] = sighting.front_cam[seen]
         self.last_s[columns[seen]] = t
-        return columns, fresh
+        return fresh
 
     def release(self, before_s: float) -> IntArray:
         """Free the columns of tracks not seen since; returns them."""

@@ -79,14 +79,14 @@ class Identifier:
         usable = _usable(camera)
         if usable is None:
             return
-        columns, fresh = self._history.append(t, sighting, usable)
+        fresh = self._history.append(t, sighting, usable)
         self._t = t
         self._estimator.began(t, fresh)
         waited = t - self._thought_s
         if waited >= self._params.every_s or (len(fresh) and waited > 0.0):
             self._thought_s = t
-            p = self._estimator.update(t, columns, usable)
-            self._beliefs = self._beliefs.renewed(sighting.track_id, p, self._estimator.conflict)
+            columns, p = self._estimator.update(t, usable)
+            self._beliefs = self._beliefs.renewed(self._history.track_id[columns], p, self._estimator.conflict)
 
     def _reset(self) -> None:
         """Forget everything: time ran backwards."""

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5])
+WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5, 7.0])
 """(G,) candidates of the reports' white noise, metres."""
 
 _ACCELERATION = 1.0
@@ -29,6 +29,8 @@ _SPEED_STD = 5.0
 """Prior 1σ of a vehicle's speed per axis, m/s."""
 _LEAST_LOG = -12.0
 """Floor of one sample's null likelihood, so that one jump does not decide everything."""
+_JUMP = 36.0
+"""Squared innovation, in variances, from which a report has jumped."""
 _STANDING_MPS = 0.3
 _FORGET_S = 60.0
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
@@ -48,6 +50,8 @@ class Samples:
     """(S,) clockwise from north, NaN unknown."""
     log_null: FloatArray
     """(S,) ln density of the report under the vehicle's own past."""
+    jump_var: FloatArray
+    """(S,) squared jump from that past, m², where it is no motion and no noise; else 0."""
 
 
 class ReportLog:
@@ -62,6 +66,7 @@ class ReportLog:
         self._p = np.empty((0, 2))
         self._heading: FloatArray = np.empty(0)
         self._log_null = np.empty((0, groups))
+        self._jump = np.empty((0, groups))
         self.last_t = np.full(n, -np.inf)
         """(n,) time of the newest accepted report, seconds."""
         self.last_p = np.full((n, 2), np.nan)
@@ -109,6 +114,7 @@ class ReportLog:
         return Samples(
             t=self._t[inside], vehicle=self._vehicle[inside], p=self._p[inside],
             heading=self._heading[inside], log_null=self._log_null[inside, self.white],
+            jump_var=self._jump[inside, self.white],
         )  # fmt: skip
 
     def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
@@ -134,7 +140,7 @@ class ReportLog:
         vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
         if not len(rows):
             return
-        log_null = self._filter(vehicle, t, p)
+        log_null, jump = self._filter(vehicle, t, p)
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
         self.last_v[vehicle] = np.where(known[:, None], reported, self._mean[vehicle, self.white, 1])
@@ -146,6 +152,7 @@ class ReportLog:
         self._p = np.concatenate([self._p, p])
         self._heading = np.concatenate([self._heading, reports.heading[rows]])
         self._log_null = np.concatenate([self._log_null, log_null])
+        self._jump = np.concatenate([self._jump, jump])
 
     def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
         """Exact repeats that carry no news: of a moving vehicle (frozen), or within a second of a standing one."""
@@ -156,8 +163,8 @@ class ReportLog:
         self.frozen[vehicle] = same & (moving | self.frozen[vehicle])
         return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < 1.0)))
 
-    def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> FloatArray:
-        """One step of the null model; returns (k, G) ln densities, 0 for a vehicle's first report."""
+    def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """One step of the null model: (k, G) ln densities and squared jumps, 0 for a vehicle's first report."""
         fresh: BoolArray = np.asarray(~np.isfinite(self.last_t[vehicle]))
         dt = np.where(fresh, 0.0, t - np.where(fresh, 0.0, self.last_t[vehicle]))[:, None]
         mean, cov = self._mean[vehicle], self._cov[vehicle]
@@ -180,7 +187,8 @@ class ReportLog:
         self._mean[vehicle], self._cov[vehicle] = mean, cov
         log_density[fresh] = 0.0
         self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
-        return np.asarray(log_density)
+        jump = np.where((e2 > _JUMP * s) & ~fresh[:, None], e2, 0.0)
+        return np.asarray(log_density), jump
 
     def _trim(self) -> None:
         """Forget what left the window."""
@@ -188,3 +196,4 @@ class ReportLog:
             keep = self._t >= np.max(self._t) - 1.2 * self._window_s
             self._t, self._vehicle, self._p = self._t[keep], self._vehicle[keep], self._p[keep]
             self._heading, self._log_null = self._heading[keep], self._log_null[keep]
+            self._jump = self._jump[keep]

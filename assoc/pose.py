@@ -74,6 +74,7 @@ def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairStat
     out, log_det = np.zeros_like(x), np.zeros(len(tracks))
     for b in range(len(x)):
         M, V = noise.decay * M, noise.decay**2 * V + (1.0 - noise.decay**2) * noise.bias_std**2
+        V = V + blocks.jump_var[b, vehicles]
         s = V + variance[b]
         e = x[b] - M
         out[b] = e * np.where(has[b], 1.0 / np.sqrt(s), 0.0)[:, None, None]
