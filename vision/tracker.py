@@ -67,6 +67,9 @@ class TrackerParams:
     """A confirmed track coasts as long as it was seen, but at least this long ..."""
     coast_s: float = 2.5
     """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
+    picture: tuple[int, int] | None = None
+    """Width and height, px, when known: a track that has coasted out of the picture ends after ``tentative_s``, so that
+    the next vehicle to come in there does not inherit its id."""
     double: float = 0.5
     """Overlap with a matched box above which another box begins no track. Raise → dense parking; lower → no doubles."""
 
@@ -225,7 +228,10 @@ class Tracker:
         """End tracks that were not seen for too long."""
         params, state = self.params, self._state
         patience = np.clip(state.age_s - state.gap_s, params.short_s, params.coast_s)
-        patience = np.where(state.hits < params.confirm_hits, params.tentative_s, patience)
+        brief = state.hits < params.confirm_hits
+        if params.picture is not None:
+            brief |= ((state.x[:, :2] < 0) | (state.x[:, :2] > params.picture)).any(axis=1)
+        patience = np.where(brief, params.tentative_s, patience)
         alive = state.gap_s <= patience
         if not alive.all():
             self._state = state.keep(alive)
