@@ -51,8 +51,9 @@ class Camera:
     cy: float
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     """k1 k2 p1 p2 k3."""
-    mount: Literal["stabilized", "fixed"] = "stabilized"
-    """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body."""
+    mount: Literal["stabilized", "fixed", "gimbal"] = "stabilized"
+    """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body; ``gimbal``: turned in
+    flight, as the gimbal reports, and as ``stabilized`` until it does."""
     roll_deg: float = 0.0
     pitch_deg: float = -90.0
     """-90 looks straight down."""

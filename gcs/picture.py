@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,8 @@ def mount_of(camera: Camera | None) -> Mount:
     if camera is None:
         return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
     roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])
-    return Mount(kind=camera.mount, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
+    kind: Literal["fixed", "stabilized"] = "fixed" if camera.mount == "fixed" else "stabilized"
+    return Mount(kind=kind, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
 
 
 def fitted(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:

@@ -15,7 +15,7 @@ from assoc.reattach import reattach_gated
 from gcs.config import Mission
 from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
 from gcs.snapshot import Event, Health, Level, Snapshot
-from mavlink.fleet import Fleet, FleetState, Notice
+from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.packet import Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
 from vision.detections import Detections
@@ -26,6 +26,7 @@ __all__ = ["Pipeline"]
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 UNKNOWN_OFFSET_STD_S = 0.35
+MOUNT_DOUBT = np.deg2rad(20.0)
 
 
 class Pipeline:
@@ -43,9 +44,11 @@ class Pipeline:
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._intrinsics = intrinsics_of(mission.camera) if mission.camera else None
         self._mount = mount_of(mission.camera)
+        self._follow_gimbal = mission.camera is None or mission.camera.mount == "gimbal"
         self._view: View | None = None
         self._name_of_track: dict[int, int] = {}
         self._conflict: frozenset[int] = frozenset()
+        self._mount_doubted = False
         self._events: list[Event] = []
 
     def feed(self, packet: Packet) -> None:
@@ -103,9 +106,21 @@ class Pipeline:
         if self._intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None
         R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
-        pose = camera_pose(self._mount, uav.p_enu, R_enu_body, uav.R_enu_gimbal if uav.attitude_valid else None)
+        R_enu_gimbal = uav.R_enu_gimbal if uav.attitude_valid else None
+        self._compare_mount(state.t_us, uav, R_enu_gimbal)
+        pose = camera_pose(self._mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follow_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
         return View(intrinsics=self._intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
+
+    def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
+        """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
+        if self._follow_gimbal or self._mount_doubted or R_enu_gimbal is None:
+            return
+        R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
+        if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
+            self._mount_doubted = True
+            text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
+            self._events.append(Event(t_us=t_us, level="warning", kind="video", text=text))
 
     def _stitch(self, state: FleetState, view: View | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""

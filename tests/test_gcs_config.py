@@ -64,7 +64,7 @@ def test_written_and_read_again_is_the_same():
         (("system_id = 12", "system_id = 300"), "must lie between 1 and 255"),
         (("system_id = 12", "system_id = true"), "a whole number is needed"),
         (("system_id = 12", "system_id = 1.5"), "a whole number is needed"),
-        (('mount = "fixed"', 'mount = "glued"'), "'stabilized' or 'fixed' is needed"),
+        (('mount = "fixed"', 'mount = "glued"'), "'stabilized' or 'fixed' or 'gimbal' is needed"),
         (("[0, 0, 0, 0, 0]", "[0, 0]"), "a list of 5 numbers"),
         (('video_offset_s = "auto"', 'video_offset_s = "later"'), "a number or 'auto' is needed"),
         (("[[ugv]]\nsystem_id = 12\n", "[[ugv]]\n"), "[[ugv]] number 2: system_id is missing"),

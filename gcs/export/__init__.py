@@ -14,6 +14,7 @@ from gcs.snapshot import Snapshot
 
 __all__ = ["FORMATS", "CsvExport", "Export", "JsonlExport", "VideoExport", "open_export"]
 
+
 class Export(Protocol):
     """An open export file."""
 

@@ -23,6 +23,7 @@ Answer = TypeVar("Answer")
 class Ask(ModalScreen[Answer | None]):
     """Asks until the answer can be understood, or escape."""
 
+    AUTO_FOCUS: ClassVar[str | None] = "Input"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "cancel", "Cancel", id="ask.cancel", tooltip="Close without an answer"),
     ]

@@ -23,7 +23,7 @@ from gcs.tui.wording import plain
 __all__ = ["VideoPane"]
 
 PIXELS_EVERY_S = 0.15
-"""Terminals take far longer for an image than for text."""
+"""Least time between images; a terminal that takes longer is given as long again to answer keys."""
 IMAGE_ID = "pixels"
 
 
@@ -35,8 +35,9 @@ class VideoPane(Pane):
     def __init__(self, *, id: str, pixels: Pixels | None = None) -> None:
         super().__init__(id=id)
         self._pixels = pixels
-        self._sent_at = 0.0
-        self._sent: tuple[int, int, int] = (0, 0, 0)
+        self._rest_until = 0.0
+        self._look: tuple[int, int, int] = (0, 0, 0)
+        self._late = False
 
     def compose(self) -> ComposeResult:
         """An image of textual-image in pixel mode, nothing else."""
@@ -69,9 +70,10 @@ class VideoPane(Pane):
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()
         look = (width, height, self.selected)
-        if look == self._sent and now - self._sent_at < PIXELS_EVERY_S:
+        if look == self._look and now < self._rest_until:
+            self._catch_up(self._rest_until - now)
             return
-        self._sent, self._sent_at = look, now
+        self._look, self._rest_until = look, now + PIXELS_EVERY_S
         wide, high = max(1, snapshot.width), max(1, snapshot.height)
         scale = min(width * pixels.cell_width / wide, height * pixels.cell_height / high)
         child = self.query_one(f"#{IMAGE_ID}")
@@ -79,6 +81,21 @@ class VideoPane(Pane):
         child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
         child.styles.margin = (1, 0, 0, 0)
         child.image = pixels.picture(draw(snapshot, scale=scale, selected=self.selected))  # type: ignore[attr-defined]
+        self.call_after_refresh(self._rest, now)
+
+    def _rest(self, began: float) -> None:
+        now = time.monotonic()
+        self._rest_until = now + max(PIXELS_EVERY_S, now - began)
+
+    def _catch_up(self, wait_s: float) -> None:
+        """The newest picture comes once the rest is over, even if no newer one follows."""
+        if not self._late:
+            self._late = True
+            self.set_timer(wait_s + 0.01, self._catch_up_now)
+
+    def _catch_up_now(self) -> None:
+        self._late = False
+        self.redraw()
 
     def on_click(self, event: events.Click) -> None:
         """Pick the vehicle under the pointer."""
