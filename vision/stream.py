@@ -174,6 +174,8 @@ class _Connection:
         self._tick_s = float(self._stream.time_base or 1e-6)
         self._paced = _is_file(owner.url)
         self._first: tuple[float, float] | None = None
+        self._opened_s = time.time()
+        self._bare = True
         self._placed: dict[int, tuple[int, int]] = {}
         self._decoding = False
         self._key_pts: int | None = None
@@ -194,32 +196,50 @@ class _Connection:
             arrival_s = self._arrive(packet)
             owner.connected, owner._heard_s = True, time.monotonic()
             if held is None:
-                self._take(packet, arrival_s)
+                self._settle([(packet, arrival_s)])
             else:
                 # packets buffered while opening came earlier than now: hold them until one comes that is on time
                 held.append((packet, arrival_s))
                 if waited_s > WAITED_S or len(held) >= PROBED:
-                    for early, seen_s in held:
-                        self._take(early, seen_s)
+                    self._settle(held)
                     held = None
             asked_s = time.monotonic()
-        for early, seen_s in held or []:
-            self._take(early, seen_s)
+        self._settle(held or [])
         self._show(None)
         self._list(owner._order.flush())
 
     def _arrive(self, packet: Packet[CodedStream]) -> float:
         """Unix time of arrival; a file's packets arrive at the pace of their time stamps."""
-        if packet.pts is None:
-            packet.pts = packet.dts if packet.dts is not None else round(time.time() / self._tick_s)
-        stamp_s = packet.pts * self._tick_s
-        if self._paced:
-            decoded_s = (packet.dts if packet.dts is not None else packet.pts) * self._tick_s
+        if self._paced and packet.dts is not None:
+            decoded_s = packet.dts * self._tick_s
             self._first = self._first or (decoded_s, time.monotonic())
             self._owner._stop.wait(max(decoded_s - self._first[0] - (time.monotonic() - self._first[1]), 0.0))
-        arrival_s = time.time()
-        self._clock.see(stamp_s, arrival_s)
-        return arrival_s
+        return time.time()
+
+    def _settle(self, packets: list[tuple[Packet[CodedStream], float]]) -> None:
+        """Learn the arrivals of packets that came together, then use the packets."""
+        self._stamp(packets)
+        stamped = [(packet, arrival_s) for packet, arrival_s in packets if packet.pts is not None]
+        for packet, arrival_s in stamped:
+            self._clock.see((packet.pts or 0) * self._tick_s, arrival_s)
+        for packet, arrival_s in stamped:
+            self._take(packet, arrival_s)
+
+    def _stamp(self, packets: list[tuple[Packet[CodedStream], float]]) -> None:
+        """Give a time to packets without: RTP's first comes so, and raw streams never have any."""
+        following: list[int] = []
+        for packet, arrival_s in reversed(packets):
+            if packet.pts is None and packet.dts is not None:
+                packet.pts = packet.dts
+            if packet.pts is not None:
+                self._bare = False
+            elif following:
+                step = following[1] - following[0] if len(following) > 1 else round(1 / 30 / self._tick_s)
+                packet.pts = packet.dts = following[0] - max(step, 1)
+            elif self._bare:
+                packet.pts = packet.dts = round((arrival_s - self._opened_s) / self._tick_s)
+            if packet.pts is not None:
+                following = [packet.pts, *following[:1]]
 
     def _take(self, packet: Packet[CodedStream], arrival_s: float) -> None:
         """Record, number, time and decode one packet, from the first key picture on."""
