@@ -34,7 +34,8 @@ def picture(world: World, renderer: Renderer, t: float, index: int) -> NDArray[n
 def write_video(world: World, t: FloatArray, path: Path) -> None:
     """Render and encode the frames exposed at t (k,) seconds; the first frame's time stamp is 0.
 
-    One encoder thread, so that equal worlds give equal bytes.
+    One encoder thread and no look-ahead: with B-frames x264's output differs from run to run, and equal worlds are to
+    give equal bytes.
     """
     renderer = renderer_for(world)
     with av.open(str(path), "w") as container:
@@ -42,7 +43,8 @@ def write_video(world: World, t: FloatArray, path: Path) -> None:
         camera = world.scenario.camera
         stream.width, stream.height, stream.pix_fmt = camera.width, camera.height, "yuv420p"
         stream.time_base = stream.codec_context.time_base = Fraction(1, 90_000)
-        stream.options = {"preset": "veryfast", "crf": "21", "threads": "1", "g": str(round(2 * world.scenario.fps))}
+        keyframes = str(max(1, round(2 * world.scenario.fps)))
+        stream.options = {"preset": "veryfast", "tune": "zerolatency", "crf": "21", "threads": "1", "g": keyframes}
         for frame in _frames(world, renderer, t):
             for packet in stream.encode(frame):
                 container.mux(packet)

@@ -1,0 +1,127 @@
+import csv
+import dataclasses
+import tomllib
+
+import av
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from sim.errors import SessionError
+from sim.presets import curved_road
+from sim.scenario import Blackout, Camera, Timing
+from sim.scenario_file import load_scenario
+from sim.session import frame_times, write_session
+
+SHORT = dataclasses.replace(
+    curved_road(), duration_s=4.0, occlusions=(), blackouts=(Blackout(start_s=0.95, stop_s=1.95),)
+)
+SMALL = dataclasses.replace(
+    SHORT, duration_s=1.0, camera=Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
+)
+
+
+def rows(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sessions") / "a"
+    write_session(SHORT, path)
+    return path
+
+
+def test_a_session_has_its_files_and_their_columns(folder):
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "detections.csv", "frames.csv", "scenario.toml", "session.toml", "telemetry.tlog", "truth.csv",
+    ]  # fmt: skip
+    heads = {p.name: p.read_text().split("\n")[0] for p in folder.glob("*.csv")}
+    assert heads == {
+        "frames.csv": "frame,time_us",
+        "detections.csv": "frame,cx,cy,w,h,angle,score,heading",
+        "truth.csv": "frame,cx,cy,w,h,angle,system_id",
+    }
+    assert load_scenario(folder / "scenario.toml") == SHORT
+
+
+def test_session_toml_declares_what_flew(folder):
+    session = tomllib.loads((folder / "session.toml").read_text())
+    assert session["uav"] == {"system_id": 1}
+    assert [u["system_id"] for u in session["ugv"]] == list(range(11, 18))
+    assert session["ugv"][0]["name"] == "UGV-11"
+    assert session["camera"]["fx"] == 1200.0
+    assert session["camera"]["mount"] == "stabilized"
+    assert session["camera"]["distortion"] == [0.0] * 5
+    assert session["clock"] == {"video_offset_s": 0.0}
+
+
+def test_frames_detections_and_truth_belong_together(folder):
+    frames, detections, truth = (rows(folder / f"{n}.csv") for n in ("frames", "detections", "truth"))
+    times = np.array([int(r["time_us"]) for r in frames])
+    assert [int(r["frame"]) for r in frames] == list(range(40))
+    assert abs(np.diff(times) - 100_000).max() < 20_000
+    for box, name in zip(detections, truth, strict=True):
+        assert all(box[key] == name[key] for key in ("frame", "cx", "cy", "w", "h", "angle"))
+    seen = {int(r["frame"]) for r in detections}
+    assert seen == set(range(10)) | set(range(20, 40))
+    # the seventh is outside; the look-alike may be in view
+    assert {int(r["system_id"]) for r in truth} - {0} == set(range(11, 17))
+
+
+def test_the_tlog_is_stamped_in_order_and_parses(folder):
+    data = (folder / "telemetry.tlog").read_bytes()
+    parser, at, stamps, ids = dialect.MAVLink(None), 0, [], set()
+    while at < len(data):
+        stamps.append(int.from_bytes(data[at : at + 8], "big"))
+        length = 12 + data[at + 9]
+        ids.add(parser.parse_buffer(data[at + 8 : at + 8 + length])[0].get_srcSystem())
+        at += 8 + length
+    assert ids == {1, *range(11, 18)}
+    assert stamps == sorted(stamps)
+    assert stamps[0] < SHORT.start_us < SHORT.start_us + 4_000_000 < stamps[-1]
+
+
+def test_equal_scenarios_give_equal_bytes(folder, tmp_path):
+    write_session(SHORT, tmp_path / "b")
+    for path in folder.iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes(), path.name
+
+
+def test_a_folder_is_never_overwritten(folder):
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    with pytest.raises(SessionError, match="exists already"):
+        write_session(SHORT, folder)
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SessionError, match=r"file/session: cannot be made"):
+        write_session(SHORT, tmp_path / "file" / "session")
+
+
+@pytest.mark.parametrize(("declared", "said"), [("exact", 0.35), ("zero", 0.0), ("auto", "auto")])
+def test_the_video_offset_is_in_the_stamps_and_declared_as_asked(declared, said, tmp_path):
+    scenario = dataclasses.replace(SHORT, timing=Timing(video_offset_s=0.35, declared_offset=declared))
+    t, stamps = frame_times(scenario)
+    np.testing.assert_allclose((stamps - scenario.start_us) / 1e6 - t, 0.35, atol=1e-6)
+    write_session(scenario, tmp_path / "s")
+    assert tomllib.loads((tmp_path / "s" / "session.toml").read_text())["clock"]["video_offset_s"] == said
+
+
+def test_a_rendered_session_has_a_video_with_the_frames_times(tmp_path):
+    for name in ("a", "b"):
+        write_session(SMALL, tmp_path / name, video=True)
+    assert (tmp_path / "a" / "video.mp4").read_bytes() == (tmp_path / "b" / "video.mp4").read_bytes()
+    assert not (tmp_path / "a" / "detections.csv").exists()
+    with av.open(str(tmp_path / "a" / "video.mp4")) as video:
+        frames = list(video.decode(video=0))
+    stamps = np.array([int(r["time_us"]) for r in rows(tmp_path / "a" / "frames.csv")])
+    assert [(f.width, f.height) for f in frames] == [(480, 270)] * 10
+    seconds = np.array([float(f.pts * f.time_base) for f in frames])
+    np.testing.assert_allclose(seconds, (stamps - stamps[0]) / 1e6, atol=2e-5)
+    truth = rows(tmp_path / "a" / "truth.csv")
+    assert {r["system_id"] for r in truth} >= {str(i) for i in range(11, 17)}
+    assert "17" not in {r["system_id"] for r in truth}
