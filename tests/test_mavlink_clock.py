@@ -1,0 +1,143 @@
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mavlink.clock import ClockParams, VehicleClock
+
+T0 = 1_790_000_000_000_000
+S = 1_000_000
+
+
+class Vehicle:
+    """A clock that drifts, behind a link that delays: the truth that the learnt one is held against."""
+
+    def __init__(self, seed=0, *, drift=0.0, booted_us=T0 - 60 * S, least_delay_us=2000, jitter_us=4000):
+        self.rng = random.Random(seed)
+        self.drift, self.booted_us = drift, booted_us
+        self.least_delay_us, self.jitter_us = least_delay_us, jitter_us
+
+    def boot_ms(self, t_us):
+        return int((t_us - self.booted_us) / (1.0 + self.drift) / 1000)
+
+    def message(self, t_us):
+        return self.boot_ms(t_us), t_us + self.least_delay_us + int(self.rng.expovariate(1 / self.jitter_us))
+
+
+def run(clock, vehicle, start_us, seconds, rate=10):
+    errors = []
+    for i in range(int(seconds * rate)):
+        t_us = start_us + i * S // rate
+        errors.append(clock.to_unix_us(*vehicle.message(t_us)) - t_us)
+    return errors
+
+
+@given(drift=st.floats(-400e-6, 400e-6), seed=st.integers(0, 1000))
+@settings(max_examples=25, deadline=None)
+def test_error_stays_within_a_few_ms_under_drift_and_jitter(drift, seed):
+    clock = VehicleClock()
+    errors = run(clock, Vehicle(seed, drift=drift), T0, 120)
+    assert max(map(abs, errors[-600:])) < 8000
+    assert clock.drift == pytest.approx(drift, abs=60e-6)
+    assert 0.0 < clock.uncertainty_s < 0.02
+    assert clock.reboots == 0 and not clock.stray
+
+
+def test_first_message_is_as_good_as_its_arrival():
+    clock = VehicleClock()
+    assert clock.to_unix_us(5000, T0) == T0
+    assert clock.uncertainty_s > 0.01
+
+
+def test_late_packets_do_not_move_the_clock():
+    clock, vehicle = VehicleClock(), Vehicle(1, jitter_us=1000)
+    run(clock, vehicle, T0, 60)
+    boot_ms = vehicle.boot_ms(T0 + 60 * S)
+    assert clock.to_unix_us(boot_ms, T0 + 62 * S) == pytest.approx(T0 + 60 * S, abs=5000)
+    assert clock.to_unix_us(boot_ms + 100, T0 + 70 * S) == pytest.approx(T0 + 60 * S + 100_000, abs=5000)
+
+
+def test_earlier_than_ever_moves_it_at_once():
+    clock, vehicle = VehicleClock(), Vehicle(1, least_delay_us=60_000, jitter_us=1)
+    run(clock, vehicle, T0, 3)
+    vehicle.least_delay_us = 1000
+    assert abs(run(clock, vehicle, T0 + 3 * S, 1)[-1]) < 3000
+
+
+def test_boot_time_and_unix_time_are_inverse():
+    clock = VehicleClock()
+    run(clock, Vehicle(3, drift=150e-6), T0, 90)
+    for t_us in (T0, T0 + 45 * S + 7, T0 + 100 * S):
+        assert clock.unix_of(clock.boot_of(t_us)) == pytest.approx(t_us, abs=1)
+
+
+def test_reboot_is_seen_within_half_a_second():
+    clock, vehicle = VehicleClock(), Vehicle(2)
+    run(clock, vehicle, T0, 60)
+    vehicle.booted_us = T0 + 61 * S
+    errors = run(clock, vehicle, T0 + 62 * S, 20)
+    assert clock.reboots == 1
+    assert max(map(abs, errors[5:])) < 30_000
+
+
+def test_copies_ten_seconds_late_are_strays_and_no_reboot():
+    clock, vehicle = VehicleClock(), Vehicle(4)
+    run(clock, vehicle, T0, 30)
+    for i in range(100):
+        t_us = T0 + 30 * S + i * 100_000
+        late_boot, _ = vehicle.message(t_us - 10 * S)
+        clock.learn(late_boot, t_us)
+        assert clock.stray
+        assert clock.to_unix_us(*vehicle.message(t_us)) == pytest.approx(t_us, abs=40_000)
+        assert not clock.stray
+    assert clock.reboots == 0
+
+
+def test_wrap_after_49_days():
+    wrap_us = (1 << 32) * 1000
+    vehicle = Vehicle(5, booted_us=T0 + 30 * S - wrap_us)
+    clock = VehicleClock()
+    errors = []
+    for i in range(600):
+        t_us = T0 + i * 100_000
+        boot_ms, arrival_us = vehicle.message(t_us)
+        errors.append(clock.to_unix_us(boot_ms % (1 << 32), arrival_us) - t_us)
+    assert max(map(abs, errors[5:])) < 30_000
+    assert clock.reboots == 0
+
+
+@pytest.mark.parametrize("step_s", [-3600, 3600])
+def test_step_of_the_host_clock_is_followed(step_s):
+    clock, vehicle = VehicleClock(), Vehicle(6)
+    run(clock, vehicle, T0, 30)
+    for i in range(100):
+        t_us = T0 + 30 * S + i * 100_000
+        boot_ms, arrival_us = vehicle.message(t_us)
+        got = clock.to_unix_us(boot_ms, arrival_us + step_s * S)
+    assert got == pytest.approx(t_us + step_s * S, abs=40_000)
+    assert clock.reboots == 0
+
+
+def test_one_damaged_arrival_time_changes_nothing():
+    clock, vehicle = VehicleClock(), Vehicle(7)
+    run(clock, vehicle, T0, 30)
+    boot_ms, arrival_us = vehicle.message(T0 + 30 * S)
+    clock.to_unix_us(boot_ms, arrival_us - 500 * S)
+    clock.to_unix_us(boot_ms + 1, arrival_us + 500 * S)
+    assert max(map(abs, run(clock, vehicle, T0 + 31 * S, 5))) < 40_000
+
+
+def test_sender_without_boot_time_counts_by_arrival():
+    clock = VehicleClock()
+    for i in range(100):
+        t_us = clock.to_unix_us(0, T0 + i * 100_000)
+        if i >= 3:
+            assert t_us == T0 + i * 100_000
+    assert clock.boot_of(T0 + 7 * S) == T0 + 7 * S
+
+
+def test_parameters_bound_the_drift():
+    clock = VehicleClock(ClockParams(max_drift=50e-6))
+    run(clock, Vehicle(8, drift=200e-6), T0, 60)
+    assert clock.drift <= 50e-6

@@ -1,0 +1,175 @@
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.dialect import DEFINITIONS, message_name
+from mavlink.frame import FrameCounts, Framer, checksum, split
+from mavlink.pack import Speaker
+from mavlink.packet import Packet
+
+
+def some_frames(count=200, *, version=2, key=None, system_id=7):
+    speaker = Speaker(system_id, version=version, key=key)
+    frames = []
+    for i in range(count):
+        kind = i % 4
+        if kind == 0:
+            frames.append(speaker.heartbeat())
+        elif kind == 1:
+            frames.append(speaker.attitude(i * 100, 0.1, -0.2, i * 0.01))
+        elif kind == 2:
+            frames.append(speaker.global_position_int(i * 100, -35.36, 149.16 + i * 1e-5, 584.0, 0.2, (1, 2, 0), 1.5))
+        else:
+            frames.append(speaker.statustext(f"Mission: {i} WP"))
+    return frames
+
+
+def unknown_frame(payload=b"\x01\x02\x03", message_id=60_001):
+    header = bytes([0xFD, len(payload), 0, 0, 9, 7, 1]) + message_id.to_bytes(3, "little")
+    return header + payload + b"\x12\x34"
+
+
+MIXED = some_frames(40) + some_frames(40, version=1) + some_frames(40, key=b"k" * 32)
+
+
+@pytest.mark.parametrize("frame", MIXED[::7])
+def test_one_frame_in_a_datagram(frame):
+    assert split(frame) == ([frame], FrameCounts(good=1))
+
+
+def test_header_is_read_as_the_dialect_reads_it():
+    parser = ardupilotmega.MAVLink(None)
+    for frame in MIXED:
+        (message,) = parser.parse_buffer(frame)
+        packet = Packet(5, frame)
+        assert packet.message_id == message.get_msgId()
+        assert (packet.system_id, packet.component_id) == (message.get_srcSystem(), message.get_srcComponent())
+        assert packet.seq == message.get_seq()
+        assert checksum(frame, DEFINITIONS[packet.message_id][1]) == message.get_crc()
+
+
+def test_signed_and_version():
+    assert [Packet(0, MIXED[i]).signed for i in (0, 40, 80)] == [False, False, True]
+    assert [Packet(0, MIXED[i]).version for i in (0, 40, 80)] == [2, 1, 2]
+
+
+def test_several_frames_and_text_in_one_datagram():
+    a, b = some_frames(2)
+    frames, counts = split(b"\n\nInit ArduCopter V4.6" + a + b"Init Gyro*" + b + b"\0")
+    assert frames == [a, b]
+    assert counts == FrameCounts(good=2, junk_bytes=22 + 10 + 1)
+
+
+def test_nothing_crosses_a_datagram():
+    a, b = some_frames(2)
+    assert split(a[:10]) == ([], FrameCounts(junk_bytes=10))
+    assert split(a[10:] + b)[0] == [b]
+
+
+@pytest.mark.parametrize("poison", [b"\xfd\xff\x00", b"\xfd\xff\x01", b"\xfe\xff", b"\xfd", b"\xfd\x00" * 5])
+def test_poison_in_front_of_every_tenth_frame_costs_none(poison):
+    frames = some_frames(500)
+    stream = b"".join(poison * (i % 10 == 0) + frame for i, frame in enumerate(frames))
+    assert split(stream)[0] == frames
+    framer = Framer()
+    got = [frame for i in range(0, len(stream), 100) for frame in framer.feed(stream[i : i + 100])]
+    assert got + framer.finish() == frames
+
+
+@pytest.mark.parametrize("byte", range(10))
+@pytest.mark.parametrize("version", [1, 2])
+def test_flipped_header_bytes_lose_no_undamaged_frame(byte, version):
+    rng = random.Random(byte)
+    frames = some_frames(400, version=version)
+    damaged = {i for i in range(len(frames)) if i % 10 == 3}
+    stream = bytearray()
+    for i, frame in enumerate(frames):
+        hurt = bytearray(frame)
+        if i in damaged:
+            hurt[byte] ^= rng.randrange(1, 256)
+        stream += hurt
+    framer = Framer()
+    got = [f for i in range(0, len(stream), 333) for f in framer.feed(bytes(stream[i : i + 333]))] + framer.finish()
+    for i, frame in enumerate(frames):
+        if i not in damaged:
+            assert frame in got
+    # a damaged frame may still look like one of an unknown message, never like a good one
+    assert framer.counts.good == len(frames) - len(damaged)
+
+
+def test_wrong_checksum_is_counted_once():
+    frame = bytearray(some_frames(4)[1])
+    frame[14] ^= 1
+    assert split(bytes(frame)) == ([], FrameCounts(bad=1, junk_bytes=len(frame)))
+
+
+def test_payload_longer_than_defined_is_refused():
+    frame = bytes([0xFD, 10, 0, 0, 1, 7, 1, 0, 0, 0]) + bytes(10) + b"\0\0"
+    right = checksum(frame, DEFINITIONS[0][1]).to_bytes(2, "little")
+    assert split(frame[:-2] + right)[1].good == 0
+
+
+def test_foreign_incompatibility_flag_is_refused():
+    frame = bytearray(some_frames(1)[0])
+    frame[2] = 0x02
+    frame[-2:] = checksum(bytes(frame), DEFINITIONS[0][1]).to_bytes(2, "little")
+    assert split(bytes(frame))[0] == []
+
+
+def test_unknown_message_is_kept_raw_between_good_ones():
+    a, b = some_frames(2)
+    frames, counts = split(a + unknown_frame() + unknown_frame(b"\xfd\xfe" * 9) + b)
+    assert frames == [a, unknown_frame(), unknown_frame(b"\xfd\xfe" * 9), b]
+    assert counts == FrameCounts(good=2, unknown=2)
+    assert split(unknown_frame())[1] == FrameCounts(unknown=1)
+    assert message_name(60_001) == "UNKNOWN_60001"
+
+
+def test_unknown_message_never_swallows_a_good_frame():
+    a, b = some_frames(2)
+    fake = unknown_frame(b"\x01" + a + b"\x02")
+    frames, counts = split(fake + b)
+    assert frames == [a, b]
+    assert counts.unknown == 0
+
+
+def test_unknown_after_noise_needs_a_good_frame_behind_it():
+    (a,) = some_frames(1)
+    assert split(b"noise" + unknown_frame() + a)[0] == [unknown_frame(), a]
+    assert split(b"noise" + unknown_frame())[0] == []
+
+
+@given(cuts=st.lists(st.integers(0, 6000), max_size=30), noise=st.binary(max_size=30))
+@settings(max_examples=40, deadline=None)
+def test_stream_gives_the_same_frames_however_it_is_cut(cuts, noise):
+    stream = b"".join(frame + noise * (i % 5 == 0) for i, frame in enumerate(MIXED))
+    whole = Framer()
+    expected = whole.feed(stream) + whole.finish()
+    framer = Framer()
+    got = []
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    for start, stop in zip(edges, edges[1:], strict=False):
+        got += framer.feed(stream[start:stop])
+    got += framer.finish()
+    assert [f for f in got if f in MIXED] == MIXED == [f for f in expected if f in MIXED]
+    counted = framer.counts
+    assert sum(map(len, got)) + counted.junk_bytes == len(stream)
+
+
+@given(st.binary(max_size=600))
+@settings(max_examples=150, deadline=None)
+def test_any_bytes_are_accounted_for(data):
+    frames, counts = split(data)
+    assert sum(map(len, frames)) + counts.junk_bytes == len(data)
+    assert counts.good + counts.unknown == len(frames)
+
+
+def test_framer_waits_for_the_rest_of_a_frame():
+    (frame,) = some_frames(1)
+    framer = Framer()
+    assert [framer.feed(bytes([byte])) for byte in frame[:-1]] == [[]] * (len(frame) - 1)
+    assert framer.feed(frame[-1:]) == [frame]
+    assert framer.counts == FrameCounts(good=1)
