@@ -43,7 +43,7 @@ class Estimator:
         self._ended: dict[int, int] = {}
         self._sure: dict[int, int] = {}
         self._thetas: list[FloatArray] = []
-        self._bias_std = params.bias_m
+        self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
         self._close: dict[int, set[int]] = {}
         self._updates = 0
@@ -61,7 +61,7 @@ class Estimator:
         self._started_s = min(self._started_s, t)
         self._state = with_columns(self._state, len(self._history.track_id))
         if len(fresh):
-            mean, var = self._memory.recall(t, self._bias_std, self._params.bias_tau_s)
+            mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
             self._state = restarted(self._state, fresh, mean, var)
             for column in fresh.tolist():
                 self._ended.pop(column, None)
@@ -116,7 +116,8 @@ class Estimator:
             history=self._history, columns=columns, live=len(live), anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
-            state=bounded(taken(self._state, columns), self._bias_std), noise=noise, prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, columns),
+            state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
+            prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, columns),
             log_odds=q.prior_log_odds,
         )  # fmt: skip
 
@@ -162,7 +163,7 @@ class Estimator:
         area = float(np.clip(2.0 * height**2, 500.0, 5e4))
         return Noise(
             white_var=self._log.white_std_m**2 + _EXTRA_WHITE_VAR, bias_std=self._bias_std,
-            decay=float(np.exp(-q.block_s / q.bias_tau_s)), floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2,
+            decay=float(np.exp(-q.block_s / self._tau_s)), floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2,
             log_area=float(np.log(2.0 * area)), increment_max=q.increment_max,
         )  # fmt: skip
 
@@ -208,7 +209,8 @@ class Estimator:
         if t - self._noise_s >= _NOISE_EVERY_S:
             self._noise_s = t
             carrying = np.flatnonzero((np.max(p, axis=1) > 0.8) & (top < n))
-            self._bias_std = learnt_bias(scene, best, carrying, top[carrying], self._state, self._bias_std)
+            now = (self._bias_std, self._tau_s)
+            self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
         if np.any(sure & (top == n) & (age > 2.5)):
             self._stranger_s = t

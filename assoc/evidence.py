@@ -4,9 +4,10 @@ Model of a pair that belongs together, per axis: residual = b(t) + white noise, 
 (1σ σ_b, correlation time τ). The mean r̄ and scatter S of a block of k samples are then
 
     e = r̄ − M,   s = V + (σ_w² + σ_px²)/k + σ_floor²
-    ln p₁ = −ln 2πs − |e|²/2s − (k − 1) ln 2πσ_w² − ln k − S/2σ_w²
+    ln p₁ = ln N(e; 0, s) − (k − 1) ln 2πσ_w² − ln k − S/2σ_w²
 
-with M, V mean and variance of the bias from a scalar Kalman filter over blocks.
+with M, V mean and variance of the bias from a scalar Kalman filter over blocks; N has a wider second part, so that a
+vehicle with a worse receiver than the others is not taken for a stranger.
 """
 
 from __future__ import annotations
@@ -30,6 +31,9 @@ NEVER = -1e6
 _RESET = 30.0
 """A squared innovation this many times its variance is a new start, not a bias."""
 _FIRST_LEAST = -16.0
+_WIDER = 5.0
+_LOG_NEAR, _LOG_FAR = float(np.log(0.85)), float(np.log(0.15))
+_LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +124,10 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
         e = mean_r[b] - M
         s = V + variance[b]
         e2 = e[..., 0] ** 2 + e[..., 1] ** 2
-        log_p = constant[b] - np.log(2 * np.pi * s) - e2 / (2 * s)
+        # ln of (1 − w) N(e; s) + w N(e; s'), s' with six times the bias variance: some wander more than others
+        wide = s + _WIDER * V
+        near = _LOG_NEAR - np.log(s) - e2 / (2 * s)
+        log_p = constant[b] - _LOG_2PI + np.logaddexp(near, _LOG_FAR - np.log(wide) - e2 / (2 * wide))
         later = np.clip(log_p - null[b], -noise.increment_max, noise.increment_max)
         first = np.maximum(log_p - first_null[b], _FIRST_LEAST)
         L = np.where(has, np.where(seen, L + later, first), L)

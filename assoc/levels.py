@@ -11,23 +11,26 @@ from assoc.evidence import PairState, bounded, taken
 from assoc.pose import misfit, whiten
 from assoc.search import Hypothesis, Scene
 
-__all__ = ["BIAS_STD_M", "learnt_bias"]
+__all__ = ["BIAS_STD_M", "BIAS_TAU_S", "learnt_bias"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 BIAS_STD_M = np.array([0.4, 0.7, 1.2, 2.0, 3.2, 4.5])
 """Candidates of σ_b, metres."""
+BIAS_TAU_S = np.array([15.0, 60.0, 240.0])
+"""Candidates of τ, seconds."""
 
 _MEDIAN_M, _SPREAD, _WEIGHT = 1.2, 0.7, 2.0
+_MEDIAN_TAU_S, _TAU_SPREAD = 60.0, 1.0
 _KEEP = 0.6
 
 
 def learnt_bias(scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntArray, state: PairState,
-                now: float) -> float:  # fmt: skip
-    """One step of σ_b towards the likeliest candidate.
+                now: tuple[float, float]) -> tuple[float, float]:  # fmt: skip
+    """One step of σ_b and τ towards the likeliest candidates.
 
-    ln p(σ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7²
+    ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²
 
     Args:
         scene: The update's scene.
@@ -35,17 +38,23 @@ def learnt_bias(scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntA
         tracks: (p,) rows of sure pairs.
         vehicles: (p,) their vehicles.
         state: Evidence of all columns before the first block, variances as they are known.
-        now: Present σ_b, metres.
+        now: Present σ_b, metres, and τ, seconds.
 
     Returns:
-        σ_b, metres.
+        σ_b, metres, and τ, seconds.
     """
     if not len(tracks):
         return now
     raw = taken(state, scene.columns)
-    value = np.zeros(len(BIAS_STD_M))
+    value = np.zeros((len(BIAS_STD_M), len(BIAS_TAU_S)))
     for k, std in enumerate(BIAS_STD_M.tolist()):
-        white = whiten(best.blocks, tracks, vehicles, bounded(raw, std), replace(scene.noise, bias_std=std))
-        value[k] = -np.sum(white.log_det) - np.sum(misfit(white, best.theta))
-    value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD) ** 2
-    return float(_KEEP * now + (1.0 - _KEEP) * BIAS_STD_M[int(np.argmax(value))])
+        start = bounded(raw, std)
+        for j, tau in enumerate(BIAS_TAU_S.tolist()):
+            noise = replace(scene.noise, bias_std=std, decay=float(np.exp(-scene.block_s / tau)))
+            white = whiten(best.blocks, tracks, vehicles, start, noise)
+            value[k, j] = -np.sum(white.log_det) - np.sum(misfit(white, best.theta))
+    value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2
+    value -= 0.5 * _WEIGHT * (np.log(BIAS_TAU_S / _MEDIAN_TAU_S) / _TAU_SPREAD)[None, :] ** 2
+    best_std, best_tau = np.unravel_index(int(np.argmax(value)), value.shape)
+    new_std = _KEEP * now[0] + (1.0 - _KEEP) * float(BIAS_STD_M[best_std])
+    return new_std, float(now[1] ** _KEEP * BIAS_TAU_S[best_tau] ** (1.0 - _KEEP))
