@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from types import MappingProxyType
 from typing import Final
 
@@ -23,6 +23,7 @@ __all__ = [
     "box_bounds",
     "box_corners",
     "draw",
+    "drawable",
     "front_mark",
     "label_of",
     "named_count",
@@ -45,7 +46,10 @@ STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
     }
 )
 DARK: Final = (14, 18, 26)
+FAR_MS: Final = 250_000_000_000_000
 HEADER_INK: Final = (214, 222, 235)
+FARTHEST_PX: Final = 30_000.0
+"""OpenCV counts in 16 bits before the point when it smooths lines."""
 EMPTY_SIZE: Final = (1280, 720)
 FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -78,6 +82,12 @@ def named_count(snapshot: Snapshot) -> tuple[int, int]:
     return standings.count("confirmed"), len(standings)
 
 
+def drawable(box: Box) -> bool:
+    """Whether a box has a place and a size that can be drawn."""
+    numbers = (box.cx, box.cy, box.w, box.h, box.angle)
+    return box.w > 0 and box.h > 0 and all(abs(number) < FARTHEST_PX for number in numbers)
+
+
 def box_corners(box: Box) -> NDArray[np.float64]:
     """(4, 2) pixel corners of an oriented box, clockwise from its own top left."""
     c, s = math.cos(box.angle), math.sin(box.angle)
@@ -93,6 +103,8 @@ def front_mark(box: Box, reach: float = 0.45) -> NDArray[np.float64]:
         box: Its heading is clockwise from image up.
         reach: Length of the tick in lengths of the box.
     """
+    if not math.isfinite(box.heading):
+        return np.full((2, 2), math.nan)
     # d = (sin heading, −cos heading): clockwise from image up, y down
     direction = np.array([math.sin(box.heading), -math.cos(box.heading)])
     along = abs(math.cos(box.angle) * direction[0] + math.sin(box.angle) * direction[1])
@@ -170,7 +182,9 @@ def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArra
     """
     canvas = _canvas(snapshot, scale)
     unit = max(0.75, canvas.shape[0] / 900)
-    boxes = sorted(snapshot.boxes, key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy))
+    boxes = sorted(
+        filter(drawable, snapshot.boxes), key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy)
+    )
     labels = [_ascii(label_of(snapshot, box)) for box in boxes]
     sizes = [_text_size(text, unit) for text in labels]
     anchors = [box_bounds(box, scale, 2 * unit) for box in boxes]
@@ -220,7 +234,9 @@ def _draw_label(canvas: NDArray[np.uint8], text: str, place: Rect, unit: float, 
 
 
 def _draw_header(canvas: NDArray[np.uint8], snapshot: Snapshot, unit: float) -> None:
-    clock = datetime.fromtimestamp(snapshot.t_us // 100_000 / 10, UTC).strftime("%Y-%m-%d %H:%M:%S.%f")[:-5]
+    # counted from the epoch, since the platform's clock functions refuse far times
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=snapshot.t_us // 100_000 * 100 % FAR_MS)
+    clock = moment.strftime("%Y-%m-%d %H:%M:%S.%f")[:-5]
     named, total = named_count(snapshot)
     unnamed = sum(box.system_id == 0 for box in snapshot.boxes)
     text = f"{clock}Z   frame {snapshot.frame}   {named}/{total} confirmed" + (f"   {unnamed} ?" if unnamed else "")

@@ -69,23 +69,33 @@ class RollcallApp(App[None]):
         """
         super().__init__()
         self._station = station
-        self._pixels = pixel_images(graphics)
         self._newest_at = time.monotonic()
+        # held, not queried: a query looks at the screen on top, which may be a question
+        self._alert_line = AlertLine(id="alert")
+        self._map = MapPane(id="map")
+        self._events = EventPane(id="events")
+        self._deck = Deck(
+            [
+                VideoPane(id="video", pixels=pixel_images(graphics)),
+                self._map,
+                FleetPane(id="fleet"),
+                IdentityPane(id="identity"),
+                self._events,
+            ],
+            id="deck",
+        )
+        self._timeline = None if station.timeline is None else TimelineBar(id="timeline")
 
     def compose(self) -> ComposeResult:
         """Status, alert, panes, timeline, keys."""
-        live = self._station.timeline is None
-        bound = (RollcallApp.snapshot, RollcallApp.selected)
-        kinds: tuple[tuple[type[Pane], str], ...] = (
-            (MapPane, "map"), (FleetPane, "fleet"), (IdentityPane, "identity"), (EventPane, "events"),
-        )  # fmt: skip
-        video = VideoPane(id="video", pixels=self._pixels)
-        panes = [video, *(kind(id=id) for kind, id in kinds)]
+        live = self._timeline is None
+        for pane in self._deck.panes:
+            pane.data_bind(RollcallApp.snapshot, RollcallApp.selected)
         yield StatusBar(self._station.title, live=live, id="status").data_bind(RollcallApp.snapshot)
-        yield AlertLine(id="alert")
-        yield Deck([pane.data_bind(*bound) for pane in panes], id="deck")
-        if not live:
-            yield TimelineBar(id="timeline")
+        yield self._alert_line
+        yield self._deck
+        if self._timeline is not None:
+            yield self._timeline
         yield HintLine(LIVE_HINTS if live else REPLAY_HINTS, id="hints")
 
     def on_mount(self) -> None:
@@ -101,15 +111,14 @@ class RollcallApp(App[None]):
         newest = self._station.latest()
         if newest is not None and newest is not self.snapshot:
             self._newest_at = time.monotonic()
-            self.query_one(Deck).fit_to(newest)
+            self._deck.fit_to(newest)
             self.snapshot = newest
         said = self._station.events()
-        log = self.query_one(EventPane)
-        if len(said) != len(log.said) or (said and said[-1] is not log.said[-1]):
-            log.said = tuple(said)
-        if self._station.timeline is not None:
-            self.query_one(TimelineBar).show(self._station.timeline, said)
-        self.query_one(AlertLine).text = self._alert()
+        if len(said) != len(self._events.said) or (said and said[-1] is not self._events.said[-1]):
+            self._events.said = tuple(said)
+        if self._station.timeline is not None and self._timeline is not None:
+            self._timeline.show(self._station.timeline, said)
+        self._alert_line.text = self._alert()
 
     def _alert(self) -> str:
         if self._station.error is not None:
@@ -118,7 +127,7 @@ class RollcallApp(App[None]):
         if self._station.timeline is None and self.snapshot is not None and silent_s > SILENT_S:
             return f"nothing new for {age(float(int(silent_s)))}: the screen shows the past"
         now_us = 0 if self.snapshot is None else self.snapshot.t_us
-        recent = [event for event in self.query_one(EventPane).said if event.level == "alarm"
+        recent = [event for event in self._events.said if event.level == "alarm"
                   and 0 <= now_us - event.t_us < ALARM_SHOWN_US]  # fmt: skip
         return f"{clock(recent[-1].t_us)} {recent[-1].text}" if recent else ""
 
@@ -155,7 +164,7 @@ class RollcallApp(App[None]):
         """Next or previous event of those the log shows."""
         if (timeline := self._station.timeline) is None:
             return
-        event = playback.event_beside(heard(self._station.events(), self.query_one(EventPane).least), timeline, steps)
+        event = playback.event_beside(heard(self._station.events(), self._events.least), timeline, steps)
         if event is None:
             self.notify("no later event" if steps > 0 else "no earlier event", markup=False, timeout=2)
         else:
@@ -172,17 +181,16 @@ class RollcallApp(App[None]):
 
     def action_pane(self, pane: str) -> None:
         """Show, focus or hide a pane."""
-        self.query_one(Deck).toggle(pane)
+        self._deck.toggle(pane)
 
     def action_layout(self, layout: int) -> None:
         """One of three layouts."""
-        self.query_one(Deck).choose(layout)
+        self._deck.choose(layout)
 
     def action_maximise(self) -> None:
         """The focused pane, or the layout's first view, over everything."""
-        deck = self.query_one(Deck)
         pane = self.focused.id if isinstance(self.focused, Pane) and self.focused.id else None
-        deck.maximise(deck.wish.maximised or pane or ("map" if deck.wish.layout == 2 else "video"))
+        self._deck.maximise(self._deck.wish.maximised or pane or ("map" if self._deck.wish.layout == 2 else "video"))
 
     def action_pick(self, steps: int) -> None:
         """Select the vehicle above or below."""
@@ -193,23 +201,22 @@ class RollcallApp(App[None]):
 
     def action_release(self) -> None:
         """Leave the maximised pane, else the selection."""
-        deck = self.query_one(Deck)
-        if deck.wish.maximised:
-            deck.maximise(deck.wish.maximised)
+        if self._deck.wish.maximised:
+            self._deck.maximise(self._deck.wish.maximised)
         else:
             self.selected = 0
 
     def action_zoom(self, steps: int) -> None:
         """Zoom the map."""
-        self.query_one(MapPane).zoom_by(steps)
+        self._map.zoom_by(steps)
 
     def action_follow(self) -> None:
         """What the map follows."""
-        self.query_one(MapPane).follow_next()
+        self._map.follow_next()
 
     def action_level(self) -> None:
         """Level filter of the log."""
-        self.query_one(EventPane).next_filter()
+        self._events.next_filter()
 
     def action_help(self) -> None:
         """All keys."""

@@ -37,7 +37,7 @@ class Deck(Widget):
 
     def __init__(self, panes: Iterable[Pane], *, id: str) -> None:
         super().__init__(id=id)
-        self._panes = tuple(panes)
+        self.panes = tuple(panes)
         self._deck_layout = _DeckLayout()
         self.wish = Wish()
 
@@ -48,7 +48,7 @@ class Deck(Widget):
 
     def compose(self) -> ComposeResult:
         """The panes."""
-        yield from self._panes
+        yield from self.panes
 
     def rects_in(self, size: Size) -> Mapping[str, Rect]:
         """Rectangle of every pane that finds room, by id."""
@@ -79,7 +79,7 @@ class Deck(Widget):
 
     def toggle(self, pane_id: str) -> None:
         """Bring a pane to the focus; put it away when it has it."""
-        pane = self.query_one(f"#{pane_id}", Pane)
+        pane = next(pane for pane in self.panes if pane.id == pane_id)
         if self.wish.maximised:
             hide = self.wish.maximised == pane_id
             self.change(replace(self.wish, maximised="" if hide else pane_id))
@@ -99,7 +99,7 @@ class Deck(Widget):
 
     def _show(self) -> None:
         rects = self.rects_in(self.size)
-        for pane in self._panes:
+        for pane in self.panes:
             pane.display = pane.id in rects
             # a child's wish for layout is what makes its parent forget the arrangement before
             pane.refresh(layout=True)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.overlay import box_bounds, box_corners, front_mark, label_of, place_labels, standing_of
+from gcs.overlay import box_bounds, box_corners, drawable, front_mark, label_of, place_labels, standing_of
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.cells import Cells, pack
 from gcs.tui.dots import Dots
@@ -40,7 +40,9 @@ def picture_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) ->
         cells.picture(shrink(snapshot.image, used_columns, used_rows), left, top)
     else:
         cells.text(left + max(0, used_columns // 2 - 5), top + used_rows // 2, "no picture", pack(FAINT))
-    boxes = sorted(_drawable(snapshot.boxes), key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy))
+    boxes = sorted(
+        filter(drawable, snapshot.boxes), key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy)
+    )
     _outlines(cells, snapshot, boxes, (left, top), used_columns / snapshot.width)
     _labels(cells, snapshot, boxes, selected, (left, top, used_columns, used_rows))
     return cells
@@ -53,15 +55,11 @@ def box_at(snapshot: Snapshot, x: int, y: int, columns: int, rows: int, reach: f
     left, top, used_columns, _ = fit(snapshot.width, snapshot.height, columns, rows)
     scale = used_columns / snapshot.width
     near: list[tuple[float, Box]] = []
-    for box in _drawable(snapshot.boxes):
+    for box in filter(drawable, snapshot.boxes):
         away = math.hypot(left + box.cx * scale - x - 0.5, 2 * (top + box.cy * scale / 2 - y - 0.5))
         near.append((away - box.w * scale / 2, box))
     distance, found = min(near, key=lambda pair: pair[0], default=(math.inf, None))
     return found if distance <= reach else None
-
-
-def _drawable(boxes: Sequence[Box]) -> list[Box]:
-    return [box for box in boxes if math.isfinite(box.cx + box.cy + box.w + box.h + box.angle)]
 
 
 def _outlines(

@@ -1,0 +1,393 @@
+from __future__ import annotations
+
+import math
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+
+from gcs.snapshot import Event
+from gcs.tui import RollcallApp
+from gcs.tui import app as app_module
+from gcs.tui.alert import AlertLine
+from gcs.tui.arrange import PANES
+from gcs.tui.deck import Deck
+from gcs.tui.event_log import EventPane
+from gcs.tui.help import HelpScreen
+from gcs.tui.keys import BINDINGS
+from gcs.tui.map import MapPane
+from gcs.tui.pane import Pane
+from gcs.tui.prompts import Ask
+from gcs.tui.timeline import TimelineBar
+from tests.fake_station import START_US, STOP_US, FakeStation, make_snapshot
+
+SMALL, WIDE = (80, 24), (160, 48)
+
+
+@asynccontextmanager
+async def running(station=None, size=SMALL):
+    station = FakeStation() if station is None else station
+    app = RollcallApp(station, graphics="blocks")
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        yield app, pilot, station
+
+
+async def polled(app, pilot):
+    app._poll()
+    await pilot.pause()
+
+
+def text_of(widget) -> str:
+    return "\n".join(widget.render_line(y).text for y in range(widget.size.height))
+
+
+def screen_text(app) -> str:
+    return "\n".join("".join(segment.text for segment in row) for row in app.screen._compositor.render_strips())
+
+
+def on_screen(app) -> set[str]:
+    deck = app.query_one(Deck)
+    return {pane.id for pane in app.query(Pane) if pane.display and deck.has_room(pane.id)}
+
+
+async def test_small_screen_shows_video_fleet_identity_events_and_every_vehicle():
+    async with running() as (app, _, _):
+        assert on_screen(app) == {"video", "fleet", "identity", "events"}
+        said = screen_text(app)
+        for word in ("UAV-1", "UGV-11", "UGV-17", "confirmed 97%", "tentative 61%", "coasting 88%", "stale 1s", "lost 12s"):
+            assert word in said, word
+        for word in ("unknown", "out of view", "no position", "UGV-13? 61%", "~UGV-14 88%", "10:37:23Z", "04:11"):
+            assert word in said, word
+        assert all(len(row) == 80 for row in said.split("\n"))
+
+
+async def test_roomy_screen_adds_the_map():
+    async with running(size=WIDE) as (app, _, _):
+        assert on_screen(app) == set(PANES)
+        assert "20 m" in text_of(app.query_one(MapPane)) and "N↑" in text_of(app.query_one(MapPane))
+
+
+async def test_seeking_keys():
+    async with running() as (_, pilot, station):
+        now_us = station.timeline.now_us
+        for keys, want_s in (
+            (["right"], 256.4),
+            (["left"], 246.4),
+            (["shift+right"], 281.4),
+            (["shift+left"], 221.4),
+            (["home"], 0.0),
+            (["home", "left"], 0.0),
+            (["end"], 754.0),
+            (["end", "right"], 754.0),
+            (["N"], 240.0),  # event before
+            (["N", "N"], 180.4),
+            (["home", "n"], 2.0),  # next event
+        ):
+            station.timeline.now_us = now_us
+            await pilot.press(*keys)
+            assert (station.timeline.now_us - START_US) / 1e6 == pytest.approx(want_s, abs=1e-3), keys
+
+
+async def test_play_step_and_speed_keys():
+    async with running() as (app, pilot, station):
+        await pilot.press("space")
+        assert station.timeline.playing
+        await polled(app, pilot)
+        assert "play" in text_of(app.query_one(TimelineBar))
+        await pilot.press("comma", "full_stop", "full_stop")
+        assert station.timeline.steps == [-1, 1, 1] and not station.timeline.playing
+        await pilot.press("right_square_bracket")
+        assert station.timeline.speed == 2
+        await pilot.press(*["right_square_bracket"] * 9)
+        assert station.timeline.speed == 20
+        await pilot.press(*["left_square_bracket"] * 12)
+        assert station.timeline.speed == 0.1
+
+
+async def test_play_at_the_end_starts_again():
+    async with running() as (_, pilot, station):
+        await pilot.press("end", "space")
+        assert station.timeline.now_us == START_US and station.timeline.playing
+
+
+async def test_next_event_follows_the_level_filter_and_says_when_there_is_none():
+    async with running() as (app, pilot, station):
+        await pilot.press("l", "l", "home", "n")
+        assert app.query_one(EventPane).least == "alarm"
+        assert station.timeline.now_us == START_US + 130_000_000
+        await pilot.press("n")
+        assert station.timeline.now_us == START_US + 130_000_000
+        assert len(app._notifications) == 1
+
+
+async def test_go_to_time():
+    async with running() as (app, pilot, station):
+        await pilot.press("g", *"1:30", "enter")
+        assert station.timeline.now_us == START_US + 90_000_000
+        await pilot.press("g", *"soon", "enter")
+        assert isinstance(app.screen, Ask)
+        assert "not a time" in screen_text(app)
+        await pilot.press("escape")
+        assert not isinstance(app.screen, Ask)
+        assert station.timeline.now_us == START_US + 90_000_000
+        await pilot.press("g", *"9:00:00", "enter")
+        assert station.timeline.now_us == STOP_US
+
+
+async def test_live_has_no_replay_keys_and_no_timeline():
+    async with running(FakeStation(live=True)) as (app, pilot, station):
+        assert not app.query(TimelineBar)
+        await pilot.press("space", "left", "g", "n", "comma", "home", "right_square_bracket")
+        assert not isinstance(app.screen, Ask)
+        said = screen_text(app)
+        assert "● REC 00:00" in said and "1 of 2 links silent 6.2s" in said
+
+
+async def test_live_status_counts_time_and_warns_when_nothing_is_recorded():
+    async with running(FakeStation(live=True), WIDE) as (app, pilot, station):
+        old = station.snapshot
+        health = replace(old.health, recording=False, free_bytes=900_000_000, video="stalled", links=())
+        station.snapshot = replace(old, t_us=old.t_us + 65_000_000, health=health)
+        await polled(app, pilot)
+        said = screen_text(app)
+        for word in ("NOT RECORDING 01:05", "disk LOW 900 MB", "video stalled", "no link"):
+            assert word in said, word
+
+
+async def test_pane_keys_focus_then_hide_then_show():
+    async with running() as (app, pilot, _):
+        for key, pane in (("v", "video"), ("f", "fleet"), ("i", "identity"), ("e", "events")):
+            await pilot.press(key)
+            assert app.focused is not None and app.focused.id == pane
+            await pilot.press(key)
+            assert pane not in on_screen(app) and app.focused is None
+            await pilot.press(key)
+            assert pane in on_screen(app) and app.focused.id == pane
+
+
+async def test_map_key_finds_room_on_a_small_screen():
+    async with running() as (app, pilot, _):
+        await pilot.press("m")
+        assert "map" in on_screen(app) and app.focused.id == "map"
+        assert app.query_one(MapPane).size.height >= 8
+
+
+async def test_all_panes_can_be_hidden():
+    async with running(size=WIDE) as (app, pilot, _):
+        for key in "vmfie":
+            await pilot.press(key, key)
+        assert on_screen(app) == set()
+        await pilot.press("2")
+        assert "map" in on_screen(app)
+
+
+@pytest.mark.parametrize("size", [SMALL, (200, 60), (40, 12), (12, 4)])
+async def test_layouts_and_maximising_at_every_size(size):
+    async with running(size=size) as (app, pilot, _):
+        for key in "123":
+            await pilot.press(key)
+            shown = on_screen(app)
+            assert shown
+            await pilot.press("z")
+            assert len(on_screen(app)) == 1
+            await pilot.press("escape")
+            assert on_screen(app) == shown
+
+
+async def test_layouts_change_what_is_large():
+    async with running(size=WIDE) as (app, pilot, _):
+        areas = {}
+        for key in "123":
+            await pilot.press(key)
+            await pilot.pause()
+            areas[key] = {pane: app.query_one(f"#{pane}").size.area for pane in ("video", "map")}
+        assert areas["1"]["video"] > 2 * areas["1"]["map"]
+        assert areas["2"]["map"] > 2 * areas["2"]["video"]
+        assert areas["3"]["map"] == pytest.approx(areas["3"]["video"], rel=0.05)
+
+
+async def test_maximised_pane_takes_the_deck_and_another_key_swaps_it():
+    async with running() as (app, pilot, _):
+        await pilot.press("f", "z")
+        assert on_screen(app) == {"fleet"}
+        await pilot.pause()
+        assert app.query_one("#fleet").size.width == 80
+        assert "HEART" in text_of(app.query_one("#fleet"))
+        await pilot.press("m")
+        assert on_screen(app) == {"map"}
+        await pilot.press("m")
+        assert "video" in on_screen(app)
+
+
+async def test_picking_a_vehicle_stresses_it_everywhere():
+    async with running(size=WIDE) as (app, pilot, _):
+        await pilot.press("down", "down")
+        assert app.selected == 11
+        assert "▸UGV-11" in text_of(app.query_one("#fleet"))
+        assert "confirmed 97%" in text_of(app.query_one("#identity"))
+        assert "projection" in text_of(app.query_one("#identity"))
+        await pilot.press("up", "up")
+        assert app.selected == 17
+        assert "none in this picture" in text_of(app.query_one("#identity"))
+        await pilot.press("escape")
+        assert app.selected == 0
+
+
+async def test_map_keys():
+    async with running(size=WIDE) as (app, pilot, _):
+        chart = app.query_one(MapPane)
+        before = text_of(chart)
+        await pilot.press("plus", "plus")
+        assert chart.zoom == 2 and text_of(chart) != before
+        await pilot.press("minus", "minus", "minus")
+        assert chart.zoom == -1
+        await pilot.press("0")
+        assert chart.zoom == 0 and text_of(chart) == before
+        await pilot.press("c")
+        assert chart.follow == "UAV"
+        await pilot.press("down", "down", "c")
+        assert chart.follow == "selected" and "follow selected" in text_of(chart)
+        await pilot.press("c")
+        assert chart.follow == "all"
+
+
+async def test_event_log_filters_and_scrolls():
+    async with running() as (app, pilot, station):
+        station.said += [Event(t_us=START_US + i, level="info", kind="text", text=f"line {i}") for i in range(50)]
+        await polled(app, pilot)
+        log = app.query_one(EventPane)
+        assert "line 49" in text_of(log)
+        await pilot.press("e", "up", "up", "pageup")
+        assert "line 49" not in text_of(log) and "newer below" in text_of(log)
+        await pilot.press("pagedown", "pagedown")
+        assert "line 49" in text_of(log)
+        await pilot.press("l")
+        assert "line 49" not in text_of(log) and "UGV-17 position lost" in text_of(log)
+        await pilot.press("l")
+        assert "tentative" not in text_of(log) and "UGV-17 position lost" in text_of(log)
+
+
+async def test_help_lists_every_key():
+    async with running(size=(100, 60)) as (app, pilot, _):
+        await pilot.press("question_mark")
+        assert isinstance(app.screen, HelpScreen)
+        said = screen_text(app)
+        for binding in BINDINGS:
+            assert binding.tooltip in said, binding.tooltip
+        await pilot.press("question_mark")
+        assert not isinstance(app.screen, HelpScreen)
+
+
+async def test_help_scrolls_on_a_small_screen():
+    async with running() as (app, pilot, _):
+        await pilot.press("question_mark")
+        first = screen_text(app)
+        await pilot.press("down", "down", "down")
+        await pilot.pause()
+        assert screen_text(app) != first
+        await pilot.press("escape")
+
+
+def test_every_key_has_an_id_and_a_tooltip():
+    ids = [binding.id for binding in BINDINGS]
+    assert len(set(ids)) == len(ids) and all(ids)
+    assert all(binding.tooltip for binding in BINDINGS)
+
+
+async def test_screenshot_is_saved_once_and_never_over_a_file(tmp_path):
+    goal = tmp_path / "shot.svg"
+    async with running() as (app, pilot, _):
+        for _ in range(2):
+            await pilot.press("s")
+            app.screen.query_one("#answer").value = str(goal)
+            await pilot.press("enter")
+        assert isinstance(app.screen, Ask) and "exists" in screen_text(app)
+        app.screen.query_one("#answer").value = str(tmp_path / "none" / "x.svg")
+        await pilot.press("enter")
+        assert isinstance(app.screen, Ask)
+        await pilot.press("escape")
+    drawing = goal.read_text()
+    assert drawing.startswith("<svg") and "UGV-11" in drawing and "Save the screen" not in drawing
+    assert [path.name for path in tmp_path.iterdir()] == ["shot.svg"]
+
+
+async def test_clicks_pick_vehicles_and_seek():
+    async with running() as (app, pilot, station):
+        await pilot.click("#fleet", offset=(3, 3))
+        assert app.selected == 12
+        await pilot.click("#video", offset=(9, 4))
+        assert app.selected == 11
+        await pilot.click("#video", offset=(2, 20 - 7))
+        assert app.selected == 0
+        await pilot.click("#timeline", offset=(64, 0))
+        assert station.timeline.now_us > START_US + 600_000_000
+
+
+async def test_snapshot_is_drawn_once_and_again_only_when_it_is_another():
+    async with running() as (app, pilot, station):
+        video = app.query_one("#video")
+        drawn = []
+        body = video.body
+        video.body = lambda *size: drawn.append(size) or body(*size)
+        await pilot.pause(0.3)
+        assert drawn == []
+        station.snapshot = replace(station.snapshot, frame=1235)
+        await pilot.pause(0.3)
+        assert len(drawn) == 1 and "#1235" in text_of(video)
+
+
+async def test_before_the_first_snapshot():
+    station = FakeStation(live=True)
+    station.snapshot, station.said = None, []
+    async with running(station, WIDE) as (app, pilot, _):
+        said = screen_text(app)
+        for word in ("waiting for the first frame", "no vehicle heard yet", "waiting for positions", "nothing yet"):
+            assert word in said, word
+        await pilot.press("down", "up", "plus", "z", "escape", "question_mark", "escape", "s", "escape")
+
+
+async def test_no_picture_no_pose_no_vehicles():
+    base = make_snapshot()
+    bare = replace(base, image=None, width=0, height=0, boxes=(), vehicles=(), footprint_enu=None,
+                   uav_enu=base.uav_enu * math.nan, uav_heading=math.nan)  # fmt: skip
+    async with running(FakeStation(snapshot=bare), WIDE) as (app, pilot, _):
+        assert "no picture" in screen_text(app)
+        await pilot.press("down", "1", "2", "3", "c", "plus", "minus")
+
+
+async def test_a_stopped_station_is_told_and_is_the_exit_message(capsys):
+    station = FakeStation(live=True)
+    async with running(station) as (app, pilot, _):
+        assert not app.query_one(AlertLine).display
+        station.error = OSError(28, "No space left on device [/x]")
+        await polled(app, pilot)
+        assert "station stopped: [Errno 28] No space left on device [/x]" in screen_text(app)
+        await pilot.press("q")
+    assert app.return_code == 1
+    assert capsys.readouterr().err.strip() == "station stopped: [Errno 28] No space left on device [/x]"
+
+
+async def test_quit_is_clean(capsys):
+    async with running() as (app, pilot, _):
+        await pilot.press("q")
+    assert app.return_code == 0
+    assert capsys.readouterr() == ("", "")
+
+
+async def test_silence_is_told_when_live(monkeypatch):
+    async with running(FakeStation(live=True)) as (app, pilot, _):
+        later = app_module.time.monotonic() + 7
+        monkeypatch.setattr(app_module, "time", type("Clock", (), {"monotonic": staticmethod(lambda: later)}))
+        await polled(app, pilot)
+        assert "nothing new for" in screen_text(app)
+
+
+async def test_alarm_is_told_while_it_is_new():
+    station = FakeStation()
+    station.said.append(Event(t_us=station.snapshot.t_us - 1_000_000, level="alarm", kind="link", text="comm lost"))
+    async with running(station) as (app, pilot, _):
+        assert "comm lost" in app.query_one(AlertLine).text
+        station.snapshot = replace(station.snapshot, t_us=station.snapshot.t_us + 9_000_000)
+        await polled(app, pilot)
+        assert not app.query_one(AlertLine).display
