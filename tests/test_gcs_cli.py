@@ -1,12 +1,11 @@
 import json
 import re
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-
-from mavlink.link import open_link
 
 SWARM = Path(__file__).parents[1] / "sitl_logs" / "ardupilot-swarm"
 
@@ -171,12 +170,10 @@ def test_bad_input_is_one_clear_line(case, tmp_path):
 
 
 def test_a_port_in_use(tmp_path):
-    link = open_link("udpin:127.0.0.1:0")
-    try:
-        port = link.name.rsplit(":", 1)[-1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = str(taken.getsockname()[1])
         code, _, stderr = gcs("fly", SWARM / "session.toml", "-l", f"udpin:127.0.0.1:{port}", "--sessions", tmp_path)
-    finally:
-        link.close()
     assert code == 3
     assert port in stderr
     assert stderr.count("\n") == 1

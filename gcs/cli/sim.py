@@ -28,6 +28,7 @@ def sim(
     stream: Annotated[str, typer.Option(help="Where --live sends MPEG-TS video; empty for none.")] = (
         "udp://127.0.0.1:5600"
     ),
+    truth: Annotated[Path | None, typer.Option(help="File for the true boxes that --live shows.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds, instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
 ) -> None:
@@ -39,10 +40,10 @@ def sim(
         write_session(world, out, video=video)
         note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {out}")
         return
-    sent = play(world, telemetry, stream or None)
+    sent = play(world, telemetry, stream or None, truth_path=truth)
     for system_id, count in sent.packets.items():
         say(f"system {system_id}: {count} packets sent")
-    say(f"{sum(sent.packets.values())} packets, {sent.frames} frames sent")
+    say(f"{sum(sent.packets.values())} packets and {sent.frames} frames sent, {sent.frames_skipped} frames skipped")
 
 
 def _scenario(name: str, duration: float | None, seed: int | None) -> Scenario:

@@ -2,8 +2,69 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
 import typer
+
+from gcs.cli.console import say
+from mavlink.tlog import Tlog
+from mavlink.tlog_info import TlogInfo
+from mavlink.tlog_info import info as summarise
 
 __all__ = ["app"]
 
 app = typer.Typer(help="Look into telemetry logs and cut them.", no_args_is_help=True, rich_markup_mode=None)
+# Damaged places listed one by one; a badly damaged log has thousands.
+MOST_DAMAGE = 20
+
+
+@app.command("info")
+def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")]) -> None:
+    """Who speaks in a log, what, how often, and what is damaged."""
+    say(info_text(log, summarise(Tlog.open(log))))
+
+
+def info_text(path: Path, found: TlogInfo) -> str:
+    """The summary, ending without a newline."""
+    counts = found.counts
+    lines = [f"{path}: {counts.records} messages, {counts.size_bytes} bytes"]
+    if found.time_source == "none":
+        lines.append("no time stamps in it: only the order is known")
+    else:
+        first = datetime.fromtimestamp(found.first_us * 1e-6, UTC).isoformat(" ", "milliseconds")
+        lines.append(f"from {first} for {found.span_s:.1f} s")
+    if found.time_source not in ("none", "big-endian"):
+        lines.append(f"time stamps are {found.time_source}")
+    lines.append("")
+    lines.append(f"{'system':>6} {'comp':>5}  {'message':<32} {'count':>8} {'Hz':>7}")
+    for row in found.messages:
+        rate = f"{row.rate_hz:7.2f}" if row.rate_hz else "      -"
+        lines.append(f"{row.system_id:>6} {row.component_id:>5}  {row.name:<32} {row.count:>8} {rate}")
+    lines.append("")
+    lines.append(
+        f"unknown messages {counts.unknown}, bad times {counts.bad_times}, times that go back {counts.backward_steps}, "
+        f"damaged bytes {counts.damaged_bytes} in {len(found.damage)} places"
+    )
+    lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MOST_DAMAGE]]
+    if len(found.damage) > MOST_DAMAGE:
+        lines.append(f"  and {len(found.damage) - MOST_DAMAGE} more")
+    return "\n".join(lines)
+
+
+@app.command("cut")
+def cut(
+    log: Annotated[Path, typer.Argument(help="Telemetry log.")],
+    out: Annotated[Path, typer.Argument(help="New log; must not exist.")],
+    start: Annotated[float | None, typer.Option("--from", help="Seconds from the log's first message.")] = None,
+    stop: Annotated[float | None, typer.Option("--to", help="Seconds from the log's first message.")] = None,
+    message: Annotated[list[int] | None, typer.Option(help="Keep this message id; may be repeated.")] = None,
+    system: Annotated[list[int] | None, typer.Option(help="Keep this system id; may be repeated.")] = None,
+) -> None:
+    """Copy a part of a log, undamaged records only, the original untouched."""
+    opened = Tlog.open(log)
+    first = int(opened.index.t_us.min())
+    limits = [None if s is None else first + round(s * 1e6) for s in (start, stop)]
+    count = opened.cut(out, limits[0], limits[1], message or None, system or None)
+    say(f"{count} of {len(opened.index)} messages written to {out}")
