@@ -72,8 +72,8 @@ class TcpOut:
         self._next_try_s = 0.0
         try:
             self._address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4]
-        except OSError as error:
-            raise LinkError(f"{self.name}: no such host: {error.strerror or error}") from error
+        except (OSError, UnicodeError) as error:
+            raise LinkError(f"{self.name}: no such host: {error}") from error
 
     @property
     def counts(self) -> LinkCounts:
@@ -167,12 +167,12 @@ class TcpIn:
             self._server.bind((url.host, url.port))
             self._server.listen(_CLIENTS)
             self._server.setblocking(False)
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             self._server.close()
-            if error.errno == errno.EADDRINUSE:
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
                 text = f"{self.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
                 raise LinkError(text) from None
-            raise LinkError(f"{self.name}: cannot listen: {error.strerror or error}") from error
+            raise LinkError(f"{self.name}: cannot listen: {error}") from error
 
     @property
     def counts(self) -> LinkCounts:

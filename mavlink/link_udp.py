@@ -139,12 +139,12 @@ class UdpIn(_Udp):
         self._peers: dict[_Address, int] = {}
         try:
             self._socket.bind((url.host, url.port))
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             self._socket.close()
-            if error.errno == errno.EADDRINUSE:
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
                 text = f"{self.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
                 raise LinkError(text) from None
-            raise LinkError(f"{self.name}: cannot listen: {error.strerror or error}") from error
+            raise LinkError(f"{self.name}: cannot listen: {error}") from error
 
     @property
     def port(self) -> int:
@@ -185,9 +185,9 @@ class UdpOut(_Udp):
         super().__init__(url, index)
         try:
             self._socket.connect((url.host, url.port))
-        except OSError as error:
+        except (OSError, UnicodeError) as error:
             self._socket.close()
-            raise LinkError(f"{self.name}: no such host: {error.strerror or error}") from error
+            raise LinkError(f"{self.name}: no such host: {error}") from error
 
     def send(self, data: bytes) -> None:
         """Sends to the address; that nobody listens there is not an error.

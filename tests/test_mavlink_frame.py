@@ -1,4 +1,5 @@
 import random
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -151,7 +152,7 @@ def test_stream_gives_the_same_frames_however_it_is_cut(cuts, noise):
     framer = Framer()
     got = []
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    for start, stop in zip(edges, edges[1:], strict=False):
+    for start, stop in pairwise(edges):
         got += framer.feed(stream[start:stop])
     got += framer.finish()
     assert [f for f in got if f in MIXED] == MIXED == [f for f in expected if f in MIXED]
