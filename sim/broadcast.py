@@ -34,6 +34,8 @@ class VideoSender:
         self._truth_path = truth_path
         self._truth: IO[str] | None = None
         self._renderer = renderer_for(world)
+        # the first picture of a scene takes longest; it is drawn once before it counts
+        picture(world, self._renderer, 0.0, 0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sim-video", daemon=True)
         self._failure: BaseException | None = None
