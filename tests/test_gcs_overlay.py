@@ -6,7 +6,6 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from tests.fake_station import HOSTILE, make_snapshot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +20,7 @@ from gcs.overlay import (
     place_labels,
     standing_of,
 )
+from tests.fake_station import HOSTILE, make_snapshot
 
 SNAPSHOT = make_snapshot()
 BOX = SNAPSHOT.boxes[0]
@@ -119,7 +119,7 @@ def test_crowded_labels_do_not_cover_each_other():
 def test_labels_stay_in_the_picture():
     anchors = [(-20.0, -20.0, 30.0, 30.0), (390.0, 290.0, 30.0, 30.0)]
     for x, y, w, h in place_labels(anchors, [(60.0, 12.0)] * 2, (0, 0, 400, 300)):
-        assert 0 <= x and x + w <= 400 and 0 <= y and y + h <= 300
+        assert x >= 0 and x + w <= 400 and y >= 0 and y + h <= 300
 
 
 @pytest.mark.parametrize("text", HOSTILE)
@@ -131,3 +131,11 @@ def test_hostile_names_are_drawn(text):
 def test_boxes_far_outside_the_picture_do_no_harm():
     far = replace(BOX, cx=-5000.0, cy=9000.0)
     assert draw(replace(SNAPSHOT, boxes=(far,))).shape == (720, 1280, 3)
+
+
+@given(st.lists(st.sampled_from([math.nan, math.inf, -1.0, 0.0, 1e12, -1e300, 3.0, 500.0]), min_size=6, max_size=6))
+@settings(max_examples=60, deadline=None)
+def test_wild_boxes_do_no_harm(numbers):
+    cx, cy, w, h, angle, heading = numbers
+    box = replace(BOX, cx=cx, cy=cy, w=w, h=h, angle=angle, heading=heading, confidence=angle)
+    assert draw(replace(SNAPSHOT, boxes=(box,), image=None), scale=0.25).shape == (180, 320, 3)

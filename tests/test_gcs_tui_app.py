@@ -55,7 +55,16 @@ async def test_small_screen_shows_video_fleet_identity_events_and_every_vehicle(
     async with running() as (app, _, _):
         assert on_screen(app) == {"video", "fleet", "identity", "events"}
         said = screen_text(app)
-        for word in ("UAV-1", "UGV-11", "UGV-17", "confirmed 97%", "tentative 61%", "coasting 88%", "stale 1s", "lost 12s"):
+        for word in (
+            "UAV-1",
+            "UGV-11",
+            "UGV-17",
+            "confirmed 97%",
+            "tentative 61%",
+            "coasting 88%",
+            "stale 1s",
+            "lost 12s",
+        ):
             assert word in said, word
         for word in ("unknown", "out of view", "no position", "UGV-13? 61%", "~UGV-14 88%", "10:37:23Z", "04:11"):
             assert word in said, word
@@ -136,7 +145,7 @@ async def test_go_to_time():
 
 
 async def test_live_has_no_replay_keys_and_no_timeline():
-    async with running(FakeStation(live=True)) as (app, pilot, station):
+    async with running(FakeStation(live=True)) as (app, pilot, _):
         assert not app.query(TimelineBar)
         await pilot.press("space", "left", "g", "n", "comma", "home", "right_square_bracket")
         assert not isinstance(app.screen, Ask)

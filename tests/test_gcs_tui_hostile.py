@@ -24,7 +24,17 @@ async def test_text_from_the_air_is_only_text(text):
     async with app.run_test(size=(160, 48)) as pilot:
         station.error = RuntimeError(text)
         app.notify(text, markup=False)
-        for keys in (["down", "down"], ["3"], ["f", "z"], ["e"], ["i"], ["m"], ["v"], ["question_mark", "escape"], ["l"]):
+        for keys in (
+            ["down", "down"],
+            ["3"],
+            ["f", "z"],
+            ["e"],
+            ["i"],
+            ["m"],
+            ["v"],
+            ["question_mark", "escape"],
+            ["l"],
+        ):
             await pilot.press(*keys)
             app._poll()
             await pilot.pause()
@@ -95,7 +105,8 @@ async def test_a_flood_of_events_stays_bounded_and_quick():
     async with app.run_test(size=(80, 24)) as pilot:
         for burst in range(20):
             station.said = [
-                Event(t_us=START_US + i, level="alarm", kind="text", text=HOSTILE[i % 8] * 40) for i in range(3000 + burst)
+                Event(t_us=START_US + i, level="alarm", kind="text", text=HOSTILE[i % 8] * 40)
+                for i in range(3000 + burst)
             ]
             app._poll()
         await asyncio.wait_for(pilot.press("e", "up", "l"), 5)

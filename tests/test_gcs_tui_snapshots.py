@@ -2,18 +2,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gcs.tui import RollcallApp
-from tests.fake_station import FakeStation, make_snapshot
+from tests.fake_station import HEIGHT, WIDTH, FakeStation, make_snapshot
 
 
 def make_app(*, picture: bool) -> RollcallApp:
-    """A paused replay that never changes, in half blocks."""
-    snapshot = make_snapshot()
-    return RollcallApp(
-        FakeStation(snapshot=snapshot if picture else replace(snapshot, image=None)), graphics="blocks"
-    )
+    """A paused replay that never changes, in half blocks.
+
+    The picture is of one colour: shrinking a real one rounds differently on other processors.
+    """
+    image = np.full((HEIGHT, WIDTH, 3), (72, 92, 98), dtype=np.uint8) if picture else None
+    return RollcallApp(FakeStation(snapshot=replace(make_snapshot(), image=image)), graphics="blocks")
 
 
 @pytest.mark.parametrize(

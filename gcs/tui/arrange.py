@@ -58,7 +58,9 @@ def arranged(width: int, height: int, wish: Wish) -> Mapping[str, Rect]:
     if wish.maximised:
         return {wish.maximised: (0, 0, width, height)}
     shown = wish.shown(width, height)
-    return _beside(width, height, wish, shown) if wish.layout == 3 else _main(width, height, wish, shown)
+    beside = wish.layout == 3 and height >= CHART_ROWS + 4 and width >= 2 * CHART_ROWS
+    rects = _beside(width, height, wish, shown) if beside else _main(width, height, wish, shown)
+    return {pane: rect for pane, rect in rects.items() if rect[2] > 0 and rect[3] > 0}
 
 
 def _main(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
@@ -87,7 +89,6 @@ def _beside(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[
     spare = EVENT_ROWS + 3 if height >= ROOMY[1] else 0
     view_width = (width - len(views) + 1) // len(views)
     top = max(CHART_ROWS, min(_picture_rows(view_width, wish), height - table - spare))
-    top = min(top, height - 2)
     rects: dict[str, Rect] = {}
     for index, pane in enumerate(views):
         left = index * (view_width + 1)

@@ -17,9 +17,9 @@ DAY_US = 86_400 * SECOND_US
 SAME_US = 1_000
 """An event this near is the one that is on screen."""
 RELATIVE = re.compile(r"([+-])(.+)")
-ELAPSED = re.compile(r"(?:(?:(\d{1,3}):)?(\d{1,3}):)?(\d{1,6}(?:\.\d{1,6})?)")
-CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d{1,6})?))?Z", re.IGNORECASE)
-SHARE = re.compile(r"(\d{1,3}(?:\.\d+)?)%")
+ELAPSED = re.compile(r"(?:(?:(\d{1,3}):)?(\d{1,3}):)?(\d{1,6}(?:\.\d{1,6})?)", re.ASCII)
+CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d{1,6})?))?Z", re.IGNORECASE | re.ASCII)
+SHARE = re.compile(r"(\d{1,3}(?:\.\d{1,6})?)%", re.ASCII)
 
 
 def toggle(timeline: Timeline) -> None:
