@@ -137,8 +137,14 @@ def _on_road(scenario: Scenario, roles: Roles, path: Path, t: FloatArray, rng: n
     away = _stations(scenario, inside)
     behind = -0.5 * rows * ground.spacing_m - 12.0 - 14.0 * np.arange(count["moving"])
     filmed, alike = np.split(s, [count["filmed"]])
-    lane = np.concatenate([lane[: count["filmed"]], lane[inside : inside + count["outside"]],
-                           lane[count["filmed"] : inside], lane[inside + count["outside"] :]])
+    lane = np.concatenate(
+        [
+            lane[: count["filmed"]],
+            lane[inside : inside + count["outside"]],
+            lane[count["filmed"] : inside],
+            lane[inside + count["outside"] :],
+        ]
+    )
     n = len(lane)
     size = roles.size[:n]
     moving = roles.role[:n] == "moving"
@@ -220,5 +226,3 @@ def _on_open_ground(scenario: Scenario, roles: Roles, t: FloatArray, rng: np.ran
         area=np.where(eight[:, None], np.minimum(area * 0.5, 18.0), area),
     )
     return drive_open(t, robots, rng)
-
-

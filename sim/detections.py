@@ -136,5 +136,3 @@ def _bursts(scenario: Scenario, n: int) -> list[tuple[int, float, float]]:
     counts = rng.poisson(settings.bursts_per_min * scenario.duration_s / 60.0, n)
     starts = [(body, rng.uniform(0.0, scenario.duration_s)) for body, count in enumerate(counts) for _ in range(count)]
     return [(body, start, start + rng.uniform(settings.burst_min_s, settings.burst_max_s)) for body, start in starts]
-
-

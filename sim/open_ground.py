@@ -102,8 +102,9 @@ class _Field:
         # in reverse the rear is what is steered to the goal
         nose = self.heading + np.where(self.gear < 0.0, np.pi, 0.0)
         error = _wrapped(np.arctan2(to_goal[:, 0], to_goal[:, 1]) - nose)
-        wanted = self._robots.speed * np.where(self._robots.pivots, np.clip(1.5 * np.cos(error) - 0.3, 0.0, 1.0),
-                                               np.clip(np.cos(error), 0.35, 1.0))
+        wanted = self._robots.speed * np.where(
+            self._robots.pivots, np.clip(1.5 * np.cos(error) - 0.3, 0.0, 1.0), np.clip(np.cos(error), 0.35, 1.0)
+        )
         wanted = np.where(self.gear < 0.0, 0.5 * wanted, wanted)
         direction = np.stack([np.sin(nose), np.cos(nose)], axis=-1)
         allowed = self._allowed(direction)

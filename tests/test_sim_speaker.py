@@ -68,8 +68,11 @@ def test_arrivals_are_in_order_and_sequences_without_gaps():
 
 
 def test_positions_are_those_of_the_world():
-    world = flight(gnss=CLEAN, attitude=Attitude(ugv_heading_noise_deg=0.0, ugv_heading_bias_deg=0.0, noise_deg=0.0),
-                   timing=Timing(latency_s=0.0, jitter_s=0.0))
+    world = flight(
+        gnss=CLEAN,
+        attitude=Attitude(ugv_heading_noise_deg=0.0, ugv_heading_bias_deg=0.0, noise_deg=0.0),
+        timing=Timing(latency_s=0.0, jitter_s=0.0),
+    )
     pairs, start = parsed(world), world.scenario.start_us
     for vehicle in (0, 5):
         for packet, m in of(pairs, "GLOBAL_POSITION_INT", 11 + vehicle):

@@ -15,8 +15,9 @@ tilts = st.floats(-20.0, 20.0)
 
 
 def uav(yaw=0.0, pitch=0.0, roll=0.0, p=(3.0, -5.0, 40.0)):
-    return UavTruth(p_enu=np.array(p), v_enu=np.zeros(3), yaw=np.radians(yaw), pitch=np.radians(pitch),
-                    roll=np.radians(roll))
+    return UavTruth(
+        p_enu=np.array(p), v_enu=np.zeros(3), yaw=np.radians(yaw), pitch=np.radians(pitch), roll=np.radians(roll)
+    )
 
 
 def view(attitude=None, **camera):

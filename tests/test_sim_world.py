@@ -137,9 +137,11 @@ def test_the_uav_keeps_an_oblique_camera_on_the_fleet():
     flight = Flight(height_m=45.0, yaw_rate_dps=12.0, climb_mps=0.3)
     base = Scenario(duration_s=20.0, ground=Ground(kind="open", vehicles=5, area_m=(20.0, 12.0)), flight=flight)
     for pitch in (-45.0, -35.0):
-        world = World(base.__class__(
-            duration_s=20.0, ground=base.ground, flight=flight, camera=base.camera.__class__(pitch_deg=pitch)
-        ))
+        world = World(
+            base.__class__(
+                duration_s=20.0, ground=base.ground, flight=flight, camera=base.camera.__class__(pitch_deg=pitch)
+            )
+        )
         for t in np.arange(0.0, 20.0, 1.0):
             assert in_picture(world.view(t), true_boxes(world.view(t), world.bodies(t))).all()
 
