@@ -16,12 +16,11 @@ __all__ = ["Tree", "draw_tree", "tree_shadow"]
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 SHIFT = 4
-CLUMPS = 70
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tree:
-    """One occluder: an ellipse of leaves above the ground, metres and radians as in ``Bodies``."""
+    """One occluder: a roof of leaves, length × width, its top at a height; metres and radians as in ``Bodies``."""
 
     x: float
     y: float
@@ -45,8 +44,8 @@ def draw_tree(
     trunk = max(round(0.06 * float(np.hypot(tree.length, tree.width)) * view.fx / float(depth.mean())), 1)
     a, b = np.floor(foot).astype(int).tolist()
     cv2.line(image, a, b, (46, 60, 72), trunk, cv2.LINE_AA)
-    middle = np.array([tree.x, tree.y, 0.6 * tree.height])
-    outward = (clumps[:, :3] - middle) / max(0.5 * tree.length, 0.1)
+    middle = np.array([tree.x, tree.y, 0.75 * tree.height])
+    outward = (clumps[:, :3] - middle) / max(0.4 * (tree.length + tree.width), 0.1)
     light = np.clip(ambient + 0.15 + (1.0 - ambient) * (outward @ sun) + clumps[:, 4], 0.3, 1.6)
     for k in np.argsort(clumps[:, 2], kind="stable"):
         color = np.clip(np.array(leaf) * light[k], 0, 255).tolist()
@@ -66,24 +65,20 @@ def tree_shadow(mask: Image, view: CameraView, tree: Tree, sun: FloatArray) -> N
 
 @lru_cache(maxsize=512)
 def _clumps(tree: Tree) -> FloatArray:
-    """(c, 5) east, north, up, radius, brightness offset; the same for the same tree."""
+    """(c, 5) east, north, up, radius, brightness offset over the whole crown; the same for the same tree."""
     rng = np.random.default_rng([int(abs(tree.x) * 100), int(abs(tree.y) * 100), int(tree.height * 100)])
-    bearing, reach = rng.uniform(0.0, 2.0 * np.pi, CLUMPS), np.sqrt(rng.uniform(0.0, 1.0, CLUMPS))
-    along, across = 0.42 * tree.length * reach * np.cos(bearing), 0.42 * tree.width * reach * np.sin(bearing)
+    step = float(np.clip(0.13 * np.sqrt(tree.length * tree.width), 0.2, 0.9))
+    a, b = (np.linspace(-1.0, 1.0, max(round(side / step), 3)) for side in (tree.length, tree.width))
+    grid = np.stack(np.meshgrid(a, b), axis=-1).reshape(-1, 2)
+    radius = step * rng.uniform(0.7, 1.05, len(grid))
+    # clumps lie inside the crown's outline and stray by a quarter of their distance; rims hang lower than the middle
+    inner = 0.5 * np.array([tree.length, tree.width]) - 0.85 * step
+    offset = grid * inner + rng.uniform(-0.25, 0.25, grid.shape) * step
+    rim = np.max(np.abs(grid), axis=1)
+    up = tree.height * (1.0 - 0.15 * rim**2 - 0.08 * rng.uniform(0.0, 1.0, len(grid)))
     c, s = np.cos(tree.heading), np.sin(tree.heading)
-    # the crown is a dome over the upper half of the tree
-    up = tree.height * (0.5 + 0.45 * np.sqrt(1.0 - 0.95 * reach**2) * rng.uniform(0.5, 1.0, CLUMPS))
-    size = 0.5 * (tree.length + tree.width)
-    return np.stack(
-        [
-            tree.x + along * s + across * c,
-            tree.y + along * c - across * s,
-            up,
-            size * rng.uniform(0.06, 0.13, CLUMPS),
-            rng.normal(0.0, 0.12, CLUMPS),
-        ],
-        axis=-1,
-    )
+    east, north = tree.x + offset[:, 0] * s + offset[:, 1] * c, tree.y + offset[:, 0] * c - offset[:, 1] * s
+    return np.stack([east, north, up, radius, rng.normal(0.0, 0.12, len(grid))], axis=-1)
 
 
 def _fixed(uv: FloatArray) -> list[int]:

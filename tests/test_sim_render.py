@@ -165,3 +165,15 @@ def test_models_have_a_front():
         image = renderer.draw(camera(focal=1200.0), bodies((kind, 0, 0, 0, *size), color=(60, 140, 60)))
         part = image[130:230, 290:350].astype(int)
         assert np.abs(part - part[::-1, ::-1]).mean() > 10
+
+
+def test_a_canopy_covers_the_rectangle_that_hides_in_the_truth():
+    renderer = Renderer(Scene(), Style(ground=PLAIN, exposure=STILL, shadow=0.0))
+    view, tree = camera(), (OCCLUDER, 2.0, 1.0, 0.5, 9.0, 4.0, 6.0)
+    changed = (renderer.draw(view, bodies(tree)) != renderer.draw(view, bodies())).any(axis=-1)
+    v, u = np.mgrid[0 : view.height, 0 : view.width] + 0.5
+    offset = ray_ground(view, np.stack([u, v], axis=-1), 6.0)[..., :2] - (2.0, 1.0)
+    ahead, right = offset @ (np.sin(0.5), np.cos(0.5)), offset @ (np.cos(0.5), -np.sin(0.5))
+    inside = (np.abs(ahead) < 4.5) & (np.abs(right) < 2.0)
+    assert (changed & inside).sum() > 0.93 * inside.sum()
+    assert (changed & ~inside).sum() < 0.12 * inside.sum()
