@@ -110,6 +110,13 @@ def _holds_good(data: bytes, start: int, stop: int) -> _Verdict:
     return found
 
 
+def _cut_in_signature(data: bytes, pos: int, length: int) -> bool:
+    """Whether a good frame begins in a signed frame's signature, which no checksum covers."""
+    end = pos + length
+    signed = data[pos] == MAGIC_V2 and data[pos + 2]
+    return bool(signed) and _holds_good(data, end - SIGNATURE_LENGTH, end) is _GOOD
+
+
 def _fits(data: bytes, pos: int, length: int, in_step: bool, final: bool) -> _Verdict:
     """Whether an unknown frame is to be kept: UNKNOWN (keep), MORE (wait) or NOTHING."""
     inside = _holds_good(data, pos + 1, pos + length)
@@ -136,7 +143,9 @@ def _scan(data: bytes, final: bool, in_step: bool) -> tuple[list[bytes], int, Fr
             junk, pos, in_step = junk + start - pos, start, False
             continue
         verdict, length = _look(data, pos)
-        if verdict is _UNKNOWN:
+        if verdict is _GOOD and _cut_in_signature(data, pos, length):
+            verdict = _BAD
+        elif verdict is _UNKNOWN:
             verdict = _fits(data, pos, length, in_step, final)
         if verdict is _GOOD or verdict is _UNKNOWN:
             frames.append(data[pos : pos + length])

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.packet import MAGIC_V2
 from mavlink.tlog_damage import Damage, describe_gaps, describe_times
 from mavlink.tlog_scan import Bytes, Frames, Ints, find_frames, gather, measure_unknown
@@ -67,6 +68,16 @@ class TlogIndex:
 
     def __len__(self) -> int:
         return self.offset.size
+
+
+def _whole(data: Bytes, frames: Frames) -> Frames:
+    """Drops signed frames in whose signature another frame begins: they were cut there, which no checksum sees."""
+    signed = (data[frames.offset] == MAGIC_V2) & (data[frames.offset + 2] == 1)
+    if not signed.any():
+        return frames
+    starts = np.append(frames.offset, data.size)
+    following = starts[np.searchsorted(frames.offset, frames.end - SIGNATURE_LENGTH)]
+    return frames.take(~(signed & (following < frames.end)))
 
 
 def _untangle(frames: Frames, step: int) -> Frames:
@@ -183,7 +194,7 @@ def build_index(data: Bytes) -> TlogIndex:
     Returns:
         The index; empty when no good frame is in the data.
     """
-    found = find_frames(data)
+    found = _whole(data, find_frames(data))
     step = _step(found)
     good = _untangle(found, step)
     unknown = _unknown_frames(data, good, step) if good.offset.size else good

@@ -168,6 +168,14 @@ def test_any_bytes_are_accounted_for(data):
     assert counts.good + counts.unknown == len(frames)
 
 
+@pytest.mark.parametrize("missing", [1, 5, 12])
+def test_frame_cut_in_its_signature_does_not_swallow_the_next(missing):
+    a, b, c = some_frames(3, key=b"k" * 32)
+    stream = a[:-missing] + b + c
+    assert split(stream)[0] == [b, c]
+    assert Framer().feed(stream) == [b, c]
+
+
 def test_framer_waits_for_the_rest_of_a_frame():
     (frame,) = some_frames(1)
     framer = Framer()

@@ -229,6 +229,20 @@ def test_inserted_bytes_cost_nothing(insert):
     assert sum(d.stop - d.start for d in index.damage) == 30 * len(insert)
 
 
+@pytest.mark.parametrize("missing", [1, 5, 12])
+def test_record_cut_in_its_signature_does_not_swallow_the_next(missing):
+    records = [record(p) for p in PACKETS]
+    assert PACKETS[5].signed
+    records[5] = records[5][:-missing]
+    data = b"".join(records)
+    index = index_of(data)
+    got = frames_of(data, index)
+    others = [p for i, p in enumerate(PACKETS) if i != 5]
+    assert [f for f in got if f in {p.raw for p in others}] == [p.raw for p in others]
+    # what is cut ends in the next record's time, which is then taken from the record before
+    assert np.abs(index.t_us[-len(others) + 5 :] - [p.t_us for p in others[5:]]).max() <= 2 * STEP_US
+
+
 def test_zero_tail_is_named():
     data = b"".join(map(record, PACKETS)) + bytes(4096)
     index = index_of(data)
