@@ -60,7 +60,7 @@ def box(system_id: int, track_id: int, east: float, north: float, heading_deg: f
     heading = math.radians(heading_deg)
     return Box(
         track_id=track_id, cx=cx, cy=cy, w=62.0, h=38.0, angle=heading - math.pi / 2, heading=heading, score=0.91,
-        coasting=False, system_id=system_id, confidence=confidence, runner_up=12 if system_id else 0,
+        coasting=False, system_id=system_id, confidence=confidence, runner_up=15 if system_id else 0,
         runner_up_confidence=0.02 if system_id else NAN, residual_m=0.42 if system_id else NAN,
         residual_px=6.1 if system_id else NAN, position_age_s=0.2 if system_id else NAN,
         projection=0.92 if system_id else NAN, topology=0.88 if system_id else NAN, fused=0.97 if system_id else NAN,

@@ -263,7 +263,9 @@ async def test_map_keys():
 
 async def test_event_log_filters_and_scrolls():
     async with running() as (app, pilot, station):
-        station.said += [Event(t_us=START_US + i, level="info", kind="text", text=f"line {i}") for i in range(50)]
+        station.said += [
+            Event(t_us=START_US + 250_000_000 + i, level="info", kind="text", text=f"line {i}") for i in range(50)
+        ]
         await polled(app, pilot)
         log = app.query_one(EventPane)
         assert "line 49" in text_of(log)
@@ -275,6 +277,16 @@ async def test_event_log_filters_and_scrolls():
         assert "line 49" not in text_of(log) and "UGV-17 position lost" in text_of(log)
         await pilot.press("l")
         assert "tentative" not in text_of(log) and "UGV-17 position lost" in text_of(log)
+
+
+async def test_a_replay_log_ends_at_the_picture():
+    async with running() as (app, pilot, station):
+        station.snapshot = replace(station.snapshot, t_us=START_US + 100_000_000)
+        await polled(app, pilot)
+        said = text_of(app.query_one(EventPane))
+        assert "UGV-11 confirmed" in said and "UGV-17 position lost" not in said and "alarm" not in said
+        await pilot.press("end", "N")
+        assert station.timeline.now_us == START_US + 240_000_000
 
 
 async def test_help_lists_every_key():

@@ -18,23 +18,13 @@ def letters_on(app) -> str:
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-async def test_text_from_the_air_is_only_text(text):
+async def test_text_from_the_air_is_only_text(text, capsys):
     station = hostile_station(text)
     app = RollcallApp(station, graphics="blocks")
-    async with app.run_test(size=(160, 48)) as pilot:
+    async with app.run_test(size=(120, 36)) as pilot:
         station.error = RuntimeError(text)
         app.notify(text, markup=False)
-        for keys in (
-            ["down", "down"],
-            ["3"],
-            ["f", "z"],
-            ["e"],
-            ["i"],
-            ["m"],
-            ["v"],
-            ["question_mark", "escape"],
-            ["l"],
-        ):
+        for keys in (["down", "down"], ["3"], ["f", "z"], ["e"], ["m"], ["v", "question_mark"]):
             await pilot.press(*keys)
             app._poll()
             await pilot.pause()
@@ -42,19 +32,10 @@ async def test_text_from_the_air_is_only_text(text):
             assert not any(ord(letter) < 32 or 0x7F <= ord(letter) < 0xA0 for letter in said)
             assert not set(said) & set("\u202e\u2066\ud800\u200b")
         assert app.is_running
-        await pilot.press("q")
+        await pilot.press("escape", "q")
     assert app.return_code == 1
-
-
-@pytest.mark.parametrize("text", HOSTILE)
-async def test_hostile_exit_message_is_only_text(text, capsys):
-    station = FakeStation(live=True)
-    station.error = RuntimeError(text)
-    app = RollcallApp(station, graphics="blocks")
-    async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("q")
-    said = capsys.readouterr().err
-    assert said.startswith("station stopped: ") and "\x1b" not in said and "\x07" not in said
+    left = capsys.readouterr().err
+    assert left.startswith("station stopped: ") and "\x1b" not in left and "\x07" not in left
 
 
 async def test_markup_is_shown_letter_by_letter():
@@ -74,7 +55,7 @@ async def test_wild_numbers_break_nothing():
     station = FakeStation(snapshot=base)
     app = RollcallApp(station, graphics="blocks")
     async with app.run_test(size=(130, 40)) as pilot:
-        for round_ in range(25):
+        for round_ in range(14):
             rows = tuple(
                 replace(
                     row, p_enu=np.array([wild(rng) for _ in range(3)]), heading=wild(rng), std_m=wild(rng),

@@ -73,7 +73,7 @@ class RollcallApp(App[None]):
         # held, not queried: a query looks at the screen on top, which may be a question
         self._alert_line = AlertLine(id="alert")
         self._map = MapPane(id="map")
-        self._events = EventPane(id="events")
+        self._events = EventPane(id="events", live=station.timeline is None)
         self._deck = Deck(
             [
                 VideoPane(id="video", pixels=pixel_images(graphics)),

@@ -47,9 +47,9 @@ class Cells:
         """Lay braille over the cells; half blocks below become the darkened mean of their two pixels."""
         at = dots.bits > 0
         under = at & (self.letter == HALF)
-        # three quarters as bright as the picture, so that the line stands out
         mean = _mean(self.ink[under], self.paper[under])
-        self.paper[under] = _mean(mean, _mean(mean, np.zeros_like(mean)))
+        # half as bright as the picture, so that the line stands out on busy ground
+        self.paper[under] = _mean(mean, np.zeros_like(mean))
         self.letter[at] = 0x2800 + dots.bits[at]
         self.ink[at] = dots.ink[at]
 

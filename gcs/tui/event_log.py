@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import islice
 from typing import ClassVar, Final
 
 from textual import events
@@ -26,10 +25,9 @@ MOST: Final = 2000
 
 
 def heard(said: Sequence[Event], least: Level) -> list[Event]:
-    """Events of at least a level, the newest few thousand."""
-    newest = islice(reversed(said), MOST)
+    """Events of at least a level."""
     rank = FILTERS.index(least)
-    return [event for event in newest if _rank(event.level) >= rank][::-1]
+    return [event for event in said if _rank(event.level) >= rank]
 
 
 def _rank(level: str) -> int:
@@ -37,7 +35,7 @@ def _rank(level: str) -> int:
 
 
 class EventPane(Pane):
-    """What happened; scrolls when focused, else follows the newest."""
+    """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the picture."""
 
     label: ClassVar[str] = "EVENTS"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -50,9 +48,16 @@ class EventPane(Pane):
     said: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)
     least: reactive[Level] = reactive("info", repaint=False)
 
-    def __init__(self, *, id: str) -> None:
+    def __init__(self, *, id: str, live: bool = True) -> None:
         super().__init__(id=id)
+        self._live = live
         self._back = 0
+
+    def shown(self) -> list[Event]:
+        """Events that may be on screen: of the filter's levels, not of a replay's future, the newest few thousand."""
+        until_us = None if self._live or self.snapshot is None else self.snapshot.t_us
+        past = [event for event in self.said if until_us is None or event.t_us <= until_us]
+        return heard(past[-MOST:], self.least)
 
     def next_filter(self) -> None:
         """All, warnings and alarms, alarms only, all …"""
@@ -60,7 +65,7 @@ class EventPane(Pane):
 
     def action_scroll_by(self, rows: int) -> None:
         """Older (positive) or newer."""
-        room = max(0, len(heard(self.said, self.least)) - (self.size.height - 1))
+        room = max(0, len(self.shown()) - (self.size.height - 1))
         self._back = min(max(self._back + rows, 0), room)
         self.redraw()
 
@@ -74,7 +79,9 @@ class EventPane(Pane):
         self.redraw()
 
     def watch_snapshot(self) -> None:
-        """Nothing: only events change this pane."""
+        """A flight's log changes with its events alone, a replay's with its time."""
+        if not self._live:
+            self.redraw()
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
         """Older."""
@@ -87,13 +94,13 @@ class EventPane(Pane):
     def note(self) -> Sequence[Part]:
         """The filter, and whether the newest is on screen."""
         back = f"{self._back} newer below · " if self._back else ""
-        alarms = sum(event.level == "alarm" for event in self.said)
+        alarms = sum(event.level == "alarm" for event in self.shown())
         loud: list[Part] = [(f"{alarms} alarm{'s' if alarms > 1 else ''} ", ink(level_colour("alarm"), HEAD))]
         return [(f"{back}{SAID[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The newest events that fit, oldest first."""
-        shown = heard(self.said, self.least)
+        shown = self.shown()
         if not shown:
             return [line([(" nothing yet", ink(FAINT))], width)]
         stop = len(shown) - min(self._back, max(0, len(shown) - height))
