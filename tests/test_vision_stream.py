@@ -84,7 +84,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     url = sender()
     begin_us = time.time() * 1e6
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
-    end = time.monotonic() + 3.5
+    end = time.monotonic() + 2.6
     while time.monotonic() < end:
         frame = stream.latest(0.2)
         if frame is not None:
@@ -94,7 +94,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     stream.close()
     assert time.monotonic() - begin < 2.5
     end_us = time.time() * 1e6
-    assert stream.recording_error == "" and stream.received == len(rows) > FPS
+    assert stream.recording_error == "" and stream.received == len(rows) > FPS // 2
     assert [index for index, _ in rows] == list(range(len(rows)))
     times = np.array([t_us for _, t_us in rows])
     assert begin_us < times[0] and times[-1] < end_us
@@ -102,13 +102,13 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     with VideoFile.open(tmp_path / "video.mkv", times) as video:
         assert (video.n, video.mismatch) == (len(rows), 0)
         recorded = {frame.index: (frame.t_us, number_of(frame.image)) for frame in video.frames()}
-    assert len(shown) > FPS
+    assert len(shown) > FPS // 2
     assert all(recorded[index] == (t_us, number) for index, t_us, number in shown)
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
-    encode(tmp_path / "clip.mp4", 60)
+    encode(tmp_path / "clip.mp4", 40)
     rows = []
     with VideoStream(str(tmp_path / "clip.mp4"), on_frame=lambda index, _: rows.append(index)) as stream:
         seen = []
@@ -117,8 +117,8 @@ def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
             seen.append(frame.index)
             time.sleep(0.3)
         assert stream.ended and not stream.stalled
-        assert rows == list(range(60)) and seen == sorted(set(seen)) and seen[-1] == 59
-        assert stream.skipped + len(seen) == 60
+        assert rows == list(range(40)) and seen == sorted(set(seen)) and seen[-1] == 39
+        assert stream.skipped + len(seen) == 40
     assert stream.latest(0.0) is None
 
 
@@ -141,7 +141,8 @@ def test_pictures_stored_out_of_order_are_listed_in_order(tmp_path):
         assert [number_of(frame.image) for frame in video.frames()] == list(range(30))
 
 
-def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender):
+def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender, monkeypatch):
+    monkeypatch.setattr("vision.stream.READ_TIMEOUT_S", 0.5)
     url = sender(n=40)
     rows = []
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
@@ -150,7 +151,6 @@ def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender):
         time.sleep(0.05)
     first = len(rows)
     assert first > 5
-    time.sleep(1.2)
     sender(n=200, url=url)
     while stream.received < first + 10 and time.monotonic() < deadline + 6:
         time.sleep(0.05)
@@ -201,11 +201,11 @@ def test_after_a_kill_the_recording_plays_to_a_second_before(tmp_path):
     command = [sys.executable, "-c", code, str(tmp_path / "clip.mp4"), str(tmp_path / "video.mkv")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
-        lines = [process.stdout.readline() for _ in range(3 * FPS)]
+        lines = [process.stdout.readline() for _ in range(2 * FPS)]
         process.send_signal(signal.SIGKILL)
-    assert lines[-1].strip() == str(3 * FPS - 1)  # nothing else was printed
+    assert lines[-1].strip() == str(2 * FPS - 1)  # nothing else was printed
     with VideoFile.open(tmp_path / "video.mkv") as video:
-        assert video.n >= 2 * FPS
+        assert video.n >= FPS
         assert [number_of(frame.image) for frame in video.frames()] == list(range(video.n))
         assert number_of(video.read(video.n // 2).image) == video.n // 2
 

@@ -137,7 +137,8 @@ def _rows(boxes: ArrayLike) -> Floats:
 
 def _covariance(rows: Floats) -> tuple[Floats, Floats, Floats]:
     """Entries xx, yy, xy of R diag(w²/12, h²/12) Rᵀ; a side below a tenth of a pixel counts as that."""
-    along, across = (np.maximum(rows[..., k], 0.1) ** 2 / 12 for k in (2, 3))
+    spread = np.maximum(rows[..., 2:4], 0.1) ** 2 / 12
+    along, across = spread[..., 0], spread[..., 1]
     c, s = np.cos(rows[..., 4]), np.sin(rows[..., 4])
     return along * c**2 + across * s**2, along * s**2 + across * c**2, (along - across) * c * s
 

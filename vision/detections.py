@@ -72,7 +72,13 @@ class Detections:
         chosen = np.asarray(index)
         if chosen.size == 0:
             chosen = chosen.astype(np.intp)
-        return Detections(**{name: getattr(self, name)[chosen] for name in FIELDS})
+        # rows of checked arrays need no second check, and trackers take rows all the time
+        taken = object.__new__(Detections)
+        for name in FIELDS:
+            column = getattr(self, name)[chosen]
+            column.flags.writeable = False
+            object.__setattr__(taken, name, column)
+        return taken
 
     def corners(self) -> NDArray[np.float64]:
         """Corners (m, 4, 2) px, clockwise on screen from the one that is top left at angle 0."""
@@ -81,12 +87,12 @@ class Detections:
     @property
     def centre(self) -> NDArray[np.float64]:
         """Centres (m, 2) px."""
-        return np.stack([self.cx, self.cy], axis=-1)
+        return np.array([self.cx, self.cy]).T
 
     @property
     def boxes(self) -> NDArray[np.float64]:
         """Rows ``cx cy w h angle``, (m, 5), the form that ``vision.boxes`` takes."""
-        return np.stack([self.cx, self.cy, self.w, self.h, self.angle], axis=-1)
+        return np.array([self.cx, self.cy, self.w, self.h, self.angle]).T
 
 
 def _column(name: str, values: ArrayLike) -> NDArray[np.float64]:

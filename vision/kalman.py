@@ -18,6 +18,7 @@ __all__ = ["correct", "initial", "innovation", "jacobian", "map_points", "predic
 Floats = NDArray[np.float64]
 
 _I2 = np.eye(2)
+_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
 def initial(centre: Floats, noise: Floats, speed: Floats) -> tuple[Floats, Floats]:
@@ -45,10 +46,10 @@ def predict(x: Floats, P: Floats, dt: float, wander: Floats) -> tuple[Floats, Fl
         dt: s, zero or more.
         wander: (k,) px/s, by how much the velocity changes in one second (standard deviation).
     """
-    F = np.eye(4)
-    F[[0, 1], [2, 3]] = dt
+    F = np.array([[1.0, 0.0, dt, 0.0], [0.0, 1.0, 0.0, dt], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     # x ← F x,  P ← F P Fᵀ + q [dt³/3 dt²/2; dt²/2 dt] ⊗ I
-    Q = np.kron(np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]), _I2)
+    a, b, c = dt**3 / 3, dt**2 / 2, dt
+    Q = np.array([[a, 0.0, b, 0.0], [0.0, a, 0.0, b], [b, 0.0, c, 0.0], [0.0, b, 0.0, c]])
     return x @ F.T, F @ P @ F.T + (wander**2)[:, None, None] * Q
 
 
@@ -60,7 +61,7 @@ def innovation(P: Floats, noise: Floats) -> Floats:
 def correct(x: Floats, P: Floats, centre: Floats, noise: Floats) -> tuple[Floats, Floats]:
     """State and covariance after seeing the centres (k, 2) px with standard deviation ``noise`` (k,) px."""
     # K = P Hᵀ S⁻¹,  x ← x + K (z − H x)
-    K = P[:, :, :2] @ np.linalg.inv(innovation(P, noise))
+    K = P[:, :, :2] @ _inverse(innovation(P, noise))
     x = x + (K @ (centre - x[:, :2])[:, :, None])[:, :, 0]
     # P ← P − K H P, kept symmetric
     P = P - K @ P[:, :2, :]
@@ -87,6 +88,12 @@ def warp(x: Floats, P: Floats, H: Floats) -> tuple[Floats, Floats]:
     T = np.zeros_like(P)
     T[:, :2, :2] = T[:, 2:, 2:] = J
     return np.concatenate([map_points(H, x[:, :2]), velocity], axis=1), T @ P @ T.transpose(0, 2, 1)
+
+
+def _inverse(S: Floats) -> Floats:
+    """Inverses of symmetric S (k, 2, 2)."""
+    adjugate = S[:, ::-1, ::-1] * _SIGNS
+    return np.asarray(adjugate / (S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] ** 2)[:, None, None])
 
 
 def _depth(H: Floats, points: Floats) -> Floats:

@@ -140,12 +140,13 @@ class TrackState:
 
     def _shape(self, rows: Indices, seen: Detections) -> None:
         """Sides and axis move towards what is seen, the front by majority."""
-        sides, angle = np.stack([seen.w, seen.h], axis=-1), seen.angle
+        sides, angle = np.array([seen.w, seen.h]).T, seen.angle
         turn = _half_turns(angle - self.axis[rows], np.pi)
         swapped = (np.abs(turn) > np.pi / 4) & np.isnan(seen.heading)
-        swapped &= sides.max(axis=1) < NEARLY_SQUARE * np.maximum(sides.min(axis=1), 1e-9)
-        sides = np.where(swapped[:, None], sides[:, ::-1], sides)
-        turn = np.where(swapped, _half_turns(turn + np.pi / 2, np.pi), turn)
+        if swapped.any():
+            swapped &= sides.max(axis=1) < NEARLY_SQUARE * np.maximum(sides.min(axis=1), 1e-9)
+            sides = np.where(swapped[:, None], sides[:, ::-1], sides)
+            turn = np.where(swapped, _half_turns(turn + np.pi / 2, np.pi), turn)
         gap = self.gap_s[rows]
         # a gain of 1/hits at first, 1 − e^(−dt/τ) in the long run
         early = 1.0 / (self.hits[rows] + 1)

@@ -47,9 +47,9 @@ class TrackerParams:
     gate: float = 16.0
     """Largest squared Mahalanobis distance (2 degrees of freedom; 16 keeps 99.97 %). Raise → jerks are followed;
     lower → fewer swaps between neighbours."""
-    near: float = 0.4
+    near: float = 0.6
     """Sizes within which a box matches whatever the filter thinks. Raise → sudden camera motion is survived."""
-    overlap_weight: float = 6.0
+    overlap_weight: float = 16.0
     """Cost of not overlapping at all, in units of the squared distance. Raise → shape and angle count more."""
     limit: float = 40.0
     """Cost of leaving a track and a box apart. Raise → doubtful matches are made; lower → tracks break instead."""
@@ -195,14 +195,16 @@ class Tracker:
     ) -> tuple[Indices, Indices, Floats]:
         """Pairs within the gate and their cost −2 ln p + overlap term, p the likelihood of the centre."""
         params, state = self.params, self._state
-        noise, size = self._noise(rows), state.length[rows]
-        offset = boxes.centre[columns] - state.x[rows, None, :2]
+        size = state.length[rows]
+        noise = self._noise_of(size)
+        seen, known = boxes.boxes[columns], state.boxes[rows]
+        offset = seen[:, :2] - known[:, None, :2]
         squared, det = mahalanobis(offset, kalman.innovation(state.P[rows], noise))
         distance2 = (offset**2).sum(axis=-1)
         close = distance2 < ((params.near * size) ** 2)[:, None]
         reach = size * (1.0 + params.top_speed * state.gap_s[rows])
         i, j = np.nonzero(((squared < gate) | close) & (distance2 < (reach**2)[:, None]))
-        overlap = prob_iou_pairs(state.boxes[rows[i]], boxes.boxes[columns[j]])
+        overlap = prob_iou_pairs(known[i], seen[j])
         # −2 ln p = d² + ln det S up to a constant; relative to R, so that a certain track costs nothing here
         spread = np.log(det / noise**4)
         cost = np.minimum(squared[i, j], gate) + spread[i] + params.overlap_weight * (1 - overlap)
