@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.estimate import Estimator
+from assoc.frame_masses import frame_masses
 from assoc.labels import names
 from assoc.motion import ReportLog
 from assoc.records import CameraState, Identities, Sighting
@@ -83,11 +84,23 @@ def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: 
     second = np.argmax(others, axis=1) if n else np.zeros(m, np.int64)
     second_p = others[rows, second] if n else np.zeros(m)
     ids = np.append(system_ids, 0)
-    nothing = np.full(m, np.nan)
+    projection, topology, fused = _masses(t, sighting, camera, log, estimator, choice)
     residual, age = estimator.residuals(t, sighting, camera, choice)
     return Identities(
         track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=beliefs.p[rows, choice],
         runner_up=np.where(second_p > 0.0, ids[second], 0), runner_up_confidence=np.maximum(second_p, 0.0),
-        residual_m=residual, position_age_s=age, projection=nothing, topology=nothing.copy(), fused=nothing.copy(),
+        residual_m=residual, position_age_s=age, projection=projection, topology=topology, fused=fused,
         conflict=tuple(int(ids[k]) for k in beliefs.conflict),
     )  # fmt: skip
+
+
+def _masses(t: float, sighting: Sighting, camera: CameraState, log: ReportLog, estimator: Estimator,
+            choice: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """(m,) three masses of the named vehicles, NaN unnamed."""
+    named = np.flatnonzero(choice >= 0)
+    result = np.full((3, len(choice)), np.nan)
+    if len(named):
+        p, _ = log.extrapolated(t - estimator.time_offset_s)
+        for row, mass in zip(result, frame_masses(sighting, camera, p, log.last_heading, estimator.theta), strict=True):
+            row[named] = mass[named, choice[named]]
+    return result[0], result[1], result[2]

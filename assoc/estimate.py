@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.conflicts import ConflictWatch
 from assoc.evidence import Noise, bounded, fresh_state, put, restarted, run_filter, taken, with_columns
-from assoc.ground import THETA, ground_now
+from assoc.ground import OFFSET, THETA, ground_now
 from assoc.history import TrackHistory
 from assoc.labels import mixed_marginals, weights
 from assoc.levels import learnt_bias
@@ -26,6 +27,7 @@ _SURE = 0.9
 _LOCK = 0.97
 _SETTLED_S = 1.5
 _RECENT_S = 1.5
+_LARGE = 400
 _STRANGER_S = 30.0
 _NOISE_EVERY_S = 1.5
 _HEADING_STD = np.deg2rad(9.0)
@@ -49,12 +51,18 @@ class Estimator:
         self._updates = 0
         self._locked = False
         self._started_s = np.inf
+        self._watch = ConflictWatch()
         self.conflict: tuple[int, ...] = ()
 
     @property
     def theta(self) -> FloatArray:
         """(8,) pose correction of the best hypothesis."""
         return self._thetas[0] if self._thetas else np.zeros(THETA)
+
+    @property
+    def time_offset_s(self) -> float:
+        """Estimated video time minus telemetry time, seconds."""
+        return float(self.theta[OFFSET])
 
     def began(self, t: float, fresh: IntArray) -> None:
         """Start the evidence of new tracks, with the biases that are remembered."""
@@ -89,13 +97,21 @@ class Estimator:
         self._thetas = [h.theta for h in found[:3]]
         p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)))
         self._learn(t, scene, found[0], p, float(share[0]))
+        p, self.conflict = self._watch.review(t, scene, found[0], p)
         self._fold(scene, found[0])
         return live, p
+
+    def predicted(self, t: float) -> tuple[FloatArray, FloatArray]:
+        """Where the vehicles should be seen on the corrected ground: (n, 2) metres and (n,) variance per axis."""
+        p, age = self._log.extrapolated(t - self.time_offset_s)
+        mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
+        # speed uncertain by 0.7 m/s over the age of the report
+        return p + mean, var + self._log.white_std_m**2 + 0.1 + (0.7 * np.minimum(age, 1e3)) ** 2
 
     def residuals(self, t: float, sighting: Sighting, camera: CameraState,
                   vehicle: IntArray) -> tuple[FloatArray, FloatArray]:  # fmt: skip
         """(m,) ground distance of each track to its vehicle's extrapolated report, and its age; NaN unnamed."""
-        p, age = self._log.extrapolated(t - float(self.theta[7]))
+        p, age = self._log.extrapolated(t - self.time_offset_s)
         g = ground_now(sighting.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
         named = vehicle >= 0
         away = np.linalg.norm(g - p[np.maximum(vehicle, 0)], axis=1) if len(p) else np.full(len(vehicle), np.nan)
@@ -187,7 +203,8 @@ class Estimator:
             starts += everywhere if self._updates % 6 == 1 or not self._thetas else everywhere[:1]
         found = keep_best([refine(scene, theta) for theta in starts], self._params.hypotheses)
         if not self._locked and self._updates % 3 == 1:
-            found += [refine(scene, theta) for theta in shifts(scene, found[0], 8)]
+            most = 8 if scene.live * self._log.n_vehicles <= _LARGE else 2
+            found += [refine(scene, theta) for theta in shifts(scene, found[0], most)]
             found = keep_best(found, self._params.hypotheses)
         found += swaps(scene, found[0], 2 if self._locked else 6)
         return keep_best(found, self._params.hypotheses)

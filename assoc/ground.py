@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from assoc.history import TrackHistory
 
 __all__ = [
-    "EAST", "HEIGHT", "NORTH", "OFFSET", "PITCH", "ROLL", "THETA", "YAW", "YAW_RATE", "GroundTracks", "ground_tracks",
+    "EAST", "HEIGHT", "NORTH", "OFFSET", "PITCH", "ROLL", "THETA", "YAW", "YAW_RATE", "GroundTracks", "ground_now",
+    "ground_tracks", "off_axis",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -148,6 +149,28 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
         t=history.t[rows], p=g, jacobian=jacobian, heading=np.arctan2(front[..., 0], front[..., 1]),
         pixel_m=np.abs(pixel), theta=theta,
     )  # fmt: skip
+
+
+def off_axis(rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float,
+             theta: FloatArray) -> FloatArray:  # fmt: skip
+    """Angles between rays and the lines of sight to places on the ground, under a correction.
+
+    Args:
+        rays: (m, 3) camera frame.
+        p: (n, 2) east and north, metres.
+        R_enu_cam: (3, 3).
+        p_enu: (3,) camera position, metres.
+        ground_z: Height of the ground, metres.
+        theta: (8,) correction; its δ is left out.
+
+    Returns:
+        (m, n) radians.
+    """
+    d = _turned((rays @ R_enu_cam.T)[None], R_enu_cam[None], theta[[YAW]], float(theta[PITCH]), float(theta[ROLL]))[0]
+    to = np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
+    # ∠ = atan2(|d × s|, d · s)
+    cross = np.linalg.norm(np.cross(d[:, None, :], to[None, :, :]), axis=2)
+    return np.asarray(np.arctan2(cross, d @ to.T))
 
 
 def ground_now(rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float,

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from assoc.answers import compose, no_beliefs
 from assoc.estimate import Estimator
+from assoc.ground import ground_now
 from assoc.history import TrackHistory
 from assoc.motion import ReportLog
 from assoc.params import IdentifierParams
+from assoc.reattach import reattach_gated
 from assoc.records import CameraState, Identities, Sighting, VehicleReports
 
 __all__ = ["CameraState", "Identifier", "IdentifierParams", "Identities", "Sighting", "VehicleReports"]
@@ -24,6 +26,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _BACKWARD_S = 1.0
+_EASY = 400
+_STITCH_SURE = 0.8
 
 
 class Identifier:
@@ -45,7 +49,7 @@ class Identifier:
     @property
     def time_offset_s(self) -> float:
         """Estimated video time minus telemetry time, seconds."""
-        return float(self._estimator.theta[7])
+        return self._estimator.time_offset_s
 
     @property
     def pose_correction(self) -> FloatArray:
@@ -74,6 +78,28 @@ class Identifier:
         beliefs = self._beliefs.of(sighting.track_id)
         return compose(self._ids, beliefs, sighting, camera, self._log, self._estimator, t, self._params.threshold)
 
+    def stitch(self, t_us: int, track_id: IntArray, ray_cam: FloatArray, camera: CameraState) -> IntArray:
+        """Lost tracks that leftover detections continue, by where their vehicles report to be.
+
+        Args:
+            t_us: Time of the frame, Unix µs.
+            track_id: (a,) lost tracks.
+            ray_cam: (b, 3) rays of the detections that no track took, camera frame.
+            camera: The camera at that time.
+
+        Returns:
+            (p, 2) rows of ``track_id`` and of ``ray_cam`` that belong together.
+        """
+        usable = _usable(camera)
+        if self._origin_us is None or usable is None or not len(track_id) or not len(ray_cam):
+            return np.empty((0, 2), np.int64)
+        p = self._beliefs.of(track_id).p[:, :-1]
+        sure = np.max(p, axis=1, initial=0.0) > _STITCH_SURE
+        vehicle = np.where(sure, np.argmax(p, axis=1) if p.shape[1] else -1, -1)
+        place, variance = self._estimator.predicted((t_us - self._origin_us) / 1e6)
+        ground = ground_now(ray_cam, usable.R_enu_cam, usable.p_enu, usable.ground_z, self._estimator.theta)
+        return reattach_gated(place, variance, vehicle, ground)
+
     def _see(self, t: float, sighting: Sighting, camera: CameraState) -> None:
         """Store the frame and, when it is time, think."""
         usable = _usable(camera)
@@ -82,11 +108,16 @@ class Identifier:
         fresh = self._history.append(t, sighting, usable)
         self._t = t
         self._estimator.began(t, fresh)
-        waited = t - self._thought_s
-        if waited >= self._params.every_s or (len(fresh) and waited > 0.0):
+        waited, every = t - self._thought_s, self._interval()
+        if waited >= every - 1e-6 or (len(fresh) and waited >= every / 4.0 - 1e-6):
             self._thought_s = t
             columns, p = self._estimator.update(t, usable)
             self._beliefs = self._beliefs.renewed(self._history.track_id[columns], p, self._estimator.conflict)
+
+    def _interval(self) -> float:
+        """Seconds between full updates: longer for many tracks and vehicles, so that frames keep their pace."""
+        work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
+        return self._params.every_s * float(np.clip(work / _EASY, 1.0, 4.0))
 
     def _reset(self) -> None:
         """Forget everything: time ran backwards."""

@@ -25,6 +25,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _TURNS = 4
+_SWAP_LOSS = 40.0
+"""Swaps that lose more than this at the present θ, nats, are not tried."""
+_NEGLIGIBLE = 12.0
+"""Hypotheses this far below the best, nats, carry no weight."""
 _FAR = np.array([0.03, 1e-3, 0.015, 0.015, 3.0, 3.0, 2.0, 0.1])
 """Linearisation is renewed when θ moved further than this."""
 
@@ -141,16 +145,22 @@ def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
             break
         vehicle = best.vehicle.copy()
         vehicle[rows[[a, b]]] = vehicle[rows[[b, a]]]
-        found.append(_forced(scene, best, vehicle))
+        hypothesis = _forced(scene, best, vehicle)
+        if hypothesis is not None:
+            found.append(hypothesis)
     return found
 
 
-_SWAP_LOSS = 40.0
-
-
-def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis:
-    """The hypothesis with a given assignment and the θ that suits it."""
-    theta, cost = fit(whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
+    """The hypothesis with a given assignment and the θ that suits it; None when that gains too little."""
+    white = whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise)
+    theta, cost = fit(white, scene.prior)
+    rows = np.flatnonzero(vehicle >= 0)
+    gain = float(np.sum(misfit(white, best.theta)) - np.sum(misfit(white, theta)))
+    # Σ L at the best θ, plus what the misfit gains by the move, less the prior's cost of it
+    value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - scene.prior.cost(theta) + cost
+    if value < best.value - _NEGLIGIBLE:
+        return None
     score, final = scores(scene, best.blocks, theta)
     return _weighed(scene, theta, cost, vehicle, score, final, best.blocks)
 
@@ -199,9 +209,3 @@ def keep_best(found: list[Hypothesis], most: int) -> list[Hypothesis]:
     for hypothesis in sorted(found, key=lambda h: -h.value):
         kept.setdefault(hypothesis.vehicle.tobytes(), hypothesis)
     return list(kept.values())[:most]
-
-
-def refit(scene: Scene, hypothesis: Hypothesis) -> FloatArray:
-    """(P,) misfit of the carrying pairs at the hypothesis' θ."""
-    white = whiten(hypothesis.blocks, *_pairs(scene, hypothesis.vehicle), scene.state, scene.noise)
-    return misfit(white, hypothesis.theta)

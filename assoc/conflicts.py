@@ -1,0 +1,79 @@
+"""Reports that contradict the picture or one another."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.labels import names
+from assoc.search import Hypothesis, Scene
+
+__all__ = ["ConflictWatch"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_LASTING_S = 2.0
+_CLAIM = 12.0
+_SURE = 0.9
+_HEARD_S = 3.0
+
+
+class ConflictWatch:
+    """Remembers for how long contradictions have lasted.
+
+    Two kinds: *double*, a vehicle without a track of its own fits the track of another and reports the same place
+    (a copy, or one of the two is spoofed); *gone*, a track that surely was a vehicle is surely none of ours now while
+    the vehicle still reports.
+    """
+
+    def __init__(self) -> None:
+        self._double_since: dict[tuple[int, int], float] = {}
+        self._was: dict[int, int] = {}
+
+    def review(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray) -> tuple[FloatArray, tuple[int, ...]]:
+        """Marginals in which doubles share their track, and the vehicles in conflict.
+
+        Args:
+            t: Time, seconds.
+            scene: The update's scene.
+            best: Its best hypothesis.
+            p: (m, n + 1) marginals.
+
+        Returns:
+            (m, n + 1) marginals; indices of vehicles.
+        """
+        choice = names(p)
+        doubles = self._doubles(t, scene, best, choice)
+        p = p.copy()
+        for row, first, second in doubles:
+            p[row, [first, second]] = 0.5 * (p[row, first] + p[row, second])
+        gone = self._gone(t, scene, choice, p)
+        return p, tuple(sorted({v for _, *pair in doubles for v in pair} | gone))
+
+    def _doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray) -> list[tuple[int, int, int]]:
+        """(track, vehicle, vehicle) that have lasted."""
+        place, age = scene.log.extrapolated(t)
+        free = np.setdiff1d(np.flatnonzero(age < _HEARD_S), choice)
+        reach = 2.5 * scene.noise.bias_std + float(np.sqrt(scene.noise.white_var))
+        now: dict[tuple[int, int], int] = {}
+        for row in np.flatnonzero(choice >= 0).tolist():
+            own = int(choice[row])
+            for other in free[best.score[row, free] > _CLAIM].tolist():
+                if float(np.hypot(*(place[own] - place[other]))) < reach and age[own] < _HEARD_S:
+                    now[min(own, other), max(own, other)] = row
+        self._double_since = {pair: self._double_since.get(pair, t) for pair in now}
+        return [(now[pair], *pair) for pair, since in self._double_since.items() if t - since >= _LASTING_S]
+
+    def _gone(self, t: float, scene: Scene, choice: IntArray, p: FloatArray) -> set[int]:
+        """Vehicles whose track is surely not theirs any more, and who have no other."""
+        age = t - scene.log.last_t
+        ids = scene.history.track_id[scene.columns[: scene.live]].tolist()
+        found: set[int] = set()
+        for row, key in enumerate(ids):
+            if choice[row] >= 0 and p[row, choice[row]] > _SURE:
+                self._was[key] = int(choice[row])
+            elif key in self._was and p[row, -1] > _SURE and age[self._was[key]] < _HEARD_S:
+                found.add(self._was[key])
+        self._was = {key: vehicle for key, vehicle in self._was.items() if key in ids}
+        return found - set(choice.tolist())
