@@ -38,6 +38,8 @@ class ClockParams:
     """Arrival this much earlier than possible is a step of the host's clock, or a damaged time."""
     step_hold_us: int = 3 * _S
     """A step is believed when it has lasted this long."""
+    steps_within_us: int = 60 * _S
+    """Three steps within this, and the vehicle's clock is not followed any more."""
     back_us: int = _S
     """Boot time going back by more than this is a reboot or a late copy."""
     reboot_hold_us: int = 250_000
@@ -53,9 +55,13 @@ class VehicleClock:
         self.params = params or ClockParams()
         self.reboots = 0
         """How often the vehicle's count started anew."""
+        self.epoch = 0
+        """Changes whenever boot times before and after cannot be compared: a reboot, or a clock given up."""
         self.stray = False
         """Whether the last boot time did not fit: a late copy, another sender, or a reboot not yet believed."""
         self._frozen = 0
+        self._by_arrival = False
+        self._steps: deque[int] = deque(maxlen=3)
         self._started = False
         self._restart(0, 0)
 
@@ -70,6 +76,7 @@ class VehicleClock:
         self._least = (boot_us, arrival_us - boot_us)
         self._delay_us = 20_000.0
         self._candidate: list[tuple[int, int]] = []
+        self._astray_us = 0  # arrival of the first message in a row that did not fit
 
     def to_unix_us(self, boot_ms: int, arrival_us: int) -> int:
         """Learns from one message and says when it was made, Unix µs."""
@@ -78,11 +85,14 @@ class VehicleClock:
     def learn(self, boot_ms: int, arrival_us: int) -> int:
         """Learns from one message and returns its boot time, unwrapped, µs.
 
-        A sender that leaves its boot time at zero has none: its messages then count by their arrival.
+        A sender that leaves its boot time at zero has none, and one that cannot be followed (a simulator that runs
+        at another speed) has none that helps: their messages count by their arrival.
         """
         self._frozen = self._frozen + 1 if boot_ms == 0 else 0
-        boot_us = arrival_us if self._frozen >= 3 else self._unwrap(boot_ms * _MS, arrival_us)
-        if not self._started or self._frozen == 3:
+        if not self._by_arrival and self._frozen >= 3:
+            self._give_up(arrival_us)
+        boot_us = arrival_us if self._by_arrival else self._unwrap(boot_ms * _MS, arrival_us)
+        if not self._started:
             self._started = True
             self._restart(boot_us, arrival_us)
             return boot_us
@@ -91,8 +101,10 @@ class VehicleClock:
         self.stray = back or late_us > self.params.late_us or late_us < -self.params.early_us
         if self.stray:
             self._consider(boot_us, arrival_us)
+            boot_us = arrival_us if self._by_arrival else boot_us
         else:
             self._candidate.clear()
+            self._astray_us = 0
             self._take(boot_us, arrival_us, late_us)
         return boot_us
 
@@ -165,14 +177,34 @@ class VehicleClock:
             shift = (arrival_us - boot_us) - (first_arrival - first_boot)
             if abs(shift) > _S // 2 or arrival_us < first_arrival:
                 candidate.clear()
+        self._astray_us = self._astray_us or arrival_us
+        if arrival_us - self._astray_us > 2 * self.params.step_hold_us:
+            self.stray = False
+            self._give_up(arrival_us)
+            return
         candidate.append((boot_us, arrival_us))
         del candidate[1:-2]
         rebooted = boot_us < self._newest - self.params.back_us and boot_us < self.params.reboot_below_us
         hold_us = self.params.reboot_hold_us if rebooted else self.params.step_hold_us
         if len(candidate) >= 3 and arrival_us - candidate[0][1] >= hold_us:
-            self.reboots += boot_us < self._newest - self.params.back_us
-            self._restart(boot_us, arrival_us)
+            self.reboots += rebooted
+            self.epoch += boot_us < self._newest - self.params.back_us
             self.stray = False
+            self._restart(boot_us, arrival_us)
+            if not rebooted:
+                self._note_step(arrival_us)
+
+    def _note_step(self, arrival_us: int) -> None:
+        steps = self._steps
+        steps.append(arrival_us)
+        if len(steps) == steps.maxlen and 0 <= arrival_us - steps[0] < self.params.steps_within_us:
+            self._give_up(arrival_us)
+
+    def _give_up(self, arrival_us: int) -> None:
+        """From now on messages count by their arrival."""
+        self._by_arrival = True
+        self.epoch += 1
+        self._restart(arrival_us, arrival_us)
 
 
 def _hull_slope(points: list[tuple[int, int]]) -> float:

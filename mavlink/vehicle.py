@@ -20,6 +20,7 @@ __all__ = ["Vehicle"]
 
 _GPS_FRESH_US = 5_000_000
 _REPEATED_TEXT_US = 5_000_000
+_REPEATED_REFUSAL_US = 30_000_000
 _STRANGERS, _STRANGER_US = 5, 10_000_000
 
 
@@ -46,6 +47,7 @@ class Vehicle:
         self._gps: GpsRaw | None = None
         self._refusal = ""
         self._refused_us = 0
+        self._refusals_told: dict[str, int] = {}
         self._text = ""
         self._text_us = 0
         self._pieces: dict[tuple[int, int], str] = {}
@@ -95,13 +97,14 @@ class Vehicle:
 
     def learn_time(self, boot_ms: int, sample: Attitude | GlobalPosition) -> tuple[int, tuple[Notice, ...]]:
         """Boot time in µs of a sample, and what the clock noticed."""
-        reboots = self.clock.reboots
+        epoch, reboots, was_stray = self.clock.epoch, self.clock.reboots, self.clock.stray
         boot_us = self.clock.learn(boot_ms, sample.t_us)
-        if self.clock.reboots != reboots:
+        if self.clock.epoch != epoch:
             self.positions.clear()
             self.attitudes.clear()
+        if self.clock.reboots != reboots:
             return boot_us, (self._notice(sample.t_us, "warning", f"system {self.system_id} has rebooted"),)
-        if self.clock.stray and not self.positions.has(boot_us):
+        if self.clock.stray and not was_stray and not self.positions.has(boot_us):
             self._note_stranger(sample.t_us)
         return boot_us, self._contest_notice(sample.t_us)
 
@@ -116,11 +119,12 @@ class Vehicle:
             self.attitudes.take(boot_us, sample)
 
     def refuse(self, t_us: int, reason: str) -> Iterator[Notice]:
-        """Counts a position that is not used; says so once for a row of the same."""
+        """Counts a position that is not used; says so when the reason is new or was not given for a while."""
         self.refused += 1
         self._refused_us = t_us
-        if reason != self._refusal:
-            self._refusal = reason
+        self._refusal = reason
+        if abs(t_us - self._refusals_told.get(reason, -_REPEATED_REFUSAL_US)) >= _REPEATED_REFUSAL_US:
+            self._refusals_told[reason] = t_us
             yield self._notice(t_us, "warning", f"position not used: {reason}")
 
     def nonsense(self, sample: GlobalPosition) -> str:

@@ -141,3 +141,14 @@ def test_parameters_bound_the_drift():
     clock = VehicleClock(ClockParams(max_drift=50e-6))
     run(clock, Vehicle(8, drift=200e-6), T0, 60)
     assert clock.drift <= 50e-6
+
+
+@pytest.mark.parametrize("speed", [0.2, 0.5, 2, 5, 50])
+def test_simulator_at_another_speed_counts_by_arrival(speed):
+    clock = VehicleClock()
+    for i in range(400):
+        arrival_us = T0 + i * 100_000
+        t_us = clock.to_unix_us(10_000 + int(i * 100 * speed), arrival_us)
+        if i > 250:
+            assert t_us == arrival_us and not clock.stray
+    assert clock.reboots == 0
