@@ -6,7 +6,9 @@ Boxes of the log are matched to true boxes frame by frame (nearest centres, one 
     right     = right names / boxes of ours in the truth
     FPER      = false targets left unnamed / false targets          (Chen, Du, Wu 2025, section 4.1.3, per box)
     switches  = times a vehicle's name changed from one id to another
-    IDF1      = 2 IDTP / (2 IDTP + IDFP + IDFN) over tracks          (Ristani et al. 2016, arXiv 1609.01775)
+    IDF1      = 2 IDTP / (2 IDTP + IDFP + IDFN)                     (Ristani et al. 2016, arXiv 1609.01775)
+                of the names, a vehicle's own id being the only one that counts; and of the bare tracks, each paired
+                with the vehicle it followed longest, where a vehicle that left and came back counts against the track
     ECE       = Σ_bins share · |mean confidence - share right|      over named boxes, 10 bins (Guo et al. 2017)
 """
 
@@ -63,6 +65,9 @@ class Score:
     fper: float
     switches: int
     idf1: float
+    """Of the names."""
+    track_idf1: float
+    """Of the tracks."""
     ece: float
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
@@ -146,7 +151,8 @@ def score(m: Matched) -> Score:
         right=_share(right, ours),
         fper=_share(false & ~named, false),
         switches=_switches(m),
-        idf1=_idf1(m),
+        idf1=float(2 * right.sum() / max(ours.sum() + named.sum(), 1)),
+        track_idf1=_track_idf1(m),
         ece=_ece(m.confidence[named], right[named]),
         wrong_sure_s=float(sure.sum()) * _frame_period_s(m),
     )
@@ -169,7 +175,7 @@ def _switches(m: Matched) -> int:
     return total
 
 
-def _idf1(m: Matched) -> float:
+def _track_idf1(m: Matched) -> float:
     """Best one-to-one pairing of whole tracks with whole vehicles, by frames in common."""
     tracked = m.track > 0
     vehicles, tracks = np.unique(m.truth[m.truth > 0]), np.unique(m.track[tracked])

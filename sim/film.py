@@ -44,7 +44,8 @@ def write_video(world: World, t: FloatArray, path: Path) -> None:
         stream.width, stream.height, stream.pix_fmt = camera.width, camera.height, "yuv420p"
         stream.time_base = stream.codec_context.time_base = Fraction(1, 90_000)
         keyframes = str(max(1, round(2 * world.scenario.fps)))
-        stream.options = {"preset": "veryfast", "tune": "zerolatency", "crf": "23", "threads": "1", "g": keyframes}
+        quality = {"preset": "medium", "crf": str(camera.crf), "g": keyframes}
+        stream.options = quality | {"tune": "zerolatency", "threads": "1"}
         for frame in _frames(world, renderer, t):
             for packet in stream.encode(frame):
                 container.mux(packet)

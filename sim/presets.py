@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Callable
 
 from sim.errors import ScenarioError
-from sim.scenario import Flight, Gnss, Ground, Occlusion, Scenario, Targets, Timing
+from sim.scenario import Camera, Flight, Gnss, Ground, Occlusion, Scenario, Targets, Timing
 
 __all__ = ["PRESETS", "curved_road", "nominal", "preset"]
 
@@ -30,6 +30,7 @@ def curved_road(seed: int = 2) -> Scenario:
         ground=Ground(kind="curved", vehicles=6, outside=1, speed_mps=3.2, spacing_m=9.0, lanes=3),
         flight=Flight(height_m=40.0, sway_m=0.8),
         gnss=Gnss(white_m=0.3, bias_m=0.6, tau_s=60.0),
+        camera=Camera(crf=31),
         timing=Timing(rate_min_hz=5.0, rate_max_hz=5.0),
         targets=Targets(parked_lookalikes=1),
         occlusions=(Occlusion(vehicle=0, t_s=20.0, duration_s=2.2),),

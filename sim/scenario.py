@@ -98,6 +98,8 @@ class Camera:
     roll_deg: float = 0.0
     pitch_deg: float = -90.0
     yaw_deg: float = 0.0
+    crf: int = 23
+    """H.264 quality of rendered video: lower is finer and larger."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,15 +43,16 @@ def test_every_share_by_hand():
     assert result.right == pytest.approx(2 / 5)
     assert result.fper == pytest.approx(2 / 3)
     assert result.switches == 1
+    assert result.idf1 == pytest.approx(2 * 2 / (5 + 4))
     assert result.wrong_sure_s == pytest.approx(0.1)
     # Confidences .9 .9 .95 hold two right of three, .8 none of one: |2.75 - 2| + |0.8 - 0| over 4.
     assert result.ece == pytest.approx((0.75 + 0.8) / 4)
 
 
-def test_idf1_pairs_whole_tracks():
+def test_track_idf1_pairs_whole_tracks():
     # Vehicle 2 is track 1 for three frames and track 2 for one: 3 in common, 4 true, 4 tracked.
     result = score(matched([(k, 2, 2, 1 if k < 3 else 2, 0.9) for k in range(4)]))
-    assert result.idf1 == pytest.approx(2 * 3 / 8)
+    assert result.track_idf1 == pytest.approx(2 * 3 / 8)
 
 
 def test_boxes_are_matched_by_place_not_by_order(tmp_path):

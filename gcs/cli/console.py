@@ -63,15 +63,22 @@ def _one_line(error: BaseException) -> str:
 
 @contextmanager
 def quiet_stderr(path: Path | None) -> Iterator[None]:
-    """Send file descriptor 2 to a file while a screen is up: libraries write to it past Python."""
+    """Send file descriptor 2 to a file while a screen is up: libraries write to it past Python.
+
+    Textual draws on ``sys.__stderr__``, which keeps the terminal under another descriptor.
+    """
     target = os.open(path or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
-    saved = os.dup(2)
     sys.stderr.flush()
+    before = sys.__stderr__
+    terminal = os.fdopen(os.dup(2), "w", encoding="utf-8")
     os.dup2(target, 2)
+    os.close(target)
+    sys.__stderr__ = terminal  # type: ignore[misc]
     try:
         yield
     finally:
         sys.stderr.flush()
-        os.dup2(saved, 2)
-        os.close(saved)
-        os.close(target)
+        terminal.flush()
+        os.dup2(terminal.fileno(), 2)
+        sys.__stderr__ = before  # type: ignore[misc]
+        terminal.close()

@@ -37,7 +37,7 @@ def score_text(result: Score) -> str:
         ("right", f"{result.right:.2%}", "our boxes that got the right name"),
         ("FPER", f"{result.fper:.2%}", f"of {result.false_targets} false targets, left unnamed"),
         ("switches", str(result.switches), "changes of a vehicle's name"),
-        ("IDF1", f"{result.idf1:.2%}", "of the tracks"),
+        ("IDF1", f"{result.idf1:.2%}", f"of the names; {result.track_idf1:.2%} of the bare tracks"),
         ("ECE", f"{result.ece:.4f}", "expected calibration error of the confidence"),
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
     )
