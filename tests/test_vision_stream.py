@@ -115,7 +115,7 @@ def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
         while (frame := stream.latest(1.0)) is not None:
             assert number_of(frame.image) == frame.index >= len(rows) - 3
             seen.append(frame.index)
-            time.sleep(0.3)
+            time.sleep(0.2)
         assert stream.ended and not stream.stalled
         assert rows == list(range(40)) and seen == sorted(set(seen)) and seen[-1] == 39
         assert stream.skipped + len(seen) == 40
@@ -142,8 +142,9 @@ def test_pictures_stored_out_of_order_are_listed_in_order(tmp_path):
 
 
 def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender, monkeypatch):
-    monkeypatch.setattr("vision.stream.READ_TIMEOUT_S", 0.5)
-    url = sender(n=40)
+    monkeypatch.setattr("vision.stream.READ_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("vision.stream.STALL_S", 0.4)
+    url = sender(n=30)
     rows = []
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
     deadline = time.monotonic() + 6
@@ -163,10 +164,11 @@ def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender, m
         assert len(list(video.frames())) >= len(rows) - 1
 
 
-def test_silence_is_told_and_closing_does_not_wait_for_it(capfd):
+def test_silence_is_told_and_closing_does_not_wait_for_it(capfd, monkeypatch):
+    monkeypatch.setattr("vision.stream.STALL_S", 0.2)
     with VideoStream(f"udp://127.0.0.1:{free_port()}") as stream:
         assert stream.latest(0.1) is None
-        time.sleep(1.1)
+        time.sleep(0.2)
         assert stream.stalled and not stream.connected
         begin = time.monotonic()
     assert time.monotonic() - begin < 2.5
