@@ -70,7 +70,8 @@ def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both."""
     standing = standing_of(snapshot, box)
     name = snapshot.name_of(box.system_id) if box.system_id else "?"
-    percent = f" {100 * box.confidence:.0f}%" if box.system_id and math.isfinite(box.confidence) else ""
+    # no evidence is ever certain: 99 % is the most that is said
+    percent = f" {min(99, round(100 * box.confidence))}%" if box.system_id and math.isfinite(box.confidence) else ""
     before = "~" if standing == "coasting" else ""
     after = "?" if standing == "tentative" else ""
     return f"{before}{name}{after}{percent}"
@@ -141,7 +142,7 @@ def place_labels(anchors: Sequence[Rect], sizes: Sequence[tuple[float, float]], 
                 key=lambda spot: (
                     4.0 * sum(_overlap(spot, rect) for rect in placed)
                     + 2.0 * _overlap(spot, anchor)
-                    + sum(_overlap(spot, rect) for rect in others)
+                    + 3.0 * sum(_overlap(spot, rect) for rect in others)
                 ),
             )
         )

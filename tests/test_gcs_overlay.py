@@ -85,6 +85,11 @@ def test_a_box_whose_vehicle_is_not_in_the_table_is_tentative():
     assert label_of(SNAPSHOT, replace(BOX, system_id=99, confidence=math.nan)) == "UGV-99?"
 
 
+def test_nothing_is_said_to_be_certain():
+    assert label_of(SNAPSHOT, replace(BOX, confidence=1.0)) == "UGV-11 99%"
+    assert label_of(SNAPSHOT, replace(BOX, confidence=0.004)) == "UGV-11 0%"
+
+
 def test_named_count_leaves_the_uav_out():
     assert named_count(SNAPSHOT) == (2, 7)
 

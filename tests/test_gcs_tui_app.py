@@ -289,6 +289,15 @@ async def test_a_replay_log_ends_at_the_picture():
         assert station.timeline.now_us == START_US + 240_000_000
 
 
+async def test_the_title_may_change_and_texts_say_whose_they_are():
+    async with running() as (app, pilot, station):
+        station.title = "flight (analysed 40%)"
+        station.said.append(Event(t_us=START_US + 1, level="info", kind="text", text="Reached waypoint", system_id=12))
+        await polled(app, pilot)
+        assert "flight (analysed 40%)" in screen_text(app)
+        assert "UGV-12: Reached waypoint" in text_of(app.query_one(EventPane))
+
+
 async def test_help_lists_every_key():
     async with running(size=(100, 60)) as (app, pilot, _):
         await pilot.press("question_mark")

@@ -71,6 +71,7 @@ class RollcallApp(App[None]):
         self._station = station
         self._newest_at = time.monotonic()
         # held, not queried: a query looks at the screen on top, which may be a question
+        self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = AlertLine(id="alert")
         self._map = MapPane(id="map")
         self._events = EventPane(id="events", live=station.timeline is None)
@@ -91,7 +92,7 @@ class RollcallApp(App[None]):
         live = self._timeline is None
         for pane in self._deck.panes:
             pane.data_bind(RollcallApp.snapshot, RollcallApp.selected)
-        yield StatusBar(self._station.title, live=live, id="status").data_bind(RollcallApp.snapshot)
+        yield self._status.data_bind(RollcallApp.snapshot)
         yield self._alert_line
         yield self._deck
         if self._timeline is not None:
@@ -113,6 +114,7 @@ class RollcallApp(App[None]):
             self._newest_at = time.monotonic()
             self._deck.fit_to(newest)
             self.snapshot = newest
+        self._status.said = self._station.title
         said = self._station.events()
         if len(said) != len(self._events.said) or (said and said[-1] is not self._events.said[-1]):
             self._events.said = tuple(said)

@@ -106,6 +106,13 @@ class EventPane(Pane):
         stop = len(shown) - min(self._back, max(0, len(shown) - height))
         return [self._row(event, width) for event in shown[max(0, stop - height) : stop]]
 
+    def _said_by(self, event: Event) -> str:
+        """Whose text it is, when the text does not say so."""
+        if event.kind != "text" or not event.system_id or self.snapshot is None:
+            return ""
+        name = self.snapshot.name_of(event.system_id)
+        return "" if event.text.startswith(name) else f"{name}: "
+
     def _row(self, event: Event, width: int) -> Strip:
         colour = level_colour(event.level)
         ours = bool(self.selected) and event.system_id == self.selected
@@ -116,5 +123,5 @@ class EventPane(Pane):
         if width >= 76:
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = width - sum(len(text) for text, _ in parts) - 1
-        parts.append((fitted(plain(event.text), room).rstrip(), ink(BRIGHT if ours else colour)))
+        parts.append((fitted(plain(self._said_by(event) + event.text), room).rstrip(), ink(BRIGHT if ours else colour)))
         return line(parts, width)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -29,10 +30,11 @@ from gcs.tui.palette import (
 )
 from gcs.tui.pane import Pane
 from gcs.tui.strips import Part, fitted, line
-from gcs.tui.wording import age, number, percent, plain, position, standing_word
+from gcs.tui.wording import age, number, percent, plain, position, standing_word, sure
 
 __all__ = ["FleetPane", "columns_for"]
 
+IDENTITY = "IDENTITY"
 HEARTBEAT_LOST_S = 3.5
 Cell = tuple[str, Rgb]
 
@@ -84,9 +86,14 @@ def _loss(row: VehicleRow) -> Cell:
 
 
 def _identity(row: VehicleRow) -> Cell:
-    if row.role == "uav":
-        return (f"{row.p_enu[2]:.0f} m up" if math.isfinite(row.p_enu[2]) else "–"), INK
-    return f"{standing_word(row.standing)} {percent(row.confidence)}".rstrip(), standing_colour(row.standing)
+    return f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip(), standing_colour(row.standing)
+
+
+def _height(row: VehicleRow, rows: Sequence[VehicleRow]) -> Cell:
+    """In the UAV's row: how far above the middle of the fleet it is."""
+    below = [float(each.p_enu[2]) for each in rows if each.role == "ugv" and math.isfinite(each.p_enu[2])]
+    up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
+    return f"{number(up, 'm', 0)} up" if math.isfinite(up) else "–", INK
 
 
 COLUMNS = (
@@ -102,7 +109,7 @@ COLUMNS = (
     Column(title="LOSS", width=4, rank=9, align="right", cell=_loss),
     Column(title="VIEW", width=4, rank=6, cell=_view),
     Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),
-    Column(title="IDENTITY", width=13, rank=2, cell=_identity),
+    Column(title=IDENTITY, width=13, rank=2, cell=_identity),
 )
 
 
@@ -142,14 +149,15 @@ class FleetPane(Pane):
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
         columns = columns_for(width)
-        return [self._row(row, columns, width) for row in rows[self._first : self._first + height]]
+        return [self._row(row, rows, columns, width) for row in rows[self._first : self._first + height]]
 
-    def _row(self, row: VehicleRow, columns: Sequence[Column], width: int) -> Strip:
+    def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected
         paper = PICKED if picked else PANEL
         parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
         for index, column in enumerate(columns):
-            text, colour = column.cell(row)
+            aloft = row.role == "uav" and column.title == IDENTITY
+            text, colour = _height(row, rows) if aloft else column.cell(row)
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)

@@ -14,7 +14,7 @@ from gcs.snapshot import Box, Snapshot, Standing, VehicleRow
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, Rgb, ink, position_colour, standing_colour
 from gcs.tui.pane import Pane
 from gcs.tui.strips import Part, bar, line
-from gcs.tui.wording import age, degrees, number, percent, plain, position, standing_word
+from gcs.tui.wording import age, degrees, number, percent, plain, position, standing_word, sure
 
 __all__ = ["IdentityPane"]
 
@@ -75,8 +75,8 @@ def _fleet_facts(snapshot: Snapshot) -> list[Fact]:
 def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
     facts: list[Fact] = []
     if row.role == "ugv":
-        sure = f"{standing_word(row.standing)} {percent(row.confidence)}".rstrip()
-        facts.append(("standing", sure, standing_colour(row.standing)))
+        said = f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip()
+        facts.append(("standing", said, standing_colour(row.standing)))
         box = next((box for box in snapshot.boxes if box.system_id == row.system_id), None)
         facts += _evidence(snapshot, box) if box else [("box", "none in this picture", FAINT)]
     where = position(row.position_state, row.position_age_s)

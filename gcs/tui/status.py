@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from rich.cells import cell_len
 from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
@@ -17,6 +18,7 @@ from gcs.tui.wording import age, bytes_text, clock, duration, plain
 
 __all__ = ["StatusBar"]
 
+LAG_SHOWN_S = 0.05
 LINK_SILENT_S = 3.5
 DISK_LOW_BYTES = 2_000_000_000
 
@@ -35,10 +37,11 @@ class StatusBar(Widget):
 
     ALLOW_SELECT: ClassVar[bool] = False
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True)
+    said: reactive[str] = reactive("")
+    """The station's title, which may change while a recording is analysed."""
 
-    def __init__(self, title: str, *, live: bool, id: str) -> None:
+    def __init__(self, *, live: bool, id: str) -> None:
         super().__init__(id=id)
-        self._title = plain(title)
         self._live = live
         self._first_us = 0
 
@@ -60,8 +63,9 @@ class StatusBar(Widget):
         for item in kept:
             right += [("  ", ink(FAINT, HEAD)), *item.parts]
         room = width - width_of(left) - width_of(right) - 2
-        if len(self._title) <= room:
-            left.append((self._title, ink(FAINT, HEAD)))
+        title = plain(self.said)
+        if cell_len(title) <= room:
+            left.append((title, ink(FAINT, HEAD)))
         return split_line(left, [*right, (" ", ink(FAINT, HEAD))], width)
 
     def _items(self) -> list[Item]:
@@ -121,4 +125,4 @@ def _video(health: Health) -> Item:
     if health.video != "ok":
         return _item(4, f"video {plain(health.video)}", FAINT if health.video in ("none", "ended") else ALARM)
     late = health.lag_s > 0.5
-    return _item(4, f"video ok lag {health.lag_s:.1f}s", WARN if late else FAINT)
+    return _item(4, "video ok" + f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S), WARN if late else FAINT)

@@ -24,6 +24,7 @@ __all__ = ["VideoPane"]
 
 PIXELS_EVERY_S = 0.15
 """Least time between images; a terminal that takes longer is given as long again to answer keys."""
+LAG_SHOWN_S = 0.05
 IMAGE_ID = "pixels"
 
 
@@ -53,7 +54,8 @@ class VideoPane(Pane):
         parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
         if health.video == "ok":
             late = WARN if health.lag_s > 0.5 else FAINT
-            parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD)), (f"lag {health.lag_s:.1f}s ", ink(late, HEAD))]
+            parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
+            parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))]
 
     def body(self, width: int, height: int) -> list[Strip]:

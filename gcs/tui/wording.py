@@ -19,6 +19,7 @@ __all__ = [
     "plain",
     "position",
     "standing_word",
+    "sure",
 ]
 
 
@@ -62,7 +63,12 @@ def standing_word(standing: Standing) -> str:
 
 def percent(share: float) -> str:
     """``97%``, empty for NaN."""
-    return "" if math.isnan(share) else f"{100 * share:.0f}%"
+    return "" if not math.isfinite(share) else f"{100 * share:.0f}%"
+
+
+def sure(confidence: float) -> str:
+    """A confidence, 99 % at most since no evidence is ever certain; empty for NaN."""
+    return percent(min(confidence, 0.99))
 
 
 def number(value: float, unit: str, digits: int = 1) -> str:
