@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.identifier import Identities
 from gcs.config import Camera, Mission
-from gcs.snapshot import Box, Standing, VehicleRow
+from gcs.snapshot import NAN, Box, Standing, VehicleRow
 from mavlink.fleet import CameraReport, FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
 from vision.camera import Intrinsics, Mount, Pose, ground
@@ -20,6 +20,10 @@ from vision.tracker import Tracks
 __all__ = ["View", "boxes_of", "fitted", "intrinsics_of", "mount_of", "vehicle_rows"]
 
 FloatArray = NDArray[np.float64]
+EVIDENCE = (
+    *("confidence", "runner_up_confidence", "residual_m", "position_age_s"),
+    *("projection", "topology", "fused"),
+)
 # At or above, a name is shown as confirmed.
 CONFIRMED = 0.9
 
@@ -91,63 +95,34 @@ def boxes_of(
     """
     if tracks is None:
         return ()
-    boxes = [_tracked(k, tracks, detections, identities) for k in range(len(tracks.track_id))]
+    rows = [_tracked(k, tracks, detections, identities) for k in range(len(tracks.track_id))]
     alone = sorted(set(range(len(detections))) - set(tracks.detection.tolist()))
-    boxes += [_untracked(k, detections) for k in alone]
-    if view is None or not boxes:
-        return tuple(boxes)
-    p_enu = ground(view.intrinsics, view.pose, np.array([[b.cx, b.cy] for b in boxes]), view.ground_z)
-    nowhere = np.full(len(boxes), np.nan)
-    lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
-    return tuple(
-        replace(
-            box,
-            p_enu=p_enu[k],
-            lat_deg=float(lat[k]),
-            lon_deg=float(lon[k]),
-            residual_px=_distance(box, vehicle_uv.get(box.system_id)),
-        )
-        for k, box in enumerate(boxes)
-    )
+    rows += [_place(detections, k) | {"track_id": 0} for k in alone]
+    if view is not None and rows:
+        centre = np.array([[row["cx"], row["cy"]] for row in rows])
+        p_enu = ground(view.intrinsics, view.pose, centre, view.ground_z)
+        nowhere = np.full(len(rows), np.nan)
+        lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
+        for k, row in enumerate(rows):
+            uv = vehicle_uv.get(row.get("system_id", 0))
+            residual_px = NAN if uv is None else float(np.hypot(*(centre[k] - uv)))
+            row |= {"p_enu": p_enu[k], "lat_deg": float(lat[k]), "lon_deg": float(lon[k]), "residual_px": residual_px}
+    return tuple(Box(**row) for row in rows)
 
 
-def _distance(box: Box, uv: FloatArray | None) -> float:
-    return float("nan") if uv is None else float(np.hypot(box.cx - uv[0], box.cy - uv[1]))
+def _place(source: Detections | Tracks, k: int) -> dict[str, Any]:
+    return {name: float(getattr(source, name)[k]) for name in ("cx", "cy", "w", "h", "angle", "heading", "score")}
 
 
-def _tracked(k: int, tracks: Tracks, detections: Detections, identities: Identities | None) -> Box:
-    """Box of track k: as detected in this frame, or as predicted when coasting."""
+def _tracked(k: int, tracks: Tracks, detections: Detections, identities: Identities | None) -> dict[str, Any]:
+    """Box of track k: as detected in this frame, or as predicted when coasting; with its name and the evidence."""
     seen = int(tracks.detection[k])
-    source, row = (detections, seen) if seen >= 0 else (tracks, k)
-    box = _untracked(row, source)
-    box = replace(box, track_id=int(tracks.track_id[k]), coasting=seen < 0, heading=float(tracks.heading[k]))
-    if identities is None:
-        return box
-    return replace(
-        box,
-        system_id=int(identities.system_id[k]),
-        confidence=float(identities.confidence[k]),
-        runner_up=int(identities.runner_up[k]),
-        runner_up_confidence=float(identities.runner_up_confidence[k]),
-        residual_m=float(identities.residual_m[k]),
-        position_age_s=float(identities.position_age_s[k]),
-        projection=float(identities.projection[k]),
-        topology=float(identities.topology[k]),
-        fused=float(identities.fused[k]),
-    )
-
-
-def _untracked(k: int, source: Detections | Tracks) -> Box:
-    return Box(
-        track_id=0,
-        cx=float(source.cx[k]),
-        cy=float(source.cy[k]),
-        w=float(source.w[k]),
-        h=float(source.h[k]),
-        angle=float(source.angle[k]),
-        heading=float(source.heading[k]),
-        score=float(source.score[k]),
-    )
+    row = _place(detections, seen) if seen >= 0 else _place(tracks, k)
+    row |= {"track_id": int(tracks.track_id[k]), "coasting": seen < 0, "heading": float(tracks.heading[k])}
+    if identities is not None:
+        row |= {name: int(getattr(identities, name)[k]) for name in ("system_id", "runner_up")}
+        row |= {name: float(getattr(identities, name)[k]) for name in EVIDENCE}
+    return row
 
 
 def vehicle_rows(
