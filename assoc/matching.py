@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["best_assignment", "marginals"]
+__all__ = ["best_assignment", "exact_marginals", "loopy_marginals", "marginals"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ROUNDS = 40
 _STEADY = 1e-5
+_EXACT = 8
+_CLEAR = 0.995
 
 
 def best_assignment(score: FloatArray) -> IntArray:
@@ -55,7 +57,57 @@ def _log_sum_others(a: FloatArray, axis: int) -> FloatArray:
 
 
 def marginals(score: FloatArray) -> FloatArray:
-    """Probabilities of each pairing over all one-to-one assignments, by loopy belief propagation.
+    """Probabilities of each pairing over all one-to-one assignments.
+
+    By belief propagation; where that leaves doubt and the smaller side has at most eight members, exactly.
+
+    Args:
+        score: (m, n) log ratios against "unrelated"; −inf forbids.
+
+    Returns:
+        (m, n + 1); the last column is "none of ours", rows sum to 1.
+    """
+    p = loopy_marginals(score)
+    if 0 < min(score.shape) <= _EXACT and np.min(np.max(p, axis=1)) < _CLEAR:
+        return exact_marginals(score)
+    return p
+
+
+def exact_marginals(score: FloatArray) -> FloatArray:
+    """The same by summing over all assignments: forward and backward over rows, states are sets of taken columns.
+
+    With f_i(S) the weight of all ways in which the first i rows take exactly the set S and g_i(S) that of the rows
+    from i on given S,  p_ij ∝ Σ_{S ∌ j} f_i(S) ψ_ij g_{i+1}(S ∪ j).  Logs throughout; costs m·n·2ⁿ.
+    """
+    if score.shape[1] > score.shape[0]:
+        p = exact_marginals(score.T)[:, :-1].T
+        return np.concatenate([p, np.maximum(1.0 - np.sum(p, axis=1, keepdims=True), 0.0)], axis=1)
+    m, n = score.shape
+    a = np.maximum(score, -1e4)
+    states = np.arange(2**n)
+    without = [states[(states >> j) & 1 == 0] for j in range(n)]
+    forward, backward = np.full((m + 1, 2**n), -np.inf), np.zeros((m + 1, 2**n))
+    forward[0, 0] = 0.0
+    for i in range(m):
+        forward[i + 1] = forward[i]
+        for j, free in enumerate(without):
+            taken = free | (1 << j)
+            forward[i + 1, taken] = np.logaddexp(forward[i + 1, taken], forward[i, free] + a[i, j])
+    for i in reversed(range(m)):
+        backward[i] = backward[i + 1]
+        for j, free in enumerate(without):
+            backward[i, free] = np.logaddexp(backward[i, free], backward[i + 1, free | (1 << j)] + a[i, j])
+    log_p = np.empty((m, n + 1))
+    for i in range(m):
+        for j, free in enumerate(without):
+            log_p[i, j] = np.logaddexp.reduce(forward[i, free] + a[i, j] + backward[i + 1, free | (1 << j)])
+        log_p[i, n] = np.logaddexp.reduce(forward[i] + backward[i + 1])
+    p = np.exp(log_p - np.max(log_p, axis=1, keepdims=True))
+    return np.asarray(p / np.sum(p, axis=1, keepdims=True))
+
+
+def loopy_marginals(score: FloatArray) -> FloatArray:
+    """The same approximately, by loopy belief propagation: exact without loops, too sure of nobody with many.
 
     Reference: Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE TAES 50(4), 2014.

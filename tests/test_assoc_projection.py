@@ -1,0 +1,127 @@
+"""The paper's projection: exact against its literal form, any sizes, honest about degenerate geometry."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from assoc.errors import AssocError, DegenerateError, ShapeError
+from assoc.projection import associate_by_projection, reprojection_errors
+
+
+def hypotheses(n_rl, n_im):
+    """Every injective assignment as (vehicles, tracks)."""
+    if n_rl >= n_im:
+        return [(list(chosen), list(range(n_im))) for chosen in permutations(range(n_rl), n_im)]
+    return [(list(range(n_rl)), list(chosen)) for chosen in permutations(range(n_im), n_rl)]
+
+
+def literal(x, y, history):
+    """Section 3.2 word for word: stack the pairs, solve, reproject, vote."""
+    wins, errors, thetas = [], [], []
+    for vehicles, tracks in hypotheses(x.shape[1], y.shape[1]):
+        X = np.concatenate([x[t, vehicles] for t in range(history)])
+        Y = np.concatenate([y[t, tracks] for t in range(history)])
+        theta = np.linalg.lstsq(X, Y, rcond=None)[0]
+        thetas.append(theta)
+        errors.append(
+            [np.linalg.norm(x[t, vehicles] @ theta - y[t, tracks], axis=1).sum() for t in range(history, len(x))]
+        )
+    errors = np.array(errors)
+    wins = np.argmin(errors, axis=0)
+    best = max(set(wins.tolist()), key=lambda k: (np.sum(wins == k), -errors[k].sum()))
+    vehicles, tracks = hypotheses(x.shape[1], y.shape[1])[best]
+    answer = np.full(y.shape[1], -1)
+    answer[tracks] = vehicles
+    return answer, thetas[best], errors[best].sum()
+
+
+def scene(n_rl, n_im, seed, noise=0.3, frames=12):
+    """Vehicles under a camera that looks straight down, tracks in random order; surplus tracks belong to nobody."""
+    rng = np.random.default_rng(seed)
+    n = max(n_rl, n_im)
+    p = rng.uniform(-15, 15, (n, 2)) + np.cumsum(rng.uniform(-1, 1, (frames, n, 2)) + 0.5, axis=0)
+    x = np.concatenate([p, np.full((frames, n, 1), -40.0)], axis=2)
+    y = np.stack([30 * p[..., 0] + 960, -30 * p[..., 1] + 540], axis=2)
+    order = rng.permutation(n)[:n_im] if n_rl >= n_im else rng.permutation(n)
+    truth = np.where(order < n_rl, order, -1)
+    return x[:, :n_rl] + rng.normal(0, noise, (frames, n_rl, 3)) * (1, 1, 0), y[:, order], truth
+
+
+@settings(max_examples=25, deadline=None)
+@given(n_rl=st.integers(2, 5), n_im=st.integers(2, 5), seed=st.integers(0, 10_000))
+def test_gram_form_equals_literal_form(n_rl, n_im, seed):
+    x, y, _ = scene(n_rl, n_im, seed, noise=1.0)
+    found = associate_by_projection(x, y)
+    vehicle, theta, error = literal(x, y, 10)
+    np.testing.assert_array_equal(found.vehicle, vehicle)
+    np.testing.assert_allclose(found.theta, theta, rtol=1e-6, atol=1e-7)
+    assert found.error_px == pytest.approx(error, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("n_rl", "n_im"),
+    [
+        (7, 6),  # the paper's own case: one vehicle outside the picture
+        (6, 7),  # one false detection
+        (5, 5),
+        (3, 1),  # one track, several vehicles
+    ],
+)
+def test_low_noise_is_solved(n_rl, n_im):
+    x, y, truth = scene(n_rl, n_im, 5, noise=0.02, frames=14)
+    found = associate_by_projection(x, y, history=12)
+    np.testing.assert_array_equal(found.vehicle, truth)
+    assert found.degenerate == 0
+
+
+def test_more_tracks_than_vehicles_leaves_the_surplus():
+    x, y, _ = scene(3, 5, 1)
+    assert np.sum(associate_by_projection(x, y).vehicle == -1) == 2
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 1000))
+def test_permuting_vehicles_and_tracks_permutes_the_answer(seed):
+    x, y, _ = scene(5, 4, seed)
+    rng = np.random.default_rng(seed + 1)
+    vehicles, tracks = rng.permutation(5), rng.permutation(4)
+    straight = associate_by_projection(x, y).vehicle
+    turned = associate_by_projection(x[:, vehicles], y[:, tracks]).vehicle
+    np.testing.assert_array_equal(vehicles[turned], straight[tracks])
+
+
+def test_collinear_vehicles_below_the_uav_are_refused():
+    t = np.arange(12.0)[:, None]
+    along = np.concatenate([t, t + 5, t + 9], axis=1)
+    x = np.stack([along, np.zeros_like(along), np.full_like(along, -40.0)], axis=2)
+    with pytest.raises(DegenerateError, match="rank below 3"):
+        associate_by_projection(x, x[..., :2] * 30)
+
+
+def test_too_many_hypotheses_are_refused_before_work_begins():
+    with pytest.raises(AssocError, match="at most"):
+        associate_by_projection(np.ones((12, 15, 3)), np.ones((12, 15, 2)))
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "history"),
+    [
+        ((12, 3, 2), (12, 3, 2), 10),  # world points without height
+        ((12, 3, 3), (11, 3, 2), 10),  # different lengths
+        ((10, 3, 3), (10, 3, 2), 10),  # no future frame
+    ],
+)
+def test_wrong_shapes_are_refused(x, y, history):
+    with pytest.raises(ShapeError):
+        associate_by_projection(np.ones(x), np.ones(y), history=history)
+
+
+def test_reprojection_errors_are_zero_for_the_right_pairs():
+    x, y, truth = scene(4, 4, 3, noise=0.0)
+    theta = np.linalg.lstsq(x[0][truth], y[0], rcond=None)[0]
+    E = reprojection_errors(x[0], y[0], theta)
+    assert E.shape == (4, 4)
+    np.testing.assert_allclose(E[np.arange(4), truth], 0.0, atol=1e-6)
