@@ -144,11 +144,11 @@ def test_pictures_stored_out_of_order_are_listed_in_order(tmp_path):
 def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender, monkeypatch):
     monkeypatch.setattr("vision.stream.READ_TIMEOUT_S", 0.3)
     monkeypatch.setattr("vision.stream.STALL_S", 0.4)
-    url = sender(n=30)
+    url = sender(n=40)
     rows = []
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
     deadline = time.monotonic() + 6
-    while not stream.stalled and time.monotonic() < deadline:
+    while not (rows and stream.stalled) and time.monotonic() < deadline:
         time.sleep(0.05)
     first = len(rows)
     assert first > 5
