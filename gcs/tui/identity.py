@@ -100,5 +100,5 @@ def _evidence(snapshot: Snapshot, box: Box) -> list[Fact]:
     track = f"{box.track_id}" + (" coasting" if box.coasting else "")
     facts.append(("track", track, INK))
     if math.isfinite(box.lat_deg) and math.isfinite(box.lon_deg):
-        facts.append(("stands at", f"{box.lat_deg:.6f} {box.lon_deg:.6f}", INK))
+        facts.append(("stands at", f"{box.lat_deg:.5f} {box.lon_deg:.5f}", INK))
     return facts
