@@ -1,0 +1,1 @@
+"""Benchmarks: the published experiments, the field suite, latency, throughput; tables and figures in ``bench/results``."""
