@@ -1,0 +1,129 @@
+"""A flight as it is flown: the command in a process of its own, a simulated fleet on the loopback, bounded in time."""
+
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+
+from gcs.session import read_times
+from mavlink.tlog import Tlog
+from sim.live import play
+from sim.presets import nominal
+from sim.scenario import Camera
+from vision.video import VideoFile
+
+SMALL = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
+SCENARIO = replace(nominal(3), camera=SMALL, duration_s=60.0)
+MISSION = """
+[uav]
+system_id = 1
+{ugvs}
+[camera]
+width = 640
+height = 360
+fx = 400.0
+fy = 400.0
+cx = 320.0
+cy = 180.0
+"""
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Field:
+    """A flight process and the fleet that talks to it."""
+
+    def __init__(self, folder, *extra):
+        self.folder = folder
+        self.telemetry, self.video = free_port(), free_port()
+        ugvs = "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in SCENARIO.ugv_ids)
+        (folder / "mission.toml").write_text(MISSION.format(ugvs=ugvs))
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-c", "from gcs.cli.app import main; main()", "fly", folder / "mission.toml"),
+                *("-l", f"udpin:127.0.0.1:{self.telemetry}", "-v", f"udp://127.0.0.1:{self.video}"),
+                *("--sessions", folder / "sessions", "--headless", *extra),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.session = self._recording()
+
+    def _recording(self):
+        for _ in range(300):
+            found = list((self.folder / "sessions").glob("*/telemetry.tlog"))
+            if found:
+                return found[0].parent
+            assert self.process.poll() is None, self.process.stderr.read()
+            time.sleep(0.1)
+        raise AssertionError("no recording within 30 s")
+
+    def fly(self, duration_s, stop=None):
+        return play(
+            SCENARIO,
+            f"udpout:127.0.0.1:{self.telemetry}",
+            f"udp://127.0.0.1:{self.video}?pkt_size=1316",
+            duration_s,
+            stop=stop,
+        )
+
+
+def records(session):
+    return len(Tlog.open(session / "telemetry.tlog").index)
+
+
+def test_every_packet_and_frame_is_kept(tmp_path):
+    field = Field(tmp_path)
+    sent = field.fly(6.0)
+    time.sleep(1.0)
+    field.process.send_signal(signal.SIGINT)
+    stdout, stderr = field.process.communicate(timeout=30)
+    assert "Traceback" not in stderr
+    assert f"{sum(sent.packets.values())} packets received" in stdout
+    assert records(field.session) == sum(sent.packets.values())
+    film = VideoFile.open(field.session / "video.mkv")
+    times, bad = read_times(field.session / "frames.csv")
+    assert bad == 0
+    assert len(times) == film.n
+    assert film.n >= 0.6 * sent.frames
+    film.close()
+    assert "ended" in (field.session / "session.toml").read_text()
+
+
+@pytest.mark.parametrize("after_s", [5.0, 6.3])
+def test_a_kill_loses_at_most_the_last_second(tmp_path, after_s):
+    field = Field(tmp_path)
+    stop = threading.Event()
+    sent = []
+    player = threading.Thread(target=lambda: sent.append(field.fly(20.0, stop)))
+    player.start()
+    try:
+        while not (field.session / "telemetry.tlog").stat().st_size:
+            time.sleep(0.05)
+        time.sleep(after_s)
+        field.process.kill()
+        killed_us = time.time_ns() // 1000
+    finally:
+        stop.set()
+        player.join(timeout=30)
+    field.process.communicate(timeout=10)
+    log = Tlog.open(field.session / "telemetry.tlog")
+    assert killed_us - int(log.index.t_us.max()) < 1_000_000
+    assert not log.index.damage or log.index.damage[-1].stop == log.index.counts.size_bytes
+    rate = len(log.index) / ((log.index.t_us.max() - log.index.t_us.min()) * 1e-6)
+    assert rate > 50
+    film = VideoFile.open(field.session / "video.mkv")
+    times, _ = read_times(field.session / "frames.csv")
+    assert sum(1 for _ in film.frames()) >= 1
+    assert killed_us - int(times[min(film.n, len(times)) - 1]) < 2_500_000
+    film.close()
