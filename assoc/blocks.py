@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+_HEADING_MEMORY_S = 3.0
+"""How fast headings of the past lose their say."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
@@ -43,7 +46,7 @@ class Blocks:
     jacobian: FloatArray
     """(B, T, 2, 8) derivative of the mean residual by θ."""
     heading: FloatArray
-    """(T, n) mean heading log-likelihood ratio over the window, 0 without headings."""
+    """(T, n) heading log-likelihood ratio of the last seconds, 0 without headings."""
     theta: FloatArray
     """(8,)."""
 
@@ -156,22 +159,23 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
         count[at], mean[at], scatter[at] = k, m, np.maximum(spread, 0.0)
         log_null[at] = np.add.reduceat(np.where(valid, samples.log_null[:, None], 0.0), starts, axis=0)
         error = image_heading - samples.heading[:, None]
-        heading = _mean_heading(error, valid, samples.vehicle, n_vehicles, heading_std)
+        heading = _mean_heading(error, valid, samples, n_vehicles, heading_std)
     return Blocks(
         first=first, count=count, mean=mean, scatter=scatter, log_null=log_null, extra_var=np.zeros(shape),
         jump_var=jump, pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
     )  # fmt: skip
 
 
-def _mean_heading(error: FloatArray, valid: BoolArray, vehicle: IntArray, n: int, std: float) -> FloatArray:
-    """(T, n) heading evidence: the window's mean ratio, times the samples but at most four (errors last)."""
+def _mean_heading(error: FloatArray, valid: BoolArray, samples: Samples, n: int, std: float) -> FloatArray:
+    """(T, n) heading evidence: the mean ratio of the last seconds, times the samples but at most four (errors last)."""
     known = valid & np.isfinite(error)
-    ratio = np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
-    starts = np.flatnonzero(np.diff(vehicle, prepend=-1))
-    k = np.add.reduceat(known.astype(np.float64), starts, axis=0)
-    total = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1.0) * np.minimum(k, 4.0)
+    weight = np.where(known, np.exp((samples.t - np.max(samples.t)) / _HEADING_MEMORY_S)[:, None], 0.0)
+    ratio = weight * np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
+    starts = np.flatnonzero(np.diff(samples.vehicle, prepend=-1))
+    k = np.add.reduceat(weight, starts, axis=0)
+    total = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1e-9) * np.minimum(k, 4.0)
     result = np.zeros((error.shape[1], n))
-    result[:, vehicle[starts]] = total.T
+    result[:, samples.vehicle[starts]] = total.T
     return result
 
 

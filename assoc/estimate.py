@@ -28,6 +28,8 @@ _LOCK = 0.97
 _SETTLED_S = 1.5
 _RECENT_S = 1.5
 _LARGE = 400
+_SHAKEN = 12.0
+"""A fall of the best value by this much from one update to the next, nats, opens the search again."""
 _STRANGER_S = 30.0
 _NOISE_EVERY_S = 1.5
 _HEADING_STD = np.deg2rad(9.0)
@@ -50,6 +52,7 @@ class Estimator:
         self._close: dict[int, set[int]] = {}
         self._updates = 0
         self._locked = False
+        self._value, self._shaken_s = -np.inf, -np.inf
         self._started_s = np.inf
         self._watch = ConflictWatch()
         self.conflict: tuple[int, ...] = ()
@@ -129,7 +132,8 @@ class Estimator:
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
         noise = self._noise(camera)
         return Scene(
-            history=self._history, columns=columns, live=len(live), anchors=anchors, log=self._log,
+            history=self._history, columns=columns, live=len(live),
+            gap_s=t - self._history.last_s[live], anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
@@ -237,7 +241,10 @@ class Estimator:
                 self._sure[column] = int(top[row])
         good = np.max(p, axis=1) > _LOCK
         enough = good.all() or (good.sum() >= max(3.0, 0.7 * len(good)) and share > _SURE)
-        self._locked = bool(t - self._started_s > 4.0 and enough)
+        if best.value < self._value - _SHAKEN:
+            self._shaken_s = t
+        self._value = best.value
+        self._locked = bool(min(t - self._started_s, t - self._shaken_s) > 4.0 and enough)
 
     def _fold(self, scene: Scene, best: Hypothesis) -> None:
         """Move evidence that leaves the window into the state."""

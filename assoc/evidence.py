@@ -28,9 +28,9 @@ BoolArray = NDArray[np.bool_]
 
 NEVER = -1e6
 """Score of a pair that was never compared."""
-_RESET = 30.0
-"""A squared innovation this many times its variance is a new start, not a bias."""
 _FIRST_LEAST = -16.0
+_UNHEARD = 2.0
+"""A block without reports makes a change of owner this many nats less likely than a look would cost."""
 _WIDER = 5.0
 _LOG_NEAR, _LOG_FAR = float(np.log(0.85)), float(np.log(0.15))
 _LOG_2PI = float(np.log(2.0 * np.pi))
@@ -91,6 +91,26 @@ def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
     return white / k + noise.floor_var + blocks.extra_var, constant
 
 
+def _log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
+    """ln of (1 − w) N(e; 0, s) + w N(e; 0, s'), s' with six times the bias variance V: some wander more than others."""
+    wide = s + _WIDER * V
+    near = _LOG_NEAR - np.log(s) - e2 / (2 * s)
+    return np.asarray(np.logaddexp(near, _LOG_FAR - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
+
+
+def _first_null(blocks: Blocks, b: int | slice, noise: Noise) -> FloatArray:
+    """ln p₀ of a first comparison: one sample's share is replaced by a uniform density over the ground in view."""
+    return np.asarray(blocks.log_null[b] * (1.0 - 1.0 / np.maximum(blocks.count[b], 1.0)) - noise.log_area)
+
+
+def _first(blocks: Blocks, mean_r: FloatArray, variance: FloatArray, constant: FloatArray, prior: float,
+           noise: Noise) -> FloatArray:  # fmt: skip
+    """(B, T, n) evidence of each block as if it were the first of the pair."""
+    e2 = mean_r[..., 0] ** 2 + mean_r[..., 1] ** 2
+    log_p = constant + _log_density(e2, prior + variance, np.asarray(prior))
+    return np.asarray(np.maximum(log_p - _first_null(blocks, slice(None), noise), _FIRST_LEAST))
+
+
 def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,
                fold: int = 0) -> tuple[PairState, PairState]:  # fmt: skip
     """Carry the evidence through all blocks.
@@ -108,11 +128,10 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
     """
     mean_r = blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :]
     variance, constant = _constant(blocks, noise)
-    null = blocks.log_null
-    # the first comparison replaces one sample's share of ln p₀ by a uniform density over the ground in view
-    first_null = null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
+    restart = _first(blocks, mean_r, variance, constant, prior, noise)
+    restart_gain = prior / (prior + variance)
     M, V, L, seen = state.mean, state.var, state.score, state.seen
     folded = state
     for b in range(len(mean_r)):
@@ -123,21 +142,21 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
         M, V = decay * M, decay**2 * V + (1.0 - decay**2) * prior + blocks.jump_var[b]
         e = mean_r[b] - M
         s = V + variance[b]
-        e2 = e[..., 0] ** 2 + e[..., 1] ** 2
-        # ln of (1 − w) N(e; s) + w N(e; s'), s' with six times the bias variance: some wander more than others
-        wide = s + _WIDER * V
-        near = _LOG_NEAR - np.log(s) - e2 / (2 * s)
-        log_p = constant[b] - _LOG_2PI + np.logaddexp(near, _LOG_FAR - np.log(wide) - e2 / (2 * wide))
-        later = np.clip(log_p - null[b], -noise.increment_max, noise.increment_max)
-        first = np.maximum(log_p - first_null[b], _FIRST_LEAST)
-        L = np.where(has, np.where(seen, L + later, first), L)
-        gain = np.where(has, V / s, 0.0)
-        lost = has & (e2 > _RESET * s)
-        M = np.where(lost[..., None], 0.0, M + gain[..., None] * e)
-        V = np.where(lost, prior, V - gain * V)
+        log_p = constant[b] + _log_density(e[..., 0] ** 2 + e[..., 1] ** 2, s, V)
+        later = np.clip(log_p - blocks.log_null[b], -noise.increment_max, noise.increment_max)
+        first = np.maximum(log_p - _first_null(blocks, b, noise), _FIRST_LEAST)
+        stay = np.where(seen, L + later, first)
+        # the track may have been somebody else until now: that one's evidence, the chance of it, and a first look
+        before = np.maximum(np.max(L, axis=1, initial=0.0), 0.0) + log_switch[b]
+        switch = np.where(seen, before[:, None] + restart[b], NEVER)
+        gain = V / s
+        M_stay, V_stay = M + gain[..., None] * e, V - gain * V
+        changed = switch > stay
+        M = np.where(has[..., None], np.where(changed[..., None], restart_gain[b][..., None] * mean_r[b], M_stay), M)
+        V = np.where(has, np.where(changed, prior - restart_gain[b] * prior, V_stay), V)
+        unheard = np.where(seen, np.logaddexp(L, before[:, None] - _UNHEARD), L)
+        L = np.where(has, np.logaddexp(stay, switch), unheard)
         seen = seen | has
-        best = np.maximum(np.max(L, axis=1, initial=0.0), 0.0)
-        L = np.where(seen, np.logaddexp(L, (best + log_switch[b])[:, None]), L)
     final = PairState(score=L, mean=M, var=V, seen=seen)
     return final, final if fold >= len(mean_r) else folded
 

@@ -40,7 +40,7 @@ def frame_masses(sighting: Sighting, camera: CameraState, p: FloatArray, heading
         return results[0], results[1], results[2]
     E = off_axis(sighting.ray_cam, p[heard], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta) / camera.px_rad
     C = _topology(sighting, camera, p[heard], heading[heard])
-    first, second = masses(np.nan_to_num(E, nan=np.inf, posinf=1e9)), masses(C)
+    first, second = masses(np.nan_to_num(E, nan=1e9, posinf=1e9)), masses(C)
     for result, part in zip(results, (first, second, fuse(first, second)), strict=True):
         result[:, heard] = part
     return results[0], results[1], results[2]

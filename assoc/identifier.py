@@ -28,6 +28,7 @@ IntArray = NDArray[np.int64]
 _BACKWARD_S = 1.0
 _EASY = 400
 _STITCH_SURE = 0.8
+_YOUNG_S = 0.5
 
 
 class Identifier:
@@ -109,10 +110,14 @@ class Identifier:
         self._t = t
         self._estimator.began(t, fresh)
         waited, every = t - self._thought_s, self._interval()
-        if waited >= every - 1e-6 or (len(fresh) and waited >= every / 4.0 - 1e-6):
+        young = np.any((self._history.track_id != 0) & (self._history.first_s > t - _YOUNG_S))
+        if waited >= (every / 2.0 if young else every) - 1e-6 or (len(fresh) and waited >= every / 4.0 - 1e-6):
             self._thought_s = t
             columns, p = self._estimator.update(t, usable)
-            self._beliefs = self._beliefs.renewed(self._history.track_id[columns], p, self._estimator.conflict)
+            # what is believed of a track is not worse for its box being missed
+            seen = np.flatnonzero(self._history.last_s[columns] >= t)
+            ids = self._history.track_id[columns[seen]]
+            self._beliefs = self._beliefs.renewed(ids, p[seen], self._estimator.conflict)
 
     def _interval(self) -> float:
         """Seconds between full updates: longer for many tracks and vehicles, so that frames keep their pace."""

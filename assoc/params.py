@@ -46,9 +46,9 @@ class IdentifierParams:
     unnamed at first."""
     increment_max: float = 8.0
     """Most that one block may say for or against a pair, nats."""
-    switch_rate: float = 1e-6
+    switch_rate: float = 1e-8
     """Chance per second that an undisturbed track jumps to another vehicle."""
-    switch_rate_close: float = 1e-4
+    switch_rate_close: float = 1e-6
     """The same while another box is near or the track is not being seen."""
     close_m: float = 3.0
     """Boxes nearer than this may be swapped by a tracker."""

@@ -21,6 +21,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ROUNDS = 3
+_LOST = 40.0
+"""Squared innovation, in variances, from which it is no innovation of this pair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +79,14 @@ def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairStat
         V = V + blocks.jump_var[b, vehicles]
         s = V + variance[b]
         e = x[b] - M
-        out[b] = e * np.where(has[b], 1.0 / np.sqrt(s), 0.0)[:, None, None]
-        log_det = log_det + np.where(has[b], np.log(s), 0.0)
-        gain = np.where(has[b], V / s, 0.0)
-        M, V = M + gain[:, None, None] * e, V - gain * V
+        # a pair that begins only now, after a tracker's swap: what was before says nothing of the pose
+        lost = has[b] & (np.sum(e[..., 0] ** 2, axis=1) > _LOST * s)
+        used = has[b] & ~lost
+        out[b] = e * np.where(used, 1.0 / np.sqrt(s), 0.0)[:, None, None]
+        log_det = log_det + np.where(used, np.log(s), 0.0)
+        gain = np.where(used, V / s, 0.0)
+        M = np.where(lost[:, None, None], 0.0, M + gain[:, None, None] * e)
+        V = np.where(lost, noise.bias_std**2, V - gain * V)
     return Whitened(
         e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), log_det=log_det, theta=blocks.theta
     )

@@ -27,6 +27,7 @@ IntArray = NDArray[np.int64]
 _TURNS = 4
 _SWAP_LOSS = 40.0
 """Swaps that lose more than this at the present θ, nats, are not tried."""
+_ABSENT, _ABSENT_PER_S = 8.0, 20.0
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _FAR = np.array([0.03, 1e-3, 0.015, 0.015, 3.0, 3.0, 2.0, 0.1])
@@ -42,6 +43,8 @@ class Scene:
     """(T,) columns of the history."""
     live: int
     """m."""
+    gap_s: FloatArray
+    """(m,) seconds since each live track was seen."""
     anchors: IntArray
     """(T − m,) vehicle of each track that ended."""
     log: ReportLog
@@ -93,8 +96,10 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> tuple[Blocks, GroundTrac
 def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, PairState]:
     """(m, n) ln ratios of the live tracks at θ, and the state behind them."""
     final, _ = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch)
-    m = scene.live
-    return final.score[:m] + blocks.heading[:m] + scene.log_odds, final
+    score = final.score[: scene.live] + blocks.heading[: scene.live] + scene.log_odds
+    gap = scene.gap_s[:, None]
+    # a track that was not seen gives way to a new one in its place, the sooner the longer it is missing
+    return np.where(gap > 0.0, np.minimum(score, _ABSENT) - _ABSENT_PER_S * gap, score), final
 
 
 def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
