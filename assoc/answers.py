@@ -20,6 +20,7 @@ IntArray = NDArray[np.int64]
 
 _REMEMBERED = 200
 """Tracks whose last beliefs are kept."""
+_CLAIMED = 0.5
 _UNSEEN = 0.5
 """Probability of "none of ours" of a track that no update has met."""
 
@@ -77,9 +78,10 @@ def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: 
     """
     m, n = len(sighting.track_id), len(system_ids)
     rows = np.arange(m)
-    choice = names(beliefs.p)
-    choice = np.where((choice >= 0) & (beliefs.p[rows, choice] >= threshold), choice, -1)
-    others = beliefs.p[:, :n].copy()
+    p = _yielding(beliefs.p, sighting.gap_s)
+    choice = names(p)
+    choice = np.where((choice >= 0) & (p[rows, choice] >= threshold), choice, -1)
+    others = p[:, :n].copy()
     others[rows[choice >= 0], choice[choice >= 0]] = -1.0
     second = np.argmax(others, axis=1) if n else np.zeros(m, np.int64)
     second_p = others[rows, second] if n else np.zeros(m)
@@ -87,11 +89,21 @@ def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: 
     projection, topology, fused = _masses(t, sighting, camera, log, estimator, choice)
     residual, age = estimator.residuals(t, sighting, camera, choice)
     return Identities(
-        track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=beliefs.p[rows, choice],
+        track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=p[rows, choice],
         runner_up=np.where(second_p > 0.0, ids[second], 0), runner_up_confidence=np.maximum(second_p, 0.0),
         residual_m=residual, position_age_s=age, projection=projection, topology=topology, fused=fused,
         conflict=tuple(int(ids[k]) for k in beliefs.conflict),
     )  # fmt: skip
+
+
+def _yielding(p: FloatArray, gap_s: FloatArray) -> FloatArray:
+    """Marginals in which a track that is only predicted gives its name up to one that is seen."""
+    seen = gap_s <= 0.0
+    claimed = np.max(p[seen, :-1], axis=0, initial=0.0)
+    p = p.copy()
+    p[~seen, :-1] *= np.where(claimed > _CLAIMED, 1.0 - claimed, 1.0)
+    p[:, -1] = np.maximum(1.0 - np.sum(p[:, :-1], axis=1), 0.0)
+    return p
 
 
 def _masses(t: float, sighting: Sighting, camera: CameraState, log: ReportLog, estimator: Estimator,

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from assoc.ground import OFFSET, THETA, GroundTracks
 from assoc.motion import Samples
 
-__all__ = ["Blocks", "make_blocks", "with_first_look"]
+__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "make_blocks", "with_first_look"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+LEAP_M, LEAP_MPS = 2.0, 15.0
+"""A track that moves further than this has jumped to something else."""
 _HEADING_MEMORY_S = 3.0
 """How fast headings of the past lose their say."""
 
@@ -83,7 +85,10 @@ def _interpolated(tracks: GroundTracks, t: FloatArray, gap_max_s: float) -> tupl
     w = np.where(span > 0, (t[:, None] - tracks.t[a]) / np.where(span > 0, span, 1.0), 0.0)
     column = np.arange(tracks.p.shape[1])[None, :]
     p0 = tracks.p[a, column]
-    p = p0 + w[..., None] * (tracks.p[b, column] - p0)
+    step = tracks.p[b, column] - p0
+    # nothing lies between two places that no vehicle joins in that time
+    valid &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
+    p = p0 + w[..., None] * step
     return p, tracks.heading[np.where(w < 0.5, a, b), column], valid
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.blocks import LEAP_M, LEAP_MPS
 from assoc.conflicts import ConflictWatch
 from assoc.evidence import Noise, bounded, fresh_state, put, restarted, run_filter, taken, with_columns
 from assoc.ground import OFFSET, THETA, ground_now
@@ -29,7 +30,7 @@ _SETTLED_S = 1.5
 _RECENT_S = 1.5
 _LARGE = 400
 _SHAKEN = 12.0
-"""A fall of the best value by this much from one update to the next, nats, opens the search again."""
+"""A fall of a seen track's best score by this much from one update to the next, nats, opens the search again."""
 _STRANGER_S = 30.0
 _NOISE_EVERY_S = 1.5
 _HEADING_STD = np.deg2rad(9.0)
@@ -49,10 +50,12 @@ class Estimator:
         self._thetas: list[FloatArray] = []
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
-        self._close: dict[int, set[int]] = {}
+        self._close: dict[int, dict[int, float]] = {}
+        self._place: dict[int, tuple[float, FloatArray]] = {}
         self._updates = 0
         self._locked = False
-        self._value, self._shaken_s = -np.inf, -np.inf
+        self._standing: dict[int, float] = {}
+        self._shaken_s = -np.inf
         self._started_s = np.inf
         self._watch = ConflictWatch()
         self.conflict: tuple[int, ...] = ()
@@ -75,6 +78,7 @@ class Estimator:
             mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
             self._state = restarted(self._state, fresh, mean, var)
             for column in fresh.tolist():
+                self._place.pop(column, None)
                 self._ended.pop(column, None)
                 self._sure.pop(column, None)
 
@@ -161,7 +165,10 @@ class Estimator:
         q, first = self._params, self._first_block or 0
         result = np.full((blocks, len(columns)), np.log(q.switch_rate * q.block_s))
         for b in range(blocks - 1):
-            result[b, np.isin(columns, list(self._close.get(first + b, ())))] = np.log(q.switch_rate_close * q.block_s)
+            rates = self._close.get(first + b, {})
+            for k, column in enumerate(columns.tolist()):
+                if column in rates:
+                    result[b, k] = np.log(rates[column] * q.block_s)
         result[-1] = -50.0
         return result
 
@@ -173,8 +180,21 @@ class Estimator:
         lost = ~np.isfinite(g[:, 0])
         close = lost | (np.min(np.nan_to_num(away, nan=np.inf), axis=1, initial=np.inf) < self._params.close_m)
         block = int(np.floor(t / self._params.block_s))
-        self._close.setdefault(block, set()).update(seen[close].tolist())
+        rates = self._close.setdefault(block, {})
+        for k, column in enumerate(seen.tolist()):
+            if self._leapt(t, column, g[k]):
+                rates[column] = self._params.switch_rate_leap
+            elif close[k]:
+                rates.setdefault(column, self._params.switch_rate_close)
         self._close = {b: s for b, s in self._close.items() if self._first_block is None or b >= self._first_block}
+
+    def _leapt(self, t: float, column: int, g: FloatArray) -> bool:
+        """Whether the track moved as no vehicle does since it was last noted; notes where it is."""
+        if not np.isfinite(g[0]):
+            return False
+        then, place = self._place.get(column, (t, g))
+        self._place[column] = (t, g)
+        return float(np.hypot(*(g - place))) > LEAP_M + LEAP_MPS * (t - then)
 
     def _noise(self, camera: CameraState) -> Noise:
         """Noise levels as believed now."""
@@ -241,10 +261,16 @@ class Estimator:
                 self._sure[column] = int(top[row])
         good = np.max(p, axis=1) > _LOCK
         enough = good.all() or (good.sum() >= max(3.0, 0.7 * len(good)) and share > _SURE)
-        if best.value < self._value - _SHAKEN:
-            self._shaken_s = t
-        self._value = best.value
+        self._note_shaken(t, scene, best)
         self._locked = bool(min(t - self._started_s, t - self._shaken_s) > 4.0 and enough)
+
+    def _note_shaken(self, t: float, scene: Scene, best: Hypothesis) -> None:
+        """Open the search again when what was believed of a track has suddenly become doubtful."""
+        top = np.max(best.score, axis=1)
+        now = {int(c): float(s) for c, s, gap in zip(scene.columns, top, scene.gap_s, strict=False) if gap <= 0.0}
+        if any(now[column] < self._standing.get(column, -np.inf) - _SHAKEN for column in now):
+            self._shaken_s = t
+        self._standing = now
 
     def _fold(self, scene: Scene, best: Hypothesis) -> None:
         """Move evidence that leaves the window into the state."""

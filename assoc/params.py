@@ -46,10 +46,12 @@ class IdentifierParams:
     unnamed at first."""
     increment_max: float = 8.0
     """Most that one block may say for or against a pair, nats."""
-    switch_rate: float = 1e-8
+    switch_rate: float = 1e-10
     """Chance per second that an undisturbed track jumps to another vehicle."""
-    switch_rate_close: float = 1e-6
+    switch_rate_close: float = 1e-8
     """The same while another box is near or the track is not being seen."""
+    switch_rate_leap: float = 0.05
+    """The same in a second in which the track moved further than a vehicle can."""
     close_m: float = 3.0
     """Boxes nearer than this may be swapped by a tracker."""
     gap_max_s: float = 0.6

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from assoc_scene import T0_US, Fleet, camera, play
 
 from assoc.errors import ShapeError
 from assoc.identifier import Identifier, IdentifierParams, Sighting, VehicleReports
+from tests.assoc_scene import T0_US, Fleet, camera, play
 
 IDS = (11, 12, 13, 14)
 
@@ -87,6 +87,25 @@ def test_new_track_of_a_known_vehicle_is_named_within_a_quarter_second():
 
     answers = play(Identifier(IDS), Fleet(bias_m=1.0), 6.0, ids=ids)
     assert np.all(said(answers, 5.25) == IDS)
+
+
+def test_a_predicted_track_gives_its_name_to_the_new_one():
+    identifier, fleet = Identifier(IDS), Fleet()
+    play(identifier, fleet, 4.0)
+    rng = np.random.default_rng(5)
+    heard = 3.9
+    for k in range(10):
+        t = 4.0 + k / 10
+        s = fleet.sighting(t, camera(), [9, 2, 3, 4], rng)
+        # track 1 coasts beside its successor
+        s = Sighting(
+            t_us=s.t_us, track_id=np.append(s.track_id, 1), ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + 0.02]),
+            front_cam=np.vstack([s.front_cam, s.front_cam[:1]]), gap_s=np.append(s.gap_s, 0.1 + k / 10),
+            score=np.append(s.score, 0.5),
+        )  # fmt: skip
+        answer = identifier.update(s, camera(), fleet.reports(heard, t, rng))
+        heard = t
+    assert answer.system_id.tolist() == [*IDS, 0]
 
 
 def test_silence_keeps_the_name_of_an_unbroken_track():
