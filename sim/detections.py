@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.boxes import Boxes, in_picture, true_boxes, visible_share
+from sim.merging import merged_boxes
 from sim.scenario import Scenario
 from sim.view import OCCLUDER
 from sim.world import World, random_stream
@@ -28,6 +29,8 @@ class DetectedRows:
     """(m, 7) cx, cy, w, h, angle, score, heading; heading NaN unknown."""
     system_id: NDArray[np.int64]
     """(m,) 0 for what is not ours."""
+    body: NDArray[np.int64]
+    """(m,) which body it is, in the order of ``World.roles``; −1 nothing."""
 
 
 class DetectorModel:
@@ -36,6 +39,7 @@ class DetectorModel:
     def __init__(self, world: World) -> None:
         self._world = world
         self._rng = random_stream(world.scenario, "detector")
+        self._merging = random_stream(world.scenario, "merging")
         self._bursts = _bursts(world.scenario, len(world.roles.role))
 
     def detect(self, t: float) -> DetectedRows:
@@ -50,14 +54,19 @@ class DetectorModel:
         seen &= (luck[0] >= settings.miss) & ~self._hidden(t, n)
         clutter = self._clutter(int(rng.poisson(settings.clutter)))
         if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
-            return DetectedRows(values=np.empty((0, 7)), system_id=np.empty(0, dtype=np.int64))
-        rows = self._rows(boxes, noise, luck)[seen]
+            none = np.empty(0, dtype=np.int64)
+            return DetectedRows(values=np.empty((0, 7)), system_id=none, body=none)
+        rows = self._rows(boxes, noise, luck)
+        if settings.merge_lengths > 0.0:
+            rows, seen = merged_boxes(rows, seen, settings.merge_lengths, self._merging)
+        rows = rows[seen]
         system_id = np.zeros(n, dtype=np.int64)
         system_id[: len(self._world.roles.system_id)] = self._world.roles.system_id
         values = np.concatenate([rows, clutter])
         ids = np.concatenate([system_id[seen], np.zeros(len(clutter), dtype=np.int64)])
+        body = np.concatenate([np.flatnonzero(seen), np.full(len(clutter), -1)])
         order = rng.permutation(len(values))
-        return DetectedRows(values=values[order], system_id=ids[order])
+        return DetectedRows(values=values[order], system_id=ids[order], body=body[order])
 
     def _rows(self, boxes: Boxes, noise: FloatArray, luck: FloatArray) -> FloatArray:
         settings = self._world.scenario.detector

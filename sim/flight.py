@@ -70,12 +70,25 @@ def fly(t: FloatArray, filmed_xy: FloatArray, flight: Flight, camera: Camera, rn
     look = np.stack([np.sin(bearing), np.cos(bearing)], axis=-1)
     drift_bearing = rng.uniform(-np.pi, np.pi)
     drift = flight.drift_mps * t[:, None] * (np.sin(drift_bearing), np.cos(drift_bearing))
+    target = target + _roaming(t, flight, rng)
     xy = target - standoff[:, None] * look + drift + flight.sway_m * _sway(t, 2, rng).T
     z = height + 0.2 * flight.sway_m * _sway(t, 1, rng)[0]
     p = np.concatenate([xy, z[:, None]], axis=1)
     v = np.gradient(p, STEP_S, axis=0)
     tilt = np.radians(flight.tilt_sway_deg) * _sway(t, 2, rng, fastest_s=2.0, slowest_s=8.0).T
     return UavMotion(t=t, values=np.concatenate([p, v, yaw[:, None], tilt], axis=1))
+
+
+def _roaming(t: FloatArray, flight: Flight, rng: np.random.Generator) -> FloatArray:
+    """(T, 2) ENU metres: twice as wide across the mean direction of view as along it."""
+    if flight.roam_m == 0.0:
+        return np.zeros((len(t), 2))
+    phase = rng.uniform(0.0, 2.0 * np.pi)
+    turns = 2.0 * np.pi * t / flight.roam_s
+    across, along = flight.roam_m * np.sin(turns + phase), 0.5 * flight.roam_m * np.sin(1.6 * turns + 2.0 * phase)
+    yaw = np.radians(flight.yaw_deg)
+    right, ahead = np.array([np.cos(yaw), -np.sin(yaw)]), np.array([np.sin(yaw), np.cos(yaw)])
+    return np.asarray(across[:, None] * right + along[:, None] * ahead)
 
 
 def _sway(

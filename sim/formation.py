@@ -14,8 +14,6 @@ __all__ = ["drive_formation", "slots"]
 
 FloatArray = NDArray[np.float64]
 
-STATION_KEEPING_M = 0.15
-
 
 def slots(formation: str, n: int, spacing_m: float) -> FloatArray:
     """(n, 2) metres ahead of and to the right of the formation's middle."""
@@ -27,6 +25,11 @@ def slots(formation: str, n: int, spacing_m: float) -> FloatArray:
     elif formation == "wedge":
         rank = np.ceil(i / 2.0)
         places = np.stack([-rank, rank * np.where(i % 2 == 1, 1.0, -1.0)], axis=-1)
+    elif formation == "triangle":
+        rank = np.floor((np.sqrt(8.0 * i + 1.0) - 1.0) / 2.0)
+        # rank r has r + 1 places, each half a side inwards of the next rank's
+        along, across = -rank * np.sqrt(3.0) / 2.0, i - rank * (rank + 1.0) / 2.0 - rank / 2.0
+        places = np.stack([along, across], axis=-1)
     else:
         columns = int(np.ceil(np.sqrt(n)))
         places = np.stack([-(i // columns), i % columns], axis=-1)
@@ -35,10 +38,11 @@ def slots(formation: str, n: int, spacing_m: float) -> FloatArray:
 
 
 def drive_formation(path: Path, t: FloatArray, places: FloatArray, ground: Ground, rng: np.random.Generator) -> Motion:
-    """Hold places (n, 2) relative to a point that moves along the path, to within a few decimetres."""
+    """Hold places (n, 2) relative to a point that moves along the path, to within the station keeping."""
     cruise = fleet_speed(t, ground.speed_mps, rng)
     reference = np.concatenate([[0.0], np.cumsum(cruise[:-1]) * STEP_S])
-    wander = STATION_KEEPING_M * np.sqrt(2.0) * _slow_waves(t, 2 * len(places), rng).reshape(len(t), len(places), 2)
+    waves = _slow_waves(t, 2 * len(places), rng).reshape(len(t), len(places), 2)
+    wander = ground.station_keeping_m * np.sqrt(2.0) * waves
     s = reference[:, None] + places[:, 0] + wander[..., 0]
     d = places[:, 1] + wander[..., 1]
     xy, theta, kappa = path.at(s, d)

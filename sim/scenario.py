@@ -37,8 +37,10 @@ class Ground:
     """The fleet and the ground it drives on."""
 
     kind: Literal["straight", "curved", "open", "formation", "parked"] = "curved"
-    formation: Literal["line", "column", "wedge", "grid"] = "line"
-    """Only for ``kind = "formation"``: line is abreast, column one behind the other."""
+    formation: Literal["line", "column", "wedge", "grid", "triangle"] = "line"
+    """Only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal sides."""
+    station_keeping_m: float = 0.15
+    """How far vehicles wander about their places in a formation; 0 makes it rigid."""
     vehicles: int = 6
     """Vehicles that the UAV films."""
     outside: int = 0
@@ -60,6 +62,9 @@ class Ground:
     area_m: tuple[float, float] = (44.0, 24.0)
     """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the picture; wider than the
     picture makes them leave and re-enter."""
+    slope_deg: float = 0.0
+    """How far the ground rises towards ``uphill_deg``; telemetry's heights follow it, the UAV's do not."""
+    uphill_deg: float = 0.0
     length_m: float = 2.2
     width_m: float = 1.4
     height_m: float = 0.9
@@ -80,6 +85,10 @@ class Flight:
     yaw_rate_dps: float = 0.0
     """Turning round the filmed point: with an oblique camera this is an orbit."""
     drift_mps: float = 0.0
+    roam_m: float = 0.0
+    """Amplitude of a slow wandering of the filmed point, across and along the picture's mean direction."""
+    roam_s: float = 24.0
+    """Its period."""
     climb_mps: float = 0.0
 
 
@@ -111,6 +120,10 @@ class Gnss:
     """Standard deviation of the wandering bias."""
     tau_s: float = 60.0
     """Its correlation time."""
+    steps_per_min: float = 0.0
+    """Changes of satellites, per vehicle: each moves the reports by another offset."""
+    step_m: float = 1.5
+    """Standard deviation of those offsets, per axis."""
     uav_white_m: float = 0.1
     uav_bias_m: float = 0.5
     """Length of the UAV's constant horizontal error; its direction follows from the seed."""
@@ -175,6 +188,8 @@ class Detector:
     flip: float = 0.01
     """Share of boxes whose front is taken for the rear."""
     heading_missing: bool = False
+    merge_lengths: float = 0.0
+    """Two bodies whose centres are nearer than about this many of their own lengths come as one box."""
     bursts_per_min: float = 0.0
     """Losses of one vehicle for a while, per vehicle."""
     burst_min_s: float = 1.0
@@ -219,11 +234,14 @@ class Fault:
     """One vehicle's telemetry goes wrong."""
 
     vehicle: int
-    kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift"]
+    kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift", "spoof"]
+    """A spoofed vehicle reports the place of another one."""
     start_s: float
     stop_s: float = 1e9
     size: float = 0.0
     """Jump in metres, lag in seconds, drift in metres per second; 0 takes 15 m, 3 s, 0.5 m/s."""
+    other: int = 0
+    """Whose place is reported instead, for a spoof."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,23 +300,30 @@ def _check_ranges(scenario: Scenario) -> None:
         ("ground.spacing_m", scenario.ground.spacing_m, 1.0, 200),
         ("ground.lanes", scenario.ground.lanes, 1, 8),
         ("ground.bend_deg", scenario.ground.bend_deg, 0, 80),
+        ("ground.station_keeping_m", scenario.ground.station_keeping_m, 0, 2),
+        ("ground.slope_deg", scenario.ground.slope_deg, 0, 20),
         ("flight.height_m", scenario.flight.height_m, 3, 500),
         ("camera.pitch_deg", scenario.camera.pitch_deg, -90, -10),
         ("gnss.white_m", scenario.gnss.white_m, 0, 100),
         ("gnss.tau_s", scenario.gnss.tau_s, 0.1, 1e6),
+        ("gnss.steps_per_min", scenario.gnss.steps_per_min, 0, 60),
+        ("flight.roam_s", scenario.flight.roam_s, 1, 1e6),
         ("timing.rate_min_hz", scenario.timing.rate_min_hz, 0.1, scenario.timing.rate_max_hz),
         ("timing.rate_max_hz", scenario.timing.rate_max_hz, 0.1, 50),
         ("timing.loss", scenario.timing.loss, 0, 1),
         ("detector.miss", scenario.detector.miss, 0, 1),
         ("detector.score", scenario.detector.score, 0.05, 0.95),
+        ("detector.merge_lengths", scenario.detector.merge_lengths, 0, 10),
     )
     for key, value, low, high in ranges:
         if not low <= value <= high:
             raise ScenarioError(f"scenario: {key} = {value} is out of range; give a value from {low:g} to {high:g}")
     indexed: tuple[Occlusion | Fault, ...] = (*scenario.occlusions, *scenario.faults)
-    for what in indexed:
-        if not 0 <= what.vehicle < scenario.fleet_size:
+    named = [("vehicle", what.vehicle, what) for what in indexed]
+    named += [("other", fault.other, fault) for fault in scenario.faults]
+    for key, vehicle, what in named:
+        if not 0 <= vehicle < scenario.fleet_size:
             raise ScenarioError(
-                f"scenario: vehicle = {what.vehicle} of {type(what).__name__.lower()} does not exist; "
+                f"scenario: {key} = {vehicle} of {type(what).__name__.lower()} does not exist; "
                 f"vehicles are 0 to {scenario.fleet_size - 1}"
             )

@@ -55,6 +55,7 @@ class Sensors:
         self._t = np.arange(-LEAD_S, scenario.duration_s + TAIL_S + BIAS_STEP_S, BIAS_STEP_S)
         n = scenario.fleet_size
         self._bias = gauss_markov(len(self._t), (n, 2), scenario.gnss.bias_m, scenario.gnss.tau_s, BIAS_STEP_S, rng)
+        self._bias += self._steps(n)
         self._heading_bias = rng.normal(0.0, np.radians(scenario.attitude.ugv_heading_bias_deg), n)
         bearing = rng.uniform(-np.pi, np.pi)
         self._uav_bias = scenario.gnss.uav_bias_m * np.array([np.sin(bearing), np.cos(bearing)])
@@ -63,14 +64,13 @@ class Sensors:
         """Readings of one ground vehicle at times t (k,), faults included."""
         rng = random_stream(self.scenario, f"gnss {vehicle}")
         seen = _faulty_time(t, self._faults(vehicle))
-        xy, v, heading = self._truth(vehicle, seen)
+        p, v, heading = self._claimed(vehicle, t, seen)
         bias = np.stack([np.interp(seen, self._t, self._bias[:, vehicle, axis]) for axis in (0, 1)], axis=-1)
         noise = _held(rng.normal(0.0, 1.0, (len(t), 3)), seen)
-        xy = xy + bias + self.scenario.gnss.white_m * noise[:, :2] + self._spoof(vehicle, t, rng)
-        z = np.full((len(t), 1), 0.0)
+        xy = p[:, :2] + bias + self.scenario.gnss.white_m * noise[:, :2] + self._shift(vehicle, t, rng)
         spread = np.radians(self.scenario.attitude.ugv_heading_noise_deg)
         return UgvReading(
-            p_enu=np.concatenate([xy, z], axis=1),
+            p_enu=np.concatenate([xy, p[:, 2:]], axis=1),
             v_enu=v,
             heading=heading + self._heading_bias[vehicle] + spread * noise[:, 2],
             zeroed=_during(t, self._faults(vehicle), "zero"),
@@ -98,14 +98,33 @@ class Sensors:
         """True while a fault keeps the vehicle off the air."""
         return any(f.kind == "silent" and f.start_s <= t < f.stop_s for f in self._faults(vehicle))
 
-    def _truth(self, vehicle: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        xy, v, heading = self.world.track_of(vehicle, t)
-        return xy, np.concatenate([v, np.zeros((len(t), 1))], axis=1), heading
+    def _claimed(self, vehicle: int, t: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Whose place is spoken of: the vehicle's own at the times ``seen``, or that of another one."""
+        p, v, heading = self.world.track_enu(vehicle, seen)
+        for fault in self._faults(vehicle):
+            if fault.kind == "spoof":
+                active = (t >= fault.start_s) & (t < fault.stop_s)
+                p_other, v_other, heading_other = self.world.track_enu(fault.other, t)
+                p, v = np.where(active[:, None], p_other, p), np.where(active[:, None], v_other, v)
+                heading = np.where(active, heading_other, heading)
+        return p, v, heading
+
+    def _steps(self, n: int) -> FloatArray:
+        """(T, n, 2) offsets that change with the satellites in use; none before the first change."""
+        gnss, rng = self.scenario.gnss, random_stream(self.scenario, "steps")
+        offset = np.zeros((len(self._t), n, 2))
+        if gnss.steps_per_min == 0.0:
+            return offset
+        for vehicle in range(n):
+            count = rng.poisson(gnss.steps_per_min * (self._t[-1] - self._t[0]) / 60.0)
+            for start in np.sort(rng.uniform(self._t[0], self._t[-1], count)):
+                offset[self._t >= start, vehicle] = rng.normal(0.0, gnss.step_m, 2)
+        return offset
 
     def _faults(self, vehicle: int) -> tuple[Fault, ...]:
         return tuple(fault for fault in self.scenario.faults if fault.vehicle == vehicle)
 
-    def _spoof(self, vehicle: int, t: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def _shift(self, vehicle: int, t: FloatArray, rng: np.random.Generator) -> FloatArray:
         shift = np.zeros((len(t), 2))
         for fault in self._faults(vehicle):
             bearing = rng.uniform(-np.pi, np.pi)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +31,7 @@ class WorldState:
     t: float
     """Seconds since the first frame."""
     xy: FloatArray
-    """(n, 2) ENU metres; bodies stand on z = 0."""
+    """(n, 2) east and north metres on the ground, which is z = 0 unless it slopes."""
     v_enu: FloatArray
     """(n, 3) m/s."""
     heading: FloatArray
@@ -49,6 +49,7 @@ class World:
         t = time_grid(-LEAD_S, scenario.duration_s + TAIL_S)
         self._cast: Cast = play(scenario, t, random_stream(scenario, "cast"))
         self._flight = self._fly(t)
+        self._R_enu_ground = _sloping(scenario)
         self._canopies = self._place_canopies()
 
     @property
@@ -79,9 +80,23 @@ class World:
         v = (motion.at(t + 0.05)[0] - motion.at(t - 0.05)[0]) / 0.1
         return xy[:, 0], v[:, 0], heading[:, 0]
 
+    def track_enu(self, body: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """One body in ENU at times t (k,), sloping ground included: position (k, 3), velocity (k, 3), heading (k,)."""
+        xy, v, heading = self.track_of(body, t)
+        level = np.zeros((len(t), 1))
+        if self.scenario.ground.slope_deg == 0.0:
+            return np.concatenate([xy, level], axis=1), np.concatenate([v, level], axis=1), heading
+        R = self._R_enu_ground[:, :2]
+        nose = np.stack([np.sin(heading), np.cos(heading)], axis=-1) @ R.T
+        return xy @ R.T, v @ R.T, np.arctan2(nose[:, 0], nose[:, 1])
+
     def view(self, t: float) -> CameraView:
-        """The true camera."""
-        return view_from(self.scenario, self._flight.at(t))
+        """The true camera, in axes in which the ground is z = 0: ENU, tipped with the ground where it slopes."""
+        view = view_from(self.scenario, self._flight.at(t))
+        if self.scenario.ground.slope_deg == 0.0:
+            return view
+        R = self._R_enu_ground
+        return replace(view, R_enu_cam=R.T @ view.R_enu_cam, p_enu=R.T @ view.p_enu)
 
     def bodies(self, t: float) -> Bodies:
         """All n bodies in the order of ``roles``, then the occluders."""
@@ -120,6 +135,17 @@ class World:
         middle = state.xy[i] + (state.uav.p_enu[:2] - state.xy[i]) * part
         length = max(abs(float(state.speed[i])) * occlusion.duration_s, float(self.roles.size[i, 0]) + 1.0)
         return (*middle.tolist(), float(state.heading[i]), length, occlusion.width_m, occlusion.height_m)
+
+
+def _sloping(scenario: Scenario) -> FloatArray:
+    """(3, 3) axes that lie in the ground into ENU: a turn about the horizontal that raises the uphill direction."""
+    bearing, slope = np.radians([scenario.ground.uphill_deg, scenario.ground.slope_deg])
+    uphill = np.array([np.sin(bearing), np.cos(bearing), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    axis = np.cross(uphill, up)
+    K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    # Rodrigues: R = 1 + sin σ K + (1 − cos σ) K²
+    return np.asarray(np.eye(3) + np.sin(slope) * K + (1.0 - np.cos(slope)) * K @ K)
 
 
 def random_stream(scenario: Scenario, purpose: str) -> np.random.Generator:

@@ -1,0 +1,114 @@
+"""The families of sessions by number and seed: fifteen kinds of trouble, each in a standard and a hard version.
+
+Seeds below 100 are for tuning, those from 100 on for reporting; a number fitted on the ones is told on the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from bench.field import hard as harder
+from bench.field import standard
+from sim.scenario import Scenario
+
+__all__ = ["FAMILIES", "Family", "Split", "Version", "label_of", "scenario_of", "seeds_of"]
+
+Split = Literal["tune", "report"]
+REPORT_FROM = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Version:
+    """How the k-th kind of session of a family is made, and what the kinds are called."""
+
+    make: Callable[[int, np.random.Generator], Scenario]
+    labels: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """One kind of trouble."""
+
+    number: int
+    name: str
+    standard: Version
+    hard: Version
+
+    def version(self, hard: bool) -> Version:
+        """The hard or the standard version."""
+        return self.hard if hard else self.standard
+
+
+def scenario_of(number: int, hard: bool, seed: int) -> Scenario:
+    """One session; equal arguments give equal sessions, byte for byte.
+
+    Raises:
+        KeyError: there is no family of that number.
+    """
+    family = FAMILIES[number]
+    made = family.version(hard).make(_kind(family.version(hard), seed), np.random.default_rng([number, hard, seed]))
+    name = f"{number:02d} {family.name}{', hard' if hard else ''}: {label_of(number, hard, seed)}"
+    return replace(made, name=name, seed=10_000 * number + 5_000 * hard + seed)
+
+
+def label_of(number: int, hard: bool, seed: int) -> str:
+    """What kind of session of its family a seed gives."""
+    version = FAMILIES[number].version(hard)
+    return version.labels[_kind(version, seed)]
+
+
+def seeds_of(number: int, hard: bool, split: Split, most: int | None = None) -> tuple[int, ...]:
+    """Seeds of a family: one for each kind of session.
+
+    Args:
+        number: of the family.
+        hard: which version.
+        split: which half of the seeds.
+        most: at most so many.
+    """
+    count = len(FAMILIES[number].version(hard).labels)
+    first = REPORT_FROM if split == "report" else 0
+    return tuple(range(first, first + (count if most is None else min(most, count))))
+
+
+def _kind(version: Version, seed: int) -> int:
+    return seed % REPORT_FROM % len(version.labels)
+
+
+def _family(number: int, name: str, easy: Version, tough: Version) -> tuple[int, Family]:
+    return number, Family(number=number, name=name, standard=easy, hard=tough)
+
+
+def _of(make: Callable[[int, np.random.Generator], Scenario], labels: tuple[str, ...]) -> Version:
+    return Version(make=make, labels=labels)
+
+
+_THREE = ("straight", "curved", "open")
+_BIASES = tuple(f"{bias:g} m" for bias in standard.BIASES_M)
+_CROWDS = tuple(f"{n} {('straight', 'curved')[k % 2]}" for k, n in enumerate(standard.CROWDS))
+_CLOSE = tuple(label for label, _, _ in harder.CLOSE)
+_COLUMNS = ("column 8 m", "column 9 m", "column 10 m")
+
+FAMILIES: dict[int, Family] = dict(
+    (
+        _family(1, "nominal", _of(standard.nominal, standard.GROUNDS), _of(harder.nominal, _THREE)),
+        _family(2, "paper-noise", _of(standard.paper_noise, standard.VIEWS), _of(harder.paper_noise, harder.DENSE)),
+        _family(3, "corr-gnss", _of(standard.corr_gnss, _BIASES), _of(harder.corr_gnss, _CLOSE)),
+        _family(4, "attitude", _of(standard.attitude, standard.GROUNDS), _of(harder.attitude, _THREE)),
+        _family(5, "timing", _of(standard.timing, standard.GROUNDS), _of(harder.timing, _THREE)),
+        _family(6, "false-pos", _of(standard.false_positives, standard.GROUNDS), _of(harder.false_positives, _THREE)),
+        _family(7, "occlusion", _of(standard.occlusion, standard.GROUNDS), _of(harder.occlusion, _THREE)),
+        _family(8, "in-out", _of(standard.in_out, standard.GROUNDS), _of(harder.in_out, harder.WIDE)),
+        _family(9, "hard-geom", _of(standard.hard_geometry, standard.FORMATIONS), _of(harder.hard_geometry, harder.TIGHT)),
+        _family(10, "oblique", _of(standard.oblique, standard.MOUNTS), _of(harder.oblique, harder.MOUNTS)),
+        _family(11, "scale", _of(standard.scale, _CROWDS), _of(harder.scale, ("straight", "curved"))),
+        _family(12, "no-heading", _of(standard.no_heading, standard.GROUNDS), _of(harder.no_heading, _COLUMNS)),
+        _family(13, "bad-telem", _of(standard.bad_telemetry, standard.FAULTS), _of(harder.bad_telemetry, harder.FAULTS)),
+        _family(14, "pose-free", _of(standard.pose_free, standard.GROUNDS), _of(harder.pose_free, harder.BLIND)),
+        _family(15, "unmodelled", _of(standard.unmodelled, standard.UNLIKE), _of(harder.unmodelled, harder.UNLIKE)),
+    )
+)
