@@ -71,7 +71,8 @@ class Analysis:
     def _open_video(self, path: Path | None, times: NDArray[np.int64] | None) -> VideoFile | None:
         if path is None:
             return None
-        return VideoFile.open(path, times, start_us=int(self._tlog.index.t_us[0]))
+        start_us = int(self._tlog.index.t_us.min()) + round(self.session.video_start_s * 1e6)
+        return VideoFile.open(path, times, start_us=start_us)
 
     def _open_detections(self, redetect: bool) -> FrameDetections | None:
         path = self.session.detections

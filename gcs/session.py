@@ -46,6 +46,8 @@ class Session:
     """None: a bare log without a mission file; the vehicles are found in the log."""
     tlog: Path
     video: Path | None = None
+    video_start_s: float = 0.0
+    """When a video without frames.csv begins, seconds after the log's first message."""
     frames: Path | None = None
     detections: Path | None = None
     truth: Path | None = None
@@ -57,7 +59,9 @@ class Session:
         return self.path.stem if self.path.is_file() else self.path.resolve().name
 
 
-def open_session(path: Path, *, video: Path | None = None, mission: Path | None = None) -> Session:
+def open_session(
+    path: Path, *, video: Path | None = None, video_start_s: float = 0.0, mission: Path | None = None
+) -> Session:
     """Open a session folder, or a bare tlog with an optional video and mission file.
 
     Raises:
@@ -71,7 +75,7 @@ def open_session(path: Path, *, video: Path | None = None, mission: Path | None 
             raise SessionError(f"{extra}: no such file")
     chosen = load_mission(mission) if mission else None
     if path.is_file():
-        return Session(path=path, mission=chosen, tlog=path, video=video)
+        return Session(path=path, mission=chosen, tlog=path, video=video, video_start_s=video_start_s)
     tlog = path / "telemetry.tlog"
     if not tlog.is_file():
         raise SessionError(f"{path}: no telemetry.tlog in this folder; a session needs one")
@@ -84,6 +88,7 @@ def open_session(path: Path, *, video: Path | None = None, mission: Path | None 
         mission=chosen,
         tlog=tlog,
         video=video or (found[0] if found else None),
+        video_start_s=video_start_s,
         frames=None if video else _existing(path / "frames.csv"),
         detections=_existing(path / "detections.csv"),
         truth=_existing(path / "truth.csv"),

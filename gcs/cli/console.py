@@ -19,10 +19,21 @@ from mavlink.errors import LinkError, MavlinkError
 from sim.errors import SimError
 from vision.errors import VisionError
 
-__all__ = ["BAD_INPUT", "NOT_AVAILABLE", "NO_NAMES", "Graphics", "explained", "note", "quiet_stderr", "say"]
+__all__ = [
+    "BAD_INPUT",
+    "NOT_AVAILABLE",
+    "NO_NAMES",
+    "VIDEO_START",
+    "Graphics",
+    "explained",
+    "note",
+    "quiet_stderr",
+    "say",
+]
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
 
+VIDEO_START = "When a video without frames.csv begins, seconds after the log's first message."
 Graphics = Literal["auto", "blocks", "pixels"]
 
 

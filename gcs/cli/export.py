@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gcs.analysis import Analysis
-from gcs.cli.console import note
+from gcs.cli.console import VIDEO_START, note
 from gcs.errors import GcsError
 from gcs.export import FORMATS, open_export
 from gcs.recorded import recorded
@@ -25,11 +25,12 @@ def export(
     form: Annotated[str | None, typer.Option("--format", "-f", help=f"One of {', '.join(FORMATS)}.")] = None,
     identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it stands.")] = None,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
+    video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
 ) -> None:
     """Write identities as csv, jsonl, or a film with the names drawn in (mp4)."""
     form = form or out.suffix.lstrip(".")
-    analysis = Analysis(open_session(session, video=video, mission=mission))
+    analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission))
     pictures = form == "mp4"
     if pictures and analysis.video is None:
         analysis.close()

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gcs.analysis import Analysis
-from gcs.cli.console import NO_NAMES, note, say
+from gcs.cli.console import NO_NAMES, VIDEO_START, note, say
 from gcs.errors import SessionError
 from gcs.identitylog import EventLog, IdentityLog
 from gcs.rollcall import RollCall
@@ -23,11 +23,12 @@ def identify(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for identity.csv, identity.jsonl, events.jsonl.")],
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
+    video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
 ) -> None:
     """Name the boxes of a recording, faster than real time; same input, same bytes."""
-    opened = open_session(session, video=video, mission=mission)
+    opened = open_session(session, video=video, video_start_s=video_start, mission=mission)
     calls = identify_into(opened, out, detect=detect)
     say(calls.text())
     if not calls.named:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import Graphics, quiet_stderr
+from gcs.cli.console import VIDEO_START, Graphics, quiet_stderr
 from gcs.replay import Replay
 from gcs.session import Session, open_session
 
@@ -17,12 +17,19 @@ __all__ = ["replay", "show_replay"]
 def replay(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
+    video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
     """Play, seek and step through a recording."""
-    raise SystemExit(show_replay(open_session(session, video=video, mission=mission), detect=detect, graphics=graphics))
+    raise SystemExit(
+        show_replay(
+            open_session(session, video=video, video_start_s=video_start, mission=mission),
+            detect=detect,
+            graphics=graphics,
+        )
+    )
 
 
 def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = "auto") -> int:
