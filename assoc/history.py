@@ -55,7 +55,7 @@ class TrackHistory:
         Returns:
             The columns that began with this frame.
         """
-        self._make_row(t)
+        self._make_row()
         row = self.n - 1
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
@@ -80,9 +80,9 @@ class TrackHistory:
         """First row that is not older than t."""
         return int(np.searchsorted(self.t[: self.n], t))
 
-    def _make_row(self, t: float) -> None:
+    def _make_row(self) -> None:
         """Open the row of this frame, over the newest one while that is too close to the one before it."""
-        if self.n >= 2 and t - self.t[self.n - 2] < self._step_s:
+        if self.n >= 2 and self.t[self.n - 1] - self.t[self.n - 2] < self._step_s:
             self.ray[self.n - 1] = np.nan
             self.front[self.n - 1] = np.nan
             return

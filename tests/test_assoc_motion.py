@@ -1,0 +1,85 @@
+"""What the vehicles' reports say of themselves, without any picture."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from assoc.motion import WHITE_STD_M, ReportLog
+from assoc.records import VehicleReports
+
+
+def drive(std, seconds=20.0, seed=0, n=3):
+    """Reports of n vehicles on gentle curves at 5 Hz: times and records."""
+    rng = np.random.default_rng(seed)
+    t = np.repeat(np.arange(0.0, seconds, 0.2), n)
+    vehicle = np.tile(np.arange(n), len(t) // n)
+    p = np.stack([4.0 * t, 10.0 * np.sin(0.3 * t + vehicle) + 8.0 * vehicle, 0 * t], axis=1)
+    v = np.stack([4.0 + 0 * t, 3.0 * np.cos(0.3 * t + vehicle), 0 * t], axis=1)
+    noise = rng.normal(0, std, p.shape) * (1, 1, 0)
+    return t, VehicleReports(
+        t_us=(t * 1e6).astype(np.int64), vehicle=vehicle, p_enu=p + noise, v_enu=v, heading=0 * t, std_m=0 * t
+    )
+
+
+def pick(t, r, rows):
+    return t[rows], VehicleReports(
+        t_us=r.t_us[rows], vehicle=r.vehicle[rows], p_enu=r.p_enu[rows], v_enu=r.v_enu[rows], heading=r.heading[rows],
+        std_m=r.std_m[rows],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("std", [0.3, 0.8, 2.0, 4.5])
+def test_white_noise_is_recognised(std):
+    log = ReportLog(3, 20.0)
+    log.add(*drive(std))
+    k = int(np.argmin(np.abs(WHITE_STD_M - std)))
+    assert abs(log.white - k) <= 1
+
+
+def test_a_jump_is_noticed_and_normal_driving_is_not():
+    t, r = drive(0.3)
+    moved = r.p_enu + np.where((t > 10.05) & (r.vehicle == 1), 15.0, 0.0)[:, None] * (1.0, 0.0, 0.0)
+    log = ReportLog(3, 20.0)
+    log.add(t, replace(r, p_enu=moved))
+    s = log.samples(0.0, 20.0)
+    jumps = np.flatnonzero(s.jump_var > 0)
+    assert set(s.vehicle[jumps].tolist()) == {1}
+    assert s.t[jumps][0] == pytest.approx(10.2, abs=0.01)
+    assert np.sqrt(s.jump_var[jumps][0]) == pytest.approx(15.0, abs=2.0)
+
+
+def test_frozen_positions_are_no_news():
+    t, r = drive(0.3)
+    held = r.p_enu.copy()
+    for j in range(3):
+        late = (r.vehicle == j) & (t > 10.0)
+        held[late] = held[np.flatnonzero((r.vehicle == j) & (t <= 10.0))[-1]]
+    log = ReportLog(3, 20.0)
+    log.add(t, replace(r, p_enu=held))
+    assert log.frozen.all()
+    assert log.samples(10.5, 20.0).t.size == 0
+    assert np.all(log.extrapolated(19.8)[1] > 9.0)
+
+
+def test_order_within_a_batch_does_not_matter_and_old_reports_are_passed_over():
+    t, r = drive(0.5)
+    one, two = ReportLog(3, 20.0), ReportLog(3, 20.0)
+    one.add(t, r)
+    two.add(*pick(t, r, np.random.default_rng(1).permutation(len(t))))
+    a, b = one.samples(0.0, 20.0), two.samples(0.0, 20.0)
+    np.testing.assert_array_equal(a.p, b.p)
+    np.testing.assert_allclose(a.log_null, b.log_null)
+    before = len(a.t)
+    one.add(*pick(t, r, np.arange(10)))
+    assert len(one.samples(0.0, 20.0).t) == before
+
+
+def test_extrapolation_moves_on_with_the_velocity():
+    t, r = drive(0.0)
+    log = ReportLog(4, 20.0)
+    log.add(t, r)
+    p, age = log.extrapolated(20.8)
+    assert p[0, 0] == pytest.approx(4.0 * 20.8, abs=0.01)
+    assert age[0] == pytest.approx(1.0)
+    assert np.isnan(p[3]).all() and np.isinf(age[3])
