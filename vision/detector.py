@@ -35,7 +35,9 @@ BUNDLED = Path(__file__).parent / "models" / "rollcall-obb-s.onnx"
 DEFAULT_SCALE = 0.5
 """How the bundled model sees pictures of unknown ground resolution."""
 SIDE_STEP = 32
-LEAST_SIDE, MOST_SIDE = 64, 2048
+LEAST_SIDE, MOST_SIDE = 64, 4096
+MOST_SCALE = 2.0
+"""Enlarging a picture further adds no detail."""
 YOLO_SIDE = 1024
 """Canvas for YOLO exports that take any size and do not name theirs."""
 ACCEPTED = (
@@ -203,7 +205,7 @@ def _yolo_canvas(session: ort.InferenceSession, metadata: Mapping[str, str]) -> 
 def _canvas(width: int, height: int, scale: float) -> tuple[int, int]:
     """(width, height) of the model's input: the nearest sides that are multiples of 32, neither tiny nor huge."""
     wide = max(width, height)
-    scale = float(np.clip(scale, LEAST_SIDE / wide, MOST_SIDE / wide))
+    scale = max(min(scale, MOST_SCALE, MOST_SIDE / wide), LEAST_SIDE / wide)
     columns = max(round(width * scale / SIDE_STEP), 1)
     # the height follows from the width that was chosen, rounded up: the picture fills the width
     rows = max(int(np.ceil(height * columns / width - 1e-9)), 1)

@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
-from vision.training.net import STRIDE, ConvNorm, Net, Residual
+from vision.training.net import STRIDE, ConvNorm, Grow, Net, Residual
 
 __all__ = ["export", "to_onnx"]
 
@@ -57,11 +57,8 @@ class _Graph:
         y = self.conv_norm(self.conv_norm(x, module.first), module.second)
         return self.node("Relu", self.node("Add", x, y))
 
-    def double(self, x: str) -> str:
-        scales = self.weight(np.array([1.0, 1.0, 2.0, 2.0], np.float32))
-        return self.node(
-            "Resize", x, "", scales, mode="nearest", coordinate_transformation_mode="asymmetric", nearest_mode="floor"
-        )
+    def grow(self, x: str, module: Grow) -> str:
+        return self.node("DepthToSpace", self.conv_norm(x, module.spread), blocksize=2, mode="CRD")
 
     def part(self, x: str, first: int, last: int) -> str:
         ends = [self.weight(np.array([v], np.int64)) for v in (first, last, 1)]
@@ -90,8 +87,8 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
     deep = g.conv_norm(eighth, net.deep[0])
     for block in list(net.deep)[1:]:
         deep = g.residual(deep, block)
-    joined = g.node("Relu", g.node("Add", eighth, g.double(g.conv_norm(deep, net.deep_side))))
-    wide = g.double(g.conv_norm(g.conv_norm(joined, net.join), net.join_side))
+    joined = g.node("Relu", g.node("Add", eighth, g.grow(deep, net.deep_side)))
+    wide = g.grow(g.conv_norm(joined, net.join), net.join_side)
     last = g.conv_norm(g.node("Relu", g.node("Add", g.conv_norm(quarter, net.stem_side), wide)), net.last)
     raw = g.conv(last, _numpy(net.head.weight), _numpy(net.head.bias), 1)
     score = g.node("Sigmoid", g.part(raw, 0, 1))

@@ -29,7 +29,7 @@ class Losses:
 
     def total(self) -> Tensor:
         """What is minimised."""
-        return self.score + self.offset + self.size + self.front + self.axis
+        return self.score + 2.0 * self.offset + self.size + self.front + self.axis
 
 
 def losses(out: Tensor, boxes: Tensor, real: Tensor) -> Losses:

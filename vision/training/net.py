@@ -11,7 +11,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-__all__ = ["CHANNELS", "STRIDE", "ConvNorm", "Net", "Residual"]
+__all__ = ["CHANNELS", "STRIDE", "ConvNorm", "Grow", "Net", "Residual"]
 
 STRIDE = 4
 CHANNELS = 9
@@ -45,6 +45,24 @@ class Residual(nn.Module):  # type: ignore[misc]  # torch is not typed here
         return torch.relu(x + self.second(self.first(x)))
 
 
+class Grow(nn.Module):  # type: ignore[misc]  # torch is not typed here
+    """Twice the size: a 1 × 1 convolution to four values per channel, which become a square of 2 × 2.
+
+    So the finer map knows which of the four a cell is. W. Shi et al., arXiv:1609.05158; begins as plain repetition.
+    """
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.spread = ConvNorm(inputs, 4 * outputs, size=1, relu=False)
+        with torch.no_grad():
+            kernel = self.spread.conv.weight
+            kernel.copy_(kernel[::4].repeat_interleave(4, dim=0))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """(B, inputs, H, W) → (B, outputs, 2 H, 2 W)."""
+        return nn.functional.pixel_shuffle(self.spread(x), 2)
+
+
 class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
     """Down to stride 16, and up again to stride 4 with skips."""
 
@@ -53,9 +71,9 @@ class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
         self.stem = nn.Sequential(ConvNorm(3, 16, stride=2), ConvNorm(16, 24, stride=2))
         self.middle = nn.Sequential(ConvNorm(24, 48, stride=2), Residual(48))
         self.deep = nn.Sequential(ConvNorm(48, 80, stride=2), Residual(80), Residual(80))
-        self.deep_side = ConvNorm(80, 48, size=1, relu=False)
+        self.deep_side = Grow(80, 48)
         self.join = ConvNorm(48, 48)
-        self.join_side = ConvNorm(48, 32, size=1, relu=False)
+        self.join_side = Grow(48, 32)
         self.stem_side = ConvNorm(24, 32, size=1, relu=False)
         self.last = ConvNorm(32, 32)
         self.head = nn.Conv2d(32, CHANNELS, 1)
@@ -66,8 +84,6 @@ class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
         """(B, 3, H, W) BGR in 0..1, sides multiples of 32 → (B, CHANNELS, H / 4, W / 4)."""
         quarter = self.stem(image)
         eighth = self.middle(quarter)
-        deep = self.deep_side(self.deep(eighth))
-        eighth = self.join(torch.relu(eighth + nn.functional.interpolate(deep, scale_factor=2.0, mode="nearest")))
-        wide = nn.functional.interpolate(self.join_side(eighth), scale_factor=2.0, mode="nearest")
-        out: Tensor = self.head(self.last(torch.relu(self.stem_side(quarter) + wide)))
+        eighth = self.join(torch.relu(eighth + self.deep_side(self.deep(eighth))))
+        out: Tensor = self.head(self.last(torch.relu(self.stem_side(quarter) + self.join_side(eighth))))
         return out

@@ -1,0 +1,346 @@
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from sim.boxes import true_boxes
+from sim.ground import GroundStyle
+from sim.render import Renderer, Style
+from sim.view import OCCLUDER, PERSON, STRANGER, UGV, Bodies, CameraView, Road, Scene
+from vision import decode_heatmap, decode_yolo
+from vision.boxes import wrap
+from vision.detections import Detections
+from vision.detector import BUNDLED, HeatmapDetector, YoloDetector, open_detector
+from vision.errors import ModelError
+from vision.training.quality import measure
+
+FLOAT, UINT8 = 1, 2
+
+
+# A hand-made ONNX file: protobuf fields of onnx.proto, enough for one Identity node.
+def _field(number, payload):
+    if isinstance(payload, int):
+        return _varint(number << 3) + _varint(payload)
+    data = payload.encode() if isinstance(payload, str) else payload
+    return _varint(number << 3 | 2) + _varint(len(data)) + data
+
+
+def _varint(value):
+    out = bytearray()
+    while value > 127:
+        out.append(value & 127 | 128)
+        value >>= 7
+    return bytes([*out, value])
+
+
+def _value(name, kind, shape):
+    dims = b"".join(_field(1, _field(1 if isinstance(n, int) else 2, n)) for n in shape)
+    return _field(1, name) + _field(2, _field(1, _field(1, kind) + _field(2, dims)))
+
+
+def model(path, image, out, metadata=None, constant=None):
+    """A file with an input, and an output that is the input or a constant; both are (name, kind, shape)."""
+    source, graph = image[0], b""
+    if constant is not None:
+        source = "c"
+        dims = b"".join(_field(1, n) for n in constant.shape)
+        graph = _field(5, dims + _field(2, FLOAT) + _field(8, "c") + _field(9, constant.astype("<f4").tobytes()))
+    node = _field(1, source) + _field(2, out[0]) + _field(4, "Identity")
+    graph = _field(1, node) + _field(2, "g") + graph + _field(11, _value(*image)) + _field(12, _value(*out))
+    props = b"".join(_field(14, _field(1, k) + _field(2, v)) for k, v in (metadata or {}).items())
+    path.write_bytes(_field(1, 8) + _field(7, graph) + _field(8, _field(1, "") + _field(2, 17)) + props)
+    return path
+
+
+def camera(height=40.0, size=(1280, 720), focal=1200.0, xy=(0.0, 0.0)):
+    R_enu_cam = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    return CameraView(
+        width=size[0], height=size[1], fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, distortion=np.zeros(5),
+        R_enu_cam=R_enu_cam, p_enu=np.array([*xy, height]),
+    )  # fmt: skip
+
+
+SIZE = {UGV: (2.2, 1.4, 0.9), STRANGER: (4.5, 1.8, 1.5), PERSON: (0.5, 0.5, 1.75), OCCLUDER: (4.0, 4.0, 6.0)}
+
+
+def bodies(*rows, colors=((60, 140, 60),)):
+    kind, x, y, heading = np.array(rows, dtype=float).reshape(-1, 4).T
+    length, width, height = np.array([SIZE[int(k)] for k in kind]).reshape(-1, 3).T
+    color = np.array([colors[i % len(colors)] for i in range(len(kind))], np.uint8).reshape(-1, 3)
+    return Bodies(
+        kind=kind.astype(np.int8), x=x, y=y, heading=heading, length=length, width=width, height=height, color=color
+    )
+
+
+def truth(view, things):
+    boxes = true_boxes(view, things)
+    weight = np.ones(len(boxes.cx))
+    rows = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle + np.pi / 2, weight], axis=1)
+    return rows[np.isin(things.kind, (UGV, STRANGER))]
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    line = np.stack([np.linspace(-60, 60, 121), 4.0 * np.sin(np.linspace(-60, 60, 121) / 15)], axis=1)
+    return Renderer(
+        Scene(roads=(Road(centre=line, width=9.0, lanes=3),)), Style(ground=GroundStyle(side_px=2048)), seed=77
+    )
+
+
+@pytest.fixture(scope="module")
+def detector():
+    return open_detector()
+
+
+def team(seed, n=9):
+    """Vehicles of two kinds on a jittered grid, any heading, persons and trees between them."""
+    rng = np.random.default_rng(seed)
+    cells = [(x, y) for x in (-16, -9, -2, 5, 12) for y in (-8, 0, 8)]
+    rows = []
+    for i, c in enumerate(rng.permutation(len(cells))):
+        x, y = np.array(cells[c]) + rng.uniform(-1, 1, 2)
+        rows.append((UGV if i < n - 2 else STRANGER if i < n else PERSON, x, y, rng.uniform(0, 2 * np.pi)))
+    return bodies(*rows, colors=((60, 140, 60),) if seed % 2 else ((40, 60, 190), (150, 150, 150)))
+
+
+def test_bundled_model_finds_rendered_vehicles_and_their_fronts(renderer, detector):
+    found, real = [], []
+    for seed in range(6):
+        things, view = team(seed), camera()
+        image = renderer.draw(view, things, seed)
+        found.append(detector.detect(image, gsd_m=40.0 / 1200.0))
+        real.append(truth(view, things))
+    quality = measure(found, real)
+    assert quality.recall >= 0.97
+    assert quality.precision >= 0.97
+    assert quality.flips <= 0.02
+    assert quality.unsure <= 0.02
+    assert quality.heading_deg <= 4.0
+    assert quality.centre_px <= 3.0
+    for d in found:  # a known front: the width axis points to it
+        np.testing.assert_allclose(wrap(d.heading - d.angle - np.pi / 2), 0.0, atol=1e-9)
+
+
+def test_persons_trees_and_bare_road_are_no_vehicles(renderer, detector):
+    things = bodies(*[(PERSON, x, 3.0, x) for x in range(-12, 12, 3)], (OCCLUDER, 0, -6, 0), (OCCLUDER, 8, -6, 0))
+    for view in (camera(), camera(xy=(20.0, 3.0))):
+        assert len(detector.detect(renderer.draw(view, things), gsd_m=40.0 / 1200.0)) == 0
+
+
+@pytest.mark.parametrize("height", [15.0, 25.0, 70.0, 110.0])
+def test_ground_resolution_brings_vehicles_to_the_length_that_the_model_knows(renderer, detector, height):
+    view = camera(height, size=(1280, 720))
+    things = bodies((UGV, -2.0, 1.0, 0.5), (UGV, 2.5, -1.5, 2.5), (UGV, 3.5, 2.0, 4.0))
+    quality = measure([detector.detect(renderer.draw(view, things), gsd_m=height / 1200.0)], [truth(view, things)])
+    assert quality.recall == quality.precision == 1.0
+    assert quality.flips == 0.0
+
+
+@pytest.mark.parametrize("gsd_m", [None, np.nan, 0.0])
+def test_unknown_ground_resolution_still_finds(renderer, detector, gsd_m):
+    view, things = camera(), team(1)
+    quality = measure([detector.detect(renderer.draw(view, things), gsd_m=gsd_m)], [truth(view, things)])
+    assert quality.recall >= 0.9
+
+
+@pytest.mark.parametrize("size", [(1, 1), (40, 30), (333, 517), (1000, 90), (720, 1280)])
+def test_any_size_of_picture_is_taken(detector, size):
+    image = np.full((size[1], size[0], 3), 90, np.uint8)
+    for gsd_m in (None, 1e-4, 0.03, 5.0):
+        assert len(detector.detect(image, gsd_m=gsd_m)) == 0
+
+
+def test_a_vehicle_at_an_odd_place_of_an_odd_picture(renderer, detector):
+    view = camera(size=(397, 243))
+    things = bodies((UGV, 3.3, -1.7, 1.0))
+    found = detector.detect(renderer.draw(view, things), gsd_m=40.0 / 1200.0)
+    (want,) = truth(view, things)
+    assert len(found) == 1
+    np.testing.assert_allclose(found.centre[0], want[:2], atol=4.0)
+    assert abs(wrap(found.heading[0] - want[4])) < 0.15
+
+
+def test_same_picture_same_boxes(renderer, detector):
+    image = renderer.draw(camera(), team(3))
+    a, b = detector.detect(image), open_detector().detect(image)
+    np.testing.assert_array_equal(a.boxes, b.boxes)
+
+
+def test_bundled_model_is_small_and_says_what_it_is():
+    assert BUNDLED.stat().st_size < 1_600_000
+    assert isinstance(open_detector(), HeatmapDetector)
+
+
+def cells_with(*peaks, shape=(8, 10)):
+    """A map with given cells: (row, column, score, dx, dy, length, width, heading, sureness) in cells and radians."""
+    out = np.zeros((decode_heatmap.CHANNELS, *shape), np.float32)
+    for r, c, score, dx, dy, length, width, h, sure in peaks:
+        front, axis = (sure * np.sin(h), sure * np.cos(h)), (np.sin(2 * h), np.cos(2 * h))
+        out[:, r, c] = (score, dx, dy, np.log(length), np.log(width), *front, *axis)
+    return out
+
+
+@pytest.mark.parametrize("heading", np.arange(0.05, 6.2, 0.5).tolist())
+def test_decoding_a_peak(heading):
+    cells = cells_with((2, 3, 0.8, 0.25, -0.5, 7.0, 4.0, heading, 0.9))
+    found = decode_heatmap.decode(cells, 4, 0.3)
+    np.testing.assert_allclose(found.boxes[0, :4], [(3.5 + 0.25) * 4, (2.5 - 0.5) * 4, 28, 16], rtol=1e-6)
+    assert found.heading[0] == pytest.approx(heading, abs=1e-6)
+    assert wrap(found.angle[0] + np.pi / 2 - heading) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_front_in_doubt_is_not_told_but_the_box_stands():
+    cells = cells_with((2, 3, 0.8, 0.0, 0.0, 7.0, 4.0, 1.2, 0.1))
+    found = decode_heatmap.decode(cells, 4, 0.3)
+    assert np.isnan(found.heading[0])
+    assert np.isclose(np.sin(2 * (found.angle[0] + np.pi / 2)), np.sin(2.4))
+
+
+def test_doubles_are_dropped_and_order_is_by_score():
+    cells = cells_with(
+        (2, 3, 0.6, 0, 0, 7, 4, 1, 1),
+        (2, 5, 0.7, -1.9, 0, 7, 4, 1, 1),  # the same vehicle, seen better
+        (6, 8, 0.9, 0, 0, 3, 2, 2, 1),
+        (0, 0, 0.2, 0, 0, 7, 4, 1, 1),  # too faint
+    )
+    assert decode_heatmap.decode(cells, 4, 0.3).score.tolist() == pytest.approx([0.9, 0.7])
+    assert len(decode_heatmap.decode(cells_with(), 4, 0.3)) == 0
+
+
+IMAGE = ("image", UINT8, [1, "h", "w", 3])
+ROLLCALL = {"rollcall": "1", "stride": "4", "nominal_length_px": "29", "nominal_length_m": "2.5"}
+YOLO_IN = ("images", FLOAT, [1, 3, 64, 64])
+NAMES = {"names": "{0: 'plane', 1: 'small vehicle', 2: 'storage tank'}"}
+REFUSED = {
+    "another task": (("x", FLOAT, [1, 10]), ("x2", FLOAT, [1, 10]), {}, "x [1, 10] float → x2 [1, 10] float"),
+    "marked as ours": (
+        IMAGE,
+        ("map", UINT8, [1, "h", "w", 3]),
+        ROLLCALL,
+        "not of its shape: image [1, 'h', 'w', 3] uint8",
+    ),
+    "ours without stride": (IMAGE, ("map", UINT8, [1, "h", "w", 3]), {"rollcall": "1"}, "'stride'"),
+    "no angle": (YOLO_IN, ("output0", FLOAT, [1, 7, 84]), NAMES, "7 rows, 3 classes need 8 with the angle"),
+    "no vehicles": (YOLO_IN, ("output0", FLOAT, [1, 6, 84]), {"names": "{0: 'a', 1: 'b'}"}, "3"),
+    "names garbled": (YOLO_IN, ("output0", FLOAT, [1, 8, 84]), {"names": "{0: oops"}, "class names cannot be read"),
+    "suppressed": (YOLO_IN, ("output0", FLOAT, [1, 300, 7]), NAMES, "output0 [1, 300, 7]"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED.keys())
+def test_a_model_of_another_shape_is_refused_with_what_was_found(tmp_path, case):
+    image, out, metadata, told = case
+    constant = np.zeros(out[2]) if out[1] == FLOAT else None
+    path = model(tmp_path / "other.onnx", image, out, metadata, constant)
+    with pytest.raises(ModelError) as caught:
+        open_detector(path)
+    message = str(caught.value)
+    assert told in message
+    assert "other.onnx" in message
+
+
+def test_files_that_are_no_models_are_refused(tmp_path):
+    with pytest.raises(ModelError, match="no such model file"):
+        open_detector(tmp_path / "missing.onnx")
+    (tmp_path / "text.onnx").write_text("hello")
+    with pytest.raises(ModelError, match="cannot be loaded"):
+        open_detector(tmp_path / "text.onnx")
+    with pytest.raises(ModelError, match="CPUExecutionProvider"):
+        open_detector(providers=["NoSuchProvider"])
+
+
+def yolo_rows(*anchors, classes=3, n=84):
+    """[1, 4 + classes + 1, n] with given anchors: cx, cy, w, h, class, score, angle."""
+    out = np.zeros((1, 4 + classes + 1, n), np.float32)
+    for k, (cx, cy, w, h, cls, score, angle) in enumerate(anchors):
+        out[0, [0, 1, 2, 3, 4 + cls, -1], k] = (cx, cy, w, h, score, angle)
+    return out
+
+
+def yolo(tmp_path, rows, metadata=NAMES, **options):
+    return open_detector(
+        model(tmp_path / "y.onnx", YOLO_IN, ("output0", FLOAT, list(rows.shape)), metadata, rows), **options
+    )
+
+
+def test_a_yolo_export_is_read_and_brought_back_to_the_picture(tmp_path):
+    rows = yolo_rows(
+        (32, 32, 10, 5, 1, 0.9, 0.3),  # a vehicle
+        (32.5, 32, 10, 5, 1, 0.6, 0.3),  # the same again
+        (10, 32, 10, 5, 0, 0.9, 0.3),  # a plane
+        (50, 30, 4, 8, 1, 0.5, 0.0),  # its length across: the axis is turned
+        (20, 20, 4, 8, 1, 0.2, 0.0),  # too faint
+        (20, 2, 4, 8, 1, 0.8, 0.0),  # on the margin
+    )
+    detector = yolo(tmp_path, rows)
+    assert isinstance(detector, YoloDetector)
+    found = detector.detect(np.zeros((64, 128, 3), np.uint8), gsd_m=0.1)  # drawn at half size, margins of 16 px
+    np.testing.assert_allclose(found.boxes[0], [64, 32, 20, 10, 0.3], rtol=1e-6)
+    np.testing.assert_allclose(found.boxes[1, :4], [100, 28, 16, 8], rtol=1e-6)
+    assert abs(found.boxes[1, 4]) == pytest.approx(np.pi / 2)
+    assert found.score.tolist() == pytest.approx([0.9, 0.5])
+    assert np.isnan(found.heading).all()
+
+
+def test_classes_of_a_yolo_export_can_be_chosen(tmp_path):
+    rows = yolo_rows((32, 32, 10, 5, 0, 0.9, 0.0), (10, 32, 10, 5, 2, 0.9, 0.0))
+    picture = np.zeros((64, 64, 3), np.uint8)
+    assert len(yolo(tmp_path, rows).detect(picture)) == 0
+    assert len(yolo(tmp_path, rows, classes=["plane"]).detect(picture)) == 1
+    assert len(yolo(tmp_path, rows, metadata={}).detect(picture)) == 2  # names unknown: every class counts
+    with pytest.raises(ModelError, match="none of its classes is of boat"):
+        yolo(tmp_path, rows, classes=["boat"])
+
+
+def test_damaged_anchors_cost_only_themselves():
+    rows = yolo_rows((np.nan, 32, 10, 5, 1, 0.9, 0.0), (30, 30, -1, 5, 1, 0.9, 0.0), (10, 32, 10, 5, 1, 0.8, 0.0))
+    assert decode_yolo.decode(rows[0], np.array([1]), 0.3).score.tolist() == pytest.approx([0.8])
+
+
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [
+        ("Small-Vehicles", True),
+        ("car", True),
+        ("storage tank", False),
+        ("scarf", False),
+        ("Bus", True),
+        ("people", False),
+    ],
+)
+def test_names_that_sound_like_vehicles(name, counts):
+    names = {0: name, 1: "truck"}
+    assert (0 in decode_yolo.vehicle_classes(names, 2)) == counts
+
+
+def test_quality_figures():
+    real = np.array([[10, 10, 8, 4, 0.0, 1], [50, 50, 8, 4, 0.0, 1], [90, 90, 8, 4, 0.0, 0]], dtype=float)
+
+    def made(cx, cy, heading, score):
+        return Detections(
+            cx=cx,
+            cy=cy,
+            w=[8.0] * len(cx),
+            h=[4.0] * len(cx),
+            angle=np.array(heading) - np.pi / 2,
+            score=score,
+            heading=heading,
+        )
+
+    # one right, one turned about, one that is hidden and counts neither way, one false alarm
+    quality = measure([made([10, 50, 90, 70], [10, 50, 90, 10], [0.1, np.pi, 0.0, 0.0], [0.9, 0.8, 0.7, 0.6])], [real])
+    assert quality.recall == 1.0
+    assert quality.precision == pytest.approx(2 / 3)
+    assert quality.ap50 == pytest.approx(1.0)
+    assert quality.flips == 0.5
+    assert quality.heading_deg == pytest.approx(np.degrees(0.1))
+    nothing = measure([Detections.empty()], [real])
+    assert (nothing.recall, nothing.ap50) == (0.0, 0.0)
+
+
+def test_the_shipped_readme_names_this_very_file():
+    readme = (BUNDLED.parent / "README.md").read_text()
+    assert hashlib.sha256(BUNDLED.read_bytes()).hexdigest() in readme
+    assert BUNDLED.name in readme
