@@ -122,6 +122,8 @@ def run(out: Path, seed: int, minutes: float, threads: int, crops: int, every_s:
         trainer.load(checkpoint)
         log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
     while pool.refresh() == 0 or held_out.refresh() == 0:
+        if any(maker.poll() not in (None, 0) for maker in makers):
+            raise RuntimeError(f"{out}: no pictures were made; run python -m sim.crops --out {out / 'pool'} to see why")
         time.sleep(1.0)
     rng = np.random.default_rng([seed, trainer.step_count])
     tick, last_check, row = time.monotonic(), trainer.spent_s, {}
