@@ -46,7 +46,11 @@ class ConflictWatch:
         choice = names(p)
         doubles = self._doubles(t, scene, best, choice)
         p = p.copy()
+        jumped = np.any(best.blocks.jump_var > 0.0, axis=0)
         for row, first, second in doubles:
+            # whoever has just jumped there has the weaker claim
+            if jumped[first] != jumped[second]:
+                continue
             p[row, [first, second]] = 0.5 * (p[row, first] + p[row, second])
         gone = self._gone(t, scene, choice, p)
         return p, tuple(sorted({v for _, *pair in doubles for v in pair} | gone))

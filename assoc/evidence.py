@@ -108,7 +108,7 @@ def _first(blocks: Blocks, mean_r: FloatArray, variance: FloatArray, constant: F
     """(B, T, n) evidence of each block as if it were the first of the pair."""
     e2 = mean_r[..., 0] ** 2 + mean_r[..., 1] ** 2
     log_p = constant + _log_density(e2, prior + variance, np.asarray(prior))
-    return np.asarray(np.maximum(log_p - _first_null(blocks, slice(None), noise), _FIRST_LEAST))
+    return np.clip(log_p - _first_null(blocks, slice(None), noise), _FIRST_LEAST, noise.increment_max)
 
 
 def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,

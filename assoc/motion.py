@@ -188,6 +188,8 @@ class ReportLog:
         log_density[fresh] = 0.0
         self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
         jump = np.where((e2 > _JUMP * s) & ~fresh[:, None], e2, 0.0)
+        # a jump is as likely for the unrelated as for a pair: the same widening by e²
+        log_density = np.where(jump > 0.0, -np.log(2 * np.pi * (s + e2)) - 0.5, log_density)
         return np.asarray(log_density), jump
 
     def _trim(self) -> None:
