@@ -40,5 +40,5 @@ def gnss(rng: np.random.Generator, *, white: float = 0.3, bias: float = 0.5, **p
 
 def road(k: int, *, vehicles: int = 7, **parts: Any) -> Ground:  # noqa: ANN401 - the fields of a ground
     """Straight, curved or open, in turn."""
-    kind = ("straight", "curved", "open")[k % 3]
-    return Ground(**({"kind": kind, "vehicles": vehicles, "spacing_m": 8.0, "bend_deg": 35.0} | parts))
+    ordinary: dict[str, Any] = {"kind": ("straight", "curved", "open")[k % 3], "spacing_m": 8.0, "bend_deg": 35.0}
+    return Ground(**(ordinary | {"vehicles": vehicles} | parts))

@@ -103,11 +103,15 @@ FAMILIES: dict[int, Family] = dict(
         _family(6, "false-pos", _of(standard.false_positives, standard.GROUNDS), _of(harder.false_positives, _THREE)),
         _family(7, "occlusion", _of(standard.occlusion, standard.GROUNDS), _of(harder.occlusion, _THREE)),
         _family(8, "in-out", _of(standard.in_out, standard.GROUNDS), _of(harder.in_out, harder.WIDE)),
-        _family(9, "hard-geom", _of(standard.hard_geometry, standard.FORMATIONS), _of(harder.hard_geometry, harder.TIGHT)),
+        _family(
+            9, "hard-geom", _of(standard.hard_geometry, standard.FORMATIONS), _of(harder.hard_geometry, harder.TIGHT)
+        ),
         _family(10, "oblique", _of(standard.oblique, standard.MOUNTS), _of(harder.oblique, harder.MOUNTS)),
         _family(11, "scale", _of(standard.scale, _CROWDS), _of(harder.scale, ("straight", "curved"))),
         _family(12, "no-heading", _of(standard.no_heading, standard.GROUNDS), _of(harder.no_heading, _COLUMNS)),
-        _family(13, "bad-telem", _of(standard.bad_telemetry, standard.FAULTS), _of(harder.bad_telemetry, harder.FAULTS)),
+        _family(
+            13, "bad-telem", _of(standard.bad_telemetry, standard.FAULTS), _of(harder.bad_telemetry, harder.FAULTS)
+        ),
         _family(14, "pose-free", _of(standard.pose_free, standard.GROUNDS), _of(harder.pose_free, harder.BLIND)),
         _family(15, "unmodelled", _of(standard.unmodelled, standard.UNLIKE), _of(harder.unmodelled, harder.UNLIKE)),
     )

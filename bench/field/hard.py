@@ -52,7 +52,8 @@ def paper_noise(k: int, rng: np.random.Generator) -> Scenario:
 
 def corr_gnss(k: int, rng: np.random.Generator) -> Scenario:
     _, n, bias = CLOSE[k]
-    return session(ground=road(k, vehicles=n, spacing_m=6.0), gnss=gnss(rng, bias=bias), attitude=slight(rng))
+    ground = road(k, vehicles=n, lanes=3, spacing_m=18.0, lane_changes_per_min=4.0, area_m=(70.0, 38.0))
+    return session(ground=ground, flight=Flight(height_m=58.0), gnss=gnss(rng, bias=bias), attitude=slight(rng))
 
 
 def attitude(k: int, rng: np.random.Generator) -> Scenario:
@@ -83,9 +84,9 @@ def timing(k: int, rng: np.random.Generator) -> Scenario:
 
 def false_positives(k: int, rng: np.random.Generator) -> Scenario:
     """Three or four look-alikes among ours."""
-    ground = road(k, area_m=(50.0, 28.0))
+    ground = road(k, spacing_m=11.0, area_m=(56.0, 32.0))
     alike = Targets(lookalikes=3 + k % 2)
-    flight = Flight(height_m=44.0)
+    flight = Flight(height_m=50.0)
     return session(ground=ground, flight=flight, gnss=gnss(rng, bias=2.0), attitude=slight(rng), targets=alike)
 
 

@@ -16,7 +16,14 @@ __all__ = [
 ]  # fmt: skip
 
 GROUNDS = ("straight", "curved", "open", "straight 2", "curved 2", "open 2")
-VIEWS = ("straight 1 m 0°", "curved 2 m 90°", "straight 3 m 180°", "curved 4 m 0°", "straight 4 m 90°", "curved 1 m 180°")
+VIEWS = (
+    "straight 1 m 0°",
+    "curved 2 m 90°",
+    "straight 3 m 180°",
+    "curved 4 m 0°",
+    "straight 4 m 90°",
+    "curved 1 m 180°",
+)
 BIASES_M = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 FORMATIONS = ("line", "column", "wedge", "grid", "3 + person", "parked")
 MOUNTS = ("-45°", "orbit -45°", "climb", "yaw 12°/s", "fixed", "fixed -60°")

@@ -1,0 +1,133 @@
+"""What is counted of one method on one session, so that families can be added up exactly.
+
+The words are those of :mod:`gcs.score`; beyond them: an appearance of a vehicle begins when it is first seen and after
+every two seconds unseen; its time to identity is how long it is seen before a right name that then holds for a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.field.scene import Scene
+from bench.field.windows import UNANSWERED
+from gcs.score import Matched, score
+
+__all__ = ["EDGES", "Tally", "delays", "matched_names", "tally"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+AWAY_S, HOLD_S, LEAST_S = 2.0, 1.0, 2.0
+SURE = 0.9
+EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
+"""Lower edges of the confidence bins; all from 0.9 on are one bin of the ECE."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """Counts of boxes unless said otherwise."""
+
+    frames: int
+    ours: int
+    false: int
+    """Boxes of false targets, clutter included."""
+    named: int
+    right: int
+    ours_named: int
+    false_named: int
+    answered: int
+    """Boxes of ours in windows in which the method answered at all."""
+    switches: int
+    """Changes of a vehicle's name from one id to another."""
+    wrong_sure_s: float
+    """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
+    track_idf1: float
+    bins: FloatArray = field(default_factory=lambda: np.zeros((len(EDGES), 3)))
+    """(bins, 3) named boxes, sum of their confidence, how many are right."""
+    first_s: tuple[float, ...] = ()
+    """Time to identity of first appearances, inf never."""
+    again_s: tuple[float, ...] = ()
+    """The same of later ones."""
+
+
+def tally(m: Matched, fps: float) -> Tally:
+    """Count matched boxes; names below 0 are unanswered."""
+    whole = score(m)
+    ours, false, named = m.truth > 0, (m.truth <= 0) & (m.named > UNANSWERED), m.named > 0
+    right = ours & (m.named == m.truth)
+    first, again = _appearances(m, right, fps)
+    return Tally(
+        frames=whole.frames,
+        ours=int(ours.sum()),
+        false=int(false.sum()),
+        named=int(named.sum()),
+        right=int(right.sum()),
+        ours_named=int((ours & named).sum()),
+        false_named=int((false & named).sum()),
+        answered=int((ours & (m.named > UNANSWERED)).sum()),
+        switches=whole.switches,
+        wrong_sure_s=float((named & ~right & (m.confidence >= SURE)).sum()) / fps,
+        track_idf1=whole.track_idf1,
+        bins=_bins(m.confidence[named], right[named]),
+        first_s=first,
+        again_s=again,
+    )
+
+
+def matched_names(scene: Scene, answers: list[IntArray]) -> Matched:
+    """A competitor's answers as matched boxes; every box is its own true box."""
+    truth = np.concatenate([look.truth for look in scene.looks])
+    frame = np.repeat(np.arange(len(scene.looks)), [len(look.body) for look in scene.looks])
+    return Matched(
+        frame=frame.astype(np.int64),
+        time_us=frame / scene.fps * 1e6,
+        truth=truth,
+        named=np.concatenate(answers),
+        track=np.concatenate([look.body for look in scene.looks]) + 1,
+        confidence=np.full(len(truth), np.nan),
+    )
+
+
+def _bins(confidence: FloatArray, right: NDArray[np.bool_]) -> FloatArray:
+    known = np.isfinite(confidence)
+    place = np.searchsorted(EDGES, confidence[known], side="right") - 1
+    columns = (np.ones(len(place)), confidence[known], right[known].astype(np.float64))
+    return np.stack([np.bincount(place, weights=c, minlength=len(EDGES)) for c in columns], axis=-1)
+
+
+def _appearances(m: Matched, right: NDArray[np.bool_], fps: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    first: list[float] = []
+    again: list[float] = []
+    for vehicle in np.unique(m.truth[m.truth > 0]):
+        rows = np.flatnonzero(m.truth == vehicle)
+        rows = rows[np.argsort(m.frame[rows], kind="stable")]
+        times = delays(m.frame[rows] / fps, right[rows])
+        first += [wait for k, wait in times if k == 0]
+        again += [wait for k, wait in times if k > 0]
+    return tuple(first), tuple(again)
+
+
+def delays(t: FloatArray, right: NDArray[np.bool_]) -> list[tuple[int, float]]:
+    """Times to identity of one vehicle.
+
+    Args:
+        t: (k,) seconds at which it is seen, increasing.
+        right: (k,) whether its name is right.
+
+    Returns:
+        (number of the appearance, seconds until a right name that holds for a second, inf without) for each appearance
+        of two seconds and more.
+    """
+    parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > AWAY_S) + 1)
+    return [(k, _delay(t[part], right[part])) for k, part in enumerate(parts) if t[part[-1]] - t[part[0]] >= LEAST_S]
+
+
+def _delay(t: FloatArray, right: NDArray[np.bool_]) -> float:
+    wrong = np.concatenate([t[~right], [np.inf]])
+    # the next moment at which the name is not right
+    until = wrong[np.searchsorted(wrong, t, side="left")]
+    held = right & (until > t + HOLD_S) & (t + HOLD_S <= t[-1] + 1e-9)
+    return float(t[np.argmax(held)] - t[0]) if held.any() else float("inf")

@@ -1,0 +1,66 @@
+"""The product on a session: the recording is opened, folded and logged as ``gcs identify`` does it."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.analysis import Analysis
+from gcs.identitylog import EventLog, IdentityLog, read_identity
+from gcs.score import Matched, match
+from gcs.session import open_session
+from gcs.tables import read_table
+
+__all__ = ["Played", "identify"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """What the product made of a session."""
+
+    matched: Matched
+    wall_ms: NDArray[np.float64]
+    """(frames,) from one snapshot to the next: reading packets, tracking, naming."""
+    cpu_ms: NDArray[np.float64]
+    """(frames,) the same in processor time, which other programs on the machine do not add to."""
+    accused: frozenset[int]
+    """System ids whose reports were said to contradict the picture."""
+
+
+def identify(folder: Path, out: Path) -> Played:
+    """Fold the session in ``folder``; its logs go to ``out``, which must not exist."""
+    analysis = Analysis(open_session(folder))
+    wall, cpu = [], []
+    try:
+        with IdentityLog(out) as log:
+            events = EventLog(out / "events.jsonl")
+            snapshots = analysis.snapshots(images=False)
+            while True:
+                wall_s, cpu_s = time.perf_counter(), time.thread_time()
+                snapshot = next(snapshots, None)
+                if snapshot is None:
+                    break
+                wall.append(1e3 * (time.perf_counter() - wall_s))
+                cpu.append(1e3 * (time.thread_time() - cpu_s))
+                log.write(snapshot)
+                events.write(snapshot.events)
+            events.close()
+    finally:
+        analysis.close()
+    true = read_table(folder / "truth.csv", ("frame", "cx", "cy", "w", "h", "angle", "system_id"))
+    return Played(
+        matched=match(true, read_identity(out / "identity.csv")),
+        wall_ms=np.array(wall),
+        cpu_ms=np.array(cpu),
+        accused=_accused(out / "events.jsonl"),
+    )
+
+
+def _accused(path: Path) -> frozenset[int]:
+    events = [json.loads(line) for line in path.read_text().splitlines()]
+    return frozenset(e["system_id"] for e in events if e["level"] == "alarm" and e["kind"] == "identity")

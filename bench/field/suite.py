@@ -1,0 +1,163 @@
+"""Runs sessions of the families in worker processes and writes the tables."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bench.field.families import FAMILIES, Split, label_of, scenario_of, seeds_of
+from bench.field.figure import MISSING, draw_reliability
+from bench.field.measure import Tally, matched_names, tally
+from bench.field.product import identify
+from bench.field.residual import mean_residual
+from bench.field.scene import scene_of
+from bench.field.summary import Outcome
+from bench.field.tables import report, write_reliability, write_sessions
+from bench.field.windows import by_windows
+from sim.scenario import FIRST_UGV_ID, Scenario
+from sim.session import write_session
+
+__all__ = ["Task", "play", "run", "tasks_of"]
+
+WORKERS = 2
+QUICK_S = 20.0
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """One session to be played."""
+
+    family: int
+    hard: bool
+    seed: int
+    duration_s: float | None = None
+    """Shorter than the family has it."""
+    rivals: bool = True
+
+
+def play(task: Task) -> Outcome:
+    """Generate one session, let the product and the others name it, count."""
+    scenario = scenario_of(task.family, task.hard, task.seed)
+    if task.duration_s is not None:
+        scenario = replace(scenario, duration_s=min(task.duration_s, scenario.duration_s))
+    with tempfile.TemporaryDirectory(prefix="field-") as folder:
+        session = Path(folder) / "session"
+        write_session(scenario, session)
+        played = identify(session, Path(folder) / "out")
+    rivals: dict[str, Tally] = {}
+    if task.rivals:
+        scene = scene_of(scenario)
+        answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]
+        rivals = {name: tally(matched_names(scene, said), scenario.fps) for name, said in answers}
+    return Outcome(
+        family=task.family,
+        hard=task.hard,
+        seed=task.seed,
+        label=label_of(task.family, task.hard, task.seed),
+        vehicles=scenario.fleet_size,
+        product=tally(played.matched, scenario.fps),
+        rivals=rivals,
+        wall_ms=played.wall_ms,
+        cpu_ms=played.cpu_ms,
+        spoofed=_spoofed(scenario),
+        accused=played.accused,
+    )
+
+
+def _spoofed(scenario: Scenario) -> frozenset[int]:
+    spoofs = [fault for fault in scenario.faults if fault.kind == "spoof"]
+    return frozenset(FIRST_UGV_ID + vehicle for fault in spoofs for vehicle in (fault.vehicle, fault.other))
+
+
+def tasks_of(
+    *,
+    split: Split = "report",
+    quick: bool = False,
+    families: Sequence[int] = (),
+    versions: Sequence[bool] = (False, True),
+) -> list[Task]:
+    """The sessions of a run, the longest first.
+
+    Args:
+        split: tuning or reporting seeds.
+        quick: one short session of each family and version.
+        families: numbers; empty: all.
+        versions: False standard, True hard.
+    """
+    most, duration_s = (1, QUICK_S) if quick else (None, None)
+    tasks = [
+        Task(family=family, hard=hard, seed=seed, duration_s=duration_s)
+        for family in (families or FAMILIES)
+        for hard in versions
+        for seed in seeds_of(family, hard, split, most)
+    ]
+    return sorted(tasks, key=lambda task: task.family != 11)
+
+
+def run(
+    out: Path,
+    quick: bool = False,
+    *,
+    split: Split = "report",
+    families: Sequence[int] = (),
+    versions: Sequence[bool] = (False, True),
+    workers: int = WORKERS,
+    say: Callable[[str], None] = lambda _: None,
+) -> str:
+    """Play the suite; write ``field.md``, ``sessions.csv``, ``reliability.csv`` and ``reliability.png`` into a folder.
+
+    Args:
+        out: is made; files of these names in it are replaced.
+        quick: one short session of each family and version, for a look.
+        split: tuning or reporting seeds.
+        families: numbers; empty: all.
+        versions: False standard, True hard.
+        workers: processes.
+        say: told of every session as it ends.
+
+    Returns:
+        the text of ``field.md``.
+    """
+    began = time.monotonic()
+    tasks = tasks_of(split=split, quick=quick, families=families, versions=versions)
+    outcomes = sorted(_played(tasks, workers, say), key=lambda o: (o.family, o.hard, o.seed))
+    title = f"{'quick look, ' if quick else ''}{'reporting' if split == 'report' else 'tuning'} seeds"
+    text = report(outcomes, title)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "field.md").write_text(text, encoding="utf-8")
+    write_sessions(outcomes, out / "sessions.csv")
+    write_reliability(outcomes, out / "reliability.csv")
+    if not draw_reliability(out / "reliability.csv", out / "reliability.png"):
+        say(MISSING)
+    say(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {out}")
+    return text
+
+
+def _played(tasks: Sequence[Task], workers: int, say: Callable[[str], None]) -> list[Outcome]:
+    outcomes = []
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    # numerical libraries read these when a worker loads them
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    try:
+        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(play, task) for task in tasks]):
+                outcomes.append(done.result())
+                say(_line(outcomes[-1], len(outcomes), len(tasks)))
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+    return outcomes
+
+
+def _line(o: Outcome, done: int, all_of: int) -> str:
+    p = o.product
+    shares = f"precision {100 * p.right / max(p.named, 1):.2f} right {100 * p.right / max(p.ours, 1):.2f}"
+    version = "hard" if o.hard else "standard"
+    return f"{done}/{all_of}  {o.family} {FAMILIES[o.family].name} {version} seed {o.seed} ({o.label}): {shares}"

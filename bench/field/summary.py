@@ -1,0 +1,123 @@
+"""Sessions added up: shares of all boxes of a family, not means of sessions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.field.measure import EDGES, Tally
+
+__all__ = ["NAN", "Outcome", "Summary", "ece_of", "percentile", "summarise"]
+
+FloatArray = NDArray[np.float64]
+
+NAN = float("nan")
+ANSWERS_AT_LEAST = 0.5
+"""Below this share of answered boxes a method counts as not applicable."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """One session and what every method made of it."""
+
+    family: int
+    hard: bool
+    seed: int
+    label: str
+    vehicles: int
+    product: Tally
+    rivals: dict[str, Tally]
+    wall_ms: FloatArray
+    cpu_ms: FloatArray
+    spoofed: frozenset[int]
+    """System ids of the vehicle that spoofs and of the one it copies; empty without a spoof."""
+    accused: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """One method on several sessions. Shares in percent; NaN where there is nothing to take a share of."""
+
+    sessions: int
+    ours: int
+    precision: float
+    right: float
+    coverage: float
+    fper: float
+    answered: float
+    switches: int
+    idf1: float
+    track_idf1: float
+    """Mean over sessions."""
+    ece: float
+    wrong_sure_s: float
+    """In all sessions."""
+    wrong_sure_worst_s: float
+    """In the worst session."""
+    first_median_s: float
+    first_p90_s: float
+    again_median_s: float
+    again_p90_s: float
+
+    @property
+    def applicable(self) -> bool:
+        """Whether the method answered often enough to be compared."""
+        return self.answered >= 100.0 * ANSWERS_AT_LEAST
+
+
+def summarise(tallies: Sequence[Tally]) -> Summary:
+    """Add up."""
+    total = {name: sum(int(getattr(t, name)) for t in tallies) for name in _COUNTS}
+    first = [wait for t in tallies for wait in t.first_s]
+    again = [wait for t in tallies for wait in t.again_s]
+    sure = [t.wrong_sure_s for t in tallies]
+    return Summary(
+        sessions=len(tallies),
+        ours=total["ours"],
+        precision=_percent(total["right"], total["named"]),
+        right=_percent(total["right"], total["ours"]),
+        coverage=_percent(total["ours_named"], total["ours"]),
+        fper=_percent(total["false"] - total["false_named"], total["false"]),
+        answered=_percent(total["answered"], total["ours"]),
+        switches=total["switches"],
+        # 2 IDTP / (2 IDTP + IDFP + IDFN)
+        idf1=_percent(2 * total["right"], total["ours"] + total["named"]),
+        track_idf1=100.0 * float(np.nanmean([t.track_idf1 for t in tallies])) if tallies else NAN,
+        ece=ece_of(np.sum([t.bins for t in tallies], axis=0)) if tallies else NAN,
+        wrong_sure_s=sum(sure),
+        wrong_sure_worst_s=max(sure, default=0.0),
+        first_median_s=percentile(first, 50.0),
+        first_p90_s=percentile(first, 90.0),
+        again_median_s=percentile(again, 50.0),
+        again_p90_s=percentile(again, 90.0),
+    )
+
+
+_COUNTS = ("ours", "named", "right", "ours_named", "false", "false_named", "answered", "switches")
+
+
+def ece_of(bins: FloatArray) -> float:
+    """Σ share · |mean confidence − share right| over ten bins; the fine ones above 0.9 are put together.
+
+    Args:
+        bins: (bins, 3) as :class:`~bench.field.measure.Tally` has them.
+    """
+    tenth = np.minimum((EDGES * 10 + 1e-9).astype(np.int64), 9)
+    ten = np.zeros((10, 3))
+    np.add.at(ten, tenth, bins)
+    total = float(ten[:, 0].sum())
+    return float(np.abs(ten[:, 1] - ten[:, 2]).sum() / total) if total else NAN
+
+
+def percentile(values: Iterable[float], percent: float) -> float:
+    """The least value that so many percent do not exceed; inf counts as later than all others."""
+    ranked = sorted(values)
+    return ranked[max(0, math.ceil(percent / 100.0 * len(ranked)) - 1)] if ranked else NAN
+
+
+def _percent(part: int, whole: int) -> float:
+    return 100.0 * part / whole if whole else NAN

@@ -1,0 +1,170 @@
+"""The results as text: a table per version, the goals, the sessions one by one, the confidence bins."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from bench.field.families import FAMILIES
+from bench.field.goals import GOALS, judge
+from bench.field.measure import EDGES
+from bench.field.summary import Outcome, Summary, summarise
+
+__all__ = ["RIVALS", "report", "write_reliability", "write_sessions"]
+
+RIVALS = ("projection", "topology", "fused", "TTS", "mean residual")
+_HEAD = (
+    *("family", "sessions", "precision", "right", "coverage", "FPER", "first s, median / p90", "again s, median / p90"),
+    *("wrong ≥ 0.9, s", "ECE", "switches", "IDF1", "tracks' IDF1", "CPU ms a frame, mean / p95"),
+)
+
+
+def report(outcomes: Sequence[Outcome], title: str) -> str:
+    """All tables in Markdown."""
+    parts = [f"# Field suite: {title}", _WORDS]
+    for hard in (False, True):
+        mine = [o for o in outcomes if o.hard == hard]
+        if mine:
+            parts += [f"## {'Hard' if hard else 'Standard'} ({len(mine)} sessions)", "### The product"]
+            parts += [_product_table(mine), "### Beside the others: precision / right (FPER), %", _rival_table(mine)]
+    parts += ["## Goals not met", _missed(outcomes), "## Sessions with most boxes not named rightly", _worst(outcomes)]
+    return "\n\n".join(parts) + "\n"
+
+
+_WORDS = """\
+Shares in percent of all boxes. precision: right names of names given. right: rightly named of our boxes. coverage:
+named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in the picture before a right
+name that then holds for a second; again: the same after two seconds unseen. wrong ≥ 0.9: vehicle-seconds with a wrong
+name at confidence 0.9 or more. Milliseconds are processor time of one thread for everything that is done for a frame.
+
+The others have perfect tracks. projection, topology, fused (Chen, Du, Wu 2025, doi:10.3390/drones9090612) and TTS (Li
+et al. 2022, doi:10.3390/drones6050119) name windows of 10 + 2 frames; n/a: more than half the windows need over 50 000
+assignments. mean residual: the reported camera pose at face value, who has been nearest for two seconds."""
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(row) + " |" for row in lines)
+
+
+def _grouped(outcomes: Sequence[Outcome]) -> list[tuple[str, list[Outcome]]]:
+    numbers = sorted({o.family for o in outcomes})
+    groups = [(f"{n} {FAMILIES[n].name}", [o for o in outcomes if o.family == n]) for n in numbers]
+    with_goals = [o for o in outcomes if o.family != 15]
+    return [*groups, ("1–14", with_goals)] if len(groups) > 1 and with_goals else groups
+
+
+def _product_table(outcomes: Sequence[Outcome]) -> str:
+    rows = [_product_row(name, group) for name, group in _grouped(outcomes)]
+    return _table((*_HEAD, "goals"), rows)
+
+
+def _product_row(name: str, group: Sequence[Outcome]) -> list[str]:
+    s = summarise([o.product for o in group])
+    cpu = np.concatenate([o.cpu_ms for o in group])
+    return [
+        name,
+        str(s.sessions),
+        *(number(v) for v in (s.precision, s.right, s.coverage, s.fper)),
+        f"{number(s.first_median_s)} / {number(s.first_p90_s)}",
+        f"{number(s.again_median_s)} / {number(s.again_p90_s)}",
+        number(s.wrong_sure_s, 1),
+        number(s.ece, 3),
+        str(s.switches),
+        number(s.idf1, 1),
+        number(s.track_idf1, 1),
+        f"{cpu.mean():.1f} / {np.percentile(cpu, 95):.1f}",
+        _goals_of(group) if len({o.family for o in group}) == 1 else "",
+    ]
+
+
+def _goals_of(group: Sequence[Outcome]) -> str:
+    verdicts = [judge(g, group) for g in GOALS if (g.family, g.hard) == (group[0].family, group[0].hard)]
+    known = [v for v in verdicts if v.met is not None]
+    missed = [v.text() for v in known if not v.met]
+    return "; ".join(missed) if missed else ("met" if known else "–")
+
+
+def _rival_table(outcomes: Sequence[Outcome]) -> str:
+    rows = []
+    for name, group in _grouped(outcomes):
+        own = _three(summarise([o.product for o in group]))
+        rows.append([name, f"**{own}**", *(_three(summarise([o.rivals[r] for o in group])) for r in RIVALS)])
+    return _table(("family", "the product", *RIVALS), rows)
+
+
+def _three(s: Summary) -> str:
+    if not s.applicable:
+        return "n/a"
+    text = f"{number(s.precision, 1)} / {number(s.right, 1)}"
+    return text if math.isnan(s.fper) else f"{text} ({number(s.fper, 1)})"
+
+
+def _missed(outcomes: Sequence[Outcome]) -> str:
+    rows = []
+    for verdict in (judge(goal, outcomes) for goal in GOALS):
+        if verdict.met is False:
+            version = "hard" if verdict.goal.hard else "standard"
+            rows.append([f"{verdict.goal.family} {FAMILIES[verdict.goal.family].name}", version, verdict.text()])
+    return _table(("family", "version", "goal"), rows) if rows else "None."
+
+
+def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
+    ranked = sorted(outcomes, key=lambda o: o.product.right / max(o.product.ours + o.product.false_named, 1))
+    rows = []
+    for o in ranked[:most]:
+        s = summarise([o.product])
+        name = f"{o.family} {FAMILIES[o.family].name}{', hard' if o.hard else ''}: {o.label}"
+        shares = (s.precision, s.right, s.fper, s.track_idf1)
+        rows.append([name, str(o.seed), *(number(v, 1) for v in shares), number(s.wrong_sure_s, 1)])
+    return _table(("session", "seed", "precision", "right", "FPER", "tracks' IDF1", "wrong ≥ 0.9, s"), rows)
+
+
+def number(value: float, digits: int = 2) -> str:
+    """A number or what stands for none: – unknown, never for an infinite time."""
+    if math.isnan(value):
+        return "–"
+    return "never" if math.isinf(value) else f"{value:.{digits}f}"
+
+
+def write_sessions(outcomes: Sequence[Outcome], path: Path) -> None:
+    """One row per session and method; shares in percent."""
+    names = (
+        *("precision", "right", "coverage", "fper", "answered", "switches", "idf1", "track_idf1", "ece"),
+        *("wrong_sure_s", "first_median_s", "first_p90_s", "again_median_s", "again_p90_s"),
+    )
+    times = ("cpu_mean_ms", "cpu_p95_ms", "wall_mean_ms", "wall_p95_ms")
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(("family", "version", "seed", "label", "method", *names, *times))
+        for o in outcomes:
+            head = (o.family, "hard" if o.hard else "standard", o.seed, o.label)
+            for method, one in (("product", o.product), *o.rivals.items()):
+                s = summarise([one])
+                cells = [f"{getattr(s, name):.6g}" for name in names]
+                spent = [f"{f(ms):.3f}" for ms in (o.cpu_ms, o.wall_ms) for f in (np.mean, _p95)]
+                rows.writerow((*head, method, *cells, *(spent if method == "product" else [""] * 4)))
+
+
+def _p95(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    return float(np.percentile(values, 95))
+
+
+def write_reliability(outcomes: Sequence[Outcome], path: Path) -> None:
+    """Named boxes of the product by confidence: how many, their mean confidence, the share that is right."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(("version", "from", "to", "boxes", "mean_confidence", "share_right"))
+        for version, hard in (("standard", False), ("hard", True)):
+            total = np.sum([o.product.bins for o in outcomes if o.hard == hard], axis=0)
+            if not np.ndim(total):
+                continue
+            for low, high, (n, confidence, right) in zip(EDGES, [*EDGES[1:], 1.0], total, strict=True):
+                if n:
+                    rows.writerow(
+                        (version, f"{low:g}", f"{high:g}", int(n), f"{confidence / n:.5f}", f"{right / n:.5f}")
+                    )
