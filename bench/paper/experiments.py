@@ -1,0 +1,326 @@
+"""The conditions of the published experiments, and what every method makes of one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.paper.films import dense_road, false_box_road, field, film, paper_road
+from bench.paper.methods import METHODS, Answer, Noise, identify
+from bench.paper.windows import Window, windows
+from sim.scenario import Scenario
+
+__all__ = ["Condition", "Count", "Miss", "conditions", "evaluate"]
+
+ROADS, ROTATIONS = ("straight", "curved"), (0.0, 90.0, 180.0)
+FRAMES = 12
+TOPOLOGY = ("topology", "topology signed", "TTS", "TTS one step", "TTS all pairs")
+CONTINUOUS = "identifier, continuous"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Condition:
+    """One point of an experiment: the flights, the noise, who is asked."""
+
+    experiment: str
+    case: str
+    rotation_deg: float = 0.0
+    noise: Noise
+    methods: tuple[str, ...]
+    flights: tuple[Scenario, ...]
+    frames: int = FRAMES
+    boxes: int = 6
+    visible: int = 6
+    most: int
+    """Windows used."""
+    wander: bool = False
+    span_m: float = np.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Count:
+    """What a method got right in a condition. Boxes of labelled frames."""
+
+    experiment: str
+    case: str
+    rotation_deg: float
+    sigma_m: float
+    sigma_topology: float
+    method: str
+    frames: int
+    """In all windows."""
+    ours: int
+    """Boxes on vehicles of ours."""
+    named: int
+    """Boxes of any kind that were given a vehicle."""
+    right: int
+    false: int
+    """Boxes on nobody of ours."""
+    excluded: int
+    """Of these, given no vehicle."""
+
+    @property
+    def precision(self) -> float:
+        """TP / (TP + FP), %."""
+        return 100.0 * self.right / self.named if self.named else float("nan")
+
+    @property
+    def recall(self) -> float:
+        """Boxes of ours that were named rightly, %."""
+        return 100.0 * self.right / self.ours if self.ours else float("nan")
+
+    @property
+    def fper(self) -> float:
+        """False boxes left out, %."""
+        return 100.0 * self.excluded / self.false if self.false else float("nan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Miss:
+    """One box that the identifier did not answer rightly."""
+
+    experiment: str
+    case: str
+    rotation_deg: float
+    sigma_m: float
+    method: str
+    flight: str
+    seed: int
+    start: int
+    """First frame of the window."""
+    truth: int
+    """Index of the vehicle, −1 not ours."""
+    said: int
+    confidence: float
+
+
+def conditions(quick: bool) -> list[Condition]:
+    """Everything that is measured, roughly the costliest first.
+
+    Args:
+        quick: A few noise levels, one flight each.
+    """
+    return [*_variants(quick), *_false(quick), *_field(quick), *_figure7(quick), *_figure9(quick), *_figure8(quick)]
+
+
+def _levels(start: float, stop: float, step: float, quick: bool) -> list[float]:
+    values = np.arange(start, stop + step / 2.0, step).tolist()
+    return [values[0], values[len(values) // 2], values[-1]] if quick else values
+
+
+def _roads(road: str, rotation: float, quick: bool) -> tuple[Scenario, ...]:
+    return tuple(paper_road(road, rotation, seed) for seed in range(1, 2 if quick else 5))
+
+
+def _most(quick: bool) -> int:
+    """Windows of twelve frames: more than 1000 frames."""
+    return 4 if quick else 84
+
+
+def _figure7(quick: bool) -> list[Condition]:
+    """Projection against white noise on the relative coordinates."""
+    return [
+        Condition(
+            experiment="figure 7",
+            case=road,
+            rotation_deg=rotation,
+            noise=Noise(position_m=sigma, topology=0.0),
+            methods=("projection", "mean residual", "identifier"),
+            flights=_roads(road, rotation, quick),
+            most=_most(quick),
+        )
+        for road in ROADS
+        for rotation in ROTATIONS
+        for sigma in _levels(0.0, 4.0, 0.25, quick)
+    ]
+
+
+def _figure8(quick: bool) -> list[Condition]:
+    """Topology and TTS against noise on positions and angles; figure 10 takes its rows without rotation."""
+    return [
+        Condition(
+            experiment="figure 8",
+            case=road,
+            rotation_deg=rotation,
+            noise=Noise(position_m=sigma, topology=sigma, heading_deg=sigma),
+            methods=(*TOPOLOGY, "identifier") if rotation == 0.0 else TOPOLOGY,
+            flights=_roads(road, rotation, quick),
+            most=_most(quick),
+        )
+        for road in ROADS
+        for rotation in ROTATIONS
+        for sigma in _levels(0.0, 10.0, 1.0, quick)
+    ]
+
+
+def _figure9(quick: bool) -> list[Condition]:
+    """Both fused, each with noise of its own."""
+    return [
+        Condition(
+            experiment="figure 9",
+            case=road,
+            rotation_deg=rotation,
+            noise=Noise(position_m=sigma, topology=sigma + 0.5, heading_deg=sigma + 0.5),
+            methods=("projection", "topology", "fusion", *(("identifier",) if rotation == 0.0 else ())),
+            flights=_roads(road, rotation, quick),
+            most=_most(quick),
+        )
+        for road in ROADS
+        for rotation in ROTATIONS
+        for sigma in _levels(0.25, 4.0, 0.25, quick)
+    ]
+
+
+def _variants(quick: bool) -> list[Condition]:
+    """The identifier with less or more to go by, and nine vehicles close together."""
+    result = []
+    for road in ROADS:
+        for sigma in (1.0, 4.0):
+            noise = Noise(position_m=sigma, topology=sigma)
+            flights = _roads(road, 0.0, quick)
+            told = ("identifier, yaw unknown", "identifier, no headings", "identifier, every frame")
+            result.append(_variant("12 frames", road, noise, told, flights, _most(quick)))
+            result.append(
+                _variant("36 frames", road, noise, ("identifier",), flights, _most(quick) // 3 + 1, frames=36)
+            )
+        close = tuple(dense_road(road, seed) for seed in range(1, 2 if quick else 9))
+        noise = Noise(position_m=4.0, topology=4.0, report_every=2)
+        asked = (
+            "topology",
+            "least squares, true places",
+            "mean residual",
+            "identifier",
+            "identifier, yaw unknown",
+            "identifier, every frame",
+        )
+        most = 3 if quick else 84
+        result.append(_variant("dense, 12 frames", road, noise, asked, close, most, vehicles=9, span_m=28.0))
+        result.append(
+            _variant("dense, 36 frames", road, noise, ("identifier",), close, most // 3, 36, vehicles=9, span_m=28.0)
+        )
+    return result
+
+
+def _variant(
+    name: str,
+    road: str,
+    noise: Noise,
+    methods: tuple[str, ...],
+    flights: tuple[Scenario, ...],
+    most: int,
+    frames: int = FRAMES,
+    vehicles: int = 6,
+    span_m: float = np.inf,
+) -> Condition:
+    return Condition(
+        experiment=name, case=road, noise=noise, methods=methods, flights=flights, most=most, frames=frames,
+        boxes=vehicles, visible=vehicles, span_m=span_m,
+    )  # fmt: skip
+
+
+def _false(quick: bool) -> list[Condition]:
+    """Six vehicles, seven boxes; more than 1800 frames over the two kinds of false box."""
+    return [
+        Condition(
+            experiment="false box",
+            case=kind,
+            noise=Noise(position_m=sigma, topology=sigma),
+            methods=("projection", "topology", "TTS", "TTS one step", "identifier"),
+            flights=tuple(false_box_road(kind, seed) for seed in range(1, 2 if quick else 9)),
+            boxes=7,
+            most=4 if quick else 77,
+        )
+        for kind in ("look-alike", "still")
+        for sigma in (0.25, 1.0)
+    ]
+
+
+def _field(quick: bool) -> list[Condition]:
+    """Three vehicles and a person, receivers that wander: cold windows, and whole flights."""
+    noise = Noise(position_m=0.0, topology=0.0)
+    flights = tuple(field(seed) for seed in range(1, 2 if quick else 13))
+    cold = ("projection", "topology", "TTS", "TTS one step", "mean residual", "identifier")
+    plans = (("12 frames", 12, cold), ("36 frames", 36, ("identifier",)), ("flights", 240, (CONTINUOUS,)))
+    return [
+        Condition(
+            experiment="field",
+            case=name,
+            noise=noise,
+            methods=methods,
+            flights=flights,
+            frames=frames,
+            boxes=4,
+            visible=3,
+            most=10_000,
+            wander=True,
+        )
+        for name, frames, methods in plans
+    ]
+
+
+def evaluate(condition: Condition) -> tuple[list[Count], list[Miss]]:
+    """Ask every method about every window of a condition."""
+    cut = [(scenario, window) for scenario in condition.flights for window in _cut(condition, scenario)]
+    # spread over the flights, not the first ones alone
+    chosen = [cut[i] for i in np.unique(np.linspace(0, len(cut) - 1, min(condition.most, len(cut))).astype(int))]
+    counts, misses = [], []
+    for method in condition.methods:
+        answers = [(scenario, window, a) for scenario, window in chosen for a in _ask(method, window, condition.noise)]
+        counts.append(_count(condition, method, answers, len(chosen) * condition.frames))
+        if method.startswith("identifier"):
+            misses += [
+                miss for scenario, window, a in answers for miss in _misses(condition, method, scenario, window, a)
+            ]
+    return counts, misses
+
+
+def _cut(condition: Condition, scenario: Scenario) -> list[Window]:
+    return windows(
+        film(scenario), condition.frames, scenario.seed, boxes=condition.boxes, visible=condition.visible,
+        wander=condition.wander, span_m=condition.span_m,
+    )  # fmt: skip
+
+
+def _ask(method: str, window: Window, noise: Noise) -> list[Answer]:
+    """One answer for the last frame; of the continuous identifier one for every frame."""
+    return identify(window, noise) if method == CONTINUOUS else [METHODS[method](window, noise)]
+
+
+def _count(condition: Condition, method: str, answers: list[tuple[Scenario, Window, Answer]], frames: int) -> Count:
+    truth = np.concatenate([window.vehicle for _, window, _ in answers]) if answers else np.empty(0, np.int64)
+    said = np.concatenate([a.vehicle for _, _, a in answers]) if answers else np.empty(0, np.int64)
+    ours = truth >= 0
+    return Count(
+        experiment=condition.experiment,
+        case=condition.case,
+        rotation_deg=condition.rotation_deg,
+        sigma_m=condition.noise.position_m,
+        sigma_topology=condition.noise.topology,
+        method=method,
+        frames=frames,
+        ours=int(np.sum(ours)),
+        named=int(np.sum(said >= 0)),
+        right=int(np.sum((said == truth) & ours)),
+        false=int(np.sum(~ours)),
+        excluded=int(np.sum((said < 0) & ~ours)),
+    )
+
+
+def _misses(condition: Condition, method: str, scenario: Scenario, window: Window, a: Answer) -> list[Miss]:
+    return [
+        Miss(
+            experiment=condition.experiment,
+            case=condition.case,
+            rotation_deg=condition.rotation_deg,
+            sigma_m=condition.noise.position_m,
+            method=method,
+            flight=scenario.name,
+            seed=scenario.seed,
+            start=window.start,
+            truth=int(window.vehicle[row]),
+            said=int(a.vehicle[row]),
+            confidence=float(a.confidence[row]),
+        )
+        for row in np.flatnonzero(a.vehicle != window.vehicle)
+    ]

@@ -1,0 +1,166 @@
+"""Flights of the published experiments, seen through perfect tracks: one array per quantity and flight.
+
+The world, the true boxes and the UAV's own telemetry come from the simulator. Reports of the ground vehicles carry no
+noise yet: each experiment adds its own. ENU metres, radians, pixels; F frames, B bodies, n reporting vehicles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.boxes import in_picture, true_boxes
+from sim.scenario import Attitude, Camera, Detector, Flight, Gnss, Ground, Scenario, Targets
+from sim.sensors import Sensors
+from sim.world import World
+
+__all__ = ["CAMERA", "FPS", "Film", "dense_road", "false_box_road", "field", "film", "paper_road"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+FPS = 10.0
+CAMERA = Camera()
+FLIP, FRONT_NOISE_DEG = 0.04, 3.0
+"""The front classifier: share of boxes turned about, and the angle noise of the boxes."""
+COMPASS_DEG = 2.0
+"""1σ over flights of the error of the UAV's reported yaw."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Film:
+    """One flight of F frames."""
+
+    fps: float
+    uv: FloatArray
+    """(F, B, 2) measured box centres, pixels."""
+    front: FloatArray
+    """(F, B) front of the box as the classifier has it, clockwise from image up."""
+    length_px: FloatArray
+    """(F, B) length of the box."""
+    seen: BoolArray
+    """(F, B) in the picture."""
+    vehicle: IntArray
+    """(B,) index of the vehicle, −1 for what is not ours."""
+    p_enu: FloatArray
+    """(F, n, 3) true positions of the vehicles that report."""
+    heading: FloatArray
+    """(F, n) true headings."""
+    speed: FloatArray
+    """(F, n) m/s."""
+    report_error: FloatArray
+    """(F, n, 2) what the receivers' own error model adds; the experiments with white noise leave it out."""
+    uav_enu: FloatArray
+    """(F, 3) reported position of the UAV."""
+    uav_yaw: FloatArray
+    """(F,) its reported yaw."""
+
+
+def paper_road(road: str, yaw_deg: float, seed: int) -> Scenario:
+    """Six vehicles in the picture and one outside, more than 1 m/s, lane changes."""
+    rng = np.random.default_rng([seed, 612])
+    return Scenario(
+        name=f"paper-{road}",
+        seed=seed,
+        duration_s=28.0,
+        fps=FPS,
+        ground=Ground(
+            kind="straight" if road == "straight" else "curved",
+            vehicles=6,
+            outside=1,
+            speed_mps=6.0,
+            spacing_m=18.0,
+            lanes=2,
+            bend_deg=50.0,
+            bend_length_m=80.0,
+            lane_changes_per_min=5.0,
+            stops_per_min=0.0,
+        ),
+        flight=Flight(height_m=70.0, yaw_deg=yaw_deg),
+        camera=CAMERA,
+        gnss=Gnss(white_m=0.0, bias_m=0.0),
+        attitude=Attitude(compass_bias_deg=float(rng.normal(0.0, COMPASS_DEG))),
+        detector=Detector(angle_noise_deg=FRONT_NOISE_DEG, flip=FLIP),
+    )
+
+
+def dense_road(road: str, seed: int) -> Scenario:
+    """Nine vehicles close together, all of them seen and reporting."""
+    base = paper_road(road, 0.0, seed)
+    return replace(
+        base,
+        name=f"dense-{road}",
+        ground=replace(base.ground, vehicles=9, outside=0, speed_mps=5.0, spacing_m=9.5, lanes=3),
+        flight=Flight(height_m=50.0),
+    )
+
+
+def false_box_road(kind: str, seed: int) -> Scenario:
+    """Six vehicles and a seventh box: a look-alike that drives among them, or something that stands by the road."""
+    base = paper_road("curved", 0.0, seed)
+    targets = Targets(lookalikes=1) if kind == "look-alike" else Targets(still=1)
+    return replace(base, name=f"false-{kind}", ground=replace(base.ground, outside=0), targets=targets)
+
+
+def field(seed: int) -> Scenario:
+    """Three vehicles on open ground and a person, from 39 m, with receivers that wander by 1.5 m."""
+    base = paper_road("straight", 0.0, seed)
+    return replace(
+        base,
+        name="field",
+        ground=Ground(kind="open", vehicles=3, speed_mps=2.0, area_m=(30.0, 20.0), length_m=1.1, width_m=0.8),
+        flight=Flight(height_m=39.0),
+        gnss=Gnss(white_m=0.2, bias_m=1.5, tau_s=60.0),
+        targets=Targets(persons=1),
+    )
+
+
+@lru_cache(maxsize=48)
+def film(scenario: Scenario) -> Film:
+    """Fly and measure; equal scenarios give equal films."""
+    world = World(scenario)
+    sensors = Sensors(world)
+    t = np.arange(scenario.frame_count) / scenario.fps
+    rng = np.random.default_rng([scenario.seed, 9])
+    uv, front, length, seen = _boxes(world, t, rng)
+    n = scenario.fleet_size
+    tracks = [world.track_of(i, t) for i in range(n)]
+    xy = np.stack([track[0] for track in tracks], axis=1)
+    velocity = np.stack([track[1] for track in tracks], axis=1)
+    told = np.stack([sensors.ugv(i, t).p_enu for i in range(n)], axis=1)
+    uav = sensors.uav(t, "paper")
+    return Film(
+        fps=scenario.fps,
+        uv=uv,
+        front=front,
+        length_px=length,
+        seen=seen,
+        vehicle=np.concatenate([np.arange(n), np.full(uv.shape[1] - n, -1)]),
+        p_enu=np.concatenate([xy, np.zeros((len(t), n, 1))], axis=2),
+        heading=np.stack([track[2] for track in tracks], axis=1),
+        speed=np.linalg.norm(velocity, axis=2),
+        report_error=told[..., :2] - xy,
+        uav_enu=uav.p_enu,
+        uav_yaw=uav.yaw,
+    )
+
+
+def _boxes(
+    world: World, t: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Measured centres, fronts, lengths and what is in the picture."""
+    detector = world.scenario.detector
+    views = [world.view(float(now)) for now in t]
+    boxes = [true_boxes(view, world.bodies(float(now))) for view, now in zip(views, t, strict=True)]
+    seen = np.stack([in_picture(view, box) for view, box in zip(views, boxes, strict=True)])
+    uv = np.stack([np.stack([box.cx, box.cy], axis=-1) for box in boxes])
+    uv = uv + rng.normal(0.0, detector.pixel_noise, uv.shape)
+    # heading = angle + π/2
+    front = np.stack([box.angle for box in boxes]) + 0.5 * np.pi
+    front = front + rng.normal(0.0, np.radians(detector.angle_noise_deg), front.shape)
+    front = front + np.pi * (rng.random(front.shape) < detector.flip)
+    return uv, front, np.stack([box.w for box in boxes]), seen

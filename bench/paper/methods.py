@@ -1,0 +1,278 @@
+"""The published methods and the program's identifier on one window; every method labels the window's last frame.
+
+An answer is (m,) the index of the vehicle of each box, −1 for none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.belief import fuse, masses
+from assoc.errors import DegenerateError
+from assoc.identifier import CameraState, Identifier, IdentifierParams, Sighting, VehicleReports
+from assoc.projection import Projection, associate_by_projection, reprojection_errors
+from assoc.topology import associate_by_topology, signed_angles, signed_topology_cost, topology_angles, topology_cost
+from assoc.tts import associate_by_tts, associate_by_tts_once, tts_similarity
+from bench.paper.films import CAMERA
+from bench.paper.windows import Window
+from vision.camera import Intrinsics, Mount, Pose, camera_pose, ground
+
+__all__ = ["LENS", "METHODS", "START_US", "Answer", "Noise", "camera_state", "identify", "vehicle_reports"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+HISTORY = 10
+START_US = 1_795_170_000_000_000
+LENS = Intrinsics(width=CAMERA.width, height=CAMERA.height, fx=CAMERA.fx, fy=CAMERA.fy, cx=CAMERA.cx, cy=CAMERA.cy)
+_CENTRE = np.array([CAMERA.cx, CAMERA.cy])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """White noise of one condition."""
+
+    position_m: float
+    """σ on the relative coordinates that projection, TTS and the identifier are given."""
+    topology: float
+    """σ on what topology is given: metres on positions, degrees on headings."""
+    heading_deg: float = 2.0
+    """σ on the headings that the identifier is given."""
+    report_every: int = 1
+    """Frames between two reports."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Answer:
+    """What a method says of the last frame."""
+
+    vehicle: IntArray
+    """(m,) −1 none."""
+    confidence: FloatArray
+    """(m,) NaN where the method has none."""
+
+
+Method = Callable[[Window, Noise], Answer]
+
+
+def _plain(vehicle: IntArray) -> Answer:
+    return Answer(vehicle=vehicle, confidence=np.full(len(vehicle), np.nan))
+
+
+def _relative(window: Window, noise: Noise) -> FloatArray:
+    """(T, n, 3) last report of each vehicle minus the UAV's position."""
+    frame = np.arange(len(window.uv)) // noise.report_every * noise.report_every
+    return np.asarray((window.positions(noise.position_m) - window.uav_enu[:, None])[frame])
+
+
+def _project(window: Window, noise: Noise) -> Projection | None:
+    try:
+        return associate_by_projection(_relative(window, noise), window.uv, history=HISTORY)
+    except DegenerateError:
+        return None
+
+
+def projection(window: Window, noise: Noise) -> Answer:
+    """Section 3.2: ten frames of history, the next two vote."""
+    found = _project(window, noise)
+    return _plain(found.vehicle if found else np.full(window.uv.shape[1], -1, np.int64))
+
+
+def _topology_views(window: Window, noise: Noise) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Offsets and headings of the last frame, in the picture and in the world; v₀ of the world."""
+    away = window.uv[-1] - _CENTRE
+    offset = (window.positions(noise.topology, second=True)[-1] - window.uav_enu[-1])[:, :2]
+    return (away * (1.0, -1.0), window.front[-1]), (offset, window.headings(noise.topology)[-1])
+
+
+def _topology_cost(window: Window, noise: Noise) -> FloatArray:
+    image, world = _topology_views(window, noise)
+    return topology_cost(topology_angles(*image), topology_angles(*world, float(window.uav_yaw[-1])))
+
+
+def topology(window: Window, noise: Noise) -> Answer:
+    """Section 3.3, unsigned angles as printed."""
+    return _plain(associate_by_topology(_topology_cost(window, noise)))
+
+
+def topology_signed(window: Window, noise: Noise) -> Answer:
+    """The same with signed angles."""
+    image, world = _topology_views(window, noise)
+    cost = signed_topology_cost(signed_angles(*image), signed_angles(*world, float(window.uav_yaw[-1])))
+    return _plain(associate_by_topology(cost))
+
+
+def fusion(window: Window, noise: Noise) -> Answer:
+    """Section 3.4 and Algorithm 1: the vehicle of the largest fused mass."""
+    found = _project(window, noise)
+    if found is None:
+        return topology(window, noise)
+    errors = reprojection_errors(_relative(window, noise)[-1], window.uv[-1], found.theta)
+    fused = fuse(masses(errors), masses(_topology_cost(window, noise)))
+    return Answer(vehicle=np.argmax(fused, axis=1), confidence=np.max(fused, axis=1))
+
+
+def _tts_views(window: Window, noise: Noise) -> tuple[FloatArray, FloatArray]:
+    return window.uv[-1] * (1.0, -1.0), _relative(window, noise)[-1, :, :2]
+
+
+def tts(window: Window, noise: Noise) -> Answer:
+    """Triangular topological sequence, both steps."""
+    return _plain(associate_by_tts(*_tts_views(window, noise)))
+
+
+def tts_one_step(window: Window, noise: Noise) -> Answer:
+    """Its first step alone."""
+    return _plain(associate_by_tts_once(tts_similarity(*_tts_views(window, noise))))
+
+
+def tts_pairs(window: Window, noise: Noise) -> Answer:
+    """Both steps with the other reading: all pairs of triangles."""
+    return _plain(associate_by_tts(*_tts_views(window, noise), "pairs"))
+
+
+def mean_residual(window: Window, noise: Noise) -> Answer:
+    """The plain way with a known pose: boxes on the ground, mean distance to the reports, everybody assigned."""
+    heard = np.arange(0, len(window.uv), noise.report_every)
+    seen = np.stack([_on_ground(window, int(k)) for k in heard])
+    away = seen[:, :, None] - window.positions(noise.position_m)[heard][:, None, :, :2]
+    return _plain(associate_by_topology(np.linalg.norm(np.mean(away, axis=0), axis=2)))
+
+
+def bound(window: Window, noise: Noise) -> Answer:
+    """What positions can tell at most: true places against the noisy reports, least squares, everybody assigned."""
+    heard = np.arange(0, len(window.uv), noise.report_every)
+    true = window.p_enu[heard][:, window.vehicle, :2]
+    away = true[:, :, None] - window.positions(noise.position_m)[heard][:, None, :, :2]
+    return _plain(associate_by_topology(np.sum(away * away, axis=(0, 3))))
+
+
+def _on_ground(window: Window, k: int) -> FloatArray:
+    """(m, 2) where the boxes of frame k stand, at the UAV's word."""
+    camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]))
+    pose = Pose(R_enu_cam=camera.R_enu_cam, p_enu=camera.p_enu)
+    return np.asarray(ground(LENS, pose, window.uv[k], camera.ground_z)[:, :2])
+
+
+def identifier(window: Window, noise: Noise) -> Answer:
+    """A new identifier at the window's first frame, with the UAV's telemetry."""
+    return identify(window, noise)[-1]
+
+
+def identifier_no_yaw(window: Window, noise: Noise) -> Answer:
+    """The same without any heading of the UAV."""
+    return identify(window, noise, yaw_known=False)[-1]
+
+
+def identifier_no_heading(window: Window, noise: Noise) -> Answer:
+    """The same without headings of the vehicles and without fronts of the boxes."""
+    return identify(window, noise, headings=False)[-1]
+
+
+def identifier_every_frame(window: Window, noise: Noise) -> Answer:
+    """The same, but thinking on every frame instead of four times a second."""
+    return identify(window, noise, params=IdentifierParams(every_s=0.0))[-1]
+
+
+METHODS: dict[str, Method] = {
+    "projection": projection,
+    "topology": topology,
+    "topology signed": topology_signed,
+    "fusion": fusion,
+    "TTS": tts,
+    "TTS one step": tts_one_step,
+    "TTS all pairs": tts_pairs,
+    "least squares, true places": bound,
+    "mean residual": mean_residual,
+    "identifier": identifier,
+    "identifier, yaw unknown": identifier_no_yaw,
+    "identifier, no headings": identifier_no_heading,
+    "identifier, every frame": identifier_every_frame,
+}
+
+
+def identify(
+    window: Window,
+    noise: Noise,
+    *,
+    yaw_known: bool = True,
+    headings: bool = True,
+    params: IdentifierParams | None = None,
+) -> list[Answer]:
+    """Feed a window to a new identifier, frame by frame.
+
+    Args:
+        window: The window.
+        noise: Of the reports.
+        yaw_known: False: the UAV's heading is not told.
+        headings: False: neither headings of vehicles nor fronts of boxes are told.
+        params: Of the identifier.
+
+    Returns:
+        The answer of every frame.
+    """
+    who = Identifier(range(1, window.p_enu.shape[1] + 1), params)
+    answers = []
+    p = window.positions(noise.position_m)
+    heading = window.headings(noise.heading_deg) if headings else np.full(p.shape[:2], np.nan)
+    front = window.front if headings else np.full(window.front.shape, np.nan)
+    for k in range(len(window.uv)):
+        t_us = START_US + round((window.start + k) / window.fps * 1e6)
+        heard = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
+        camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]) if yaw_known else None)
+        said = who.update(_sighting(t_us, window, k, front[k]), camera, heard)
+        answers.append(Answer(vehicle=said.system_id - 1, confidence=said.confidence))
+    return answers
+
+
+def _sighting(t_us: int, window: Window, k: int, front: FloatArray) -> Sighting:
+    m = window.uv.shape[1]
+    reach = 0.5 * window.length_px[k]
+    ahead = window.uv[k] + reach[:, None] * np.stack([np.sin(front), -np.cos(front)], axis=-1)
+    return Sighting(
+        t_us=t_us,
+        track_id=np.arange(1, m + 1),
+        ray_cam=LENS.rays(window.uv[k]),
+        front_cam=LENS.rays(ahead),
+        gap_s=np.zeros(m),
+        score=np.full(m, 0.8),
+    )
+
+
+def camera_state(p_enu: FloatArray, yaw: float | None) -> CameraState:
+    """The camera as the UAV's telemetry has it: straight down below a level body.
+
+    Args:
+        p_enu: (3,) reported position.
+        yaw: Reported yaw; None: not reported.
+    """
+    turn = yaw or 0.0
+    # level body, nose at the yaw: FRD vectors in ENU
+    nose, right = np.array([np.sin(turn), np.cos(turn), 0.0]), np.array([np.cos(turn), -np.sin(turn), 0.0])
+    pose = camera_pose(Mount(), p_enu, np.stack([nose, right, np.array([0.0, 0.0, -1.0])], axis=1))
+    return CameraState(
+        R_enu_cam=pose.R_enu_cam,
+        p_enu=pose.p_enu,
+        ground_z=0.0,
+        px_rad=1.0 / CAMERA.fx,
+        attitude_known=yaw is not None,
+        position_known=True,
+        stabilized=True,
+    )
+
+
+def vehicle_reports(t_us: int, p: FloatArray, heading: FloatArray) -> VehicleReports:
+    """One report of each vehicle, positions (n, 3) and headings (n,), of this moment."""
+    n = len(p)
+    return VehicleReports(
+        t_us=np.full(n, t_us),
+        vehicle=np.arange(n),
+        p_enu=p,
+        v_enu=np.full((n, 3), np.nan),
+        heading=heading,
+        std_m=np.full(n, np.nan),
+    )

@@ -1,0 +1,61 @@
+"""All experiments, two at a time; results as tables, and as figures where they can be drawn."""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+from bench.paper.experiments import Condition, Count, Miss, conditions, evaluate
+from bench.paper.figures import MATPLOTLIB_MISSING, draw
+from bench.paper.occlusion import Kept, play
+from bench.paper.rows import write
+from bench.paper.tables import write_tables
+
+__all__ = ["RESULTS", "run"]
+
+RESULTS = Path("bench/results/paper")
+WORKERS = 2
+FLIGHTS, QUICK_FLIGHTS = 20, 1
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def run(out: Path, quick: bool) -> None:
+    """Measure everything and write tables, rows and figures.
+
+    Args:
+        out: Folder, made if need be; files of an earlier run are replaced.
+        quick: A few noise levels and one flight each, to see that it works: its figures mean little.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    began = time.monotonic()
+    counts, misses, kept = _measure(conditions(quick), range(1, 1 + (QUICK_FLIGHTS if quick else FLIGHTS)))
+    write(out / "results.csv", Count, counts)
+    write(out / "identifier_misses.csv", Miss, misses)
+    write(out / "occlusion.csv", Kept, kept)
+    write_tables(out, counts, kept, quick)
+    drawn = draw(out)
+    minutes = (time.monotonic() - began) / 60.0
+    print(f"{out}: {len(counts)} rows in {minutes:.1f} min" + ("" if drawn else f"; no figures: {MATPLOTLIB_MISSING}"))
+
+
+def _measure(plan: list[Condition], flights: range) -> tuple[list[Count], list[Miss], list[Kept]]:
+    """In processes of their own; the order of the results is the plan's."""
+    # children start afresh, so that linear algebra in them starts with one thread
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    try:
+        with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
+            walked = pool.map(play, flights)
+            results = list(pool.map(evaluate, plan))
+            kept = [one for flight in walked for one in flight]
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+    counts = [count for some, _ in results for count in some]
+    return counts, [miss for _, some in results for miss in some], kept

@@ -1,0 +1,226 @@
+"""Tables in Markdown: published beside our implementation of the published method beside our identifier."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from bench.paper import published
+from bench.paper.experiments import CONTINUOUS, Count
+from bench.paper.occlusion import Kept
+
+__all__ = ["pooled", "write_tables"]
+
+SETTING = """\
+Our flights are simulated; the paper's CARLA scenes are not public, so absolute values of the published column and ours
+are not the same frames. The second and third columns are. Windows of 12 frames at 10 frames a second, each a cold
+start, the last frame labelled; perfect tracks, boxes with 1 px noise, fronts with 3° noise and 4 % turned about; white
+noise on all three relative coordinates. The identifier gets the same noisy reports and the UAV's telemetry (position
+0.5 m, heading 2° off).
+"""
+
+
+def write_tables(out: Path, counts: list[Count], kept: list[Kept], quick: bool) -> None:
+    """Write every table.
+
+    Args:
+        out: Folder.
+        counts: Results of the association experiments.
+        kept: Results of the occlusion experiment.
+        quick: Say in each table that the run was a short one.
+    """
+    note = "A short run: few windows.\n\n" if quick else ""
+    texts = {
+        "figure_7.md": _sweep(counts, "figure 7", "projection", "Figure 7: projection against white noise", "sigma_m"),
+        "figure_8.md": _sweep(counts, "figure 8", "topology", "Figure 8: topology against noise", "sigma_topology"),
+        "figure_9.md": _sweep(counts, "figure 9", "fusion", "Figure 9: both fused", "sigma_m"),
+        "figure_10.md": _figure10(counts),
+        "table_1.md": _table1(),
+        "table_2.md": _table2(counts),
+        "table_3.md": _table3(counts),
+        "variants.md": _variants(counts),
+        "occlusion.md": _occlusion(kept),
+    }
+    for name, text in texts.items():
+        (out / name).write_text(note + text, encoding="utf-8")
+
+
+def pooled(counts: Iterable[Count], experiment: str, method: str, **where: object) -> Count | None:
+    """Counts of one method added up over everything that ``where`` leaves open."""
+    some = [
+        c
+        for c in counts
+        if c.experiment == experiment and c.method == method and all(getattr(c, k) == v for k, v in where.items())
+    ]
+    if not some:
+        return None
+    first = some[0]
+    return Count(
+        experiment=experiment, case=first.case, rotation_deg=first.rotation_deg, sigma_m=first.sigma_m,
+        sigma_topology=first.sigma_topology, method=method, frames=sum(c.frames for c in some),
+        ours=sum(c.ours for c in some), named=sum(c.named for c in some), right=sum(c.right for c in some),
+        false=sum(c.false for c in some), excluded=sum(c.excluded for c in some),
+    )  # fmt: skip
+
+
+def table(header: list[str], rows: list[list[str]]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def percent(value: float | None) -> str:
+    """Two digits, or a dash."""
+    return "–" if value is None or value != value else f"{value:.2f}"
+
+
+def _precision(count: Count | None) -> str:
+    return percent(count.precision if count else None)
+
+
+def _both(count: Count | None) -> str:
+    """Precision / share of our boxes named rightly."""
+    return f"{percent(count.precision)} / {percent(count.recall)}" if count else "–"
+
+
+def published_at(experiment: str, road: str, sigma: float) -> float | None:
+    """The straight line that the published low-noise value and step give, %."""
+    if experiment == "figure 7":
+        return published.FIG7_LOW[road] - published.FIG7_STEP[road] * sigma / 0.25
+    if experiment == "figure 8":
+        return published.FIG8_LOW - published.FIG8_STEP[road] * sigma / 0.25
+    return None
+
+
+def _sweep(counts: list[Count], experiment: str, method: str, title: str, axis: str) -> str:
+    levels = sorted({getattr(c, axis) for c in counts if c.experiment == experiment})
+    rotations = sorted({c.rotation_deg for c in counts if c.experiment == experiment})
+    parts = [f"# {title}\n\nPrecision in %. {SETTING}"]
+    for road in ("straight", "curved"):
+        rows = []
+        for level in levels:
+            where = {"case": road, axis: level}
+            theirs = [_precision(pooled(counts, experiment, method, rotation_deg=r, **where)) for r in rotations]
+            ours = pooled(counts, experiment, "identifier", **where)
+            rows.append([f"{level:g}", percent(published_at(experiment, road, level)), *theirs, _both(ours)])
+        header = [
+            "σ",
+            "published, 0°",
+            *(f"{method}, {r:g}°" for r in rotations),
+            "identifier: precision / right of all",
+        ]
+        parts.append(f"\n## {road.capitalize()} road\n\n" + table(header, rows))
+    return "".join(parts) + "\n" + _REMARKS[experiment]
+
+
+_REMARKS = {
+    "figure 7": "Published: 90 % (straight) and 80 % (curved) at low noise, then 1.98 and 1.67 % less per 0.25 m, "
+    "drawn as a line; the text has about 60 and 50 % at σ = 4. The identifier's column pools the three rotations.\n",
+    "figure 8": "Published: 87.6 % at low noise, then 1.06 and 0.96 % less per 0.25, as the text has it. σ is metres "
+    "on positions and degrees on headings. The identifier is asked without rotation.\n",
+    "figure 9": "σ is that of projection in metres; topology has 0.5 more, in metres and degrees. Published: 10–20 % "
+    "more than either method alone, 79.9 % under high noise. The identifier is asked without rotation.\n",
+}
+
+
+def _figure10(counts: list[Count]) -> str:
+    levels = sorted({c.sigma_topology for c in counts if c.experiment == "figure 8"})
+    methods = ("topology", "topology signed", "TTS", "TTS one step", "TTS all pairs", "identifier")
+    parts = [f"# Figure 10: topology and TTS\n\nPrecision in %, no rotation. {SETTING}"]
+    for road in ("straight", "curved"):
+        rows = [
+            [
+                f"{level:g}",
+                *(
+                    _precision(pooled(counts, "figure 8", m, case=road, rotation_deg=0.0, sigma_topology=level))
+                    for m in methods
+                ),
+            ]
+            for level in levels
+        ]
+        parts.append(f"\n## {road.capitalize()} road\n\n" + table(["σ", *methods], rows))
+    return (
+        "".join(parts) + "\nPublished: TTS is acceptable at low noise and falls behind topology under noise (a plot).\n"
+    )
+
+
+def _table1() -> str:
+    rows = [[name, f"{ms:.2f}", "see `python -m bench.latency`"] for name, ms in published.LATENCY_MS.items()]
+    head = "# Table 1: latency, ms\n\nPublished on an i9-13900HX with an RTX 3090; ours is measured beside its literal "
+    return head + "peers in one run, in `bench/results/latency`.\n\n" + table(["method", "published", "ours"], rows)
+
+
+def _pair(count: Count | None) -> str:
+    return f"{percent(count.precision)} / {percent(count.fper)}" if count else "–"
+
+
+def _table2(counts: list[Count]) -> str:
+    methods = ("projection", "topology", "TTS", "TTS one step")
+    parts = [f"# Table 2: six vehicles, seven boxes\n\nPrecision / FPER in %. {SETTING}\n"]
+    for sigma in sorted({c.sigma_m for c in counts if c.experiment == "false box"}):
+        ours = pooled(counts, "false box", "identifier", sigma_m=sigma)
+        rows = []
+        for method in methods:
+            told = published.FALSE_BOX.get(method)
+            count = pooled(counts, "false box", method, sigma_m=sigma)
+            rows.append([method, f"{told[0]:.2f} / {told[1]:.2f}" if told else "–", _pair(count), ""])
+        rows.append(["identifier", "", "", f"{_pair(ours)}, right of all {percent(ours.recall if ours else None)}"])
+        frames = ours.frames if ours else 0
+        header = ["method", "published", "our implementation", "identifier"]
+        parts.append(f"σ = {sigma:g} m and degrees, {frames} frames\n\n" + table(header, rows) + "\n")
+    return "".join(parts) + "Half of the frames have a look-alike among the vehicles, half something by the road.\n"
+
+
+def _table3(counts: list[Count]) -> str:
+    rows = []
+    for method in ("projection", "topology", "TTS", "TTS one step", "mean residual"):
+        told = published.FIELD.get(method)
+        count = pooled(counts, "field", method, case="12 frames")
+        rows.append([method, f"{told[0]:.2f} / {told[1]:.2f}" if told else "–", _pair(count), ""])
+    for name, case, method in (
+        ("identifier, 12 frames", "12 frames", "identifier"),
+        ("identifier, 36 frames", "36 frames", "identifier"),
+        ("identifier, all frames of whole flights", "flights", CONTINUOUS),
+    ):
+        ours = pooled(counts, "field", method, case=case)
+        rows.append([name, "", "", f"{_pair(ours)}, right of all {percent(ours.recall if ours else None)}"])
+    frames = pooled(counts, "field", "identifier", case="12 frames")
+    head = (
+        "# Table 3: three vehicles and a person\n\nPrecision / FPER in %; simulated, 39 m high, receivers that wander "
+    )
+    head += (
+        f"by 1.5 m (τ 60 s) and 0.2 m white, twelve flights, {frames.frames if frames else 0} frames. The published "
+    )
+    head += "column is their field recording.\n\n"
+    return head + table(["method", "published", "our implementation", "identifier"], rows)
+
+
+def _variants(counts: list[Count]) -> str:
+    names = ("12 frames", "36 frames", "dense, 12 frames", "dense, 36 frames")
+    keys = sorted({(names.index(c.experiment), c.case, c.sigma_m, c.method) for c in counts if c.experiment in names})
+    rows = []
+    for k, road, sigma, method in keys:
+        count = pooled(counts, names[k], method, case=road, sigma_m=sigma)
+        assert count is not None
+        rows.append(
+            [names[k], road, f"{sigma:g}", method, str(count.ours), percent(count.precision), percent(count.recall)]
+        )
+    head = f"# The identifier with less and with more\n\n{SETTING}\n"
+    head += "Dense: nine vehicles within 28 m, reports five times a second, so six per window. "
+    head += (
+        '"Least squares, true places" compares noisy reports with the true places: what positions alone can tell.\n\n'
+    )
+    return head + table(["windows", "road", "σ, m", "method", "boxes", "precision", "right of all"], rows)
+
+
+def _occlusion(kept: list[Kept]) -> str:
+    rows = []
+    for keeper in dict.fromkeys(k.keeper for k in kept):
+        mine = [k for k in kept if k.keeper == keeper]
+        sums = [sum(getattr(k, name) for k in mine) for name in ("frames", "hidden", "switches", "taken")]
+        rows.append([keeper, *map(str, sums)])
+    head = "# Occlusion: id switches\n\nCurved road, each vehicle hidden for 1.2–2.2 s at its three sharpest turns. "
+    head += "Published: in the two cases shown, ByteTrack switches and the enhanced one does not.\n\n"
+    return head + table(
+        ["tracker", "frames", "returns after ≥ 0.5 s", "id switches", "tracks gone to another vehicle"], rows
+    )

@@ -1,0 +1,111 @@
+"""Windows of consecutive frames cut from a flight, with the noise of an experiment on the reports.
+
+T frames, m boxes, n vehicles. The boxes of a window are shuffled, so that their order says nothing. Unit noise depends
+on the window alone: every noise level and every method sees the same draws, scaled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.paper.films import Film
+
+__all__ = ["Window", "windows"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+SLOWEST_MPS = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Window:
+    """T frames in which the same m boxes are seen."""
+
+    start: int
+    """First frame in the flight."""
+    fps: float
+    uv: FloatArray
+    """(T, m, 2) pixels."""
+    front: FloatArray
+    """(T, m) clockwise from image up."""
+    length_px: FloatArray
+    """(T, m)."""
+    vehicle: IntArray
+    """(m,) the truth, −1 not ours."""
+    p_enu: FloatArray
+    """(T, n, 3) reported position without white noise."""
+    heading: FloatArray
+    """(T, n) true heading."""
+    unit: FloatArray
+    """(T, n, 8) unit normal draws: three for the position, one for the heading, and another set of these four."""
+    uav_enu: FloatArray
+    """(T, 3) reported."""
+    uav_yaw: FloatArray
+    """(T,) reported."""
+
+    def positions(self, sigma_m: float, *, second: bool = False) -> FloatArray:
+        """(T, n, 3) reports with white noise of σ metres per axis; ``second`` takes draws of their own."""
+        first = 4 if second else 0
+        return np.asarray(self.p_enu + sigma_m * self.unit[..., first : first + 3])
+
+    def headings(self, sigma_deg: float) -> FloatArray:
+        """(T, n) reported headings with white noise of σ degrees."""
+        return np.asarray(self.heading + np.radians(sigma_deg) * self.unit[..., 3])
+
+
+def windows(
+    film: Film, frames: int, seed: int, *, boxes: int, visible: int, wander: bool = False, span_m: float = np.inf
+) -> list[Window]:
+    """All windows of a flight that fit the experiment, one after the other.
+
+    Args:
+        film: The flight.
+        frames: T.
+        seed: Of the noise.
+        boxes: m that must be seen, the same in every frame.
+        visible: The first ``visible`` vehicles must be among them.
+        wander: Add the receivers' own errors to the reports.
+        span_m: Largest distance between two of the vehicles.
+
+    Returns:
+        Windows in which nobody of the visible drives slower than 1 m/s (walking robots of ``wander`` may).
+    """
+    found = []
+    for start in range(0, len(film.uv) - frames + 1, frames):
+        part = slice(start, start + frames)
+        seen = film.seen[part]
+        slow = not wander and bool(np.any(film.speed[part, :visible] <= SLOWEST_MPS))
+        constant = bool(np.all(seen == seen[0])) and int(np.sum(seen[0])) == boxes and bool(np.all(seen[0, :visible]))
+        if constant and not slow and _span(film.p_enu[part, :visible]) <= span_m:
+            found.append(_window(film, part, np.flatnonzero(seen[0]), seed, wander))
+    return found
+
+
+def _span(p: FloatArray) -> float:
+    """Largest distance between two vehicles in any frame (T, n, 3)."""
+    return float(np.max(np.linalg.norm(p[:, :, None] - p[:, None], axis=3)))
+
+
+def _window(film: Film, part: slice, rows: IntArray, seed: int, wander: bool) -> Window:
+    rng = np.random.default_rng([seed, part.start, part.stop])
+    order = rng.permutation(rows)
+    p = film.p_enu[part].copy()
+    if wander:
+        p[..., :2] += film.report_error[part]
+    return Window(
+        start=part.start,
+        fps=film.fps,
+        uv=film.uv[part, order],
+        front=film.front[part, order],
+        length_px=film.length_px[part, order],
+        vehicle=film.vehicle[order],
+        p_enu=p,
+        heading=film.heading[part],
+        unit=rng.normal(0.0, 1.0, (*p.shape[:2], 8)),
+        uav_enu=film.uav_enu[part],
+        uav_yaw=film.uav_yaw[part],
+    )
