@@ -1,0 +1,224 @@
+import csv
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from bench.field.explain import spans
+from bench.field.families import FAMILIES, label_of, scenario_of, seeds_of
+from bench.field.goals import GOALS, Goal, judge
+from bench.field.measure import EDGES, Tally, delays, matched_names, tally
+from bench.field.residual import mean_residual
+from bench.field.scene import scene_of
+from bench.field.suite import Task, play, tasks_of
+from bench.field.summary import Outcome, ece_of, percentile, summarise
+from bench.field.tables import report, write_reliability, write_sessions
+from bench.field.windows import METHODS, by_windows
+from gcs.score import Matched
+from sim.scenario import Attitude, Detector, Flight, Gnss, Ground, Scenario
+from sim.world import World
+
+VERSIONS = [(number, hard) for number in FAMILIES for hard in (False, True)]
+EASY = Scenario(
+    seed=4,
+    duration_s=4.8,
+    fps=10.0,
+    ground=Ground(kind="open", vehicles=4, area_m=(36.0, 20.0)),
+    gnss=Gnss(white_m=0.02, bias_m=0.0, uav_bias_m=0.0, uav_white_m=0.0),
+    attitude=Attitude(noise_deg=0.0, ugv_heading_bias_deg=0.0, ugv_heading_noise_deg=0.0),
+    flight=Flight(tilt_sway_deg=0.0),
+    detector=Detector(pixel_noise=0.2, flip=0.0, angle_noise_deg=0.2, miss=0.05),
+)
+
+
+def matched(truth, named, frame=None, confidence=None, track=None):
+    truth, named = np.array(truth), np.array(named)
+    frame = np.arange(len(truth)) if frame is None else np.array(frame)
+    return Matched(
+        frame=frame,
+        time_us=frame * 1e5,
+        truth=truth,
+        named=named,
+        track=np.ones(len(truth), np.int64) if track is None else np.array(track),
+        confidence=np.full(len(truth), np.nan) if confidence is None else np.array(confidence),
+    )
+
+
+@pytest.fixture(scope="module")
+def easy_scene():
+    return scene_of(EASY)
+
+
+@pytest.mark.parametrize(("number", "hard"), VERSIONS)
+def test_every_kind_of_session_can_be_made_and_twice_alike(number, hard):
+    for seed in seeds_of(number, hard, "tune"):
+        scenario = scenario_of(number, hard, seed)
+        assert scenario == scenario_of(number, hard, seed)
+        assert 30.0 <= scenario.duration_s <= 40.0
+        assert scenario.fps == 10.0
+        assert label_of(number, hard, seed) in scenario.name
+    first = seeds_of(number, hard, "tune")[0]
+    assert scenario_of(number, hard, first) != scenario_of(number, hard, first + len(seeds_of(number, hard, "tune")))
+
+
+@pytest.mark.parametrize(("number", "hard"), [v for v in VERSIONS if v[0] not in (11, 13)])
+def test_the_last_kind_of_every_family_can_be_played(number, hard):
+    scenario = scenario_of(number, hard, seeds_of(number, hard, "report")[-1])
+    short = dataclasses.replace(scenario, duration_s=1.0, faults=(), blackouts=())
+    world = World(short)
+    assert np.isfinite(world.at(0.5).xy).all()
+
+
+def test_tuning_and_reporting_seeds_have_nothing_in_common_and_the_same_kinds():
+    every = [set(), set()]
+    for number, hard in VERSIONS:
+        tune, told = seeds_of(number, hard, "tune"), seeds_of(number, hard, "report")
+        assert [label_of(number, hard, s) for s in tune] == [label_of(number, hard, s) for s in told]
+        for seeds, found in zip((tune, told), every, strict=True):
+            found |= {scenario_of(number, hard, seed).seed for seed in seeds}
+    assert not every[0] & every[1]
+    assert min(map(len, every)) > 120
+
+
+def test_there_are_goals_for_fourteen_families_in_both_versions():
+    assert {(g.family, g.hard) for g in GOALS} == {(n, h) for n, h in VERSIONS if n <= 14}
+    for goal in GOALS:
+        assert set(goal.only + goal.without) <= set(FAMILIES[goal.family].version(goal.hard).labels)
+
+
+def test_all_methods_are_right_where_it_is_easy(easy_scene):
+    answers = [*by_windows(easy_scene).items(), ("mean residual", mean_residual(easy_scene))]
+    assert [name for name, _ in answers] == [*METHODS, "mean residual"]
+    for name, said in answers:
+        one = tally(matched_names(easy_scene, said), easy_scene.fps)
+        least = {"mean residual": 0.99, "projection": 0.95, "fused": 0.95}.get(name, 0.7)
+        assert one.right >= least * one.ours, name
+
+
+def test_a_scene_is_the_session_that_is_written(tmp_path, easy_scene):
+    from sim.session import write_session
+
+    write_session(EASY, tmp_path / "s")
+    with (tmp_path / "s" / "truth.csv").open(newline="") as file:
+        rows = [(int(r["frame"]), float(r["cx"]), int(r["system_id"])) for r in csv.DictReader(file)]
+    looks = [
+        (k, x, i) for k, look in enumerate(easy_scene.looks) for x, i in zip(look.uv[:, 0], look.truth, strict=True)
+    ]
+    assert [r[::2] for r in rows] == [(k, i) for k, _, i in looks]
+    np.testing.assert_allclose([r[1] for r in rows], [x for _, x, _ in looks], atol=0.0051)
+
+
+def test_projection_gives_no_answer_where_too_many_assignments_would_have_to_be_tried():
+    crowd = Ground(kind="open", vehicles=9, area_m=(44.0, 24.0))
+    scene = scene_of(dataclasses.replace(EASY, ground=crowd, duration_s=1.2))
+    answers = {m: summarise([tally(matched_names(scene, said), 10.0)]) for m, said in by_windows(scene).items()}
+    assert not answers["projection"].applicable
+    assert not answers["fused"].applicable
+    assert answers["topology"].answered == 100.0
+
+
+def test_time_to_identity_counts_from_the_first_sight_to_a_name_that_holds_a_second():
+    t = np.arange(0.0, 5.0, 0.1)
+    right = t > 0.95
+    assert delays(t, right) == [(0, pytest.approx(1.0))]
+    flicker = right & ~np.isclose(t, 1.5)
+    assert delays(t, flicker) == [(0, pytest.approx(1.6))]
+    assert delays(t, np.zeros(len(t), bool)) == [(0, math.inf)]
+    assert delays(t, t > 4.5) == [(0, math.inf)]
+
+
+def test_two_seconds_unseen_begin_an_appearance_and_short_ones_do_not_count():
+    t = np.concatenate([np.arange(0.0, 3.0, 0.1), np.arange(6.0, 9.0, 0.1), np.arange(12.0, 13.0, 0.1)])
+    right = (t < 3.0) | (t > 6.45)
+    assert delays(t, right) == [(0, 0.0), (1, pytest.approx(0.5))]
+
+
+def test_a_tally_counts_by_the_words_of_the_score():
+    m = matched([11, 11, 12, 12, 0, 0], [11, 12, 12, 0, 0, 11], confidence=[0.99, 0.95, 0.6, 0.2, 0.9, 0.91])
+    one = tally(m, 10.0)
+    assert (one.ours, one.false, one.named, one.right, one.ours_named, one.false_named) == (4, 2, 4, 2, 3, 1)
+    assert one.wrong_sure_s == pytest.approx(0.2)
+    assert one.bins[:, 0].sum() == 4
+    s = summarise([one, one])
+    assert (s.precision, s.right, s.coverage, s.fper) == (50.0, 50.0, 75.0, 50.0)
+
+
+def test_unanswered_boxes_are_neither_named_nor_left_out_rightly():
+    one = tally(matched([11, 11, 0, 0], [11, -1, 0, -1]), 10.0)
+    assert (one.ours, one.answered, one.named, one.false) == (2, 1, 1, 1)
+
+
+def test_the_ece_has_ten_bins():
+    bins = np.zeros((len(EDGES), 3))
+    bins[9] = 10, 9.2, 10
+    bins[12] = 10, 10.0, 9
+    # both lie in the bin from 0.9: |19.2 − 19| / 20
+    assert ece_of(bins) == pytest.approx(0.01)
+    assert math.isnan(ece_of(np.zeros((len(EDGES), 3))))
+
+
+def test_a_percentile_takes_never_as_the_latest():
+    assert percentile([1.0, 2.0, math.inf, 3.0], 50.0) == 2.0
+    assert percentile([1.0, 2.0, math.inf, 3.0], 90.0) == math.inf
+    assert math.isnan(percentile([], 50.0))
+
+
+def test_spans_join_what_is_wrong_alike():
+    truth, named = [11] * 10, [0, 0, 11, 11, 11, 11, 11, 12, 12, 0]
+    found = spans(matched(truth, named, track=[5] * 10), 10.0)
+    assert [(s.truth, s.track, s.named, len(s.rows)) for s in found] == [(11, 5, 0, 2), (11, 5, 12, 2), (11, 5, 0, 1)]
+
+
+def outcome(family, hard, label, right, named=100, **parts):
+    product = Tally(
+        frames=10, ours=100, false=0, named=named, right=right, ours_named=named, false_named=0, answered=100,
+        switches=0, wrong_sure_s=0.0, track_idf1=1.0, first_s=(0.1, 0.2),
+    )  # fmt: skip
+    ms = np.full(10, 4.0)
+    values = {"spoofed": frozenset(), "accused": frozenset(), "vehicles": 7} | parts
+    rivals = dict.fromkeys((*METHODS, "mean residual"), product)
+    return Outcome(
+        family=family, hard=hard, seed=0, label=label, product=product, rivals=rivals, wall_ms=ms, cpu_ms=ms, **values
+    )
+
+
+def test_goals_are_judged_on_the_sessions_they_are_about():
+    played = [outcome(9, True, "grid 4 m", 80), outcome(9, True, "line 4 m", 99)]
+    rest = Goal(family=9, hard=True, measure="right", limit=97.0, without=("grid 4 m",))
+    grid = Goal(family=9, hard=True, measure="right", limit=82.0, only=("grid 4 m",))
+    assert (judge(rest, played).value, judge(rest, played).met) == (99.0, True)
+    assert (judge(grid, played).value, judge(grid, played).met) == (80.0, False)
+    assert judge(Goal(family=1, hard=False, measure="right", limit=1.0), played).met is None
+    spoof = Goal(family=13, hard=False, measure="spoof flagged", limit=1.0)
+    ids = frozenset({11, 12})
+    assert judge(spoof, [outcome(13, False, "spoof", 99, spoofed=ids, accused=frozenset({12}))]).met
+    assert not judge(spoof, [outcome(13, False, "spoof", 99, spoofed=ids)]).met
+
+
+def test_the_tables_name_what_was_missed(tmp_path):
+    played = [outcome(1, False, "straight", 90), outcome(9, True, "grid 4 m", 80)]
+    text = report(played, "a test")
+    assert "precision 90.00 < 99.95" in text
+    assert "right (grid 4 m) 80.00 < 82" in text
+    write_sessions(played, tmp_path / "sessions.csv")
+    write_reliability(played, tmp_path / "reliability.csv")
+    with (tmp_path / "sessions.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * 6
+    assert float(rows[0]["precision"]) == 90.0
+    assert (tmp_path / "reliability.csv").read_text().startswith("version,from,to,boxes,mean_confidence,share_right\n")
+
+
+def test_a_short_session_is_played_by_the_product_and_the_others():
+    one = play(Task(family=1, hard=False, seed=0, duration_s=3.0))
+    assert len(one.cpu_ms) == 30
+    assert one.product.right > 0.9 * one.product.ours
+    assert set(one.rivals) == {*METHODS, "mean residual"}
+
+
+def test_a_quick_run_has_one_short_session_of_each():
+    tasks = tasks_of(quick=True)
+    assert sorted((t.family, t.hard) for t in tasks) == sorted(VERSIONS)
+    assert {t.duration_s for t in tasks} == {20.0}
+    assert {t.seed for t in tasks_of(families=(9,), versions=(True,), split="tune")} == {0, 1, 2, 3, 4}
