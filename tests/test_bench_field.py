@@ -144,6 +144,11 @@ def test_a_tally_counts_by_the_words_of_the_score():
     assert (s.precision, s.right, s.coverage, s.fper) == (50.0, 50.0, 75.0, 50.0)
 
 
+def test_a_swap_is_a_track_that_goes_over_to_another_target():
+    m = matched([11, 12, 11, 0, -1, 12], [0] * 6, frame=[0, 0, 1, 2, 3, 3], track=[1, 2, 1, 1, 1, 2])
+    assert tally(m, 10.0).swaps == 1
+
+
 def test_unanswered_boxes_are_neither_named_nor_left_out_rightly():
     one = tally(matched([11, 11, 0, 0], [11, -1, 0, -1]), 10.0)
     assert (one.ours, one.answered, one.named, one.false) == (2, 1, 1, 1)
@@ -173,10 +178,10 @@ def test_spans_join_what_is_wrong_alike():
 def outcome(family, hard, label, right, named=100, **parts):
     product = Tally(
         frames=10, ours=100, false=0, named=named, right=right, ours_named=named, false_named=0, answered=100,
-        switches=0, wrong_sure_s=0.0, track_idf1=1.0, first_s=(0.1, 0.2),
+        switches=0, swaps=0, wrong_sure_s=0.0, track_idf1=1.0, first_s=(0.1, 0.2),
     )  # fmt: skip
     ms = np.full(10, 4.0)
-    values = {"spoofed": frozenset(), "accused": frozenset(), "vehicles": 7} | parts
+    values = {"faulty": frozenset(), "spoofed": frozenset(), "accused": frozenset(), "vehicles": 7} | parts
     rivals = dict.fromkeys((*METHODS, "mean residual"), product)
     return Outcome(
         family=family, hard=hard, seed=0, label=label, product=product, rivals=rivals, wall_ms=ms, cpu_ms=ms, **values

@@ -42,6 +42,8 @@ class Tally:
     """Boxes of ours in windows in which the method answered at all."""
     switches: int
     """Changes of a vehicle's name from one id to another."""
+    swaps: int
+    """Times a track went over from one target to another."""
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
     track_idf1: float
@@ -69,6 +71,7 @@ def tally(m: Matched, fps: float) -> Tally:
         false_named=int((false & named).sum()),
         answered=int((ours & (m.named > UNANSWERED)).sum()),
         switches=whole.switches,
+        swaps=_swaps(m),
         wrong_sure_s=float((named & ~right & (m.confidence >= SURE)).sum()) / fps,
         track_idf1=whole.track_idf1,
         bins=_bins(m.confidence[named], right[named]),
@@ -89,6 +92,14 @@ def matched_names(scene: Scene, answers: list[IntArray]) -> Matched:
         track=np.concatenate([look.body for look in scene.looks]) + 1,
         confidence=np.full(len(truth), np.nan),
     )
+
+
+def _swaps(m: Matched) -> int:
+    total = 0
+    for track in np.unique(m.track[(m.track > 0) & (m.truth >= 0)]):
+        rows = np.flatnonzero((m.track == track) & (m.truth >= 0))
+        total += int((np.diff(m.truth[rows[np.argsort(m.frame[rows], kind="stable")]]) != 0).sum())
+    return total
 
 
 def _bins(confidence: FloatArray, right: NDArray[np.bool_]) -> FloatArray:

@@ -66,6 +66,7 @@ def play(task: Task) -> Outcome:
         rivals=rivals,
         wall_ms=played.wall_ms,
         cpu_ms=played.cpu_ms,
+        faulty=frozenset(FIRST_UGV_ID + fault.vehicle for fault in scenario.faults),
         spoofed=_spoofed(scenario),
         accused=played.accused,
     )

@@ -33,9 +33,16 @@ class Outcome:
     rivals: dict[str, Tally]
     wall_ms: FloatArray
     cpu_ms: FloatArray
+    faulty: frozenset[int]
+    """System ids of the vehicles whose telemetry goes wrong."""
     spoofed: frozenset[int]
     """System ids of the vehicle that spoofs and of the one it copies; empty without a spoof."""
     accused: frozenset[int]
+
+    @property
+    def slandered(self) -> int:
+        """Vehicles that were said to contradict the picture with nothing wrong in their telemetry."""
+        return len(self.accused - self.faulty - self.spoofed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +57,7 @@ class Summary:
     fper: float
     answered: float
     switches: int
+    swaps: int
     idf1: float
     track_idf1: float
     """Mean over sessions."""
@@ -84,6 +92,7 @@ def summarise(tallies: Sequence[Tally]) -> Summary:
         fper=_percent(total["false"] - total["false_named"], total["false"]),
         answered=_percent(total["answered"], total["ours"]),
         switches=total["switches"],
+        swaps=total["swaps"],
         # 2 IDTP / (2 IDTP + IDFP + IDFN)
         idf1=_percent(2 * total["right"], total["ours"] + total["named"]),
         track_idf1=100.0 * float(np.nanmean([t.track_idf1 for t in tallies])) if tallies else NAN,
@@ -97,7 +106,7 @@ def summarise(tallies: Sequence[Tally]) -> Summary:
     )
 
 
-_COUNTS = ("ours", "named", "right", "ours_named", "false", "false_named", "answered", "switches")
+_COUNTS = ("ours", "named", "right", "ours_named", "false", "false_named", "answered", "switches", "swaps")
 
 
 def ece_of(bins: FloatArray) -> float:

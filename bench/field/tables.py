@@ -19,7 +19,7 @@ __all__ = ["RIVALS", "report", "write_reliability", "write_sessions"]
 RIVALS = ("projection", "topology", "fused", "TTS", "mean residual")
 _HEAD = (
     *("family", "sessions", "precision", "right", "coverage", "FPER", "first s, median / p90", "again s, median / p90"),
-    *("wrong ≥ 0.9, s", "ECE", "switches", "IDF1", "tracks' IDF1", "CPU ms a frame, mean / p95"),
+    *("wrong ≥ 0.9, s", "ECE", "switches", "IDF1", "tracks' IDF1", "swaps", "slandered", "CPU ms a frame, mean / p95"),
 )
 
 
@@ -39,7 +39,9 @@ _WORDS = """\
 Shares in percent of all boxes. precision: right names of names given. right: rightly named of our boxes. coverage:
 named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in the picture before a right
 name that then holds for a second; again: the same after two seconds unseen. wrong ≥ 0.9: vehicle-seconds with a wrong
-name at confidence 0.9 or more. Milliseconds are processor time of one thread for everything that is done for a frame.
+name at confidence 0.9 or more. swaps: times a track went over from one target to another. slandered: vehicles said to
+contradict the picture with nothing wrong in their telemetry. Milliseconds are processor time of one thread for
+everything that is done for a frame.
 
 The others have perfect tracks. projection, topology, fused (Chen, Du, Wu 2025, doi:10.3390/drones9090612) and TTS (Li
 et al. 2022, doi:10.3390/drones6050119) name windows of 10 + 2 frames; n/a: more than half the windows need over 50 000
@@ -77,6 +79,8 @@ def _product_row(name: str, group: Sequence[Outcome]) -> list[str]:
         str(s.switches),
         number(s.idf1, 1),
         number(s.track_idf1, 1),
+        str(s.swaps),
+        str(sum(o.slandered for o in group)),
         f"{cpu.mean():.1f} / {np.percentile(cpu, 95):.1f}",
         _goals_of(group) if len({o.family for o in group}) == 1 else "",
     ]
@@ -134,7 +138,7 @@ def number(value: float, digits: int = 2) -> str:
 def write_sessions(outcomes: Sequence[Outcome], path: Path) -> None:
     """One row per session and method; shares in percent."""
     names = (
-        *("precision", "right", "coverage", "fper", "answered", "switches", "idf1", "track_idf1", "ece"),
+        *("precision", "right", "coverage", "fper", "answered", "switches", "swaps", "idf1", "track_idf1", "ece"),
         *("wrong_sure_s", "first_median_s", "first_p90_s", "again_median_s", "again_p90_s"),
     )
     times = ("cpu_mean_ms", "cpu_p95_ms", "wall_mean_ms", "wall_p95_ms")
