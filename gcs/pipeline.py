@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities, Sighting, VehicleReports
-from assoc.reattach import reattach_gated
 from gcs.config import Mission
 from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
 from gcs.snapshot import Event, Health, Level, Snapshot
@@ -87,7 +86,7 @@ class Pipeline:
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
         warp = _warp(self._view, view)
-        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=self._stitch(state, view))
+        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=self._stitch(t_us, view))
         self._view = view
         identities = self._identify(t_us, detections, tracks, view)
         self._tell(t_us, identities)
@@ -122,19 +121,15 @@ class Pipeline:
             text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
             self._events.append(Event(t_us=t_us, level="warning", kind="video", text=text))
 
-    def _stitch(self, state: FleetState, view: View | None) -> Stitch | None:
+    def _stitch(self, t_us: int, view: View | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
-        if view is None or not self._name_of_track:
+        if view is None:
             return None
-        uv = self._projected(state, view)
-        place = {system_id: k for k, system_id in enumerate(uv)}
-        centre = np.array([*uv.values()]).reshape(-1, 2)
-        std_m = state.std_m[[self.mission.ugv_ids.index(i) for i in uv]]
-        variance = (std_m / ground_sampling(view.intrinsics, view.pose, view.ground_z)) ** 2
+        camera = self._camera(view)
 
         def stitch(track_id: IntArray, centres: FloatArray) -> IntArray:
-            vehicle = np.array([place.get(self._name_of_track.get(int(t), 0), -1) for t in track_id], dtype=np.int64)
-            return reattach_gated(centre, variance, vehicle, centres)
+            rays = view.intrinsics.rays(centres)
+            return self._identifier.stitch(self._telemetry_time(t_us), track_id, rays, camera)
 
         return stitch
 
@@ -164,15 +159,6 @@ class Pipeline:
             gap_s=np.where(seen, 0.0, tracks.gap_s),
             score=tracks.score,
         )
-        camera = CameraState(
-            R_enu_cam=view.pose.R_enu_cam,
-            p_enu=view.pose.p_enu,
-            ground_z=view.ground_z,
-            px_rad=1.0 / view.intrinsics.fx,
-            attitude_known=view.attitude_known,
-            position_known=True,
-            stabilized=self._mount.kind == "stabilized",
-        )
         heard = VehicleReports(
             t_us=reports.t_us,
             vehicle=np.array([place[int(s)] for s in reports.system_id], dtype=np.int64),
@@ -181,7 +167,18 @@ class Pipeline:
             heading=reports.heading,
             std_m=reports.std_m,
         )
-        return self._identifier.update(sighting, camera, heard)
+        return self._identifier.update(sighting, self._camera(view), heard)
+
+    def _camera(self, view: View) -> CameraState:
+        return CameraState(
+            R_enu_cam=view.pose.R_enu_cam,
+            p_enu=view.pose.p_enu,
+            ground_z=view.ground_z,
+            px_rad=1.0 / view.intrinsics.fx,
+            attitude_known=view.attitude_known,
+            position_known=True,
+            stabilized=self._mount.kind == "stabilized",
+        )
 
     def _tell(self, t_us: int, identities: Identities | None) -> None:
         """Events for names that came, went or changed, and for vehicles whose reports contradict the picture."""

@@ -53,6 +53,10 @@ class Dots:
         self.points(centre + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1), ink)
 
 
+# Shorter than this along an axis, in dots, a line is parallel to the edge.
+LEAST_STEP = 1e-9
+
+
 def _clip(
     start: NDArray[np.float64], end: NDArray[np.float64], width: float, height: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
@@ -67,7 +71,7 @@ def _clip(
         (-delta[1], start[1]),
         (delta[1], height - start[1]),
     ):
-        if step == 0:
+        if abs(step) < LEAST_STEP:
             if low < 0:
                 return None
             continue
