@@ -11,6 +11,8 @@ two triangles' angles, x a triangle of target a, y one of target b and φ the an
     w(x, y) = 1 − ln(1 + 1.72 Σ|d| / 180)          1.72 ≈ e − 1: w is 1 for equal triangles, 0 for 180° apart
     S(a, b) = Σ_(x,y) (φ_x + φ_y) w(x, y) / (Σ_x φ_x + Σ_y φ_y)
 
+A sequence begins where the turn to the next triangle is widest: at the opening of a fan on the rim.
+
 Where the source leaves room, both readings are named. Which pairs (x, y) are summed: ``"sequence"``, the best cyclic
 alignment of the shorter sequence with the longer one, bounded by 1, or ``"pairs"``, all of them. The second step: one
 affine map is fitted to the better half of the first step's pairs, and everybody is assigned again by distance under it.
@@ -62,16 +64,15 @@ def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:
     corners = _triangles(points)
     if corners is None:
         return None
-    rows: list[FloatArray] = []
     # every triangle is seen from each of its corners, next corner anticlockwise second
-    turned = np.concatenate([corners, np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)])
-    angle = _angles(points[turned])
-    middle = np.mean(points[turned], axis=1) - points[turned[:, 0]]
+    turned = np.concatenate([corners, corners[:, [1, 2, 0]], corners[:, [2, 0, 1]]])
+    p = points[turned]
+    middle = np.sum(p, axis=1) / 3.0 - p[:, 0]
     bearing = np.arctan2(middle[:, 1], middle[:, 0])
-    for target in range(len(points)):
-        mine = np.flatnonzero(turned[:, 0] == target)
-        rows.append(angle[mine[np.argsort(bearing[mine], kind="stable")]])
-    return rows
+    order = np.lexsort((bearing, turned[:, 0]))
+    ends = np.cumsum(np.bincount(turned[:, 0], minlength=len(points)))[:-1]
+    pieces = zip(np.split(_angles(p[order]), ends), np.split(bearing[order], ends), strict=True)
+    return [np.roll(angle, -_start(direction), axis=0) for angle, direction in pieces]
 
 
 def tts_similarity(image: FloatArray, world: FloatArray, reading: Reading = "sequence") -> FloatArray:
@@ -89,9 +90,14 @@ def tts_similarity(image: FloatArray, world: FloatArray, reading: Reading = "seq
     a, b = triangle_sequences(image), triangle_sequences(world)
     if a is None or b is None:
         return result
-    for rows, x in _by_length(a):
-        for columns, y in _by_length(b):
-            result[np.ix_(rows, columns)] = _similarity(x, y, reading)
+    (x, k), (y, h) = _padded(a), _padded(b)
+    # Σ|d| of all triangle pairs, then (φ_x + φ_y) w; pairs with padding are worth nothing
+    d = sum(np.abs(x[:, None, :, None, c] - y[None, :, None, :, c]) for c in range(3))
+    real = (np.arange(x.shape[1]) < k[:, None])[:, None, :, None] & (np.arange(y.shape[1]) < h[:, None])[None, :, None]
+    term = real * (x[:, None, :, None, 0] + y[None, :, None, :, 0]) * (1.0 - np.log1p(_SCALE / 180.0 * d))
+    summed = np.sum(term, axis=(2, 3)) if reading == "pairs" else _aligned(term, k, h)
+    norm = np.sum(x[..., 0], axis=1)[:, None] + np.sum(y[..., 0], axis=1)
+    np.divide(summed, norm, out=result, where=norm > 0.0)
     return result
 
 
@@ -159,6 +165,14 @@ def _triangles(points: FloatArray) -> IntArray | None:
     return np.where(clockwise[:, None], corners[:, ::-1], corners)
 
 
+def _start(bearing: FloatArray) -> int:
+    """Which of the directions in ascending order comes after the widest gap."""
+    if len(bearing) < 2:
+        return 0
+    gap = np.append(bearing[0] + 2.0 * np.pi - bearing[-1], np.diff(bearing))
+    return int(np.argmax(gap))
+
+
 def _angles(p: FloatArray) -> FloatArray:
     """(k, 3) degrees at the three corners of triangles (k, 3, 2)."""
     u, v = np.roll(p, -1, axis=1) - p, np.roll(p, -2, axis=1) - p
@@ -166,28 +180,22 @@ def _angles(p: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(np.arctan2(np.abs(cross), np.sum(u * v, axis=-1))))
 
 
-def _by_length(sequences: list[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
-    """Targets with equally many triangles together: their rows (g,) and sequences (g, k, 3)."""
-    length = np.array([len(s) for s in sequences])
-    groups = []
-    for k in np.unique(length[length > 0]):
-        rows = np.flatnonzero(length == k)
-        groups.append((rows, np.stack([sequences[i] for i in rows])))
-    return groups
+def _padded(sequences: list[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """(n, K, 3) sequences filled up with zeros, and their lengths (n,)."""
+    length = np.array([len(s) for s in sequences], np.int64)
+    result = np.zeros((len(sequences), int(np.max(length)), 3))
+    result[np.arange(result.shape[1]) < length[:, None]] = np.concatenate(sequences)
+    return result, length
 
 
-def _similarity(x: FloatArray, y: FloatArray, reading: Reading) -> FloatArray:
-    """(g, h) S between targets x (g, k, 3) and y (h, l, 3)."""
-    d = np.sum(np.abs(x[:, None, :, None, :] - y[None, :, None, :, :]), axis=-1)
-    # (φ_x + φ_y) w
-    weight = x[:, None, :, None, 0] + y[None, :, None, :, 0]
-    term = weight * (1.0 - np.log1p(_SCALE * d / 180.0))
-    norm = np.sum(x[:, None, :, 0], axis=-1) + np.sum(y[None, :, :, 0], axis=-1)
-    if reading == "pairs":
-        return np.asarray(np.sum(term, axis=(2, 3)) / norm)
-    if term.shape[2] > term.shape[3]:
-        term = np.swapaxes(term, 2, 3)
-    short, long = np.arange(term.shape[2]), np.arange(term.shape[3])
-    # one alignment per shift: triangle i of the shorter sequence meets triangle i + shift of the longer
-    met = term[:, :, short[None, :], (short[None, :] + long[:, None]) % len(long)]
-    return np.asarray(np.max(np.sum(met, axis=3), axis=2) / norm)
+def _aligned(term: FloatArray, k: IntArray, h: IntArray) -> FloatArray:
+    """(m, n) largest sum over cyclic alignments of a sequence of k triangles with one of h, terms (m, n, K, L)."""
+    m, n, width, depth = term.shape
+    short, long = (f(k[:, None], h[None, :]) for f in (np.minimum, np.maximum))
+    first = (k[:, None] <= h[None, :])[..., None, None]
+    at, shift = np.arange(min(width, depth)), np.arange(max(width, depth))[:, None]
+    # triangle i of the shorter sequence meets triangle i + shift of the longer
+    met = (at + shift) % np.maximum(long, 1)[..., None, None]
+    cell = np.where(first, at * depth + met, met * depth + at)
+    value = np.take_along_axis(term.reshape(m, n, -1), cell.reshape(m, n, -1), axis=2).reshape(cell.shape)
+    return np.asarray(np.max(np.sum(value * (at < short[..., None, None]), axis=3), axis=2))

@@ -150,7 +150,17 @@ def _sequences(points: FloatArray) -> list[list[tuple[float, float, float]]]:
             corners = (_corner(p, q, r), _corner(q, r, p), _corner(r, p, q))
             middle = ((p[0] + q[0] + r[0]) / 3.0 - p[0], (p[1] + q[1] + r[1]) / 3.0 - p[1])
             around[target].append((atan2(middle[1], middle[0]), corners))
-    return [[corners for _, corners in sorted(triangles)] for triangles in around]
+    return [_opened(sorted(triangles)) for triangles in around]
+
+
+def _opened(
+    triangles: list[tuple[float, tuple[float, float, float]]],
+) -> list[tuple[float, float, float]]:
+    """The sequence from behind the widest gap on."""
+    directions = [direction for direction, _ in triangles]
+    gaps = [(direction - directions[k - 1]) % (2.0 * pi) for k, direction in enumerate(directions)]
+    start = gaps.index(max(gaps))
+    return [corners for _, corners in triangles[start:] + triangles[:start]]
 
 
 def _corner(p: list[float], q: list[float], r: list[float]) -> float:

@@ -70,6 +70,8 @@ def hidden_at_turns(heading: FloatArray, fps: float, rng: np.random.Generator) -
     for i in range(n):
         for _ in range(TIMES):
             middle = int(np.argmax(turn[:, i]))
+            if turn[middle, i] == 0.0:
+                break
             half = round(0.5 * fps * rng.uniform(*HIDDEN_S))
             hidden[max(middle - half, 0) : middle + half, i] = True
             apart = round(APART_S * fps)
