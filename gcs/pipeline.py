@@ -18,7 +18,7 @@ from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.packet import Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
 from vision.detections import Detections
-from vision.tracker import Stitch, Tracker, Tracks
+from vision.tracker import Stitch, Tracker, TrackerParams, Tracks
 
 __all__ = ["Pipeline"]
 
@@ -34,7 +34,7 @@ class Pipeline:
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self.fleet = Fleet(mission.uav.system_id, mission.ugv_ids)
-        self._tracker = Tracker()
+        self._tracker: Tracker | None = None
         auto = mission.clock.video_offset_s == "auto"
         params = IdentifierParams(threshold=mission.identity.threshold)
         if auto:
@@ -86,11 +86,19 @@ class Pipeline:
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
         warp = _warp(self._view, view)
+        if self._tracker is None:
+            self._tracker = Tracker(TrackerParams(picture=self._size(image)))
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=self._stitch(t_us, view))
         self._view = view
         identities = self._identify(t_us, detections, tracks, view)
         self._tell(t_us, identities)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
+
+    def _size(self, image: NDArray[np.uint8] | None) -> tuple[int, int] | None:
+        """Width and height of the picture, None while nothing tells."""
+        if image is not None:
+            return image.shape[1], image.shape[0]
+        return (self._intrinsics.width, self._intrinsics.height) if self._intrinsics else None
 
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
@@ -219,9 +227,7 @@ class Pipeline:
         events, self._events = tuple(self._events), []
         uv = self._projected(state, view)
         boxes = boxes_of(detections, tracks, identities, uv, view, self.fleet.origin)
-        width, height = (self._intrinsics.width, self._intrinsics.height) if self._intrinsics else (0, 0)
-        if image is not None:
-            height, width = image.shape[:2]
+        width, height = self._size(image) or (0, 0)
         return Snapshot(
             t_us=t_us,
             frame=index,
