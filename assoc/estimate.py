@@ -32,7 +32,7 @@ _LARGE = 400
 _SHAKEN = 12.0
 """A fall of a seen track's best score by this much from one update to the next, nats, opens the search again."""
 _STRANGER_S = 30.0
-_NOISE_EVERY_S = 1.5
+_NOISE_EVERY_S = 3.0
 _HEADING_STD = np.deg2rad(9.0)
 _EXTRA_WHITE_VAR = 0.02
 
@@ -69,6 +69,11 @@ class Estimator:
     def time_offset_s(self) -> float:
         """Estimated video time minus telemetry time, seconds."""
         return float(self.theta[OFFSET])
+
+    @property
+    def locked(self) -> bool:
+        """Whether all is sure, so that the search may rest."""
+        return self._locked
 
     def began(self, t: float, fresh: IntArray) -> None:
         """Start the evidence of new tracks, with the biases that are remembered."""

@@ -29,6 +29,7 @@ _BACKWARD_S = 1.0
 _EASY = 400
 _STITCH_SURE = 0.8
 _YOUNG_S = 0.5
+_REST = 2.0
 
 
 class Identifier:
@@ -120,9 +121,10 @@ class Identifier:
             self._beliefs = self._beliefs.renewed(ids, p[seen], self._estimator.conflict)
 
     def _interval(self) -> float:
-        """Seconds between full updates: longer for many tracks and vehicles, so that frames keep their pace."""
+        """Seconds between full updates: longer for many tracks and vehicles, and while nothing is in doubt."""
         work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
-        return self._params.every_s * float(np.clip(work / _EASY, 1.0, 4.0))
+        rest = _REST if self._estimator.locked else 1.0
+        return self._params.every_s * float(np.clip(work / _EASY, rest, 4.0))
 
     def _reset(self) -> None:
         """Forget everything: time ran backwards."""
