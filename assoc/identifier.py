@@ -30,6 +30,8 @@ _EASY = 400
 _STITCH_SURE = 0.8
 _YOUNG_S = 0.5
 _REST = 2.0
+_STARTLING_M = 1.5
+_AWAKE_S = 3.0
 
 
 class Identifier:
@@ -47,6 +49,8 @@ class Identifier:
         self._t = self._thought_s = -np.inf
         self._history, self._log, self._estimator = _parts(len(self._ids), self._params)
         self._beliefs = no_beliefs(len(self._ids))
+        self._residual_m: dict[int, float] = {}
+        self._startled_s = -np.inf
 
     @property
     def time_offset_s(self) -> float:
@@ -78,7 +82,9 @@ class Identifier:
         if t > self._t:
             self._see(t, sighting, camera)
         beliefs = self._beliefs.of(sighting.track_id)
-        return compose(self._ids, beliefs, sighting, camera, self._log, self._estimator, t, self._params.threshold)
+        answer = compose(self._ids, beliefs, sighting, camera, self._log, self._estimator, t, self._params.threshold)
+        self._note_startled(t, answer)
+        return answer
 
     def stitch(self, t_us: int, track_id: IntArray, ray_cam: FloatArray, camera: CameraState) -> IntArray:
         """Lost tracks that leftover detections continue, by where their vehicles report to be.
@@ -120,17 +126,26 @@ class Identifier:
             ids = self._history.track_id[columns[seen]]
             self._beliefs = self._beliefs.renewed(ids, p[seen], self._estimator.conflict)
 
+    def _note_startled(self, t: float, answer: Identities) -> None:
+        """A named track that is suddenly elsewhere than its vehicle ends the rest."""
+        named = np.flatnonzero(np.isfinite(answer.residual_m))
+        now: dict[int, float] = dict(zip(answer.track_id[named].tolist(), answer.residual_m[named].tolist(), strict=True))
+        if any(away > self._residual_m.get(track, away) + _STARTLING_M for track, away in now.items()):
+            self._startled_s, self._thought_s = t, -np.inf
+        self._residual_m = now
+
     def _interval(self) -> float:
         """Seconds between full updates: longer for many tracks and vehicles, and while nothing is in doubt."""
         work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
-        rest = _REST if self._estimator.locked else 1.0
+        rest = _REST if self._estimator.locked and self._t > self._startled_s + _AWAKE_S else 1.0
         return self._params.every_s * float(np.clip(work / _EASY, rest, 4.0))
 
     def _reset(self) -> None:
         """Forget everything: time ran backwards."""
-        self._t = self._thought_s = -np.inf
+        self._t = self._thought_s = self._startled_s = -np.inf
         self._history, self._log, self._estimator = _parts(len(self._ids), self._params)
         self._beliefs = no_beliefs(len(self._ids))
+        self._residual_m = {}
 
 
 def _parts(n: int, params: IdentifierParams) -> tuple[TrackHistory, ReportLog, Estimator]:
