@@ -287,4 +287,3 @@ class Estimator:
         _, folded = run_filter(best.blocks, best.theta, scene.state, scene.noise, scene.log_switch, drop)
         self._state = put(self._state, scene.columns, folded)
         self._first_block += drop
-

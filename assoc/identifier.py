@@ -129,7 +129,8 @@ class Identifier:
     def _note_startled(self, t: float, answer: Identities) -> None:
         """A named track that is suddenly elsewhere than its vehicle ends the rest."""
         named = np.flatnonzero(np.isfinite(answer.residual_m))
-        now: dict[int, float] = dict(zip(answer.track_id[named].tolist(), answer.residual_m[named].tolist(), strict=True))
+        tracks, away_m = answer.track_id[named].tolist(), answer.residual_m[named].tolist()
+        now: dict[int, float] = dict(zip(tracks, away_m, strict=True))
         if any(away > self._residual_m.get(track, away) + _STARTLING_M for track, away in now.items()):
             self._startled_s, self._thought_s = t, -np.inf
         self._residual_m = now

@@ -1,1 +1,1 @@
-"""Benchmarks: the published experiments, the field suite, latency, throughput; tables and figures in ``bench/results``."""
+"""Benchmarks: published experiments, field suite, latency, throughput; tables and figures in ``bench/results``."""

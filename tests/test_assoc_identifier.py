@@ -215,12 +215,8 @@ def test_nonsense_does_not_spread():
         ray = s.ray_cam.copy()
         ray[k % 4] = np.nan if k % 5 == 0 else ray[k % 4]
         view = camera(p=(np.nan, 0.0, 40.0)) if k % 9 == 0 else camera()
-        s = Sighting(
-            t_us=s.t_us, track_id=s.track_id, ray_cam=ray, front_cam=s.front_cam, gap_s=s.gap_s, score=s.score
-        )
-        r = VehicleReports(
-            t_us=r.t_us, vehicle=r.vehicle, p_enu=bad, v_enu=r.v_enu, heading=r.heading, std_m=r.std_m
-        )
+        s = Sighting(t_us=s.t_us, track_id=s.track_id, ray_cam=ray, front_cam=s.front_cam, gap_s=s.gap_s, score=s.score)
+        r = VehicleReports(t_us=r.t_us, vehicle=r.vehicle, p_enu=bad, v_enu=r.v_enu, heading=r.heading, std_m=r.std_m)
         answer = identifier.update(s, view, r)
         assert np.isfinite(answer.confidence).all()
     assert answer.system_id.tolist() == list(IDS)
