@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli import demo, export, fly, identify, replay, score, sim, tlog
+from gcs.cli import bench, demo, export, fly, identify, replay, score, sim, tlog
 from gcs.cli.console import explained, say
 
 __all__ = ["app", "main"]
@@ -38,6 +38,10 @@ app.command("export")(export.export)
 app.command("score")(score.score)
 app.command("sim")(sim.sim)
 app.command("demo")(demo.demo)
+app.command(
+    "bench",
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+)(bench.bench)
 app.add_typer(tlog.app, name="tlog")
 
 

@@ -1,0 +1,32 @@
+"""``gcs bench``: the benchmarks of a checkout, each in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.errors import GcsError
+
+__all__ = ["bench"]
+
+CHECKOUT = Path(__file__).parents[2]
+SUITES = ("paper", "field", "latency")
+
+
+def bench(
+    context: typer.Context,
+    suite: Annotated[str, typer.Argument(help=f"One of {', '.join(SUITES)}; --help after it lists its options.")],
+) -> None:
+    """Run a benchmark: the published experiments, the field suite, or latencies; results in bench/results."""
+    if suite not in SUITES:
+        raise GcsError(f"no benchmark {suite!r}; there are {', '.join(SUITES)}")
+    if not (CHECKOUT / "bench" / suite).is_dir():
+        raise GcsError(f"{CHECKOUT}: no bench folder here; run benchmarks from a checkout of the project")
+    path = os.pathsep.join(filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH"))))
+    command = [sys.executable, "-m", f"bench.{suite}", *context.args]
+    raise SystemExit(subprocess.call(command, env=os.environ | {"PYTHONPATH": path}))
