@@ -1,5 +1,6 @@
 """A flight as it is flown: the command in a process of its own, a simulated fleet on the loopback, bounded in time."""
 
+import csv
 import signal
 import socket
 import subprocess
@@ -10,7 +11,8 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.session import read_times
+from gcs.cli.identify import identify_into
+from gcs.session import open_session, read_times
 from mavlink.tlog import Tlog
 from sim.live import play
 from sim.presets import nominal
@@ -98,6 +100,18 @@ def test_every_packet_and_frame_is_kept(tmp_path):
     assert film.n >= 0.6 * sent.frames
     film.close()
     assert "ended" in (field.session / "session.toml").read_text()
+    assert said_again(field.session, tmp_path / "again") >= 0.98
+
+
+def said_again(session, out):
+    """Share of the boxes named live that a later look at the recording names alike; some must have been named."""
+    identify_into(open_session(session), out)
+    live, again = (
+        {(row["frame"], row["cx"], row["cy"]): row["system_id"] for row in csv.DictReader(path.read_text().splitlines())}
+        for path in (session / "identity.csv", out / "identity.csv")
+    )
+    assert sum(name != "" for name in live.values()) > 0.5 * len(live)
+    return sum(again.get(box) == name for box, name in live.items()) / len(live)
 
 
 @pytest.mark.parametrize("after_s", [5.0, 6.3])
