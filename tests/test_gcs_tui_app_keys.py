@@ -1,80 +1,16 @@
 from __future__ import annotations
 
-import math
-from contextlib import asynccontextmanager
-from dataclasses import replace
-
 import pytest
 
 from gcs.snapshot import Event
-from gcs.tui import RollcallApp
-from gcs.tui import app as app_module
-from gcs.tui.alert import AlertLine
-from gcs.tui.arrange import PANES
-from gcs.tui.deck import Deck
 from gcs.tui.event_log import EventPane
 from gcs.tui.help import HelpScreen
 from gcs.tui.keys import BINDINGS
 from gcs.tui.map import MapPane
-from gcs.tui.pane import Pane
 from gcs.tui.prompts import Ask
 from gcs.tui.timeline import TimelineBar
-from tests.fake_station import START_US, STOP_US, FakeStation, make_snapshot
-
-SMALL, WIDE = (80, 24), (160, 48)
-
-
-@asynccontextmanager
-async def running(station=None, size=SMALL):
-    station = FakeStation() if station is None else station
-    app = RollcallApp(station, graphics="blocks")
-    async with app.run_test(size=size) as pilot:
-        await pilot.pause()
-        yield app, pilot, station
-
-
-async def polled(app, pilot):
-    app._poll()
-    await pilot.pause()
-
-
-def text_of(widget) -> str:
-    return "\n".join(widget.render_line(y).text for y in range(widget.size.height))
-
-
-def screen_text(app) -> str:
-    return "\n".join("".join(segment.text for segment in row) for row in app.screen._compositor.render_strips())
-
-
-def on_screen(app) -> set[str]:
-    deck = app.query_one(Deck)
-    return {pane.id for pane in app.query(Pane) if pane.display and deck.has_room(pane.id)}
-
-
-async def test_small_screen_shows_video_fleet_identity_events_and_every_vehicle():
-    async with running() as (app, _, _):
-        assert on_screen(app) == {"video", "fleet", "identity", "events"}
-        said = screen_text(app)
-        for word in (
-            "UAV-1",
-            "UGV-11",
-            "UGV-17",
-            "confirmed 97%",
-            "tentative 61%",
-            "coasting 88%",
-            "stale 1s",
-            "lost 12s",
-        ):
-            assert word in said, word
-        for word in ("unknown", "out of view", "no position", "UGV-13? 61%", "~UGV-14 88%", "10:37:23Z", "04:11"):
-            assert word in said, word
-        assert all(len(row) == 80 for row in said.split("\n"))
-
-
-async def test_roomy_screen_adds_the_map():
-    async with running(size=WIDE) as (app, _, _):
-        assert on_screen(app) == set(PANES)
-        assert "20 m" in text_of(app.query_one(MapPane)) and "N↑" in text_of(app.query_one(MapPane))
+from tests.fake_station import START_US, STOP_US
+from tests.tui_pilot import SMALL, WIDE, on_screen, polled, running, screen_text, text_of
 
 
 async def test_seeking_keys():
@@ -142,26 +78,6 @@ async def test_go_to_time():
         assert station.timeline.now_us == START_US + 90_000_000
         await pilot.press("g", *"9:00:00", "enter")
         assert station.timeline.now_us == STOP_US
-
-
-async def test_live_has_no_replay_keys_and_no_timeline():
-    async with running(FakeStation(live=True)) as (app, pilot, _):
-        assert not app.query(TimelineBar)
-        await pilot.press("space", "left", "g", "n", "comma", "home", "right_square_bracket")
-        assert not isinstance(app.screen, Ask)
-        said = screen_text(app)
-        assert "● REC 00:00" in said and "1 of 2 links silent 6.2s" in said
-
-
-async def test_live_status_counts_time_and_warns_when_nothing_is_recorded():
-    async with running(FakeStation(live=True), WIDE) as (app, pilot, station):
-        old = station.snapshot
-        health = replace(old.health, recording=False, free_bytes=900_000_000, video="stalled", links=())
-        station.snapshot = replace(old, t_us=old.t_us + 65_000_000, health=health)
-        await polled(app, pilot)
-        said = screen_text(app)
-        for word in ("NOT RECORDING 01:05", "disk LOW 900 MB", "video stalled", "no link"):
-            assert word in said, word
 
 
 async def test_pane_keys_focus_then_hide_then_show():
@@ -279,25 +195,6 @@ async def test_event_log_filters_and_scrolls():
         assert "tentative" not in text_of(log) and "UGV-17 position lost" in text_of(log)
 
 
-async def test_a_replay_log_ends_at_the_picture():
-    async with running() as (app, pilot, station):
-        station.snapshot = replace(station.snapshot, t_us=START_US + 100_000_000)
-        await polled(app, pilot)
-        said = text_of(app.query_one(EventPane))
-        assert "UGV-11 confirmed" in said and "UGV-17 position lost" not in said and "alarm" not in said
-        await pilot.press("end", "N")
-        assert station.timeline.now_us == START_US + 240_000_000
-
-
-async def test_the_title_may_change_and_texts_say_whose_they_are():
-    async with running() as (app, pilot, station):
-        station.title = "flight (analysed 40%)"
-        station.said.append(Event(t_us=START_US + 1, level="info", kind="text", text="Reached waypoint", system_id=12))
-        await polled(app, pilot)
-        assert "flight (analysed 40%)" in screen_text(app)
-        assert "UGV-12: Reached waypoint" in text_of(app.query_one(EventPane))
-
-
 async def test_help_lists_every_key():
     async with running(size=(100, 60)) as (app, pilot, _):
         await pilot.press("question_mark")
@@ -352,72 +249,3 @@ async def test_clicks_pick_vehicles_and_seek():
         assert app.selected == 0
         await pilot.click("#timeline", offset=(64, 0))
         assert station.timeline.now_us > START_US + 600_000_000
-
-
-async def test_snapshot_is_drawn_once_and_again_only_when_it_is_another():
-    async with running() as (app, pilot, station):
-        video = app.query_one("#video")
-        drawn = []
-        body = video.body
-        video.body = lambda *size: drawn.append(size) or body(*size)
-        await pilot.pause(0.3)
-        assert drawn == []
-        station.snapshot = replace(station.snapshot, frame=1235)
-        await pilot.pause(0.3)
-        assert len(drawn) == 1 and "#1235" in text_of(video)
-
-
-async def test_before_the_first_snapshot():
-    station = FakeStation(live=True)
-    station.snapshot, station.said = None, []
-    async with running(station, WIDE) as (app, pilot, _):
-        said = screen_text(app)
-        for word in ("waiting for the first frame", "no vehicle heard yet", "waiting for positions", "nothing yet"):
-            assert word in said, word
-        await pilot.press("down", "up", "plus", "z", "escape", "question_mark", "escape", "s", "escape")
-
-
-async def test_no_picture_no_pose_no_vehicles():
-    base = make_snapshot()
-    bare = replace(base, image=None, width=0, height=0, boxes=(), vehicles=(), footprint_enu=None,
-                   uav_enu=base.uav_enu * math.nan, uav_heading=math.nan)  # fmt: skip
-    async with running(FakeStation(snapshot=bare), WIDE) as (app, pilot, _):
-        assert "no picture" in screen_text(app)
-        await pilot.press("down", "1", "2", "3", "c", "plus", "minus")
-
-
-async def test_a_stopped_station_is_told_and_is_the_exit_message(capsys):
-    station = FakeStation(live=True)
-    async with running(station) as (app, pilot, _):
-        assert not app.query_one(AlertLine).display
-        station.error = OSError(28, "No space left on device [/x]")
-        await polled(app, pilot)
-        assert "station stopped: [Errno 28] No space left on device [/x]" in screen_text(app)
-        await pilot.press("q")
-    assert app.return_code == 1
-    assert capsys.readouterr().err.strip() == "station stopped: [Errno 28] No space left on device [/x]"
-
-
-async def test_quit_is_clean(capsys):
-    async with running() as (app, pilot, _):
-        await pilot.press("q")
-    assert app.return_code == 0
-    assert capsys.readouterr() == ("", "")
-
-
-async def test_silence_is_told_when_live(monkeypatch):
-    async with running(FakeStation(live=True)) as (app, pilot, _):
-        later = app_module.time.monotonic() + 7
-        monkeypatch.setattr(app_module, "time", type("Clock", (), {"monotonic": staticmethod(lambda: later)}))
-        await polled(app, pilot)
-        assert "nothing new for" in screen_text(app)
-
-
-async def test_alarm_is_told_while_it_is_new():
-    station = FakeStation()
-    station.said.append(Event(t_us=station.snapshot.t_us - 1_000_000, level="alarm", kind="link", text="comm lost"))
-    async with running(station) as (app, pilot, _):
-        assert "comm lost" in app.query_one(AlertLine).text
-        station.snapshot = replace(station.snapshot, t_us=station.snapshot.t_us + 9_000_000)
-        await polled(app, pilot)
-        assert not app.query_one(AlertLine).display
