@@ -29,7 +29,7 @@ _BACKWARD_S = 1.0
 _EASY = 400
 _STITCH_SURE = 0.8
 _YOUNG_S = 0.5
-_REST = 2.0
+_REST = 3.0
 _STARTLING_M = 1.5
 _AWAKE_S = 3.0
 
@@ -118,7 +118,8 @@ class Identifier:
         self._estimator.began(t, fresh)
         waited, every = t - self._thought_s, self._interval()
         young = np.any((self._history.track_id != 0) & (self._history.first_s > t - _YOUNG_S))
-        if waited >= (every / 2.0 if young else every) - 1e-6 or (len(fresh) and waited >= every / 4.0 - 1e-6):
+        rest = 0.25 if len(fresh) else 0.5 if young else self._rest()
+        if waited >= every * rest - 1e-6:
             self._thought_s = t
             columns, p = self._estimator.update(t, usable)
             # what is believed of a track is not worse for its box being missed
@@ -136,10 +137,15 @@ class Identifier:
         self._residual_m = now
 
     def _interval(self) -> float:
-        """Seconds between full updates: longer for many tracks and vehicles, and while nothing is in doubt."""
+        """Seconds between full updates: longer for many tracks and vehicles, so that frames keep their pace."""
         work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
-        rest = _REST if self._estimator.locked and self._t > self._startled_s + _AWAKE_S else 1.0
-        return self._params.every_s * float(np.clip(work / _EASY, rest, 4.0))
+        return self._params.every_s * float(np.clip(work / _EASY, 1.0, 4.0))
+
+    def _rest(self) -> float:
+        """How much longer an update may wait while nothing is in doubt."""
+        work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
+        calm = self._estimator.locked and self._t > self._startled_s + _AWAKE_S
+        return max(_REST * min(_EASY / max(work, 1), 1.0), 1.0) if calm else 1.0
 
     def _reset(self) -> None:
         """Forget everything: time ran backwards."""
