@@ -62,8 +62,8 @@ def _rotations(path: Path, counts: list[Count], experiment: str, method: str, ax
         else:
             told = [published_at(experiment, road, level) for level in levels]
             ax.plot(levels, told, color="tab:gray", linestyle="-.", label="published, 0°, by its steps")
-        values = _curve(counts, experiment, "identifier", axis, levels, case=road)
-        ax.plot(levels, values, color="tab:red", label="identifier")
+        asked, values = _asked(levels, _curve(counts, experiment, "identifier", axis, levels, case=road))
+        ax.plot(asked, values, color="tab:red", marker=".", label="identifier")
     axes[0].legend(fontsize=8, loc="lower left")
     figure.savefig(path, dpi=110)
 
@@ -78,7 +78,7 @@ def _figure10(path: Path, counts: list[Count]) -> None:
         ):  # fmt: skip
             color = {"t": "tab:blue", "T": "tab:green", "i": "tab:red"}[method[0]]
             values = _curve(counts, "figure 8", method, "sigma_topology", levels, case=road, rotation_deg=0.0)
-            ax.plot(levels, values, style, color=color, label=method)
+            ax.plot(*_asked(levels, values), style, color=color, label=method)
     axes[0].legend(fontsize=8, loc="upper right")
     figure.savefig(path, dpi=110)
 
@@ -89,6 +89,12 @@ def _curve(
     """Precision at each noise level, NaN where the method was not asked."""
     points = [pooled(counts, experiment, method, **{axis: level}, **where) for level in levels]
     return [point.precision if point else float("nan") for point in points]
+
+
+def _asked(levels: list[float], values: list[float]) -> tuple[list[float], list[float]]:
+    """The points that were measured."""
+    points = [(level, value) for level, value in zip(levels, values, strict=True) if value == value]
+    return [level for level, _ in points], [value for _, value in points]
 
 
 def main() -> None:

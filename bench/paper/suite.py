@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -49,7 +50,10 @@ def _measure(plan: list[Condition], flights: range) -> tuple[list[Count], list[M
     try:
         with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
             walked = pool.map(play, flights)
-            results = list(pool.map(evaluate, plan))
+            results = []
+            for condition, result in zip(plan, pool.map(evaluate, plan), strict=True):
+                results.append(result)
+                print(f"{len(results)} of {len(plan)}: {condition.experiment}", end="\r", file=sys.stderr, flush=True)
             kept = [one for flight in walked for one in flight]
     finally:
         for name, value in before.items():
