@@ -192,6 +192,6 @@ def unmodelled(k: int, rng: np.random.Generator) -> Scenario:
         ground=road(1, lane_width_m=2.4),
         gnss=gnss(rng, bias=1.5),
         attitude=slight(rng),
-        detector=Detector(merge_lengths=1.6),
+        detector=Detector(merge_lengths=1.2),
         targets=Targets(lookalikes=2),
     )

@@ -174,7 +174,7 @@ def unmodelled(k: int, rng: np.random.Generator) -> Scenario:
         2: gnss(rng, steps_per_min=2.0, step_m=1.5),
     }
     ground = {3: road(k, slope_deg=3.0, uphill_deg=float(rng.uniform(0.0, 360.0))), 4: road(1, lane_width_m=2.4)}
-    detector = {4: Detector(merge_lengths=1.5), 5: Detector(pixel_noise=4.0, angle_noise_deg=8.0, flip=0.05)}
+    detector = {4: Detector(merge_lengths=1.15), 5: Detector(pixel_noise=4.0, angle_noise_deg=8.0, flip=0.05)}
     return session(
         ground=ground.get(k, road(k)),
         gnss=errors.get(k, gnss(rng)),
