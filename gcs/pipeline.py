@@ -239,7 +239,7 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=health or Health(),
+            health=replace(health or Health(), time_offset_s=self._offset_s + self._identifier.time_offset_s),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             events=events,
         )
