@@ -107,7 +107,10 @@ def said_again(session, out):
     """Share of the boxes named live that a later look at the recording names alike; some must have been named."""
     identify_into(open_session(session), out)
     live, again = (
-        {(row["frame"], row["cx"], row["cy"]): row["system_id"] for row in csv.DictReader(path.read_text().splitlines())}
+        {
+            (row["frame"], row["cx"], row["cy"]): row["system_id"]
+            for row in csv.DictReader(path.read_text().splitlines())
+        }
         for path in (session / "identity.csv", out / "identity.csv")
     )
     assert sum(name != "" for name in live.values()) > 0.5 * len(live)

@@ -14,7 +14,8 @@ from sim.live import play
 from sim.presets import curved_road
 from sim.scenario import Camera
 
-SMALL = dataclasses.replace(curved_road(), camera=Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0))
+CAMERA = Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
+SMALL = dataclasses.replace(curved_road(), camera=CAMERA, occlusions=())
 
 
 class Receiver:
