@@ -106,11 +106,14 @@ def fixes(
         yield now, dialect.MAVLink_gps_raw_int_message(clock.boot_ms(now) * 1000, fix, *row, satellites)
 
 
-def attitudes(clock: BootClock, t: FloatArray, yaw: FloatArray, pitch: FloatArray, roll: FloatArray) -> Stream:
-    """ATTITUDE of angles (k,) in radians."""
+def attitudes(
+    clock: BootClock, t: FloatArray, yaw: FloatArray, pitch: FloatArray, roll: FloatArray, rates: FloatArray
+) -> Stream:
+    """ATTITUDE of angles (k,) in radians and body rates (k, 3) about roll, pitch and yaw axes in rad/s."""
     turned = (yaw + np.pi) % (2.0 * np.pi) - np.pi
-    for now, r, p, y in zip(t.tolist(), roll.tolist(), pitch.tolist(), turned.tolist(), strict=True):
-        yield now, dialect.MAVLink_attitude_message(clock.boot_ms(now), r, p, y, 0.0, 0.0, 0.0)
+    rows = np.column_stack([roll, pitch, turned, rates]).tolist()
+    for now, row in zip(t.tolist(), rows, strict=True):
+        yield now, dialect.MAVLink_attitude_message(clock.boot_ms(now), *row)
 
 
 def gimbal(scenario: Scenario, clock: BootClock, t: FloatArray) -> Stream:

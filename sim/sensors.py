@@ -15,6 +15,7 @@ __all__ = ["Sensors", "UavReading", "UgvReading", "gauss_markov"]
 FloatArray = NDArray[np.float64]
 
 BIAS_STEP_S = 0.1
+RATE_STEP_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,8 @@ class UgvReading:
     """(k, 3)."""
     heading: FloatArray
     """(k,) radians clockwise from north."""
+    yaw_rate: FloatArray
+    """(k,) rad/s."""
     zeroed: NDArray[np.bool_]
     """(k,) True where the vehicle claims latitude and longitude 0."""
 
@@ -43,6 +46,8 @@ class UavReading:
     """(k,) radians clockwise from north; pitch nose up, roll right side down."""
     pitch: FloatArray
     roll: FloatArray
+    rates: FloatArray
+    """(k, 3) of its gyroscopes: about the roll, pitch and yaw axes of the body, rad/s."""
 
 
 class Sensors:
@@ -73,6 +78,7 @@ class Sensors:
             p_enu=np.concatenate([xy, p[:, 2:]], axis=1),
             v_enu=v,
             heading=heading + self._heading_bias[vehicle] + spread * noise[:, 2],
+            yaw_rate=self._yaw_rate(vehicle, seen),
             zeroed=_during(t, self._faults(vehicle), "zero"),
         )
 
@@ -92,7 +98,19 @@ class Sensors:
             yaw=truth.yaw + np.radians(scenario.attitude.compass_bias_deg) + spread * noise[:, 3],
             pitch=truth.pitch + tilt[0] + 0.3 * spread * noise[:, 4],
             roll=truth.roll + tilt[1] + 0.3 * spread * noise[:, 5],
+            rates=self._body_rates(t),
         )
+
+    def _body_rates(self, t: FloatArray) -> FloatArray:
+        now, before, after = (self.world.at_uav(t + dt) for dt in (0.0, -RATE_STEP_S, RATE_STEP_S))
+        roll, pitch, yaw = (
+            (getattr(after, name) - getattr(before, name)) / (2.0 * RATE_STEP_S) for name in ("roll", "pitch", "yaw")
+        )
+        # p = φ' − ψ' sin θ,  q = θ' cos φ + ψ' sin φ cos θ,  r = ψ' cos φ cos θ − θ' sin φ
+        p = roll - yaw * np.sin(now.pitch)
+        q = pitch * np.cos(now.roll) + yaw * np.sin(now.roll) * np.cos(now.pitch)
+        r = yaw * np.cos(now.roll) * np.cos(now.pitch) - pitch * np.sin(now.roll)
+        return np.stack([p, q, r], axis=-1)
 
     def silent(self, vehicle: int, t: float) -> bool:
         """True while a fault keeps the vehicle off the air."""
@@ -108,6 +126,10 @@ class Sensors:
                 p, v = np.where(active[:, None], p_other, p), np.where(active[:, None], v_other, v)
                 heading = np.where(active, heading_other, heading)
         return p, v, heading
+
+    def _yaw_rate(self, vehicle: int, t: FloatArray) -> FloatArray:
+        before, after = (self.world.track_of(vehicle, t + dt)[2] for dt in (-RATE_STEP_S, RATE_STEP_S))
+        return np.asarray((after - before) / (2.0 * RATE_STEP_S))
 
     def _steps(self, n: int) -> FloatArray:
         """(T, n, 2) offsets that change with the satellites in use; none before the first change."""

@@ -85,7 +85,7 @@ def _uav(scenario: Scenario, sensors: Sensors) -> Stream:
     if not scenario.attitude.missing:
         t = _times(scenario, UAV_ATTITUDE_HZ, -1, "attitude")
         reading = sensors.uav(t, "attitude")
-        streams.append(messages.attitudes(clock, t, reading.yaw, reading.pitch, reading.roll))
+        streams.append(messages.attitudes(clock, t, reading.yaw, reading.pitch, reading.roll, reading.rates))
         if scenario.camera.mount == "stabilized" and scenario.attitude.gimbal:
             streams.append(messages.gimbal(scenario, clock, _times(scenario, GIMBAL_HZ, -1, "gimbal")))
     return _merged(streams)
@@ -106,7 +106,8 @@ def _ugv(scenario: Scenario, sensors: Sensors, vehicle: int) -> Stream:
     ]
     if not scenario.attitude.ugv_heading_missing:
         level = np.zeros(len(t))
-        streams.append(messages.attitudes(clock, t, reading.heading, level, level))
+        rates = np.stack([level, level, reading.yaw_rate], axis=-1)
+        streams.append(messages.attitudes(clock, t, reading.heading, level, level, rates))
     return ((now, message) for now, message in _merged(streams) if not sensors.silent(vehicle, now))
 
 

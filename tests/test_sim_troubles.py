@@ -57,6 +57,19 @@ def test_changes_of_satellites_move_the_reports_in_steps():
     assert np.median(moved) < 1e-9
 
 
+def test_gyroscopes_say_how_the_attitude_goes_on():
+    turning = World(base(flight=Flight(yaw_rate_dps=12.0, tilt_sway_deg=3.0)))
+    quiet = dataclasses.replace(turning.scenario.attitude, noise_deg=0.0)
+    sensors = Sensors(World(dataclasses.replace(turning.scenario, attitude=quiet)))
+    now, later = (sensors.uav(T + dt, "attitude") for dt in (0.0, 0.1))
+    middle = sensors.uav(T + 0.05, "attitude").rates
+    np.testing.assert_allclose(np.degrees(middle[:, 2]).mean(), 12.0, atol=1.0)
+    for k, name in enumerate(("roll", "pitch", "yaw")):
+        # small tilts: body rates are nearly those of the angles
+        change = (getattr(later, name) - getattr(now, name)) / 0.1
+        assert np.abs(change - middle[:, k]).max() < 0.02
+
+
 def test_a_roaming_view_goes_to_and_fro():
     still, roaming = (World(base(flight=Flight(roam_m=m, sway_m=0.0))) for m in (0.0, 20.0))
     gap = np.array([roaming.at(t).uav.p_enu[:2] - still.at(t).uav.p_enu[:2] for t in T])
