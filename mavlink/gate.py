@@ -17,8 +17,8 @@ class GateParams:
 
     max_speed: float = 30.0
     """m/s; a place that needs more than this to get to is refused. Raise for fast vehicles."""
-    jump_margin_m: float = 5.0
-    """Beyond what the speed allows: filters settle in small steps."""
+    jump_margin_m: float = 20.0
+    """Beyond what the speed allows: filters settle in steps, and white noise of 4 m makes neighbours 20 m apart."""
     jump_accept_us: int = 1_000_000
     """A new place that has been held for this long, with nothing from the old one, is where the vehicle is."""
     height_gap_m: float = 30.0
