@@ -88,7 +88,8 @@ class Pipeline:
         warp = _warp(self._view, view)
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(picture=self._size(image)))
-        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=self._stitch(t_us, view))
+        stitch, known = self._stitch(t_us, view), self._known(state)
+        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
         identities = self._identify(t_us, detections, tracks, view)
         self._tell(t_us, identities)
@@ -140,6 +141,11 @@ class Pipeline:
             return self._identifier.stitch(self._telemetry_time(t_us), track_id, rays, camera)
 
         return stitch
+
+    def _known(self, state: FleetState) -> list[int]:
+        """Tracks that carry a name whose vehicle says where it is."""
+        heard = set(state.system_id[state.valid].tolist())
+        return [track for track, vehicle in self._name_of_track.items() if vehicle in heard]
 
     def _projected(self, state: FleetState, view: View | None) -> dict[int, FloatArray]:
         """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""

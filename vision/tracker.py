@@ -10,7 +10,7 @@ Reference:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -67,6 +67,8 @@ class TrackerParams:
     """A confirmed track coasts as long as it was seen, but at least this long ..."""
     coast_s: float = 2.5
     """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
+    known_s: float = 0.45
+    """A track whose owner is known and that was out of sight for longer is continued by the owner's report only."""
     picture: tuple[int, int] | None = None
     """Width and height, px, when known: a track that has coasted out of the picture ends after ``tentative_s``, so that
     the next vehicle to come in there does not inherit its id."""
@@ -134,7 +136,13 @@ class Tracker:
         self._t_us: int | None = None
 
     def update(
-        self, detections: Detections, t_us: int, *, warp: Floats | None = None, stitch: Stitch | None = None
+        self,
+        detections: Detections,
+        t_us: int,
+        *,
+        warp: Floats | None = None,
+        stitch: Stitch | None = None,
+        known: Collection[int] = (),
     ) -> Tracks:
         """Take in one picture.
 
@@ -143,11 +151,13 @@ class Tracker:
             t_us: when it was taken. Pictures may be missing; a time that does not advance counts as no time passed.
             warp: (3, 3) homography from the previous picture given here to this one, from the camera's motion.
             stitch: asked once which lost tracks the boxes continue that nothing else explains.
+            known: ids of tracks whose owner is known. Once they have been out of sight for a while, ``stitch`` alone
+                continues them: where the owner says it is tells more than where the track was heading.
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
         self._advance(dt, warp)
-        free = self._match(detections)
+        free = self._match(detections, known if stitch is not None else ())
         if stitch is not None:
             free = self._stitch(detections, free, stitch)
         self._drop()
@@ -160,15 +170,16 @@ class Tracker:
         if warp is not None and np.isfinite(warp).all():
             state.warp(np.asarray(warp, dtype=np.float64))
 
-    def _match(self, boxes: Detections) -> NDArray[np.bool_]:
+    def _match(self, boxes: Detections, known: Collection[int]) -> NDArray[np.bool_]:
         """Both rounds; boxes (m,) that are left and good enough to matter."""
         params = self.params
         free = boxes.score >= params.low_score
         high = boxes.score >= params.high_score
-        everyone = np.ones(len(self._state), dtype=bool)
+        out_of_sight = self._state.gap_s > params.known_s
+        everyone = ~(out_of_sight & np.isin(self._state.track_id, list(known)))
         self._round(boxes, everyone, free & high, params.gate, free)
         # doubtful boxes only continue tracks that are sure of themselves and were seen a moment ago
-        sure = (self._state.detection < 0) & (self._state.gap_s <= params.short_s)
+        sure = everyone & (self._state.detection < 0) & (self._state.gap_s <= params.short_s)
         self._round(boxes, sure, free & ~high, params.gate, free)
         return free
 
