@@ -119,6 +119,14 @@ class Tracks:
         return np.stack([self.cx, self.cy, self.w, self.h, self.angle], axis=-1)
 
 
+# A common shift is believed by this share when this many tracks with this many hits bear witness to it.
+SHIFT_SHARE = 0.7
+SHIFT_WORTH = 0.1
+"""Less than this, in sizes, is left to the filter."""
+LEAST_WITNESSES = 3
+SETTLED_HITS = 4
+
+
 class Tracker:
     """Follows boxes from picture to picture.
 
@@ -175,6 +183,7 @@ class Tracker:
         params = self.params
         free = boxes.score >= params.low_score
         high = boxes.score >= params.high_score
+        self._shift(boxes, free & high)
         out_of_sight = self._state.gap_s > params.known_s
         everyone = ~(out_of_sight & np.isin(self._state.track_id, list(known)))
         self._round(boxes, everyone, free & high, params.gate, free)
@@ -182,6 +191,24 @@ class Tracker:
         sure = everyone & (self._state.detection < 0) & (self._state.gap_s <= params.short_s)
         self._round(boxes, sure, free & ~high, params.gate, free)
         return free
+
+    def _shift(self, boxes: Detections, chosen: NDArray[np.bool_]) -> None:
+        """Take out what all tracks are off by alike: the camera turned in a way that the warp did not know."""
+        params, state = self.params, self._state
+        rows = np.nonzero((state.hits >= SETTLED_HITS) & (state.gap_s <= params.known_s))[0]
+        columns = np.nonzero(chosen)[0]
+        if len(rows) < LEAST_WITNESSES or not len(columns):
+            return
+        nearest = np.hypot(*np.moveaxis(boxes.centre[columns] - state.x[rows, None, :2], 2, 0)).min(axis=1)
+        if np.median(nearest / state.length[rows]) < SHIFT_WORTH:
+            return
+        i, j, cost = self._candidates(boxes, rows, columns, 4.0 * params.gate)
+        i, j = assign(i, j, cost, 4.0 * params.gate + params.overlap_weight)
+        if len(i) >= max(LEAST_WITNESSES, len(rows) // 2):
+            off = boxes.centre[columns[j]] - state.x[rows[i], :2]
+            # the median in the plane: the one that is nearest to all others
+            middle = np.argmin(np.hypot(*np.moveaxis(off[:, None] - off[None], 2, 0)).sum(axis=1))
+            state.x[:, :2] += SHIFT_SHARE * off[middle]
 
     def _round(
         self,
