@@ -30,6 +30,7 @@ class ConflictWatch:
     def __init__(self) -> None:
         self._double_since: dict[tuple[int, int], float] = {}
         self._was: dict[int, int] = {}
+        self._gone_since: dict[int, float] = {}
 
     def review(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray) -> tuple[FloatArray, tuple[int, ...]]:
         """Marginals in which doubles share their track, and the vehicles in conflict.
@@ -70,14 +71,16 @@ class ConflictWatch:
         return [(now[pair], *pair) for pair, since in self._double_since.items() if t - since >= _LASTING_S]
 
     def _gone(self, t: float, scene: Scene, choice: IntArray, p: FloatArray) -> set[int]:
-        """Vehicles whose track is surely not theirs any more, and who have no other."""
+        """Vehicles whose track, still seen, has long been surely not theirs any more, and who have no other."""
         age = t - scene.log.last_t
         ids = scene.history.track_id[scene.columns[: scene.live]].tolist()
         found: set[int] = set()
         for row, key in enumerate(ids):
             if choice[row] >= 0 and p[row, choice[row]] > _SURE:
                 self._was[key] = int(choice[row])
-            elif key in self._was and p[row, -1] > _SURE and age[self._was[key]] < _HEARD_S:
+            elif key in self._was and p[row, -1] > _SURE and age[self._was[key]] < _HEARD_S and scene.gap_s[row] <= 0.0:
                 found.add(self._was[key])
         self._was = {key: vehicle for key, vehicle in self._was.items() if key in ids}
-        return found - set(choice.tolist())
+        # occluded or out of the picture is no contradiction, and a moment of doubt none either
+        self._gone_since = {v: self._gone_since.get(v, t) for v in found - set(choice.tolist())}
+        return {v for v, since in self._gone_since.items() if t - since >= _LASTING_S}
