@@ -199,8 +199,9 @@ class Tracker:
         columns = np.nonzero(chosen)[0]
         if len(rows) < LEAST_WITNESSES or not len(columns):
             return
-        nearest = np.hypot(*np.moveaxis(boxes.centre[columns] - state.x[rows, None, :2], 2, 0)).min(axis=1)
-        if np.median(nearest / state.length[rows]) < SHIFT_WORTH:
+        apart = boxes.centre[columns] - state.x[rows, None, :2]
+        nearest = np.sqrt((apart * apart).sum(axis=2).min(axis=1)) / state.length[rows]
+        if np.sort(nearest)[len(nearest) // 2] < SHIFT_WORTH:
             return
         i, j, cost = self._candidates(boxes, rows, columns, 4.0 * params.gate)
         i, j = assign(i, j, cost, 4.0 * params.gate + params.overlap_weight)
