@@ -21,6 +21,7 @@ IntArray = NDArray[np.int64]
 _REMEMBERED = 200
 """Tracks whose last beliefs are kept."""
 _CLAIMED = 0.5
+_LOOK_S = 0.3
 _UNSEEN = 0.5
 """Probability of "none of ours" of a track that no update has met."""
 
@@ -59,8 +60,33 @@ def no_beliefs(n: int) -> Beliefs:
     return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
 
 
+class HeldMasses:
+    """The masses of the named vehicles at the last look: they change slowly, and a look costs more than a name."""
+
+    def __init__(self) -> None:
+        self._t = -np.inf
+        self._rows: dict[tuple[int, int], FloatArray] = {}
+
+    def stale(self, t: float, track_id: IntArray, choice: IntArray) -> bool:
+        """Whether it is time to look again: after a while, or when somebody is named that was not."""
+        named = zip(track_id.tolist(), choice.tolist(), strict=True)
+        return t - self._t >= _LOOK_S or any(k >= 0 and (track, k) not in self._rows for track, k in named)
+
+    def renew(self, t: float, track_id: IntArray, choice: IntArray, masses: FloatArray) -> None:
+        """Keep (3, m) masses of the tracks with their vehicles."""
+        self._t = t
+        self._rows = dict(zip(zip(track_id.tolist(), choice.tolist(), strict=True), masses.T, strict=True))
+
+    def of(self, track_id: IntArray, choice: IntArray) -> FloatArray:
+        """(3, m), NaN unnamed."""
+        unnamed = np.full(3, np.nan)
+        named = zip(track_id.tolist(), choice.tolist(), strict=True)
+        rows = [self._rows[track, k] if k >= 0 else unnamed for track, k in named]
+        return np.array(rows).reshape(len(rows), 3).T
+
+
 def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: CameraState, log: ReportLog,
-            estimator: Estimator, t: float, threshold: float) -> Identities:  # fmt: skip
+            estimator: Estimator, t: float, threshold: float, held: HeldMasses) -> Identities:  # fmt: skip
     """Names, runners-up and evidence of one frame.
 
     Args:
@@ -72,6 +98,7 @@ def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: 
         estimator: Pose correction.
         t: Time of the frame, seconds.
         threshold: Least probability for a name.
+        held: Masses of the last look, renewed here.
 
     Returns:
         The identities.
@@ -86,7 +113,9 @@ def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: 
     second = np.argmax(others, axis=1) if n else np.zeros(m, np.int64)
     second_p = others[rows, second] if n else np.zeros(m)
     ids = np.append(system_ids, 0)
-    projection, topology, fused = _masses(t, sighting, camera, log, estimator, choice)
+    if held.stale(t, sighting.track_id, choice):
+        held.renew(t, sighting.track_id, choice, np.stack(_masses(t, sighting, camera, log, estimator, choice)))
+    projection, topology, fused = held.of(sighting.track_id, choice)
     residual, age = estimator.residuals(t, sighting, camera, choice)
     return Identities(
         track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=p[rows, choice],

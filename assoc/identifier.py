@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.answers import compose, no_beliefs
+from assoc.answers import HeldMasses, compose, no_beliefs
 from assoc.estimate import Estimator
 from assoc.ground import ground_now
 from assoc.history import TrackHistory
@@ -51,6 +51,7 @@ class Identifier:
         self._beliefs = no_beliefs(len(self._ids))
         self._residual_m: dict[int, float] = {}
         self._startled_s = -np.inf
+        self._held = HeldMasses()
 
     @property
     def time_offset_s(self) -> float:
@@ -82,7 +83,8 @@ class Identifier:
         if t > self._t:
             self._see(t, sighting, camera)
         beliefs = self._beliefs.of(sighting.track_id)
-        answer = compose(self._ids, beliefs, sighting, camera, self._log, self._estimator, t, self._params.threshold)
+        threshold, held = self._params.threshold, self._held
+        answer = compose(self._ids, beliefs, sighting, camera, self._log, self._estimator, t, threshold, held)
         self._note_startled(t, answer)
         return answer
 
@@ -153,6 +155,7 @@ class Identifier:
         self._history, self._log, self._estimator = _parts(len(self._ids), self._params)
         self._beliefs = no_beliefs(len(self._ids))
         self._residual_m = {}
+        self._held = HeldMasses()
 
 
 def _parts(n: int, params: IdentifierParams) -> tuple[TrackHistory, ReportLog, Estimator]:

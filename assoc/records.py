@@ -127,7 +127,7 @@ class Identities:
     position_age_s: FloatArray
     """(m,) age of that report, NaN unnamed."""
     projection: FloatArray
-    """(m,) projection mass of the named vehicle in this frame, NaN unnamed."""
+    """(m,) projection mass of the named vehicle at the last look, at most 0.3 s ago; NaN unnamed."""
     topology: FloatArray
     """(m,) topology mass, likewise."""
     fused: FloatArray
