@@ -72,7 +72,7 @@ def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:
     order = np.lexsort((bearing, turned[:, 0]))
     ends = np.cumsum(np.bincount(turned[:, 0], minlength=len(points)))[:-1]
     pieces = zip(np.split(_angles(p[order]), ends), np.split(bearing[order], ends), strict=True)
-    return [np.roll(angle, -_start(direction), axis=0) for angle, direction in pieces]
+    return [np.concatenate([angle[k:], angle[:k]]) for angle, k in ((a, _start(b)) for a, b in pieces)]
 
 
 def tts_similarity(image: FloatArray, world: FloatArray, reading: Reading = "sequence") -> FloatArray:
@@ -169,13 +169,13 @@ def _start(bearing: FloatArray) -> int:
     """Which of the directions in ascending order comes after the widest gap."""
     if len(bearing) < 2:
         return 0
-    gap = np.append(bearing[0] + 2.0 * np.pi - bearing[-1], np.diff(bearing))
+    gap = bearing - np.concatenate([bearing[-1:] - 2.0 * np.pi, bearing[:-1]])
     return int(np.argmax(gap))
 
 
 def _angles(p: FloatArray) -> FloatArray:
     """(k, 3) degrees at the three corners of triangles (k, 3, 2)."""
-    u, v = np.roll(p, -1, axis=1) - p, np.roll(p, -2, axis=1) - p
+    u, v = p[:, [1, 2, 0]] - p, p[:, [2, 0, 1]] - p
     cross = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
     return np.asarray(np.degrees(np.arctan2(np.abs(cross), np.sum(u * v, axis=-1))))
 

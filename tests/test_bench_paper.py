@@ -227,6 +227,16 @@ def test_tables_show_published_theirs_and_ours_side_by_side(tmp_path):
     assert "| ByteTrack | 10 | 2 | 2 | 0 |" in (tmp_path / "occlusion.md").read_text()
 
 
+def test_measured_times_stand_beside_the_published_ones(tmp_path):
+    (tmp_path / "latency").mkdir()
+    timing = Timing.of("projection", "ours", (7, 6), [0.004], [0.004])
+    write(tmp_path / "latency" / "latency.csv", Timing, [timing])
+    (tmp_path / "paper").mkdir()
+    write_tables(tmp_path / "paper", [], [], quick=False)
+    text = (tmp_path / "paper" / "table_1.md").read_text()
+    assert "| projection | 148.49 | ours 4.00 |" in text and "| TTS | 22.52 | not measured yet" in text
+
+
 def test_figures_are_left_out_where_they_cannot_be_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "find_spec", lambda name: None)
     assert figures.draw(tmp_path) is False

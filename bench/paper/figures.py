@@ -16,6 +16,8 @@ from bench.paper.tables import pooled, published_at
 __all__ = ["MATPLOTLIB_MISSING", "draw"]
 
 MATPLOTLIB_MISSING = 'matplotlib is not installed; "pip install matplotlib", then "python -m bench.paper.figures"'
+Figure = Any
+"""matplotlib's, which may be missing."""
 _STYLES = ("-", "--", ":")
 
 
@@ -36,7 +38,7 @@ def draw(out: Path) -> bool:
 
 
 def _axes(title: str, xlabel: str) -> tuple[Any, Any]:
-    figure: Any = import_module("matplotlib.figure").Figure(figsize=(10, 4.2), layout="constrained")
+    figure: Any = import_module("matplotlib.figure").Figure(figsize=(10, 4.6), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     figure.suptitle(title)
     for ax, road in zip(axes, ROADS, strict=True):
@@ -44,6 +46,13 @@ def _axes(title: str, xlabel: str) -> tuple[Any, Any]:
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("precision, %")
     return figure, axes
+
+
+def _save(figure: Figure, path: Path) -> None:
+    """One legend for both roads, whose curves have the same names."""
+    names = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*names, fontsize=8, loc="outside lower center", ncols=4)
+    figure.savefig(path, dpi=110)
 
 
 def _rotations(path: Path, counts: list[Count], experiment: str, method: str, axis: str, xlabel: str) -> None:
@@ -64,8 +73,7 @@ def _rotations(path: Path, counts: list[Count], experiment: str, method: str, ax
             ax.plot(levels, told, color="tab:gray", linestyle="-.", label="published, 0°, by its steps")
         asked, values = _asked(levels, _curve(counts, experiment, "identifier", axis, levels, case=road))
         ax.plot(asked, values, color="tab:red", marker=".", label="identifier")
-    axes[0].legend(fontsize=8, loc="lower left")
-    figure.savefig(path, dpi=110)
+    _save(figure, path)
 
 
 def _figure10(path: Path, counts: list[Count]) -> None:
@@ -79,8 +87,7 @@ def _figure10(path: Path, counts: list[Count]) -> None:
             color = {"t": "tab:blue", "T": "tab:green", "i": "tab:red"}[method[0]]
             values = _curve(counts, "figure 8", method, "sigma_topology", levels, case=road, rotation_deg=0.0)
             ax.plot(*_asked(levels, values), style, color=color, label=method)
-    axes[0].legend(fontsize=8, loc="upper right")
-    figure.savefig(path, dpi=110)
+    _save(figure, path)
 
 
 def _curve(
