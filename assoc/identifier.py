@@ -140,14 +140,16 @@ class Identifier:
 
     def _interval(self) -> float:
         """Seconds between full updates: longer for many tracks and vehicles, so that frames keep their pace."""
-        work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
-        return self._params.every_s * float(np.clip(work / _EASY, 1.0, 4.0))
+        return self._params.every_s * float(np.clip(self._work(), 1.0, 4.0))
 
     def _rest(self) -> float:
-        """How much longer an update may wait while nothing is in doubt."""
-        work = int(np.sum(self._history.track_id != 0)) * len(self._ids)
+        """How much longer an update may wait while nothing is in doubt; hard work has its longer interval already."""
         calm = self._estimator.locked and self._t > self._startled_s + _AWAKE_S
-        return max(_REST * min(_EASY / max(work, 1), 1.0), 1.0) if calm else 1.0
+        return max(_REST / max(self._work(), 1.0), 1.0) if calm else 1.0
+
+    def _work(self) -> float:
+        """Pairs to be weighed, in units of what is done easily."""
+        return int(np.sum(self._history.track_id != 0)) * len(self._ids) / _EASY
 
     def _reset(self) -> None:
         """Forget everything: time ran backwards."""

@@ -60,7 +60,6 @@ class Flight:
         Raises:
             LinkError, ModelError, SessionError: something cannot be opened; nothing is left open.
         """
-        self._plan = plan
         self._on_snapshot = on_snapshot
         self._detector: Detector | None = None
         if plan.video:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +16,6 @@ import numpy as np
 from gcs.analysis import Analysis
 from gcs.session import Session
 from gcs.snapshot import Event, Snapshot
-from mavlink.errors import MavlinkError
-from vision.errors import VisionError
 from vision.video import Frame, VideoFile
 
 __all__ = ["Replay"]
@@ -138,11 +136,11 @@ class Replay:
         self._analysis.close()
         self._picture.close()
 
-    def _guard(self, work: object) -> None:
+    def _guard(self, work: Callable[[], None]) -> None:
         """Run a thread's work; what ends it is kept for the screen to tell."""
         try:
-            work()  # type: ignore[operator]
-        except (MavlinkError, VisionError, OSError, ValueError) as error:
+            work()
+        except Exception as error:  # noqa: BLE001 - told on the screen, never swallowed
             self.error = error
 
     def _analyse(self) -> None:

@@ -65,7 +65,6 @@ class Fleet:
         params: GateParams | None = None,
     ) -> None:
         self.origin = origin
-        self._uav_id = uav_id
         self._ids = np.array(ugv_ids, dtype=np.int64)
         self._uav = Vehicle(uav_id, drives=False, params=GateParams(max_speed=_UAV_SPEED))
         self._ugvs = [Vehicle(system_id, drives=True, params=params or GateParams()) for system_id in ugv_ids]
