@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from assoc.blocks import LEAP_M, LEAP_MPS
 from assoc.conflicts import ConflictWatch
-from assoc.evidence import Noise, bounded, fresh_state, put, restarted, run_filter, taken, with_columns
+from assoc.evidence import Noise, bounded, fresh_state, put, restarted, taken, with_columns
 from assoc.ground import OFFSET, THETA, ground_now
 from assoc.history import TrackHistory
 from assoc.labels import mixed_marginals, weights
@@ -147,7 +147,7 @@ class Estimator:
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
             prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, columns),
-            log_odds=q.prior_log_odds,
+            log_odds=q.prior_log_odds, fold=max(last - self._first_block - round(q.window_s / q.block_s), 0),
         )  # fmt: skip
 
     def _retire(self, t: float, live: IntArray) -> None:
@@ -226,17 +226,23 @@ class Estimator:
     def _search(self, scene: Scene, camera: CameraState) -> list[Hypothesis]:
         """Best joint hypotheses, from few starts when locked and from many when not."""
         free = not camera.attitude_known
-        starts = [theta.copy() for theta in self._thetas[: 1 if self._locked else 3]]
-        if not self._locked:
+        if self._locked:
+            found = [refine(scene, self._thetas[0].copy(), self._believed(scene))]
+        else:
             everywhere = turns(scene.prior, free)
+            starts = [theta.copy() for theta in self._thetas]
             starts += everywhere if self._updates % 6 == 1 or not self._thetas else everywhere[:1]
-        found = keep_best([refine(scene, theta) for theta in starts], self._params.hypotheses)
+            found = keep_best([refine(scene, theta) for theta in starts], self._params.hypotheses)
         if not self._locked and self._updates % 3 == 1:
             most = 8 if scene.live * self._log.n_vehicles <= _LARGE else 2
             found += [refine(scene, theta) for theta in shifts(scene, found[0], most)]
             found = keep_best(found, self._params.hypotheses)
         found += swaps(scene, found[0], 2 if self._locked else 6)
         return keep_best(found, self._params.hypotheses)
+
+    def _believed(self, scene: Scene) -> IntArray:
+        """(m,) vehicles that the live tracks surely were, −1 none."""
+        return np.array([self._sure.get(column, -1) for column in scene.columns[: scene.live].tolist()], np.int64)
 
     def _stranger_chance(self, t: float, m: int) -> FloatArray:
         """(m,) prior chance of a look-alike, larger while strangers are about."""
@@ -280,10 +286,6 @@ class Estimator:
     def _fold(self, scene: Scene, best: Hypothesis) -> None:
         """Move evidence that leaves the window into the state."""
         assert self._first_block is not None
-        span = round(self._params.window_s / self._params.block_s)
-        drop = scene.last_block - scene.first_block - span
-        if drop <= 0:
-            return
-        _, folded = run_filter(best.blocks, best.theta, scene.state, scene.noise, scene.log_switch, drop)
-        self._state = put(self._state, scene.columns, folded)
-        self._first_block += drop
+        if scene.fold:
+            self._state = put(self._state, scene.columns, best.folded)
+            self._first_block += scene.fold

@@ -98,17 +98,9 @@ def _log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
     return np.asarray(np.logaddexp(near, _LOG_FAR - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
 
 
-def _first_null(blocks: Blocks, b: int | slice, noise: Noise) -> FloatArray:
-    """ln p₀ of a first comparison: one sample's share is replaced by a uniform density over the ground in view."""
-    return np.asarray(blocks.log_null[b] * (1.0 - 1.0 / np.maximum(blocks.count[b], 1.0)) - noise.log_area)
-
-
-def _first(blocks: Blocks, mean_r: FloatArray, variance: FloatArray, constant: FloatArray, prior: float,
-           noise: Noise) -> FloatArray:  # fmt: skip
-    """(B, T, n) evidence of each block as if it were the first of the pair."""
-    e2 = mean_r[..., 0] ** 2 + mean_r[..., 1] ** 2
-    log_p = constant + _log_density(e2, prior + variance, np.asarray(prior))
-    return np.clip(log_p - _first_null(blocks, slice(None), noise), _FIRST_LEAST, noise.increment_max)
+def _first_null(blocks: Blocks, noise: Noise) -> FloatArray:
+    """(B, T, n) ln p₀ of a first comparison: one sample's share is a uniform density over the ground in view."""
+    return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area)
 
 
 def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,
@@ -130,8 +122,14 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
     variance, constant = _constant(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
-    restart = _first(blocks, mean_r, variance, constant, prior, noise)
+    null = _first_null(blocks, noise)
+    # each block as if it were the first of the pair
+    e2_first = mean_r[..., 0] ** 2 + mean_r[..., 1] ** 2
+    log_p_first = constant + _log_density(e2_first, prior + variance, np.asarray(prior))
+    restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
     restart_gain = prior / (prior + variance)
+    M_first, V_first = restart_gain[..., None] * mean_r, prior - restart_gain * prior
+    renewed = (1.0 - decay**2) * prior + blocks.jump_var
     M, V, L, seen = state.mean, state.var, state.score, state.seen
     folded = state
     for b in range(len(mean_r)):
@@ -139,12 +137,12 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
             folded = PairState(score=L, mean=M, var=V, seen=seen)
         has = has_all[b]
         # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
-        M, V = decay * M, decay**2 * V + (1.0 - decay**2) * prior + blocks.jump_var[b]
+        M, V = decay * M, decay**2 * V + renewed[b]
         e = mean_r[b] - M
         s = V + variance[b]
         log_p = constant[b] + _log_density(e[..., 0] ** 2 + e[..., 1] ** 2, s, V)
         later = np.clip(log_p - blocks.log_null[b], -noise.increment_max, noise.increment_max)
-        first = np.maximum(log_p - _first_null(blocks, b, noise), _FIRST_LEAST)
+        first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
         # the track may have been somebody else until now: that one's evidence, the chance of it, and a first look
         before = np.maximum(np.max(L, axis=1, initial=0.0), 0.0) + log_switch[b]
@@ -152,8 +150,8 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
         gain = V / s
         M_stay, V_stay = M + gain[..., None] * e, V - gain * V
         changed = switch > stay
-        M = np.where(has[..., None], np.where(changed[..., None], restart_gain[b][..., None] * mean_r[b], M_stay), M)
-        V = np.where(has, np.where(changed, prior - restart_gain[b] * prior, V_stay), V)
+        M = np.where(has[..., None], np.where(changed[..., None], M_first[b], M_stay), M)
+        V = np.where(has, np.where(changed, V_first[b], V_stay), V)
         unheard = np.where(seen, np.logaddexp(L, before[:, None] - _UNHEARD), L)
         L = np.where(has, np.logaddexp(stay, switch), unheard)
         seen = seen | has

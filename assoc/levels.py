@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence import PairState, bounded, taken
-from assoc.pose import misfit, whiten
+from assoc.evidence import PairState, taken
+from assoc.pose import BiasModels, log_evidence
 from assoc.search import Hypothesis, Scene
 
 __all__ = ["BIAS_STD_M", "BIAS_TAU_S", "learnt_bias"]
@@ -45,14 +43,11 @@ def learnt_bias(scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntA
     """
     if not len(tracks):
         return now
-    raw = taken(state, scene.columns)
-    value = np.zeros((len(BIAS_STD_M), len(BIAS_TAU_S)))
-    for k, std in enumerate(BIAS_STD_M.tolist()):
-        start = bounded(raw, std)
-        for j, tau in enumerate(BIAS_TAU_S.tolist()):
-            noise = replace(scene.noise, bias_std=std, decay=float(np.exp(-scene.block_s / tau)))
-            white = whiten(best.blocks, tracks, vehicles, start, noise)
-            value[k, j] = -np.sum(white.log_det) - np.sum(misfit(white, best.theta))
+    std, tau = (grid.ravel() for grid in np.meshgrid(BIAS_STD_M, BIAS_TAU_S, indexing="ij"))
+    models = BiasModels(std=std, decay=np.exp(-scene.block_s / tau))
+    start = taken(state, scene.columns)
+    value = log_evidence(best.blocks, tracks, vehicles, best.theta, start, scene.noise, models)
+    value = value.reshape(len(BIAS_STD_M), len(BIAS_TAU_S))
     value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2
     value -= 0.5 * _WEIGHT * (np.log(BIAS_TAU_S / _MEDIAN_TAU_S) / _TAU_SPREAD)[None, :] ** 2
     best_std, best_tau = np.unravel_index(int(np.argmax(value)), value.shape)

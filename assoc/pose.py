@@ -15,7 +15,7 @@ from assoc.blocks import Blocks
 from assoc.evidence import Noise, PairState
 from assoc.ground import THETA
 
-__all__ = ["PosePrior", "Whitened", "fit", "misfit", "whiten"]
+__all__ = ["BiasModels", "PosePrior", "Whitened", "fit", "log_evidence", "misfit", "whiten"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -47,10 +47,25 @@ class Whitened:
     """(B, P, 2, 8)."""
     samples: FloatArray
     """(P,) number of residuals of each pair."""
-    log_det: FloatArray
-    """(P,) Σ ln s: ln of the innovations' variances, both axes."""
     theta: FloatArray
     """(8,) where the Jacobian was taken."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BiasModels:
+    """C beliefs of how the vehicles' position biases wander."""
+
+    std: FloatArray
+    """(C,) σ_b, metres."""
+    decay: FloatArray
+    """(C,) correlation from one block to the next."""
+
+
+def _own_variance(blocks: Blocks, tracks: IntArray, vehicles: IntArray, noise: Noise) -> FloatArray:
+    """(B, P) variance of a block's mean about the bias."""
+    count = np.maximum(blocks.count[:, tracks, vehicles], 1.0)
+    variance = (noise.white_var + noise.pixel_var * blocks.pixel_var[:, tracks]) / count
+    return np.asarray(variance + noise.floor_var + blocks.extra_var[:, tracks, vehicles])
 
 
 def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairState, noise: Noise) -> Whitened:
@@ -66,30 +81,64 @@ def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairStat
     Returns:
         The whitened innovations.
     """
-    count = blocks.count[:, tracks, vehicles]
+    has = blocks.count[:, tracks, vehicles] > 0
     x = np.concatenate([blocks.mean[:, tracks, vehicles][..., None], blocks.jacobian[:, tracks]], axis=3)
-    variance = (noise.white_var + noise.pixel_var * blocks.pixel_var[:, tracks]) / np.maximum(count, 1.0)
-    variance = variance + noise.floor_var + blocks.extra_var[:, tracks, vehicles]
+    variance = _own_variance(blocks, tracks, vehicles, noise)
     M = np.concatenate([state.mean[tracks, vehicles][..., None], np.zeros((len(tracks), 2, THETA))], axis=2)
     V = state.var[tracks, vehicles]
-    has = count > 0
-    out, log_det = np.zeros_like(x), np.zeros(len(tracks))
+    out = np.zeros_like(x)
+    renewed = (1.0 - noise.decay**2) * noise.bias_std**2 + blocks.jump_var[:, vehicles]
     for b in range(len(x)):
-        M, V = noise.decay * M, noise.decay**2 * V + (1.0 - noise.decay**2) * noise.bias_std**2
-        V = V + blocks.jump_var[b, vehicles]
+        M, V = noise.decay * M, noise.decay**2 * V + renewed[b]
         s = V + variance[b]
         e = x[b] - M
         # a pair that begins only now, after a tracker's swap: what was before says nothing of the pose
         lost = has[b] & (np.sum(e[..., 0] ** 2, axis=1) > _LOST * s)
         used = has[b] & ~lost
         out[b] = e * np.where(used, 1.0 / np.sqrt(s), 0.0)[:, None, None]
-        log_det = log_det + np.where(used, np.log(s), 0.0)
         gain = np.where(used, V / s, 0.0)
         M = np.where(lost[:, None, None], 0.0, M + gain[:, None, None] * e)
         V = np.where(lost, noise.bias_std**2, V - gain * V)
-    return Whitened(
-        e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), log_det=log_det, theta=blocks.theta
-    )
+    return Whitened(e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), theta=blocks.theta)
+
+
+def log_evidence(blocks: Blocks, tracks: IntArray, vehicles: IntArray, theta: FloatArray, state: PairState,
+                 noise: Noise, models: BiasModels) -> FloatArray:  # fmt: skip
+    """How well beliefs about the biases explain the residuals of some pairs.
+
+    ln p = −Σ ln s − ½ Σ |e|²/s over the innovations e of each pair's bias filter
+
+    Args:
+        blocks: All residuals.
+        tracks: (P,) columns.
+        vehicles: (P,) vehicles.
+        theta: (8,) correction to evaluate at.
+        state: State of the bias filters before the first block; unknown biases start from the model's own prior.
+        noise: Noise levels; its bias part is not used.
+        models: C beliefs.
+
+    Returns:
+        (C,) up to a constant.
+    """
+    has = blocks.count[:, tracks, vehicles] > 0
+    x = blocks.mean[:, tracks, vehicles] + blocks.jacobian[:, tracks] @ (theta - blocks.theta)
+    variance = _own_variance(blocks, tracks, vehicles, noise)
+    prior, decay = models.std[:, None] ** 2, models.decay[:, None]
+    M = np.broadcast_to(state.mean[tracks, vehicles], (len(prior), len(tracks), 2))
+    V = np.minimum(state.var[tracks, vehicles], prior)
+    total = np.zeros(V.shape)
+    for b in range(len(x)):
+        M, V = decay[..., None] * M, decay**2 * V + (1.0 - decay**2) * prior + blocks.jump_var[b, vehicles]
+        s = V + variance[b]
+        e = x[b] - M
+        e2 = np.sum(e * e, axis=2)
+        lost = has[b] & (e2 > _LOST * s)
+        used = has[b] & ~lost
+        total -= np.where(used, np.log(s) + 0.5 * e2 / s, 0.0)
+        gain = np.where(used, V / s, 0.0)
+        M = np.where(lost[..., None], 0.0, M + gain[..., None] * e)
+        V = np.where(lost, prior, V - gain * V)
+    return np.asarray(np.sum(total, axis=1))
 
 
 def misfit(white: Whitened, theta: FloatArray) -> FloatArray:

@@ -61,6 +61,8 @@ class Scene:
     log_switch: FloatArray
     """(B + 1, T)."""
     log_odds: float
+    fold: int
+    """Blocks that leave the window with this update."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +79,8 @@ class Hypothesis:
     """(m, n) ln ratios at θ."""
     final: PairState
     """State after the last block, T tracks."""
+    folded: PairState
+    """State after the blocks that leave the window."""
     blocks: Blocks
 
 
@@ -93,13 +97,13 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> tuple[Blocks, GroundTrac
     return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s), tracks
 
 
-def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, PairState]:
-    """(m, n) ln ratios of the live tracks at θ, and the state behind them."""
-    final, _ = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch)
+def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
+    """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
+    final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
     score = final.score[: scene.live] + blocks.heading[: scene.live] + scene.log_odds
     gap = scene.gap_s[:, None]
     # a track that was not seen gives way to a new one in its place, the sooner the longer it is missing
-    return np.where(gap > 0.0, np.minimum(score, _ABSENT) - _ABSENT_PER_S * gap, score), final
+    return np.where(gap > 0.0, np.minimum(score, _ABSENT) - _ABSENT_PER_S * gap, score), (final, folded)
 
 
 def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
@@ -109,29 +113,31 @@ def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
     return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], scene.anchors])
 
 
-def refine(scene: Scene, theta: FloatArray) -> Hypothesis:
-    """Turn by turn from a start to a joint optimum."""
+def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None) -> Hypothesis:
+    """Turn by turn from a start, and from an assignment (m,) if one is believed already, to a joint optimum."""
     blocks = residual_blocks(scene, theta)[0]
-    score, final = scores(scene, blocks, theta)
-    vehicle = best_assignment(score)
+    if vehicle is None:
+        vehicle = best_assignment(scores(scene, blocks, theta)[0])
     cost = 0.0
     for turn in range(_TURNS):
         theta, cost = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
         if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
             blocks = residual_blocks(scene, theta)[0]
-        score, final = scores(scene, blocks, theta)
+        score, states = scores(scene, blocks, theta)
         before, vehicle = vehicle, best_assignment(score)
         if np.array_equal(before, vehicle):
             break
-    return _weighed(scene, theta, cost, vehicle, score, final, blocks)
+    return _weighed(scene, theta, cost, vehicle, score, states, blocks)
 
 
-def _weighed(scene: Scene, theta: FloatArray, cost: float, vehicle: IntArray, score: FloatArray, final: PairState,
-             blocks: Blocks) -> Hypothesis:  # fmt: skip
+def _weighed(scene: Scene, theta: FloatArray, cost: float, vehicle: IntArray, score: FloatArray,
+             states: tuple[PairState, PairState], blocks: Blocks) -> Hypothesis:  # fmt: skip
     """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
     rows = np.flatnonzero(vehicle >= 0)
     value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(theta) + cost
-    return Hypothesis(theta=theta, vehicle=vehicle, value=value, score=score, final=final, blocks=blocks)
+    return Hypothesis(
+        theta=theta, vehicle=vehicle, value=value, score=score, final=states[0], folded=states[1], blocks=blocks
+    )
 
 
 def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
@@ -166,8 +172,8 @@ def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | N
     value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - scene.prior.cost(theta) + cost
     if value < best.value - _NEGLIGIBLE:
         return None
-    score, final = scores(scene, best.blocks, theta)
-    return _weighed(scene, theta, cost, vehicle, score, final, best.blocks)
+    score, states = scores(scene, best.blocks, theta)
+    return _weighed(scene, theta, cost, vehicle, score, states, best.blocks)
 
 
 def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:
