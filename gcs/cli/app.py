@@ -1,20 +1,51 @@
-"""``gcs``: the commands, put together."""
+"""``gcs``: the commands, put together.
+
+A command's module is imported when the command is called: a look into a log waits for no video library.
+"""
 
 from __future__ import annotations
 
 import gc
+from importlib import import_module
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
-from gcs.cli import bench, demo, export, fly, identify, replay, score, sim, tlog
 from gcs.cli.console import explained, say
 
 __all__ = ["app", "main"]
 
+_PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+_COMMANDS: dict[str, dict[str, Any]] = {
+    "fly": {}, "replay": {}, "identify": {}, "export": {}, "score": {}, "sim": {}, "demo": {},
+    "bench": {"context_settings": _PASSED_ON},
+}  # fmt: skip
+_GROUPS = ("tlog",)
+
+
+class _Commands(TyperGroup):
+    """Module ``gcs.cli.NAME`` holds command NAME as a function of that name, or a group of commands as ``app``."""
+
+    def list_commands(self, ctx: object) -> list[str]:
+        return [*_COMMANDS, *_GROUPS]
+
+    def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401  (the command class of whatever typer is built on)
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        module = import_module(f"gcs.cli.{cmd_name}")
+        if cmd_name in _GROUPS:
+            return get_command(module.app)
+        single = typer.Typer(add_completion=False, rich_markup_mode=None)
+        single.command(cmd_name, **_COMMANDS[cmd_name])(getattr(module, cmd_name))
+        return get_command(single)
+
+
 app = typer.Typer(
     name="gcs",
+    cls=_Commands,
     help="Rollcall: tells identical ground vehicles apart from the air.",
     no_args_is_help=True,
     add_completion=False,
@@ -30,20 +61,6 @@ def _root(
     if show_version:
         say(f"rollcall-gcs {version('rollcall-gcs')}")
         raise typer.Exit
-
-
-app.command("fly")(fly.fly)
-app.command("replay")(replay.replay)
-app.command("identify")(identify.identify)
-app.command("export")(export.export)
-app.command("score")(score.score)
-app.command("sim")(sim.sim)
-app.command("demo")(demo.demo)
-app.command(
-    "bench",
-    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
-)(bench.bench)
-app.add_typer(tlog.app, name="tlog")
 
 
 def main() -> None:

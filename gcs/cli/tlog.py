@@ -15,7 +15,8 @@ from mavlink.tlog_info import info as summarise
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Look into telemetry logs and cut them.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help="Look into telemetry logs and cut them.", no_args_is_help=True, add_completion=False,
+                  rich_markup_mode=None)  # fmt: skip
 # Damaged places listed one by one; a badly damaged log has thousands.
 MOST_DAMAGE = 20
 
