@@ -8,27 +8,28 @@ to the more is a hypothesis. Its normal equations are sums of per-vehicle and pe
 
     XᵀX = Σ_i G_i,  G_i = Σ_t x_i^t x_i^tᵀ      XᵀY = Σ_(i,j) H_ij,  H_ij = Σ_t x_i^t y_j^tᵀ      θ = (XᵀX)⁻¹ XᵀY
 
-so the frames are summed once and not once per hypothesis.
+so the frames are summed once and not once per hypothesis. XᵀX depends on the set of vehicles alone: it is solved once
+per set, for all pairs, and the θ of all hypotheses of the set are one product Θ = B A, B the solved pairs and A the 0/1
+matrix of who meets whom. Hypotheses are the last axis of every array.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, islice, permutations
 from math import perm
 
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.assignments import block_shape, orders, vehicle_sets
 from assoc.errors import AssocError, DegenerateError, ShapeError
 
 __all__ = ["Projection", "associate_by_projection", "reprojection_errors"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
-_CHUNK = 40_320
 _RANK_TOLERANCE = 1e-9
 
 
@@ -121,56 +122,77 @@ def _check(x: FloatArray, y: FloatArray, history: int) -> None:
         raise DegenerateError("projection: no vehicle or no track")
 
 
-def _subsets(n_rl: int, n_im: int) -> Iterator[tuple[IntArray, Iterator[tuple[int, ...]], bool]]:
-    """Sets of vehicles with one Gram sum each, and the orders in which tracks meet them.
-
-    Yields (vehicles (s,), orders, flip): unflipped, order[k] is the place in ``vehicles`` that track k takes;
-    flipped, order[k] is the track that vehicle k takes.
-    """
-    if n_rl >= n_im:
-        for chosen in combinations(range(n_rl), n_im):
-            yield np.array(chosen, np.int64), permutations(range(n_im)), False
-    else:
-        yield np.arange(n_rl), permutations(range(n_im), n_rl), True
-
-
 def _enumerate(G: FloatArray, H: FloatArray, x: FloatArray, y: FloatArray) -> tuple[_Best | None, int]:
     """Winner of each future frame over all hypotheses, and how many were degenerate."""
+    n_rl, n_im = H.shape[:2]
+    s = min(n_rl, n_im)
+    count = perm(n_im, s)
+    size, run = block_shape(n_rl, n_im, len(x))
     best: _Best | None = None
     degenerate = 0
-    for vehicles, orders, flip in _subsets(H.shape[0], H.shape[1]):
-        gram = np.sum(G[vehicles], axis=0)
-        values = np.linalg.eigvalsh(gram)
-        full = values[0] > _RANK_TOLERANCE * max(values[-1], 1e-300)
-        while chunk := list(islice(orders, _CHUNK)):
-            if not full:
-                degenerate += len(chunk)
-                continue
-            order = np.array(chunk, np.int64)
-            taken = np.broadcast_to(vehicles, order.shape) if flip else vehicles[order]
-            track = order if flip else np.broadcast_to(np.arange(order.shape[1]), order.shape)
-            # θ = (XᵀX)⁻¹ XᵀY
-            theta = np.linalg.solve(gram, np.sum(H[taken, track], axis=1))
-            best = _better(best, _errors(x, y, theta, taken, track), taken, track, theta)
+    for sets in vehicle_sets(n_rl, s, size):
+        gram = np.sum(G[sets], axis=1)
+        full = _full_rank(gram)
+        degenerate += count * int(np.sum(~full))
+        if not np.any(full):
+            continue
+        vehicles = sets[full]
+        B, X = _solved(gram[full], H[vehicles]), x[:, vehicles].transpose(1, 0, 2, 3)
+        for start in range(0, count, run):
+            order = orders(start, start + run, n_im, s)
+            # Θ = B A, all hypotheses of the block at once
+            theta = (B @ order.meets).reshape(2, len(vehicles), 3, -1)
+            best = _better(best, _errors(X, y, theta, order.track), vehicles, order.track, theta)
     return best, degenerate
 
 
-def _errors(x: FloatArray, y: FloatArray, theta: FloatArray, vehicle: IntArray, track: IntArray) -> FloatArray:
-    """(h, F) Σ over pairs of |θᵀx − y| per hypothesis and future frame."""
-    total = np.zeros((len(theta), len(x)))
-    for f in range(len(x)):
-        predicted = np.einsum("na,hac->hnc", x[f], theta)
-        rows = np.arange(len(theta))[:, None]
-        away = predicted[rows, vehicle] - y[f][track]
-        total[:, f] = np.sum(np.sqrt(away[..., 0] ** 2 + away[..., 1] ** 2), axis=1)
-    return total
+def _full_rank(gram: FloatArray) -> BoolArray:
+    """(g,) whether XᵀX determines θ, from (g, 3, 3)."""
+    values = np.linalg.eigvalsh(gram)
+    return np.asarray(values[:, 0] > _RANK_TOLERANCE * np.maximum(values[:, -1], 1e-300), np.bool_)
 
 
-def _better(best: _Best | None, error: FloatArray, vehicle: IntArray, track: IntArray, theta: FloatArray) -> _Best:
-    """The better of what is known and a chunk of hypotheses, per future frame."""
-    k = np.argmin(error, axis=0)
-    frames = np.arange(error.shape[1])
-    new = _Best(error[k, frames], track[k].copy(), vehicle[k].copy(), theta[k], error[k])
+def _solved(gram: FloatArray, H: FloatArray) -> FloatArray:
+    """(2 · g · 3, s · n_im) B, what each pair adds to the columns of θ, from (g, 3, 3) and (g, s, n_im, 3, 2)."""
+    g, s, n_im = H.shape[:3]
+    # θ = (XᵀX)⁻¹ Σ H_ij = Σ (XᵀX)⁻¹ H_ij
+    solved = np.linalg.solve(gram, H.transpose(0, 3, 4, 1, 2).reshape(g, 3, 2 * s * n_im))
+    B = solved.reshape(g, 3, 2, s * n_im).transpose(2, 0, 1, 3).reshape(6 * g, s * n_im)
+    return np.asarray(B, np.float64)
+
+
+def _errors(X: FloatArray, y: FloatArray, theta: FloatArray, track: IntArray) -> FloatArray:
+    """Σ over pairs of |θᵀx − y| per hypothesis and future frame.
+
+    Args:
+        X: (g, F, s, 3) vehicles of each set.
+        y: (F, n_im, 2) tracks.
+        theta: (2, g, 3, h) columns of θ of each hypothesis.
+        track: (s, h) track of each place.
+
+    Returns:
+        (g, F, h) pixels.
+    """
+    g, F, s, _ = X.shape
+    away = (X.reshape(g, F * s, 3) @ theta).reshape(2, g, F, s, -1)
+    away -= np.take(y.transpose(2, 0, 1), track, axis=2)[:, None]
+    # in place: the passes over memory are what this costs
+    away *= away
+    distance = np.add(away[0], away[1], out=away[0])
+    np.sqrt(distance, out=distance)
+    return np.asarray(np.sum(distance, axis=2), np.float64)
+
+
+def _better(best: _Best | None, error: FloatArray, vehicles: IntArray, track: IntArray, theta: FloatArray) -> _Best:
+    """The better of what is known and a block of hypotheses, per future frame; the earlier of equals."""
+    F, h = error.shape[1:]
+    flat = error.transpose(1, 0, 2).reshape(F, -1)
+    k = np.argmin(flat, axis=1)
+    least = flat[np.arange(F), k]
+    if best is not None and not np.any(least < best.error):
+        return best
+    a, b = k // h, k % h
+    new = _Best(least, track[:, b].T, vehicles[a], theta[:, a, :, b].transpose(0, 2, 1), error[a, :, b])
     if best is None:
         return new
     won = new.error < best.error
