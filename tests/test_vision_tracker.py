@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from vision import kalman
 from vision.detections import Detections
-from vision.matching import assign
+from vision.matching import Pairs, assign
 from vision.tracker import Tracker, TrackerParams
 
 MODEST = settings(max_examples=25, deadline=None)
@@ -304,6 +304,43 @@ def test_correction_is_the_textbook_one():
         np.testing.assert_allclose(new_P[k], np.linalg.inv(information), atol=1e-9)
         gain = new_P[k] @ H.T / noise[k] ** 2
         np.testing.assert_allclose(new_x[k], x[k] + gain @ (z[k] - x[k, :2]), atol=1e-9)
+
+
+def test_distances_are_the_textbook_ones():
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(4, 4, 4))
+    P, offset, noise = A @ A.transpose(0, 2, 1), rng.normal(size=(4, 2)), rng.uniform(0.5, 3.0, 4)
+    squared, det = kalman.mahalanobis(offset, P, noise)
+    for k in range(4):
+        S = P[k, :2, :2] + noise[k] ** 2 * np.eye(2)
+        assert squared[k] == pytest.approx(offset[k] @ np.linalg.inv(S) @ offset[k])
+        assert det[k] == pytest.approx(np.linalg.det(S))
+
+
+def test_warping_turns_state_and_covariance_with_the_map_at_their_place():
+    H = np.array([[0.9, 0.2, 5.0], [-0.1, 1.1, -3.0], [1e-3, -5e-4, 1.0]])
+    rng = np.random.default_rng(6)
+    A = rng.normal(size=(3, 4, 4))
+    x, P = np.concatenate([rng.uniform(0, 200, (3, 2)), rng.normal(0, 30, (3, 2))], axis=1), A @ A.transpose(0, 2, 1)
+    new_x, new_P, _ = kalman.warp(x, P, H)
+    step = 1e-4
+    for k in range(3):
+        p = x[k, :2] + step * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        homogeneous = np.column_stack([p, np.ones(3)]) @ H.T
+        q = homogeneous[:, :2] / homogeneous[:, 2:]
+        T = np.kron(np.eye(2), (q[1:] - q[0]).T / step)
+        np.testing.assert_allclose(new_x[k], np.concatenate([q[0], T[:2, :2] @ x[k, 2:]]), atol=1e-3)
+        np.testing.assert_allclose(new_P[k], T @ P[k] @ T.T, atol=1e-3)
+
+
+@MODEST
+@given(SEED)
+def test_pairs_that_nobody_disputes_are_those_that_the_assignment_takes(seed):
+    rng = np.random.default_rng(seed)
+    rows, columns = np.nonzero(rng.random((4, 4)) < 0.25)
+    pairs = Pairs(rows, columns, rng.uniform(0, 10, len(rows)))
+    if pairs.undisputed(9.0):
+        assert [x.tolist() for x in assign(*pairs, 9.0)] == [rows.tolist(), columns.tolist()]
 
 
 def test_importing_brings_no_screen():

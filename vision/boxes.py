@@ -90,19 +90,18 @@ def prob_iou(a: ArrayLike, b: ArrayLike) -> Floats:
 
 def prob_iou_pairs(a: Floats, b: Floats) -> Floats:
     """Probabilistic overlap of boxes (..., 5) with boxes (..., 5), element by element with broadcasting: (...)."""
-    xx_a, yy_a, xy_a = _covariance(a)
-    xx_b, yy_b, xy_b = _covariance(b)
+    mean_a, u_a, v_a, area_a = _gaussian(a)
+    mean_b, u_b, v_b, area_b = _gaussian(b)
     # S = Σa + Σb (twice the mean covariance), d = μa − μb
-    xx, yy, xy = xx_a + xx_b, yy_a + yy_b, xy_a + xy_b
+    mean, u, v = mean_a + mean_b, u_a + u_b, v_a + v_b
     dx, dy = a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]
-    det = xx * yy - xy**2
-    # B = ¼ dᵀ S⁻¹ d + ½ ln( det S / (4 √(det Σa · det Σb)) )
-    near = (xx * dy**2 + yy * dx**2 - 2 * xy * dx * dy) / (4 * det)
-    det_a, det_b = xx_a * yy_a - xy_a**2, xx_b * yy_b - xy_b**2
-    shape = 0.5 * np.log(det / (4 * np.sqrt(det_a * det_b)))
+    xx, yy = dx * dx, dy * dy
+    det = mean * mean - u * u - v * v
+    # e^−B = e^(−¼ dᵀ S⁻¹ d) · √(4 √(det Σa · det Σb) / det S),  √det Σ = w h / 12
+    near = (mean * (xx + yy) - u * (xx - yy) - 2.0 * v * dx * dy) / (4.0 * det)
+    alike = np.exp(-near) * np.sqrt(area_a * area_b / (36.0 * det))
     # H = √(1 − e^−B)
-    hellinger = np.sqrt(np.clip(-np.expm1(-np.maximum(near + shape, 0.0)), 0.0, 1.0))
-    return np.asarray(1.0 - hellinger)
+    return np.asarray(1.0 - np.sqrt(np.maximum(1.0 - alike, 0.0)))
 
 
 def nms(boxes: ArrayLike, score: ArrayLike, overlap: float = 0.45) -> NDArray[np.intp]:
@@ -135,12 +134,16 @@ def _rows(boxes: ArrayLike) -> Floats:
     return rows
 
 
-def _covariance(rows: Floats) -> tuple[Floats, Floats, Floats]:
-    """Entries xx, yy, xy of R diag(w²/12, h²/12) Rᵀ; a side below a tenth of a pixel counts as that."""
-    spread = np.maximum(rows[..., 2:4], 0.1) ** 2 / 12
-    along, across = spread[..., 0], spread[..., 1]
-    c, s = np.cos(rows[..., 4]), np.sin(rows[..., 4])
-    return along * c**2 + across * s**2, along * s**2 + across * c**2, (along - across) * c * s
+def _gaussian(rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Covariance R diag(w²/12, h²/12) Rᵀ as m, u, v with the entries xx = m + u, yy = m − u, xy = v; and w h.
+
+    A side below a tenth of a pixel counts as that.
+    """
+    w, h = np.maximum(rows[..., 2], 0.1), np.maximum(rows[..., 3], 0.1)
+    along, across, twice = w * w, h * h, 2.0 * rows[..., 4]
+    # m = (w² + h²) / 24,  (u, v) = (w² − h²) / 24 · (cos 2θ, sin 2θ)
+    uneven = (along - across) / 24.0
+    return (along + across) / 24.0, uneven * np.cos(twice), uneven * np.sin(twice), w * h
 
 
 def _touching(a: Floats, b: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

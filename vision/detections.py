@@ -7,7 +7,7 @@ image up.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,19 +45,24 @@ class Detections:
     """Detector's confidence, 0..1."""
     heading: NDArray[np.float64]
     """Clockwise from image up, rad, NaN when the front is unknown."""
+    table: NDArray[np.float64] = field(init=False, repr=False)
+    """All of them in one array (7, m), in this order; the arrays above are its rows."""
 
     def __post_init__(self) -> None:
-        for name in FIELDS:
-            object.__setattr__(self, name, _column(name, getattr(self, name)))
-        lengths = {name: len(getattr(self, name)) for name in FIELDS}
-        if len(set(lengths.values())) > 1:
-            found = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise ValueError(f"detections need arrays of one length, got {found}")
-        for name in FIELDS[:-1]:
-            if not np.isfinite(getattr(self, name)).all():
-                raise ValueError(f"detections need finite numbers, got NaN or infinity in {name}")
-        if (self.w < 0).any() or (self.h < 0).any():
+        columns = [getattr(self, name) for name in FIELDS]
+        try:
+            table = np.array(columns, dtype=np.float64)
+        except ValueError:
+            table = np.empty(0)
+        if table.ndim != 2:
+            raise ValueError(_misfit(columns))
+        finite = np.isfinite(table[:-1])
+        if not finite.all():
+            name = FIELDS[int(np.argmin(finite.all(axis=1)))]
+            raise ValueError(f"detections need finite numbers, got NaN or infinity in {name}")
+        if (table[2:4] < 0).any():
             raise ValueError("detections need sides of zero or more, got a negative w or h")
+        self._fill(table)
 
     @classmethod
     def empty(cls) -> Detections:
@@ -72,12 +77,9 @@ class Detections:
         chosen = np.asarray(index)
         if chosen.size == 0:
             chosen = chosen.astype(np.intp)
-        # rows of checked arrays need no second check, and trackers take rows all the time
+        # columns of a checked table need no second check
         taken = object.__new__(Detections)
-        for name in FIELDS:
-            column = getattr(self, name)[chosen]
-            column.flags.writeable = False
-            object.__setattr__(taken, name, column)
+        taken._fill(self.table[:, chosen])
         return taken
 
     def corners(self) -> NDArray[np.float64]:
@@ -87,18 +89,26 @@ class Detections:
     @property
     def centre(self) -> NDArray[np.float64]:
         """Centres (m, 2) px."""
-        return np.array([self.cx, self.cy]).T
+        return self.table[:2].T
 
     @property
     def boxes(self) -> NDArray[np.float64]:
         """Rows ``cx cy w h angle``, (m, 5), the form that ``vision.boxes`` takes."""
-        return np.array([self.cx, self.cy, self.w, self.h, self.angle]).T
+        return self.table[:5].T
+
+    def _fill(self, table: NDArray[np.float64]) -> None:
+        """Take over a checked table (7, m)."""
+        table.setflags(write=False)
+        for name, row in zip(FIELDS, table, strict=True):
+            object.__setattr__(self, name, row)
+        object.__setattr__(self, "table", table)
 
 
-def _column(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """A read-only float64 copy of a one-dimensional array."""
-    column = np.array(values, dtype=np.float64)
-    if column.ndim != 1:
-        raise ValueError(f"detections need {name} of shape (m,), got {column.shape}")
-    column.flags.writeable = False
-    return column
+def _misfit(columns: list[ArrayLike]) -> str:
+    """What is wrong with columns that make no table."""
+    arrays = [np.asarray(column, dtype=np.float64) for column in columns]
+    for name, array in zip(FIELDS, arrays, strict=True):
+        if array.ndim != 1:
+            return f"detections need {name} of shape (m,), got {array.shape}"
+    found = ", ".join(f"{name} {len(array)}" for name, array in zip(FIELDS, arrays, strict=True))
+    return f"detections need arrays of one length, got {found}"

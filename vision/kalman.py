@@ -10,15 +10,20 @@ Reference:
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["correct", "initial", "innovation", "jacobian", "map_points", "predict", "warp"]
+__all__ = ["correct", "initial", "jacobian", "mahalanobis", "map_points", "predict", "warp"]
 
 Floats = NDArray[np.float64]
 
-_I2 = np.eye(2)
-_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
+_MOVE = np.eye(4, k=2)
+_STILL = np.eye(4)
+_MOVE_EITHER = np.kron(_MOVE, _STILL) + np.kron(_STILL, _MOVE)
+_MOVE_BOTH = np.kron(_MOVE, _MOVE)
+_STILL_BOTH = np.eye(16)
 
 
 def initial(centre: Floats, noise: Floats, speed: Floats) -> tuple[Floats, Floats]:
@@ -46,57 +51,88 @@ def predict(x: Floats, P: Floats, dt: float, wander: Floats) -> tuple[Floats, Fl
         dt: s, zero or more.
         wander: (k,) px/s, by how much the velocity changes in one second (standard deviation).
     """
-    F = np.array([[1.0, 0.0, dt, 0.0], [0.0, 1.0, 0.0, dt], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-    # x ← F x,  P ← F P Fᵀ + q [dt³/3 dt²/2; dt²/2 dt] ⊗ I
-    a, b, c = dt**3 / 3, dt**2 / 2, dt
-    Q = np.array([[a, 0.0, b, 0.0], [0.0, a, 0.0, b], [b, 0.0, c, 0.0], [0.0, b, 0.0, c]])
-    return x @ F.T, F @ P @ F.T + (wander**2)[:, None, None] * Q
+    F, FF, Q = _step(dt)
+    # x ← F x,  P ← F P Fᵀ + q Q, entry by entry (F ⊗ F) vec P
+    moved = P.reshape(-1, 16) @ FF + (wander * wander)[:, None] * Q
+    return x @ F, moved.reshape(-1, 4, 4)
 
 
-def innovation(P: Floats, noise: Floats) -> Floats:
-    """S = H P Hᵀ + R of a measured centre with standard deviation ``noise`` (k,) px: (k, 2, 2)."""
-    return np.asarray(P[:, :2, :2] + (noise**2)[:, None, None] * _I2)
+def mahalanobis(offset: Floats, P: Floats, noise: Floats) -> tuple[Floats, Floats]:
+    """How far measured centres are from predicted ones.
+
+    Args:
+        offset: (p, 2) px, measured less predicted.
+        P: (p, 4, 4) covariances of the predictions.
+        noise: (p,) px, standard deviation of the measured centres.
+
+    Returns:
+        d² = offsetᵀ S⁻¹ offset and det S with S = H P Hᵀ + R, (p,) each.
+    """
+    variance = noise * noise
+    a, b, c = P[:, 0, 0] + variance, P[:, 0, 1], P[:, 1, 1] + variance
+    dx, dy = offset[:, 0], offset[:, 1]
+    # S = [a b; b c] = [1 0; g 1] diag(a, s) [1 g; 0 1],  d² = dx²/a + (dy − g dx)²/s
+    g = b / a
+    s, beyond = c - g * b, dy - g * dx
+    return dx * dx / a + beyond * beyond / s, a * s
 
 
 def correct(x: Floats, P: Floats, centre: Floats, noise: Floats) -> tuple[Floats, Floats]:
     """State and covariance after seeing the centres (k, 2) px with standard deviation ``noise`` (k,) px."""
-    # K = P Hᵀ S⁻¹,  x ← x + K (z − H x)
-    K = P[:, :, :2] @ _inverse(innovation(P, noise))
-    x = x + (K @ (centre - x[:, :2])[:, :, None])[:, :, 0]
-    # P ← P − K H P, kept symmetric
-    P = P - K @ P[:, :2, :]
-    return x, (P + P.transpose(0, 2, 1)) / 2
+    # the state as one more row above its covariance: one rule corrects both
+    W = np.concatenate([x[:, None], P], axis=1)
+    W[:, 0, :2] -= centre
+    variance = noise * noise
+    for a in (0, 1):
+        # g = Pₐ / (Pₐₐ + r²),  x ← x − (xₐ − zₐ) g,  P ← P − Pₐᵀ g
+        row = W[:, 1 + a]
+        W = W - W[:, :, a, None] * (row / (row[:, a] + variance)[:, None])[:, None]
+    W[:, 0, :2] += centre
+    P = W[:, 1:]
+    # rounding would let the two halves part
+    return W[:, 0], 0.5 * (P + P.transpose(0, 2, 1))
 
 
 def map_points(H: Floats, points: Floats) -> Floats:
     """Points (k, 2) through the homography H (3, 3)."""
-    return np.asarray((points @ H[:2, :2].T + H[:2, 2]) / _depth(H, points)[:, None])
+    return _mapped(H, points)[0]
 
 
 def jacobian(H: Floats, points: Floats) -> Floats:
     """∂(map_points)/∂(points), (k, 2, 2)."""
-    # y = (A p + b) / w with w = c·p + d  ⇒  J = (A − y cᵀ) / w
-    mapped = map_points(H, points)
-    return np.asarray((H[:2, :2] - mapped[:, :, None] * H[2, :2]) / _depth(H, points)[:, None, None])
+    return _mapped(H, points)[1]
 
 
-def warp(x: Floats, P: Floats, H: Floats) -> tuple[Floats, Floats]:
-    """The same states and covariances in a picture that H (3, 3) leads to; velocity turns and scales with its place."""
-    J = jacobian(H, x[:, :2])
+def warp(x: Floats, P: Floats, H: Floats) -> tuple[Floats, Floats, Floats]:
+    """The same states in a picture that H (3, 3) leads to; velocity turns and scales with its place.
+
+    Returns:
+        x (k, 4), P (k, 4, 4) and the Jacobian J (k, 2, 2) of the map at each place.
+    """
+    centre, J = _mapped(H, x[:, :2])
+    # x ← (map(p), J v),  P ← T P Tᵀ with T = diag(J, J)
     velocity = (J @ x[:, 2:, None])[:, :, 0]
-    # P ← T P Tᵀ with T = diag(J, J)
     T = np.zeros_like(P)
     T[:, :2, :2] = T[:, 2:, 2:] = J
-    return np.concatenate([map_points(H, x[:, :2]), velocity], axis=1), T @ P @ T.transpose(0, 2, 1)
+    return np.concatenate([centre, velocity], axis=1), T @ P @ T.transpose(0, 2, 1), J
 
 
-def _inverse(S: Floats) -> Floats:
-    """Inverses of symmetric S (k, 2, 2)."""
-    adjugate = S[:, ::-1, ::-1] * _SIGNS
-    return np.asarray(adjugate / (S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] ** 2)[:, None, None])
+@lru_cache(maxsize=32)
+def _step(dt: float) -> tuple[Floats, Floats, Floats]:
+    """Fᵀ (4, 4), (F ⊗ F)ᵀ (16, 16) and vec Q (16,) of one step; films come at few different paces."""
+    # F = I + dt N,  F ⊗ F = I + dt (N ⊗ I + I ⊗ N) + dt² N ⊗ N,  Q = [dt³/3 dt²/2; dt²/2 dt] ⊗ I
+    FF = _STILL_BOTH + dt * _MOVE_EITHER + dt * dt * _MOVE_BOTH
+    a, b, c = dt**3 / 3, dt**2 / 2, dt
+    Q = np.array([a, 0, b, 0, 0, a, 0, b, b, 0, c, 0, 0, b, 0, c])
+    return (_STILL + dt * _MOVE).T, FF.T, Q
 
 
-def _depth(H: Floats, points: Floats) -> Floats:
-    """The homogeneous coordinate, (k,), kept off zero."""
-    w = points @ H[2, :2] + H[2, 2]
-    return np.where(np.abs(w) < 1e-9, 1e-9, w)
+def _mapped(H: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """Points (k, 2) through H (3, 3), and the Jacobian of the map there, (k, 2, 2)."""
+    # (y w, w) = H (p, 1) with w kept off zero
+    y = H[:, :2] @ points.T + H[:, 2:]
+    w = y[2]
+    w[np.abs(w) < 1e-9] = 1e-9
+    y = y[:2] / w
+    # J = (A − y cᵀ) / w
+    return y.T, ((H[:2, :2, None] - y[:, None] * H[2, :2, None]) / w).transpose(2, 0, 1)

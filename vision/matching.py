@@ -1,29 +1,40 @@
-"""Which box continues which track: gates, costs, one-to-one assignment. Pure functions."""
+"""Which box continues which track: costs and one-to-one assignment. Pure functions."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["assign", "mahalanobis"]
+__all__ = ["Pairs", "assign", "one_to_one"]
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def mahalanobis(offset: Floats, S: Floats) -> tuple[Floats, Floats]:
-    """Squared Mahalanobis distance of offsets (a, b, 2) under covariances S (a, 2, 2), and det S (a,).
+class Pairs(NamedTuple):
+    """p tracks and boxes that may belong together."""
 
-    Returns:
-        d² (a, b), det (a,).
-    """
-    xx, xy, yy = S[:, 0, 0], S[:, 0, 1], S[:, 1, 1]
-    det = xx * yy - xy**2
-    dx, dy = offset[..., 0], offset[..., 1]
-    # d² = (Syy dx² − 2 Sxy dx dy + Sxx dy²) / det S
-    squared = (yy[:, None] * dx**2 - 2 * xy[:, None] * dx * dy + xx[:, None] * dy**2) / det[:, None]
-    return squared, det
+    row: Indices
+    """(p,) of the track."""
+    column: Indices
+    """(p,) of the box."""
+    cost: Floats
+    """(p,)"""
+
+    def where(self, mask: NDArray[np.bool_]) -> Pairs:
+        """Those of a mask (p,)."""
+        return Pairs(self.row[mask], self.column[mask], self.cost[mask])
+
+    def undisputed(self, limit: float) -> bool:
+        """Whether all cost less than ``limit`` and no two share a track or a box, so that all are taken."""
+        if not len(self.row):
+            return True
+        # sets of a few numbers are quicker than any array of them
+        alone = len(set(self.row.tolist())) == len(self.row) == len(set(self.column.tolist()))
+        return alone and bool(self.cost.max() < limit)
 
 
 def assign(rows: Indices, columns: Indices, cost: Floats, limit: float) -> tuple[Indices, Indices]:
@@ -41,15 +52,26 @@ def assign(rows: Indices, columns: Indices, cost: Floats, limit: float) -> tuple
         Matched rows and columns, (q,) each.
     """
     worth = cost < limit
-    rows, columns, cost = rows[worth], columns[worth], cost[worth]
+    if not worth.all():
+        rows, columns, cost = rows[worth], columns[worth], cost[worth]
     if not len(rows):
         return rows, columns
     alone = (np.bincount(rows)[rows] == 1) & (np.bincount(columns)[columns] == 1)
     if alone.all():
         return rows, columns
-    r, c = np.unique(rows[~alone]), np.unique(columns[~alone])
+    contested = ~alone
+    r, row = np.unique(rows[contested], return_inverse=True)
+    c, column = np.unique(columns[contested], return_inverse=True)
     table = np.full((len(r), len(c)), limit)
-    table[np.searchsorted(r, rows[~alone]), np.searchsorted(c, columns[~alone])] = cost[~alone]
+    table[row, column] = cost[contested]
     i, j = linear_sum_assignment(table)
     taken = table[i, j] < limit
     return np.concatenate([rows[alone], r[i[taken]]]), np.concatenate([columns[alone], c[j[taken]]])
+
+
+def one_to_one(pairs: Indices, rows: int, columns: int) -> Indices:
+    """Pairs (p, 2) within range whose row and column no earlier pair has."""
+    pairs = pairs[(pairs >= 0).all(axis=1) & (pairs[:, 0] < rows) & (pairs[:, 1] < columns)]
+    for column in (0, 1):
+        pairs = pairs[np.sort(np.unique(pairs[:, column], return_index=True)[1])]
+    return pairs

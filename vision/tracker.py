@@ -11,7 +11,7 @@ Reference:
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from vision import kalman
 from vision.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detections import Detections
-from vision.matching import assign, mahalanobis
+from vision.matching import Pairs, assign, one_to_one
 from vision.track_state import TrackState
 
 __all__ = ["Stitch", "Tracker", "TrackerParams", "Tracks"]
@@ -27,6 +27,7 @@ __all__ = ["Stitch", "Tracker", "TrackerParams", "Tracks"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 Stitch = Callable[[Ints, Floats], Indices]
 """(track ids (a,), centres (b, 2) px) → pairs (p, 2) of rows: lost tracks that left-over detections continue."""
@@ -107,8 +108,10 @@ class Tracks:
     vy: Floats
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            getattr(self, f.name).flags.writeable = False
+        for name in self.__slots__:
+            array = getattr(self, name)
+            if array.flags.writeable:
+                array.setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.track_id)
@@ -165,123 +168,152 @@ class Tracker:
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
         self._advance(dt, warp)
-        free = self._match(detections, known if stitch is not None else ())
-        if stitch is not None:
-            free = self._stitch(detections, free, stitch)
+        free = detections.score >= self.params.low_score
+        if len(self._state) and len(detections):
+            self._match(detections, free, known if stitch is not None else ())
+            if stitch is not None:
+                self._stitch(detections, free, stitch)
         self._drop()
         self._begin(detections, free)
         return self._tracks()
 
     def _advance(self, dt: float, warp: Floats | None) -> None:
         state = self._state
-        state.predict(dt, self.params.wander * state.length)
+        state.predict(dt, self.params.wander)
         if warp is not None and np.isfinite(warp).all():
             state.warp(np.asarray(warp, dtype=np.float64))
 
-    def _match(self, boxes: Detections, known: Collection[int]) -> NDArray[np.bool_]:
-        """Both rounds; boxes (m,) that are left and good enough to matter."""
-        params = self.params
-        free = boxes.score >= params.low_score
-        high = boxes.score >= params.high_score
-        self._shift(boxes, free & high)
-        out_of_sight = self._state.gap_s > params.known_s
-        everyone = ~(out_of_sight & np.isin(self._state.track_id, list(known)))
-        self._round(boxes, everyone, free & high, params.gate, free)
-        # doubtful boxes only continue tracks that are sure of themselves and were seen a moment ago
-        sure = everyone & (self._state.detection < 0) & (self._state.gap_s <= params.short_s)
-        self._round(boxes, sure, free & ~high, params.gate, free)
-        return free
-
-    def _shift(self, boxes: Detections, chosen: NDArray[np.bool_]) -> None:
-        """Take out what all tracks are off by alike: the camera turned in a way that the warp did not know."""
+    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> None:
+        """Both rounds; what they use is struck from the boxes (m,) that are free."""
         params, state = self.params, self._state
-        rows = np.nonzero((state.hits >= SETTLED_HITS) & (state.gap_s <= params.known_s))[0]
-        columns = np.nonzero(chosen)[0]
-        if len(rows) < LEAST_WITNESSES or not len(columns):
-            return
-        apart = boxes.centre[columns] - state.x[rows, None, :2]
-        nearest = np.sqrt((apart * apart).sum(axis=2).min(axis=1)) / state.length[rows]
-        if np.sort(nearest)[len(nearest) // 2] < SHIFT_WORTH:
-            return
-        i, j, cost = self._candidates(boxes, rows, columns, 4.0 * params.gate)
-        i, j = assign(i, j, cost, 4.0 * params.gate + params.overlap_weight)
-        if len(i) >= max(LEAST_WITNESSES, len(rows) // 2):
-            off = boxes.centre[columns[j]] - state.x[rows[i], :2]
-            # the median in the plane: the one that is nearest to all others
-            middle = np.argmin(np.hypot(*np.moveaxis(off[:, None] - off[None], 2, 0)).sum(axis=1))
-            state.x[:, :2] += SHIFT_SHARE * off[middle]
+        high = boxes.score >= max(params.high_score, params.low_score)
+        apart = state.apart(boxes)
+        if self._shift(boxes, high, apart):
+            apart = state.apart(boxes)
+        pairs = self._candidates(boxes, apart, params.gate)
+        if len(known):
+            pairs = pairs.where(~self._owned(known)[pairs.row])
+        rows, columns = self._rounds(boxes, pairs, high, free)
+        if len(rows):
+            state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
+            free[columns] = False
 
-    def _round(
-        self,
-        boxes: Detections,
-        tracks: NDArray[np.bool_],
-        chosen: NDArray[np.bool_],
-        gate: float,
-        free: NDArray[np.bool_],
-    ) -> None:
-        """Assign chosen boxes (m,) to tracks (k,), correct these, and strike what was used from ``free``."""
-        rows, columns = np.nonzero(tracks)[0], np.nonzero(chosen)[0]
-        if not len(rows) or not len(columns):
-            return
-        i, j, cost = self._candidates(boxes, rows, columns, gate)
-        i, j = assign(i, j, cost, self.params.limit)
-        if len(i):
-            self._state.correct(rows[i], boxes, columns[j], self._noise(rows[i]))
-            free[columns[j]] = False
+    def _owned(self, known: Collection[int]) -> Flags:
+        """Tracks (k,) out of sight that are continued by their owners' reports only."""
+        owned = self._state.gap_s > self.params.known_s
+        if np.count_nonzero(owned):
+            owned &= np.isin(self._state.track_id, list(known))
+        return owned
 
-    def _candidates(
-        self, boxes: Detections, rows: Indices, columns: Indices, gate: float
-    ) -> tuple[Indices, Indices, Floats]:
-        """Pairs within the gate and their cost −2 ln p + overlap term, p the likelihood of the centre."""
+    def _shift(self, boxes: Detections, chosen: Flags, apart: Floats) -> bool:
+        """Take out what all tracks are off by alike: the camera turned in a way that the warp did not know.
+
+        Args:
+            boxes: of this picture.
+            chosen: (m,) those that count.
+            apart: (k, m) squared distances of tracks and boxes, px².
+
+        Returns:
+            Whether the tracks were moved.
+        """
         params, state = self.params, self._state
-        size = state.length[rows]
-        noise = self._noise_of(size)
-        seen, known = boxes.boxes[columns], state.boxes[rows]
-        offset = seen[:, :2] - known[:, None, :2]
-        squared, det = mahalanobis(offset, kalman.innovation(state.P[rows], noise))
-        distance2 = (offset**2).sum(axis=-1)
-        close = distance2 < ((params.near * size) ** 2)[:, None]
-        reach = size * (1.0 + params.top_speed * state.gap_s[rows])
-        i, j = np.nonzero(((squared < gate) | close) & (distance2 < (reach**2)[:, None]))
-        overlap = prob_iou_pairs(known[i], seen[j])
+        settled = (state.hits >= SETTLED_HITS) & (state.gap_s <= params.known_s)
+        witnesses, count = int(np.count_nonzero(settled)), int(np.count_nonzero(chosen))
+        if witnesses < LEAST_WITNESSES or not count:
+            return False
+        nearest = (apart if count == len(chosen) else apart[:, chosen]).min(axis=1)
+        near = nearest < (SHIFT_WORTH * state.length) ** 2
+        if np.count_nonzero(near & settled) > witnesses // 2:
+            return False
+        pairs = self._candidates(boxes, np.where(settled[:, None] & chosen, apart, np.inf), 4.0 * params.gate)
+        i, j = self._settle(boxes, pairs, 4.0 * params.gate + params.overlap_weight)
+        if len(i) < max(LEAST_WITNESSES, witnesses // 2):
+            return False
+        off = boxes.centre[j] - state.x[i, :2]
+        # the median in the plane: the one that is nearest to all others
+        between = off[:, None] - off
+        middle = np.argmin(np.sqrt((between * between).sum(axis=2)).sum(axis=1))
+        state.x[:, :2] += SHIFT_SHARE * off[middle]
+        return True
+
+    def _candidates(self, boxes: Detections, apart: Floats, gate: float) -> Pairs:
+        """Pairs within the gate and their cost without the overlap term: −2 ln p, p the likelihood of the centre."""
+        params, state = self.params, self._state
+        reach = state.length * (1.0 + params.top_speed * state.gap_s)
+        row, column = np.nonzero(apart < (reach * reach)[:, None])
+        near = state.take(row)
+        noise, close = self._noise_of(near.length), params.near * near.length
+        offset = boxes.table[:2].take(column, axis=1).T - near.x[:, :2]
+        squared, det = kalman.mahalanobis(offset, near.P, noise)
         # −2 ln p = d² + ln det S up to a constant; relative to R, so that a certain track costs nothing here
-        spread = np.log(det / noise**4)
-        cost = np.minimum(squared[i, j], gate) + spread[i] + params.overlap_weight * (1 - overlap)
-        return i, j, cost
+        variance = noise * noise
+        pairs = Pairs(row, column, np.minimum(squared, gate) + np.log(det / (variance * variance)))
+        inside = (squared < gate) | (apart[row, column] < close * close)
+        return pairs if np.count_nonzero(inside) == len(inside) else pairs.where(inside)
 
-    def _stitch(self, boxes: Detections, free: NDArray[np.bool_], stitch: Stitch) -> NDArray[np.bool_]:
+    def _rounds(self, boxes: Detections, pairs: Pairs, high: Flags, free: Flags) -> tuple[Indices, Indices]:
+        """Rows and columns that belong together: sure boxes choose first, doubtful ones among the tracks left."""
+        limit = self.params.limit
+        first = high[pairs.column]
+        if np.count_nonzero(first) == len(first):
+            return self._settle(boxes, pairs, limit)
+        # doubtful boxes only continue tracks that were seen a moment ago
+        then = ~first & free[pairs.column] & (self._state.gap_s <= self.params.short_s)[pairs.row]
+        both = pairs.where(first | then)
+        if both.undisputed(limit - self.params.overlap_weight):
+            return both.row, both.column
+        rows, columns = self._settle(boxes, pairs.where(first), limit)
+        left = np.ones(len(self._state), dtype=bool)
+        left[rows] = False
+        more_rows, more_columns = self._settle(boxes, pairs.where(then & left[pairs.row]), limit)
+        return np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
+
+    def _settle(self, boxes: Detections, pairs: Pairs, limit: float) -> tuple[Indices, Indices]:
+        """The pairs that are taken, with the overlap term in their cost where it can change the answer."""
+        weight = self.params.overlap_weight
+        if pairs.undisputed(limit - weight):
+            return pairs.row, pairs.column
+        overlap = prob_iou_pairs(self._state.boxes[pairs.row], boxes.boxes[pairs.column])
+        return assign(pairs.row, pairs.column, pairs.cost + weight * (1 - overlap), limit)
+
+    def _stitch(self, boxes: Detections, free: Flags, stitch: Stitch) -> None:
         """Let somebody who knows more continue lost tracks."""
         state = self._state
-        rows = np.nonzero((state.detection < 0) & (state.hits >= self.params.confirm_hits))[0]
-        columns = np.nonzero(free & (boxes.score >= self.params.new_score))[0]
-        if not len(rows) or not len(columns):
-            return free
-        pairs = np.asarray(stitch(state.track_id[rows].copy(), boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
-        pairs = _one_to_one(pairs, len(rows), len(columns))
+        columns = np.flatnonzero(free & (boxes.score >= self.params.new_score))
+        if not len(columns):
+            return
+        rows = np.flatnonzero(state.unseen & (state.hits >= self.params.confirm_hits))
+        if not len(rows):
+            return
+        pairs = np.asarray(stitch(state.track_id[rows], boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
+        pairs = one_to_one(pairs, len(rows), len(columns))
         i, j = rows[pairs[:, 0]], columns[pairs[:, 1]]
         size = np.maximum(np.sqrt(boxes.w[j] * boxes.h[j]), 1.0)
         state.restart(i, boxes, j, self._noise_of(size), self.params.first_speed * size)
-        left = free.copy()
-        left[j] = False
-        return left
+        free[j] = False
 
     def _drop(self) -> None:
         """End tracks that were not seen for too long."""
         params, state = self.params, self._state
-        patience = np.clip(state.age_s - state.gap_s, params.short_s, params.coast_s)
+        gap = state.gap_s
+        if not len(gap) or gap.max() <= min(params.tentative_s, params.short_s, params.coast_s):
+            return
+        patience = np.minimum(np.maximum(state.age_s - gap, params.short_s), params.coast_s)
         brief = state.hits < params.confirm_hits
         if params.picture is not None:
-            brief |= ((state.x[:, :2] < 0) | (state.x[:, :2] > params.picture)).any(axis=1)
-        patience = np.where(brief, params.tentative_s, patience)
-        alive = state.gap_s <= patience
-        if not alive.all():
-            self._state = state.keep(alive)
+            centre = state.x[:, :2]
+            brief |= ((centre < 0) | (centre > params.picture)).any(axis=1)
+        alive = gap <= np.where(brief, params.tentative_s, patience)
+        if np.count_nonzero(alive) < len(alive):
+            self._state = state.take(np.flatnonzero(alive))
 
-    def _begin(self, boxes: Detections, free: NDArray[np.bool_]) -> None:
+    def _begin(self, boxes: Detections, free: Flags) -> None:
         """Begin a track on each box that is left, unless it repeats a box that has a track."""
+        if not np.count_nonzero(free):
+            return
         params, state = self.params, self._state
-        index = np.nonzero(free & (boxes.score >= params.new_score))[0]
-        used = state.detection[state.detection >= 0]
+        index = np.flatnonzero(free & (boxes.score >= params.new_score))
+        used = state.detection[~state.unseen]
         if len(index) and len(used):
             doubled = prob_iou(boxes.boxes[index], boxes.boxes[used]).max(axis=1) > params.double
             index = index[~doubled]
@@ -294,37 +326,29 @@ class Tracker:
         self._next_id += len(index)
         self._state = state.join(born)
 
-    def _noise(self, rows: Indices) -> Floats:
-        return self._noise_of(self._state.length[rows])
-
     def _noise_of(self, size: Floats) -> Floats:
         """Standard deviation of detected centres, px."""
         return np.maximum(self.params.centre_noise * size, 1.0)
 
     def _tracks(self) -> Tracks:
-        state = self._state
-        heading = state.heading
+        angle = wrap(self._state.ahead)
+        heading = (angle + 0.5 * np.pi) % (2 * np.pi)
+        (cx, cy, vx, vy, w, h, _, _, front, score, age_s, gap_s), (track_id, detection, hits) = self._state.told()
+        if np.count_nonzero(front) < len(front):
+            heading[front == 0] = np.nan
         return Tracks(
-            track_id=state.track_id.copy(),
-            detection=state.detection.copy(),
-            cx=state.x[:, 0].copy(),
-            cy=state.x[:, 1].copy(),
-            w=state.sides[:, 0].copy(),
-            h=state.sides[:, 1].copy(),
-            angle=wrap(np.where(np.isnan(heading), state.axis, heading - np.pi / 2)),
+            track_id=track_id,
+            detection=detection,
+            cx=cx,
+            cy=cy,
+            w=w,
+            h=h,
+            angle=angle,
             heading=heading,
-            score=state.score.copy(),
-            hits=state.hits.copy(),
-            age_s=state.age_s.copy(),
-            gap_s=state.gap_s.copy(),
-            vx=state.x[:, 2].copy(),
-            vy=state.x[:, 3].copy(),
+            score=score,
+            hits=hits,
+            age_s=age_s,
+            gap_s=gap_s,
+            vx=vx,
+            vy=vy,
         )
-
-
-def _one_to_one(pairs: Indices, rows: int, columns: int) -> Indices:
-    """Pairs (p, 2) within range whose row and column no earlier pair has."""
-    pairs = pairs[(pairs >= 0).all(axis=1) & (pairs[:, 0] < rows) & (pairs[:, 1] < columns)]
-    for column in (0, 1):
-        pairs = pairs[np.sort(np.unique(pairs[:, column], return_index=True)[1])]
-    return pairs
