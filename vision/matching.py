@@ -36,6 +36,11 @@ class Pairs(NamedTuple):
         alone = len(set(self.row.tolist())) == len(self.row) == len(set(self.column.tolist()))
         return alone and bool(self.cost.max() < limit)
 
+    def disputed(self, limit: float) -> NDArray[np.bool_]:
+        """(p,) those that share a track or a box with another or cost ``limit`` or more."""
+        shared = (np.bincount(self.row)[self.row] > 1) | (np.bincount(self.column)[self.column] > 1)
+        return shared | (self.cost >= limit)
+
 
 def assign(rows: Indices, columns: Indices, cost: Floats, limit: float) -> tuple[Indices, Indices]:
     """Cheapest one-to-one assignment among candidate pairs, where leaving a pair unmatched costs ``limit``.
@@ -60,13 +65,19 @@ def assign(rows: Indices, columns: Indices, cost: Floats, limit: float) -> tuple
     if alone.all():
         return rows, columns
     contested = ~alone
-    r, row = np.unique(rows[contested], return_inverse=True)
-    c, column = np.unique(columns[contested], return_inverse=True)
+    r, row = _numbered(rows[contested])
+    c, column = _numbered(columns[contested])
     table = np.full((len(r), len(c)), limit)
     table[row, column] = cost[contested]
     i, j = linear_sum_assignment(table)
     taken = table[i, j] < limit
     return np.concatenate([rows[alone], r[i[taken]]]), np.concatenate([columns[alone], c[j[taken]]])
+
+
+def _numbered(values: Indices) -> tuple[Indices, Indices]:
+    """The values that occur, in order, and the place of each among them."""
+    occurs = np.bincount(values) > 0
+    return np.flatnonzero(occurs), (np.cumsum(occurs) - 1)[values]
 
 
 def one_to_one(pairs: Indices, rows: int, columns: int) -> Indices:

@@ -273,8 +273,11 @@ class Tracker:
         weight = self.params.overlap_weight
         if pairs.undisputed(limit - weight):
             return pairs.row, pairs.column
-        overlap = prob_iou_pairs(self._state.boxes[pairs.row], boxes.boxes[pairs.column])
-        return assign(pairs.row, pairs.column, pairs.cost + weight * (1 - overlap), limit)
+        disputed = pairs.disputed(limit - weight)
+        row, column, cost = pairs.where(disputed)
+        overlap = prob_iou_pairs(self._state.boxes[row], boxes.boxes[column])
+        i, j = assign(row, column, cost + weight * (1 - overlap), limit)
+        return np.concatenate([pairs.row[~disputed], i]), np.concatenate([pairs.column[~disputed], j])
 
     def _stitch(self, boxes: Detections, free: Flags, stitch: Stitch) -> None:
         """Let somebody who knows more continue lost tracks."""
