@@ -1,0 +1,1 @@
+"""Trackers side by side on the same simulated traffic: scenes, peers, scores."""

@@ -1,0 +1,117 @@
+"""All trackers of a comparison behind one call: a picture in, the track of each box and the time it took out."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.paper.bytetrack import ByteTrack
+from bench.tracker.libraries import PUBLISHED, Absent, Published
+from bench.tracker.named import Named
+from bench.tracker.scene import Picture
+from bench.tracker.sort import OcSort, Sort
+from vision.tracker import Tracker, Tracks
+
+__all__ = ["OURS", "WITH_IDENTITIES", "WITH_WARP", "Entrant", "entrants"]
+
+IntArray = NDArray[np.int64]
+
+OURS = "ours"
+WITH_WARP = "ours, camera motion told"
+WITH_IDENTITIES = "ours, identities fed in"
+CONFIRMED = 2
+"""Sightings from which on our tracks count; those of the peers wait for as many or more."""
+
+
+class Entrant(Protocol):
+    """A tracker in a comparison."""
+
+    def step(self, picture: Picture) -> tuple[IntArray, float]:
+        """The track of each box (m,), -1 none, and the processor time of the update, ms."""
+        ...
+
+
+class _Ours:
+    def __init__(self, told: bool) -> None:
+        self._tracker, self._told = Tracker(), told
+
+    def step(self, picture: Picture) -> tuple[IntArray, float]:
+        warp = picture.warp if self._told else None
+        began = time.thread_time()
+        tracks = self._tracker.update(picture.boxes, picture.t_us, warp=warp)
+        took = time.thread_time() - began
+        return _said(tracks, len(picture.boxes)), 1e3 * took
+
+
+class _Identified:
+    def __init__(self) -> None:
+        self._named = Named()
+
+    def step(self, picture: Picture) -> tuple[IntArray, float]:
+        began = time.thread_time()
+        tracks = self._named.update(picture)
+        took = time.thread_time() - began
+        self._named.learn(picture, tracks)
+        return _said(tracks, len(picture.boxes)), 1e3 * took
+
+
+class _ByteTrack:
+    def __init__(self) -> None:
+        self._tracker = ByteTrack()
+
+    def step(self, picture: Picture) -> tuple[IntArray, float]:
+        began = time.thread_time()
+        tracks = self._tracker.update(picture.boxes)
+        took = time.thread_time() - began
+        return _said(tracks, len(picture.boxes), 1), 1e3 * took
+
+
+class _Sort:
+    def __init__(self, tracker: Sort) -> None:
+        self._tracker = tracker
+
+    def step(self, picture: Picture) -> tuple[IntArray, float]:
+        began = time.thread_time()
+        said = self._tracker.update(picture.boxes)
+        return said, 1e3 * (time.thread_time() - began)
+
+
+class _Published:
+    def __init__(self, name: str) -> None:
+        self._tracker = Published(name)
+
+    def step(self, picture: Picture) -> tuple[IntArray, float]:
+        boxes = self._tracker.prepare(picture)
+        began = time.thread_time()
+        found = self._tracker.update(boxes)
+        took = time.thread_time() - began
+        return self._tracker.said(found, len(picture.boxes)), 1e3 * took
+
+
+def entrants() -> tuple[dict[str, Entrant], list[str]]:
+    """New trackers by name, and a line for each that cannot run here."""
+    made: dict[str, Entrant] = {
+        OURS: _Ours(False),
+        WITH_WARP: _Ours(True),
+        WITH_IDENTITIES: _Identified(),
+        "SORT": _Sort(Sort()),
+        "ByteTrack": _ByteTrack(),
+        "OC-SORT": _Sort(OcSort()),
+    }
+    skipped = []
+    for name in PUBLISHED:
+        try:
+            made[name] = _Published(name)
+        except Absent as why:
+            skipped.append(f"skipped: {name} ({why})")
+    return made, skipped
+
+
+def _said(tracks: Tracks, count: int, least: int = CONFIRMED) -> IntArray:
+    out = np.full(count, -1)
+    seen = (tracks.detection >= 0) & (tracks.hits >= least)
+    out[tracks.detection[seen]] = tracks.track_id[seen]
+    return out

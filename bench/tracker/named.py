@@ -1,0 +1,71 @@
+"""Our tracker with identities fed in: tracks are named, and continued, where vehicles say they are.
+
+A stand-in for the program's identifier that needs only pixels, so that crowds of two hundred stay quick.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from bench.tracker.scene import Picture
+from vision.tracker import Stitch, Tracker, Tracks
+
+__all__ = ["Named"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+REACH = 30.0
+"""No vehicle is this far from its report, px."""
+MEMORY = 0.9
+"""Share of the evidence that is left after a picture."""
+SURE = 5
+"""Sightings before a track has a name."""
+
+
+class Named:
+    """Tracker that is told who its tracks are."""
+
+    def __init__(self) -> None:
+        self._tracker = Tracker()
+        self._distance: dict[int, FloatArray] = {}
+        """Track → mean squared distance to every vehicle's report, px²."""
+        self._name: dict[int, int] = {}
+
+    def update(self, picture: Picture) -> Tracks:
+        """Take in one picture."""
+        return self._tracker.update(
+            picture.boxes, picture.t_us, warp=picture.warp, stitch=self._stitch(picture), known=self._name
+        )
+
+    def learn(self, picture: Picture, tracks: Tracks) -> None:
+        """Name the tracks anew."""
+        seen = tracks.detection >= 0
+        centre = picture.boxes.centre[tracks.detection[seen]]
+        squared = np.square(centre[:, None] - picture.reported).sum(axis=2)
+        for track, now in zip(tracks.track_id[seen].tolist(), squared, strict=True):
+            self._distance[track] = MEMORY * self._distance.get(track, now) + (1 - MEMORY) * now
+        hits = dict(zip(tracks.track_id.tolist(), tracks.hits.tolist(), strict=True))
+        self._distance = {track: d for track, d in self._distance.items() if track in hits}
+        sure = [track for track in self._distance if hits[track] >= SURE]
+        self._name = {}
+        if sure:
+            reach2 = (REACH * picture.scale) ** 2
+            cost = np.minimum(np.stack([self._distance[track] for track in sure]), reach2)
+            i, j = linear_sum_assignment(cost)
+            close = cost[i, j] < reach2
+            self._name = {sure[row]: int(vehicle) for row, vehicle in zip(i[close], j[close], strict=True)}
+
+    def _stitch(self, picture: Picture) -> Stitch:
+        def continued(track_id: IntArray, centres: FloatArray) -> NDArray[np.intp]:
+            vehicle = np.array([self._name.get(int(track), -1) for track in track_id], np.int64)
+            rows = np.flatnonzero(vehicle >= 0)
+            squared = np.square(picture.reported[vehicle[rows], None] - centres).sum(axis=2)
+            reach2 = (REACH * picture.scale) ** 2
+            i, j = linear_sum_assignment(np.minimum(squared, reach2))
+            close = squared[i, j] < reach2
+            return np.stack([rows[i[close]], j[close]], axis=1).astype(np.intp)
+
+        return continued
