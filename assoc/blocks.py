@@ -172,13 +172,17 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
 
 
 def _mean_heading(error: FloatArray, valid: BoolArray, samples: Samples, n: int, std: float) -> FloatArray:
-    """(T, n) heading evidence: the mean ratio of the last seconds, times the samples but at most four (errors last)."""
+    """(T, n) heading evidence: the mean ratio of the last seconds, times the samples but at most four (errors last).
+
+    Agreement counts once: those on one road look one way.
+    """
     known = valid & np.isfinite(error)
     weight = np.where(known, np.exp((samples.t - np.max(samples.t)) / _HEADING_MEMORY_S)[:, None], 0.0)
     ratio = weight * np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
     starts = np.flatnonzero(np.diff(samples.vehicle, prepend=-1))
     k = np.add.reduceat(weight, starts, axis=0)
-    total = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1e-9) * np.minimum(k, 4.0)
+    mean = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1e-9)
+    total = mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0))
     result = np.zeros((error.shape[1], n))
     result[:, samples.vehicle[starts]] = total.T
     return result

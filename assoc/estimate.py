@@ -18,6 +18,7 @@ from assoc.params import IdentifierParams
 from assoc.pose import PosePrior
 from assoc.records import CameraState, Sighting
 from assoc.search import Hypothesis, Scene, keep_best, refine, shifts, swaps, turns
+from assoc.view import chance_in_view
 
 __all__ = ["Estimator"]
 
@@ -107,7 +108,8 @@ class Estimator:
         found = self._search(scene, camera)
         share = weights(found)
         self._thetas = [h.theta for h in found[:3]]
-        p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)))
+        p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)),
+                            scene.in_view)  # fmt: skip
         self._learn(t, scene, found[0], p, float(share[0]))
         p, self.conflict = self._watch.review(t, scene, found[0], p)
         self._fold(scene, found[0])
@@ -139,15 +141,19 @@ class Estimator:
         self._retire(t, live)
         columns = np.concatenate([live, np.array(sorted(self._ended), np.int64)])
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
-        noise = self._noise(camera)
+        newest_s = np.max(self._history.first_s[live])
+        view = self._in_view(t, camera)
+        noise = self._noise(camera, q.patience * view)
         return Scene(
             history=self._history, columns=columns, live=len(live),
-            gap_s=t - self._history.last_s[live], anchors=anchors, log=self._log,
+            gap_s=t - self._history.last_s[live], replaced=self._history.last_s[live] < newest_s, anchors=anchors,
+            log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
             prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, columns),
-            log_odds=q.prior_log_odds, fold=max(last - self._first_block - round(q.window_s / q.block_s), 0),
+            log_odds=q.prior_log_odds, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
+            fold=max(last - self._first_block - round(q.window_s / q.block_s), 0),
         )  # fmt: skip
 
     def _retire(self, t: float, live: IntArray) -> None:
@@ -201,7 +207,12 @@ class Estimator:
         self._place[column] = (t, g)
         return float(np.hypot(*(g - place))) > LEAP_M + LEAP_MPS * (t - then)
 
-    def _noise(self, camera: CameraState) -> Noise:
+    def _in_view(self, t: float, camera: CameraState) -> FloatArray:
+        """(n,) how likely each vehicle is in the picture."""
+        p, age = self._log.extrapolated(t - self.time_offset_s)
+        return chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
+
+    def _noise(self, camera: CameraState, patience: FloatArray) -> Noise:
         """Noise levels as believed now."""
         q = self._params
         height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
@@ -210,6 +221,7 @@ class Estimator:
             white_var=self._log.white_std_m**2 + _EXTRA_WHITE_VAR, bias_std=self._bias_std,
             decay=float(np.exp(-q.block_s / self._tau_s)), floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2,
             log_area=float(np.log(2.0 * area)), increment_max=q.increment_max,
+            patience=patience,
         )  # fmt: skip
 
     def _prior(self, camera: CameraState) -> PosePrior:

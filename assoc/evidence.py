@@ -28,7 +28,7 @@ BoolArray = NDArray[np.bool_]
 
 NEVER = -1e6
 """Score of a pair that was never compared."""
-_FIRST_LEAST = -16.0
+_FIRST_LEAST = -30.0
 _UNHEARD = 2.0
 """A block without reports makes a change of owner this many nats less likely than a look would cost."""
 _WIDER = 5.0
@@ -53,6 +53,8 @@ class Noise:
     log_area: float
     """ln of twice the ground area in view: where a report could be if it were unrelated."""
     increment_max: float
+    patience: FloatArray
+    """(n,) what each block adds for a vehicle that should be in view: receivers wander in ways that no model has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +143,7 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
         e = mean_r[b] - M
         s = V + variance[b]
         log_p = constant[b] + _log_density(e[..., 0] ** 2 + e[..., 1] ** 2, s, V)
-        later = np.clip(log_p - blocks.log_null[b], -noise.increment_max, noise.increment_max)
+        later = np.clip(log_p - blocks.log_null[b] + noise.patience, -noise.increment_max, noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
         # the track may have been somebody else until now: that one's evidence, the chance of it, and a first look

@@ -16,7 +16,7 @@ from assoc.history import TrackHistory
 
 __all__ = [
     "EAST", "HEIGHT", "NORTH", "OFFSET", "PITCH", "ROLL", "THETA", "YAW", "YAW_RATE", "GroundTracks", "ground_now",
-    "ground_tracks", "off_axis",
+    "ground_tracks", "off_axis", "unturned",
 ]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
@@ -200,3 +200,23 @@ def ground_now(rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, groun
     d = _turned((rays @ R_enu_cam.T)[None], R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL]))
     hit = _hit(d, (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0]
     return np.asarray(hit[0])
+
+
+def unturned(p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
+    """Places on the ground as the corrected camera has them: the way back of :func:`ground_now`.
+
+    Args:
+        p: (n, 2) east and north, metres.
+        R_enu_cam: (3, 3).
+        p_enu: (3,) camera position, metres.
+        ground_z: Height of the ground, metres.
+        theta: (8,) correction; its δ is left out.
+
+    Returns:
+        (n, 3) camera frame, metres, to first order in pitch and roll.
+    """
+    d = np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
+    d = _turned(d[None], R_enu_cam[None], -theta[[YAW]], 0.0, 0.0)[0]
+    right, forward = _level_axes(R_enu_cam[None])
+    d = d - _cross(theta[PITCH] * right + theta[ROLL] * forward, d)
+    return np.asarray(d @ R_enu_cam)

@@ -24,7 +24,8 @@ def weights(hypotheses: list[Hypothesis]) -> FloatArray:
     return np.asarray(w / np.sum(w))
 
 
-def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: float, chance: FloatArray) -> FloatArray:
+def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: float, chance: FloatArray,
+                    in_view: FloatArray) -> FloatArray:  # fmt: skip
     """Marginals averaged over hypotheses.
 
     Args:
@@ -32,6 +33,7 @@ def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: f
         share: Their weights.
         bias_std: σ_b, metres.
         chance: (m,) prior chance that a track is a stranger driving like one of ours.
+        in_view: (n,) part of the scores that speaks for a vehicle because it should be in the picture.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
@@ -41,12 +43,13 @@ def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: f
     for hypothesis, w in zip(hypotheses, share, strict=True):
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
-            total += w * marginals(doubted(hypothesis.score, bias, bias_std, chance))
+            total += w * marginals(doubted(hypothesis.score, bias, bias_std, chance, in_view))
             used += w
     return np.asarray(total / used)
 
 
-def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: FloatArray) -> FloatArray:
+def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: FloatArray,
+            in_view: FloatArray) -> FloatArray:  # fmt: skip
     """Scores with room for strangers that drive like one of ours a few metres away.
 
     A stranger that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
@@ -58,6 +61,7 @@ def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: FloatA
         bias: (m, n, 2) bias means, metres.
         bias_std: σ_b, metres.
         chance: (m,) c.
+        in_view: (n,) part of the scores that does not speak for a stranger who drives like the vehicle.
 
     Returns:
         (m, n) scores against "unrelated or such a stranger".
@@ -65,7 +69,7 @@ def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: FloatA
     if score.shape[1] == 0:
         return score
     gap = 2.0 * np.log(_SPREAD_M / bias_std) - np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), 5.0)
-    alike = np.max(score - gap, axis=1)
+    alike = np.max(score - in_view - gap, axis=1)
     return np.asarray(score - np.logaddexp(np.log1p(-chance), np.log(chance) + alike)[:, None])
 
 

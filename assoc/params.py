@@ -41,9 +41,15 @@ class IdentifierParams:
     """Prior 1σ of the camera's height above the ground."""
     time_offset_std_s: float = 0.06
     """Prior 1σ of video time minus telemetry time. Give 0.35 when the offset is unknown."""
-    prior_log_odds: float = 1.5
+    prior_log_odds: float = 2.5
     """ln odds, before any evidence, that a vehicle close enough is the one in the picture. Lower → more boxes stay
     unnamed at first."""
+    in_view_log_odds: float = 4.0
+    """What those odds gain for a vehicle that should be in the picture and lose for one that should not: in the picture
+    its own box would be missing if this were another's. Raise → fewer boxes unnamed, more strangers named."""
+    patience: float = 1.2
+    """What each block adds for a vehicle that should be in the picture, nats: receivers wander in ways that no model
+    has. Raise → names are kept longer under bad GNSS, strangers that drive alike too."""
     increment_max: float = 8.0
     """Most that one block may say for or against a pair, nats."""
     switch_rate: float = 1e-10

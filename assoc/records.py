@@ -67,6 +67,8 @@ class CameraState:
     """False: ``p_enu`` is a guess."""
     stabilized: bool
     """True: a gimbal keeps the horizon; False: the camera tilts with the body, so tilt is known less well."""
+    half_view: tuple[float, float] = (np.nan, np.nan)
+    """Tangents of half the angle of view, across and along the picture; NaN unknown."""
 
     def __post_init__(self) -> None:
         _need("R_enu_cam", self.R_enu_cam, (3, 3))

@@ -23,11 +23,15 @@ __all__ = ["Hypothesis", "Scene", "keep_best", "refine", "shifts", "swaps"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _TURNS = 4
 _SWAP_LOSS = 40.0
 """Swaps that lose more than this at the present θ, nats, are not tried."""
 _ABSENT, _ABSENT_PER_S = 8.0, 20.0
+"""Most that speaks for a track that has not been seen for ``_BLINK_S``, and what it loses per second, nats."""
+_BLINK, _BLINK_S = 40.0, 0.4
+"""A box missed for a moment is no absence: so much more may speak for it, less and less."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _FAR = np.array([0.03, 1e-3, 0.015, 0.015, 3.0, 3.0, 2.0, 0.1])
@@ -45,6 +49,8 @@ class Scene:
     """m."""
     gap_s: FloatArray
     """(m,) seconds since each live track was seen."""
+    replaced: BoolArray
+    """(m,) whether a track began since that may be the same vehicle's."""
     anchors: IntArray
     """(T − m,) vehicle of each track that ended."""
     log: ReportLog
@@ -61,6 +67,9 @@ class Scene:
     log_switch: FloatArray
     """(B + 1, T)."""
     log_odds: float
+    """ln odds, before any evidence, that a track close enough is the vehicle."""
+    in_view: FloatArray
+    """(n,) what is added to them because the vehicle should be in the picture."""
     fold: int
     """Blocks that leave the window with this update."""
 
@@ -100,10 +109,12 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> tuple[Blocks, GroundTrac
 def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
     """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
     final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
-    score = final.score[: scene.live] + blocks.heading[: scene.live] + scene.log_odds
+    score = final.score[: scene.live] + blocks.heading[: scene.live] + scene.log_odds + scene.in_view
     gap = scene.gap_s[:, None]
     # a track that was not seen gives way to a new one in its place, the sooner the longer it is missing
-    return np.where(gap > 0.0, np.minimum(score, _ABSENT) - _ABSENT_PER_S * gap, score), (final, folded)
+    blink = np.where(scene.replaced[:, None], 0.0, np.maximum(1.0 - gap / _BLINK_S, 0.0))
+    most = _ABSENT + _BLINK * blink
+    return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
 
 
 def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:

@@ -184,14 +184,19 @@ class Pipeline:
         return self._identifier.update(sighting, self._camera(view), heard)
 
     def _camera(self, view: View) -> CameraState:
+        lens = view.intrinsics
         return CameraState(
             R_enu_cam=view.pose.R_enu_cam,
             p_enu=view.pose.p_enu,
             ground_z=view.ground_z,
-            px_rad=1.0 / view.intrinsics.fx,
+            px_rad=1.0 / lens.fx,
             attitude_known=view.attitude_known,
             position_known=True,
             stabilized=self._mount.kind == "stabilized",
+            half_view=(
+                0.5 * view.intrinsics.width / view.intrinsics.fx,
+                0.5 * view.intrinsics.height / view.intrinsics.fy,
+            ),
         )
 
     def _tell(self, t_us: int, identities: Identities | None) -> None:
