@@ -63,23 +63,27 @@ class Identifier:
         """(8,) θ = yaw, yaw rate, pitch, roll (radians, /s), E, N, H (metres), δ (seconds)."""
         return self._estimator.theta.copy()
 
-    def update(self, sighting: Sighting, camera: CameraState, reports: VehicleReports) -> Identities:
+    def hear(self, reports: VehicleReports) -> None:
+        """Take what the vehicles said since the last call; before :meth:`stitch`, which goes by the newest reports."""
+        if len(reports.t_us):
+            self._log.add(self._seconds(reports.t_us), reports)
+
+    def update(self, sighting: Sighting, camera: CameraState, reports: VehicleReports | None = None) -> Identities:
         """Take one frame.
 
         Args:
             sighting: Its tracks.
             camera: Where the camera was.
-            reports: What the vehicles said since the last call.
+            reports: What the vehicles said since the last call, unless it was heard already.
 
         Returns:
             The names, in the order of the sighting.
         """
-        if self._origin_us is None:
-            self._origin_us = sighting.t_us
-        t = (sighting.t_us - self._origin_us) / 1e6
+        t = float(self._seconds(np.array(sighting.t_us)))
         if t < self._t - _BACKWARD_S:
             self._reset()
-        self._log.add((reports.t_us - self._origin_us) / 1e6, reports)
+        if reports is not None:
+            self.hear(reports)
         if t > self._t:
             self._see(t, sighting, camera)
         beliefs = self._beliefs.of(sighting.track_id)
@@ -109,6 +113,12 @@ class Identifier:
         place, variance = self._estimator.predicted((t_us - self._origin_us) / 1e6)
         ground = ground_now(ray_cam, usable.R_enu_cam, usable.p_enu, usable.ground_z, self._estimator.theta)
         return reattach_gated(place, variance, vehicle, ground)
+
+    def _seconds(self, t_us: IntArray) -> FloatArray:
+        """Seconds since the first thing that was seen or heard."""
+        if self._origin_us is None:
+            self._origin_us = int(np.min(t_us))
+        return (t_us - self._origin_us) / 1e6
 
     def _see(self, t: float, sighting: Sighting, camera: CameraState) -> None:
         """Store the frame and, when it is time, think."""

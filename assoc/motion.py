@@ -84,12 +84,17 @@ class ReportLog:
 
     @property
     def white(self) -> int:
-        """Index of the likeliest white noise in ``WHITE_STD_M``."""
-        return int(np.argmax(np.sum(self._score, axis=0) + _LOG_PRIOR_STD))
+        """Index in ``WHITE_STD_M`` nearest to the mean variance of the white noise, given all reports: √E[σ²].
+
+        Few reports say little of σ, and to take it for small makes the first names too sure.
+        """
+        log_p = np.sum(self._score, axis=0) + _LOG_PRIOR_STD
+        p = np.exp(log_p - np.max(log_p))
+        return int(np.argmin(np.abs(np.log(WHITE_STD_M**2) - np.log(p @ WHITE_STD_M**2 / np.sum(p)))))
 
     @property
     def white_std_m(self) -> float:
-        """The likeliest white noise, metres."""
+        """The white noise gone by, metres."""
         return float(WHITE_STD_M[self.white])
 
     def add(self, t: FloatArray, reports: VehicleReports) -> None:

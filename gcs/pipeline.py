@@ -83,6 +83,7 @@ class Pipeline:
         """
         state = self.fleet.at(self._telemetry_time(t_us))
         view = self._look(state, image)
+        self._identifier.hear(self._reports())
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
         warp = _warp(self._view, view)
@@ -156,10 +157,8 @@ class Pipeline:
         return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
 
     def _identify(self, t_us: int, detections: Detections, tracks: Tracks, view: View | None) -> Identities | None:
-        reports = self.fleet.take_reports()
         if view is None:
             return None
-        place = {system_id: k for k, system_id in enumerate(self.mission.ugv_ids)}
         seen = tracks.detection >= 0
         centre = np.column_stack([tracks.cx, tracks.cy])
         centre[seen] = detections.centre[tracks.detection[seen]]
@@ -173,7 +172,13 @@ class Pipeline:
             gap_s=np.where(seen, 0.0, tracks.gap_s),
             score=tracks.score,
         )
-        heard = VehicleReports(
+        return self._identifier.update(sighting, self._camera(view))
+
+    def _reports(self) -> VehicleReports:
+        """What the ground vehicles said since the last frame."""
+        place = {system_id: k for k, system_id in enumerate(self.mission.ugv_ids)}
+        reports = self.fleet.take_reports()
+        return VehicleReports(
             t_us=reports.t_us,
             vehicle=np.array([place[int(s)] for s in reports.system_id], dtype=np.int64),
             p_enu=reports.p_enu,
@@ -181,7 +186,6 @@ class Pipeline:
             heading=reports.heading,
             std_m=reports.std_m,
         )
-        return self._identifier.update(sighting, self._camera(view), heard)
 
     def _camera(self, view: View) -> CameraState:
         lens = view.intrinsics
