@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from assoc.parts import least_losses, separate
+
 __all__ = ["best_assignment", "exact_marginals", "loopy_marginals", "marginals"]
 
 FloatArray = NDArray[np.float64]
@@ -17,8 +19,9 @@ IntArray = NDArray[np.int64]
 
 _ROUNDS = 40
 _STEADY = 1e-5
-_EXACT = 8
-_CLEAR = 0.995
+_EXACT = 10
+_NEGLIGIBLE = 12.0
+"""Pairs that cost this much against the best assignment, nats, are not weighed."""
 
 
 def best_assignment(score: FloatArray) -> IntArray:
@@ -59,7 +62,8 @@ def _log_sum_others(a: FloatArray, axis: int) -> FloatArray:
 def marginals(score: FloatArray) -> FloatArray:
     """Probabilities of each pairing over all one-to-one assignments.
 
-    By belief propagation; where that leaves doubt and the smaller side has at most eight members, exactly.
+    Pairs that only assignments far worse than the best contain are left out, which takes the problem apart; a part
+    whose smaller side has at most ten members is summed exactly, a larger one by belief propagation.
 
     Args:
         score: (m, n) log ratios against "unrelated"; −inf forbids.
@@ -67,9 +71,17 @@ def marginals(score: FloatArray) -> FloatArray:
     Returns:
         (m, n + 1); the last column is "none of ours", rows sum to 1.
     """
-    p = loopy_marginals(score)
-    if 0 < min(score.shape) <= _EXACT and np.min(np.max(p, axis=1)) < _CLEAR:
-        return exact_marginals(score)
+    m, n = score.shape
+    p = np.zeros((m, n + 1))
+    a = np.maximum(score, -1e4)
+    for rows, columns in separate(least_losses(a, best_assignment(a)) < _NEGLIGIBLE) if score.size else ():
+        part = a[np.ix_(rows, columns)]
+        if part.size == 1:
+            p[rows[0], columns[0]] = 1.0 / (1.0 + np.exp(-part[0, 0]))
+        else:
+            exact = min(part.shape) <= _EXACT
+            p[np.ix_(rows, columns)] = (exact_marginals if exact else loopy_marginals)(part)[:, :-1]
+    p[:, n] = np.maximum(1.0 - np.sum(p, axis=1), 0.0)
     return p
 
 
@@ -107,7 +119,7 @@ def exact_marginals(score: FloatArray) -> FloatArray:
 
 
 def loopy_marginals(score: FloatArray) -> FloatArray:
-    """The same approximately, by loopy belief propagation: exact without loops, too sure of nobody with many.
+    """The same approximately, by loopy belief propagation: exact without loops, too sure of the best with short ones.
 
     Reference: Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE TAES 50(4), 2014.
