@@ -23,6 +23,7 @@ LEAP_M, LEAP_MPS = 2.0, 15.0
 """A track that moves further than this has jumped to something else."""
 _HEADING_MEMORY_S = 3.0
 """How fast headings of the past lose their say."""
+_HEADING_REACH_S = 12.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,25 +72,30 @@ def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
 
 
 def _interpolated(tracks: GroundTracks, t: FloatArray, gap_max_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Track points (S, T, 2) and headings (S, T) at video times t, and where they are valid."""
+    """Track points (S, T, 2) and headings (S, T) at video times t, and where they are valid.
+
+    What lies between two frames is worked out once per interval, F − 1 of them; times of one interval share it.
+    """
     last = len(tracks.t) - 1
+    if last < 1:
+        shape = (len(t), tracks.p.shape[1])
+        return np.full((*shape, 2), np.nan), np.full(shape, np.nan), np.zeros(shape, np.bool_)
     before, after = _nearest_seen(np.isfinite(tracks.p[..., 0]))
-    k = np.searchsorted(tracks.t, t, side="right") - 1
-    inside = (k >= 0) & ((k < last) | (t <= tracks.t[last]))
-    k = np.clip(k, 0, max(last - 1, 0))
-    a, b = before[k], after[np.minimum(k + 1, last)]
-    valid = inside[:, None] & (a >= 0) & (b <= last)
-    a, b = np.where(valid, a, 0), np.where(valid, b, 0)
-    span = tracks.t[b] - tracks.t[a]
-    valid &= span <= gap_max_s
-    w = np.where(span > 0, (t[:, None] - tracks.t[a]) / np.where(span > 0, span, 1.0), 0.0)
+    a, b = before[:-1], after[1:]
+    whole = (a >= 0) & (b <= last)
+    a, b = np.where(whole, a, 0), np.where(whole, b, 0)
     column = np.arange(tracks.p.shape[1])[None, :]
-    p0 = tracks.p[a, column]
+    span, p0 = tracks.t[b] - tracks.t[a], tracks.p[a, column]
     step = tracks.p[b, column] - p0
+    whole &= span <= gap_max_s
     # nothing lies between two places that no vehicle joins in that time
-    valid &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
-    p = p0 + w[..., None] * step
-    return p, tracks.heading[np.where(w < 0.5, a, b), column], valid
+    whole &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
+    rate, from_t = 1.0 / np.where(span > 0, span, np.inf), tracks.t[a]
+    heading0, heading1 = tracks.heading[a, column], tracks.heading[b, column]
+    k = np.clip(np.searchsorted(tracks.t, t, side="right") - 1, 0, last - 1)
+    w = (t[:, None] - from_t[k]) * rate[k]
+    valid = whole[k] & ((t >= tracks.t[0]) & (t <= tracks.t[last]))[:, None]
+    return p0[k] + w[..., None] * step[k], np.where(w < 0.5, heading0[k], heading1[k]), valid
 
 
 def _by_block(tracks: GroundTracks, first: int, n_blocks: int, block_s: float) -> tuple[FloatArray, FloatArray]:
@@ -164,27 +170,29 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
         count[at], mean[at], scatter[at] = k, m, np.maximum(spread, 0.0)
         log_null[at] = np.add.reduceat(np.where(valid, samples.log_null[:, None], 0.0), starts, axis=0)
         error = image_heading - samples.heading[:, None]
-        heading = _mean_heading(error, valid, samples, n_vehicles, heading_std)
+        late = samples.t > np.max(samples.t) - _HEADING_REACH_S
+        heading = _mean_heading(error[late], valid[late], samples.t[late], samples.vehicle[late], n_vehicles, heading_std)
     return Blocks(
         first=first, count=count, mean=mean, scatter=scatter, log_null=log_null, extra_var=np.zeros(shape),
         jump_var=jump, pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
     )  # fmt: skip
 
 
-def _mean_heading(error: FloatArray, valid: BoolArray, samples: Samples, n: int, std: float) -> FloatArray:
+def _mean_heading(error: FloatArray, valid: BoolArray, t: FloatArray, vehicle: IntArray, n: int,
+                  std: float) -> FloatArray:  # fmt: skip
     """(T, n) heading evidence: the mean ratio of the last seconds, times the samples but at most four (errors last).
 
     Agreement counts once: those on one road look one way.
     """
     known = valid & np.isfinite(error)
-    weight = np.where(known, np.exp((samples.t - np.max(samples.t)) / _HEADING_MEMORY_S)[:, None], 0.0)
+    weight = np.where(known, np.exp((t - np.max(t)) / _HEADING_MEMORY_S)[:, None], 0.0)
     ratio = weight * np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
-    starts = np.flatnonzero(np.diff(samples.vehicle, prepend=-1))
+    starts = np.flatnonzero(np.diff(vehicle, prepend=-1))
     k = np.add.reduceat(weight, starts, axis=0)
     mean = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1e-9)
     total = mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0))
     result = np.zeros((error.shape[1], n))
-    result[:, samples.vehicle[starts]] = total.T
+    result[:, vehicle[starts]] = total.T
     return result
 
 

@@ -241,16 +241,27 @@ class Estimator:
         if self._locked:
             found = [refine(scene, self._thetas[0].copy(), self._believed(scene))]
         else:
-            everywhere = turns(scene.prior, free)
-            starts = [theta.copy() for theta in self._thetas]
-            starts += everywhere if self._updates % 6 == 1 or not self._thetas else everywhere[:1]
-            found = keep_best([refine(scene, theta) for theta in starts], self._params.hypotheses)
+            found = keep_best([refine(scene, theta) for theta in self._starts(scene, free)], self._params.hypotheses)
         if not self._locked and self._updates % 3 == 1:
-            most = 8 if scene.live * self._log.n_vehicles <= _LARGE else 2
+            most = 2 if self._large(scene) else 8
             found += [refine(scene, theta) for theta in shifts(scene, found[0], most)]
             found = keep_best(found, self._params.hypotheses)
         found += swaps(scene, found[0], 2 if self._locked else 6)
         return keep_best(found, self._params.hypotheses)
+
+    def _starts(self, scene: Scene, free: bool) -> list[FloatArray]:
+        """Corrections to start from: those of the last update and the prior's; of many tracks mostly the best alone."""
+        everywhere, turn = turns(scene.prior, free), self._updates
+        if not self._thetas or (turn % 6 == 1 and not self._large(scene)):
+            return [*self._thetas, *everywhere]
+        others = [*self._thetas[1:], everywhere[0]]
+        if self._large(scene):
+            others = [] if turn % 3 else [[*others, *everywhere][turn // 3 % (len(others) + len(everywhere))]]
+        return [self._thetas[0], *others]
+
+    def _large(self, scene: Scene) -> bool:
+        """Whether there are so many pairs that an update must do less."""
+        return scene.live * self._log.n_vehicles > _LARGE
 
     def _believed(self, scene: Scene) -> IntArray:
         """(m,) vehicles that the live tracks surely were, −1 none."""
