@@ -171,20 +171,20 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
         log_null[at] = np.add.reduceat(np.where(valid, samples.log_null[:, None], 0.0), starts, axis=0)
         error = image_heading - samples.heading[:, None]
         late = samples.t > np.max(samples.t) - _HEADING_REACH_S
-        heading = _mean_heading(error[late], valid[late], samples.t[late], samples.vehicle[late], n_vehicles, heading_std)
+        known = valid[late] & np.isfinite(error[late])
+        heading = _mean_heading(error[late], known, samples.t[late], samples.vehicle[late], n_vehicles, heading_std)
     return Blocks(
         first=first, count=count, mean=mean, scatter=scatter, log_null=log_null, extra_var=np.zeros(shape),
         jump_var=jump, pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
     )  # fmt: skip
 
 
-def _mean_heading(error: FloatArray, valid: BoolArray, t: FloatArray, vehicle: IntArray, n: int,
+def _mean_heading(error: FloatArray, known: BoolArray, t: FloatArray, vehicle: IntArray, n: int,
                   std: float) -> FloatArray:  # fmt: skip
     """(T, n) heading evidence: the mean ratio of the last seconds, times the samples but at most four (errors last).
 
     Agreement counts once: those on one road look one way.
     """
-    known = valid & np.isfinite(error)
     weight = np.where(known, np.exp((t - np.max(t)) / _HEADING_MEMORY_S)[:, None], 0.0)
     ratio = weight * np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
     starts = np.flatnonzero(np.diff(vehicle, prepend=-1))
