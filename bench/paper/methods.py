@@ -262,6 +262,7 @@ def camera_state(p_enu: FloatArray, yaw: float | None) -> CameraState:
         attitude_known=yaw is not None,
         position_known=True,
         stabilized=True,
+        half_view=(0.5 * CAMERA.width / CAMERA.fx, 0.5 * CAMERA.height / CAMERA.fy),
     )
 
 
