@@ -53,6 +53,7 @@ class Estimator:
         self._stranger_s = self._noise_s = -np.inf
         self._close: dict[int, dict[int, float]] = {}
         self._place: dict[int, tuple[float, FloatArray]] = {}
+        self._view = np.zeros(log.n_vehicles)
         self._updates = 0
         self._locked = False
         self._standing: dict[int, float] = {}
@@ -142,7 +143,7 @@ class Estimator:
         columns = np.concatenate([live, np.array(sorted(self._ended), np.int64)])
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
         newest_s = np.max(self._history.first_s[live])
-        view = self._in_view(t, camera)
+        view = self._view = self._in_view(t, camera)
         noise = self._noise(camera, q.patience * view)
         return Scene(
             history=self._history, columns=columns, live=len(live),
@@ -287,7 +288,8 @@ class Estimator:
             now = (self._bias_std, self._tau_s)
             self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
-        if np.any(sure & (top == n) & (age > 2.5)):
+        more = np.sum(scene.gap_s <= 0.0) > np.sum(self._view) + 0.5
+        if more and np.any(sure & (top == n) & (age > 2.5)):
             self._stranger_s = t
         for row, column in enumerate(live.tolist()):
             self._sure.pop(column, None)

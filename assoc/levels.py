@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 
 BIAS_STD_M = np.array([0.4, 0.7, 1.2, 2.0, 3.2, 4.5])
 """Candidates of σ_b, metres."""
-BIAS_TAU_S = np.array([15.0, 60.0, 240.0])
+BIAS_TAU_S = np.array([7.0, 20.0, 60.0, 240.0])
 """Candidates of τ, seconds."""
 
 _MEDIAN_M, _SPREAD, _WEIGHT = 1.2, 0.7, 2.0
