@@ -11,7 +11,7 @@ __all__ = ["IdentifierParams"]
 class IdentifierParams:
     """Priors and limits. Defaults hold for small ground vehicles seen from 20–120 m."""
 
-    threshold: float = 0.5
+    threshold: float = 0.7
     """Least probability for a name. Raise → fewer names, fewer wrong ones."""
     window_s: float = 20.0
     """How far back the camera's pose is fitted. Raise → steadier pose, slower frames."""

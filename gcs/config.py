@@ -83,7 +83,7 @@ class DetectorChoice:
 class IdentityChoice:
     """When a box gets a name."""
 
-    threshold: float = 0.5
+    threshold: float = 0.7
     """A name is shown and written at this confidence or above."""
 
 

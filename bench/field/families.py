@@ -1,6 +1,6 @@
 """The families of sessions by number and seed: fifteen kinds of trouble, each in a standard and a hard version.
 
-Seeds below 100 are for tuning, those from 100 on for reporting; a number fitted on the ones is told on the others.
+Seeds below 200 are for tuning, those from 200 on for reporting; a number fitted on the ones is told on the others.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from sim.scenario import Scenario
 __all__ = ["FAMILIES", "Family", "Split", "Version", "label_of", "scenario_of", "seeds_of"]
 
 Split = Literal["tune", "report"]
-REPORT_FROM = 100
+REPORT_FROM = 200
+_ROUND = 100
+"""Seeds after which the kinds of session begin anew."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +78,7 @@ def seeds_of(number: int, hard: bool, split: Split, most: int | None = None) -> 
 
 
 def _kind(version: Version, seed: int) -> int:
-    return seed % REPORT_FROM % len(version.labels)
+    return seed % _ROUND % len(version.labels)
 
 
 def _family(number: int, name: str, easy: Version, tough: Version) -> tuple[int, Family]:
