@@ -15,7 +15,7 @@ from mavlink.fleet import CameraReport, FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
 from vision.camera import Intrinsics, Mount, Pose, ground
 from vision.detections import Detections
-from vision.tracker import Tracks
+from vision.tracks import Tracks
 
 __all__ = ["View", "boxes_of", "fitted", "intrinsics_of", "mount_of", "vehicle_rows"]
 

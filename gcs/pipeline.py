@@ -18,7 +18,8 @@ from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.packet import Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
 from vision.detections import Detections
-from vision.tracker import Stitch, Tracker, TrackerParams, Tracks
+from vision.tracker import Tracker
+from vision.tracks import Stitch, TrackerParams, Tracks
 
 __all__ = ["Pipeline"]
 

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from vision import kalman
 from vision.detections import Detections
 from vision.matching import Pairs, assign
-from vision.tracker import Tracker, TrackerParams
+from vision.tracker import Tracker
+from vision.tracks import TrackerParams
 
 MODEST = settings(max_examples=25, deadline=None)
 STEP = 100_000

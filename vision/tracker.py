@@ -10,8 +10,7 @@ Reference:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,106 +20,14 @@ from vision.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detections import Detections
 from vision.matching import Pairs, assign, one_to_one
 from vision.track_state import TrackState
+from vision.tracks import Stitch, TrackerParams, Tracks
 
-__all__ = ["Stitch", "Tracker", "TrackerParams", "Tracks"]
+__all__ = ["Tracker"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
-
-Stitch = Callable[[Ints, Floats], Indices]
-"""(track ids (a,), centres (b, 2) px) → pairs (p, 2) of rows: lost tracks that left-over detections continue."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackerParams:
-    """What a tracker may be told. A box's size is √(w h)."""
-
-    high_score: float = 0.5
-    """Boxes matched in the first round. Raise → doubtful boxes give way to sure ones; lower → fewer gaps."""
-    low_score: float = 0.1
-    """Boxes below are ignored. Raise → fewer wrong continuations; lower → tracks live through blur and shade."""
-    new_score: float = 0.3
-    """Boxes that may begin a track. Raise → fewer false tracks; lower → weak vehicles are tracked at all."""
-    confirm_hits: int = 2
-    """Sightings that confirm a track. Raise → false boxes stay tentative longer; lower → tracks count sooner."""
-    gate: float = 16.0
-    """Largest squared Mahalanobis distance (2 degrees of freedom; 16 keeps 99.97 %). Raise → jerks are followed;
-    lower → fewer swaps between neighbours."""
-    near: float = 0.6
-    """Sizes within which a box matches whatever the filter thinks. Raise → sudden camera motion is survived."""
-    overlap_weight: float = 16.0
-    """Cost of not overlapping at all, in units of the squared distance. Raise → shape and angle count more."""
-    limit: float = 40.0
-    """Cost of leaving a track and a box apart. Raise → doubtful matches are made; lower → tracks break instead."""
-    centre_noise: float = 0.04
-    """Standard deviation of a detected centre, sizes (and at least 1 px). Raise → smoother, slower boxes."""
-    wander: float = 2.5
-    """Change of a velocity in one second, sizes/s. Raise → hard turns are followed; lower → coasts straighter."""
-    first_speed: float = 3.0
-    """Standard deviation of the velocity of something just seen, sizes/s. Raise → faster vehicles are caught."""
-    top_speed: float = 12.0
-    """No vehicle moves faster, sizes/s. Raise → lost tracks reach further; lower → fewer foreign boxes are taken."""
-    tentative_s: float = 0.35
-    """A track seen less than ``confirm_hits`` times ends after this long unseen."""
-    short_s: float = 1.0
-    """A confirmed track coasts as long as it was seen, but at least this long ..."""
-    coast_s: float = 2.5
-    """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
-    known_s: float = 0.45
-    """A track whose owner is known and that was out of sight for longer is continued by the owner's report only."""
-    picture: tuple[int, int] | None = None
-    """Width and height, px, when known: a track that has coasted out of the picture ends after ``tentative_s``, so that
-    the next vehicle to come in there does not inherit its id."""
-    double: float = 0.5
-    """Overlap with a matched box above which another box begins no track. Raise → dense parking; lower → no doubles."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tracks:
-    """The k tracks at one picture, in order of their ids, those that coast unseen included. Arrays (k,), read-only."""
-
-    track_id: Ints
-    """From 1."""
-    detection: Indices
-    """Index into this picture's detections, -1 while coasting."""
-    cx: Floats
-    """Filtered centre, px."""
-    cy: Floats
-    w: Floats
-    """Smoothed sides, px."""
-    h: Floats
-    angle: Floats
-    """Image +x to width axis, clockwise on screen, rad in [-π, π); points to the front where that is known."""
-    heading: Floats
-    """Clockwise from image up, rad in [0, 2π), NaN unknown; a single turned-around sighting does not flip it."""
-    score: Floats
-    """Of the last detection."""
-    hits: Ints
-    """Pictures in which it was seen."""
-    age_s: Floats
-    """Since first seen."""
-    gap_s: Floats
-    """Since last seen, 0 when seen now."""
-    vx: Floats
-    """px/s, camera motion removed as far as the warps said it."""
-    vy: Floats
-
-    def __post_init__(self) -> None:
-        for name in self.__slots__:
-            array = getattr(self, name)
-            if array.flags.writeable:
-                array.setflags(write=False)
-
-    def __len__(self) -> int:
-        return len(self.track_id)
-
-    @property
-    def boxes(self) -> Floats:
-        """Rows cx cy w h angle, (k, 5)."""
-        return np.stack([self.cx, self.cy, self.w, self.h, self.angle], axis=-1)
-
 
 # A common shift is believed by this share when this many tracks with this many hits bear witness to it.
 SHIFT_SHARE = 0.7

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vision.detections import Detections
 from vision.matching import assign
-from vision.tracker import Stitch, Tracks
+from vision.tracks import Stitch, Tracks
 
 __all__ = ["ByteTrack"]
 

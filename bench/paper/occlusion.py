@@ -20,7 +20,8 @@ from bench.paper.bytetrack import ByteTrack
 from bench.paper.films import film, paper_road
 from bench.paper.streams import Ours, Plain, Walk, camera_motion, frame_us, walk
 from sim.scenario import Scenario
-from vision.tracker import Stitch, Tracker, Tracks
+from vision.tracker import Tracker
+from vision.tracks import Stitch, Tracks
 
 __all__ = ["KEEPERS", "Kept", "occluded_road", "play"]
 

@@ -18,7 +18,7 @@ from sim.scenario import Scenario
 from sim.world import World
 from vision.camera import Pose, image_warp
 from vision.detections import Detections
-from vision.tracker import Stitch, Tracks
+from vision.tracks import Stitch, Tracks
 
 __all__ = ["Ours", "Plain", "Walk", "camera_motion", "frame_us", "walk"]
 

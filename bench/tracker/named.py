@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bench.tracker.scene import Picture
-from vision.tracker import Stitch, Tracker, Tracks
+from vision.tracker import Tracker
+from vision.tracks import Stitch, Tracks
 
 __all__ = ["Named"]
 
