@@ -47,8 +47,8 @@ class Tracker:
         ([1], [2])
     """
 
-    def __init__(self, params: TrackerParams = TrackerParams()) -> None:
-        self.params = params
+    def __init__(self, params: TrackerParams | None = None) -> None:
+        self.params = params or TrackerParams()
         self._state = TrackState.none()
         self._next_id = 1
         self._t_us: int | None = None
