@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.blocks import LEAP_M, LEAP_MPS
 from assoc.conflicts import ConflictWatch
 from assoc.evidence import Noise, bounded, fresh_state, put, restarted, taken, with_columns
 from assoc.ground import OFFSET, THETA, ground_now
@@ -18,6 +17,7 @@ from assoc.params import IdentifierParams
 from assoc.pose import PosePrior
 from assoc.records import CameraState, Sighting
 from assoc.search import Hypothesis, Scene, keep_best, refine, shifts, swaps, turns
+from assoc.swap_risk import SwapRisk
 from assoc.view import chance_in_view
 
 __all__ = ["Estimator"]
@@ -51,8 +51,7 @@ class Estimator:
         self._thetas: list[FloatArray] = []
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
-        self._close: dict[int, dict[int, float]] = {}
-        self._place: dict[int, tuple[float, FloatArray]] = {}
+        self._swaps = SwapRisk(params)
         self._view = np.zeros(log.n_vehicles)
         self._updates = 0
         self._locked = False
@@ -85,7 +84,7 @@ class Estimator:
             mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
             self._state = restarted(self._state, fresh, mean, var)
             for column in fresh.tolist():
-                self._place.pop(column, None)
+                self._swaps.forget(column)
                 self._ended.pop(column, None)
                 self._sure.pop(column, None)
 
@@ -104,7 +103,7 @@ class Estimator:
         if not len(live) or not n:
             return live, np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
         self._updates += 1
-        self._note_close(t, live, camera)
+        self._note_places(t, live, camera)
         scene = self._scene(t, live, camera)
         found = self._search(scene, camera)
         share = weights(found)
@@ -152,7 +151,8 @@ class Estimator:
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
-            prior=self._prior(camera), log_switch=self._switching(last - self._first_block + 2, columns),
+            prior=self._prior(camera),
+            log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(q.window_s / q.block_s), 0),
         )  # fmt: skip
@@ -172,41 +172,11 @@ class Estimator:
                 self._ended[column] = vehicle
         self._ended = {c: v for c, v in self._ended.items() if self._history.last_s[c] > start}
 
-    def _switching(self, blocks: int, columns: IntArray) -> FloatArray:
-        """(B + 1, T) ln chance of a change of owner per block; none in the first look."""
-        q, first = self._params, self._first_block or 0
-        result = np.full((blocks, len(columns)), np.log(q.switch_rate * q.block_s))
-        for b in range(blocks - 1):
-            rates = self._close.get(first + b, {})
-            for k, column in enumerate(columns.tolist()):
-                if column in rates:
-                    result[b, k] = np.log(rates[column] * q.block_s)
-        result[-1] = -50.0
-        return result
-
-    def _note_close(self, t: float, seen: IntArray, camera: CameraState) -> None:
-        """Remember which tracks a tracker could have swapped now: close together, or just not seen."""
+    def _note_places(self, t: float, seen: IntArray, camera: CameraState) -> None:
+        """Tell the watch over tracker's swaps where the tracks are now."""
         g = ground_now(self._history.ray[self._history.n - 1, seen], camera.R_enu_cam, camera.p_enu, camera.ground_z,
                        self.theta)  # fmt: skip
-        away = np.linalg.norm(g[:, None] - g[None], axis=2) + np.diag(np.full(len(g), np.inf))
-        lost = ~np.isfinite(g[:, 0])
-        close = lost | (np.min(np.nan_to_num(away, nan=np.inf), axis=1, initial=np.inf) < self._params.close_m)
-        block = int(np.floor(t / self._params.block_s))
-        rates = self._close.setdefault(block, {})
-        for k, column in enumerate(seen.tolist()):
-            if self._leapt(t, column, g[k]):
-                rates[column] = self._params.switch_rate_leap
-            elif close[k]:
-                rates.setdefault(column, self._params.switch_rate_close)
-        self._close = {b: s for b, s in self._close.items() if self._first_block is None or b >= self._first_block}
-
-    def _leapt(self, t: float, column: int, g: FloatArray) -> bool:
-        """Whether the track moved as no vehicle does since it was last noted; notes where it is."""
-        if not np.isfinite(g[0]):
-            return False
-        then, place = self._place.get(column, (t, g))
-        self._place[column] = (t, g)
-        return float(np.hypot(*(g - place))) > LEAP_M + LEAP_MPS * (t - then)
+        self._swaps.note(t, seen, g, self._first_block)
 
     def _in_view(self, t: float, camera: CameraState) -> FloatArray:
         """(n,) how likely each vehicle is in the picture."""

@@ -1,0 +1,70 @@
+"""When a tracker could have exchanged two tracks: side by side, unseen, or after a leap that no vehicle makes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.blocks import LEAP_M, LEAP_MPS
+from assoc.params import IdentifierParams
+
+__all__ = ["SwapRisk"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FIRST_LOOK = -50.0
+
+
+class SwapRisk:
+    """Remembers, block by block, which tracks were in danger of changing their owner."""
+
+    def __init__(self, params: IdentifierParams) -> None:
+        self._params = params
+        self._rates: dict[int, dict[int, float]] = {}
+        self._place: dict[int, tuple[float, FloatArray]] = {}
+
+    def forget(self, column: int) -> None:
+        """A new track begins in a column."""
+        self._place.pop(column, None)
+
+    def note(self, t: float, columns: IntArray, ground: FloatArray, first_block: int | None) -> None:
+        """Take in where tracks are now.
+
+        Args:
+            t: Time, seconds.
+            columns: (m,) their columns.
+            ground: (m, 2) east and north, NaN unseen.
+            first_block: Blocks before are forgotten.
+        """
+        q = self._params
+        away = np.linalg.norm(ground[:, None] - ground[None], axis=2) + np.diag(np.full(len(ground), np.inf))
+        lost = ~np.isfinite(ground[:, 0])
+        close = lost | (np.min(np.nan_to_num(away, nan=np.inf), axis=1, initial=np.inf) < q.close_m)
+        rates = self._rates.setdefault(int(np.floor(t / q.block_s)), {})
+        for k, column in enumerate(columns.tolist()):
+            if self._leapt(t, column, ground[k]):
+                rates[column] = q.switch_rate_leap
+            elif close[k]:
+                rates.setdefault(column, q.switch_rate_close)
+        self._rates = {b: s for b, s in self._rates.items() if first_block is None or b >= first_block}
+
+    def log_chances(self, first: int, blocks: int, columns: IntArray) -> FloatArray:
+        """(B + 1, T) ln chance of a change of owner in each block from the first on; none in the first look after."""
+        q = self._params
+        result = np.full((blocks + 1, len(columns)), np.log(q.switch_rate * q.block_s))
+        for b in range(blocks):
+            rates = self._rates.get(first + b, {})
+            for k, column in enumerate(columns.tolist()):
+                if column in rates:
+                    result[b, k] = np.log(rates[column] * q.block_s)
+        result[-1] = _FIRST_LOOK
+        return result
+
+    def _leapt(self, t: float, column: int, place: FloatArray) -> bool:
+        """Whether the track moved as no vehicle does since it was last noted; notes where it is."""
+        if not np.isfinite(place[0]):
+            return False
+        then, before = self._place.get(column, (t, place))
+        self._place[column] = (t, place)
+        return float(np.hypot(*(place - before))) > LEAP_M + LEAP_MPS * (t - then)
