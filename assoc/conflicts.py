@@ -12,6 +12,7 @@ __all__ = ["ConflictWatch"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _LASTING_S = 2.0
 _CLAIM = 12.0
@@ -22,9 +23,9 @@ _HEARD_S = 3.0
 class ConflictWatch:
     """Remembers for how long contradictions have lasted.
 
-    Two kinds: *double*, a vehicle without a track of its own fits the track of another and reports the same place
-    (a copy, or one of the two is spoofed); *gone*, a track that surely was a vehicle is surely none of ours now while
-    the vehicle still reports.
+    Two kinds: *double*, a vehicle reports the place of another, and has no track of its own but fits the other's, or
+    has jumped there as no vehicle can (a copy, or one of the two is spoofed); *gone*, a track that surely was a vehicle
+    is surely none of ours now while the vehicle still reports.
     """
 
     def __init__(self) -> None:
@@ -45,9 +46,9 @@ class ConflictWatch:
             (m, n + 1) marginals; indices of vehicles.
         """
         choice = names(p)
-        doubles = self._doubles(t, scene, best, choice)
-        p = p.copy()
         jumped = np.any(best.blocks.jump_var > 0.0, axis=0)
+        doubles = self._doubles(t, scene, best, choice, jumped)
+        p = p.copy()
         for row, first, second in doubles:
             # whoever has just jumped there has the weaker claim
             if jumped[first] != jumped[second]:
@@ -56,16 +57,19 @@ class ConflictWatch:
         gone = self._gone(t, scene, choice, p)
         return p, tuple(sorted({v for _, *pair in doubles for v in pair} | gone))
 
-    def _doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray) -> list[tuple[int, int, int]]:
+    def _doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray,
+                 jumped: BoolArray) -> list[tuple[int, int, int]]:  # fmt: skip
         """(track, vehicle, vehicle) that have lasted."""
         place, age = scene.log.extrapolated(t)
-        free = np.setdiff1d(np.flatnonzero(age < _HEARD_S), choice)
+        heard = age < _HEARD_S
+        free = np.setdiff1d(np.flatnonzero(heard), choice)
         reach = 2.5 * scene.noise.bias_std + float(np.sqrt(scene.noise.white_var))
         now: dict[tuple[int, int], int] = {}
         for row in np.flatnonzero(choice >= 0).tolist():
             own = int(choice[row])
-            for other in free[best.score[row, free] > _CLAIM].tolist():
-                if float(np.hypot(*(place[own] - place[other]))) < reach and age[own] < _HEARD_S:
+            claims = set(free[best.score[row, free] > _CLAIM].tolist()) | set(np.flatnonzero(jumped & heard).tolist())
+            for other in claims - {own}:
+                if float(np.hypot(*(place[own] - place[other]))) < reach and heard[own]:
                     now[min(own, other), max(own, other)] = row
         self._double_since = {pair: self._double_since.get(pair, t) for pair in now}
         return [(now[pair], *pair) for pair, since in self._double_since.items() if t - since >= _LASTING_S]
