@@ -60,6 +60,8 @@ class Estimator:
         self._started_s = np.inf
         self._watch = ConflictWatch()
         self.conflict: tuple[int, ...] = ()
+        self.theta_std: FloatArray = np.full(THETA, np.nan)
+        """(8,) 1σ of ``theta``, NaN before the first update."""
 
     @property
     def theta(self) -> FloatArray:
@@ -107,7 +109,7 @@ class Estimator:
         scene = self._scene(t, live, camera)
         found = self._search(scene, camera)
         share = weights(found)
-        self._thetas = [h.theta for h in found[:3]]
+        self._thetas, self.theta_std = [h.theta for h in found[:3]], found[0].theta_std
         p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)),
                             scene.in_view)  # fmt: skip
         self._learn(t, scene, found[0], p, float(share[0]))

@@ -63,6 +63,11 @@ class Identifier:
         """(8,) θ = yaw, yaw rate, pitch, roll (radians, /s), E, N, H (metres), δ (seconds)."""
         return self._estimator.theta.copy()
 
+    @property
+    def pose_correction_std(self) -> FloatArray:
+        """(8,) its 1σ if the names are right, NaN before the first update."""
+        return self._estimator.theta_std.copy()
+
     def hear(self, reports: VehicleReports) -> None:
         """Take what the vehicles said since the last call; before :meth:`stitch`, which goes by the newest reports."""
         if len(reports.t_us):

@@ -15,7 +15,7 @@ from assoc.blocks import Blocks
 from assoc.evidence import Noise, PairState
 from assoc.ground import THETA
 
-__all__ = ["BiasModels", "PosePrior", "Whitened", "fit", "log_evidence", "misfit", "whiten"]
+__all__ = ["BiasModels", "Fitted", "PosePrior", "Whitened", "fit", "log_evidence", "misfit", "whiten"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,6 +49,18 @@ class Whitened:
     """(P,) number of residuals of each pair."""
     theta: FloatArray
     """(8,) where the Jacobian was taken."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """A correction fitted to matched pairs."""
+
+    theta: FloatArray
+    """(8,)."""
+    std: FloatArray
+    """(8,) its 1σ, √diag (Λ + JᵀJ)⁻¹."""
+    cost: float
+    """½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +159,7 @@ def misfit(white: Whitened, theta: FloatArray) -> FloatArray:
     return np.asarray(0.5 * np.sum(e * e, axis=(0, 2)))
 
 
-def fit(white: Whitened, prior: PosePrior) -> tuple[FloatArray, float]:
+def fit(white: Whitened, prior: PosePrior) -> Fitted:
     """θ of least cost, with pairs that fit badly held down.
 
     Args:
@@ -155,7 +167,7 @@ def fit(white: Whitened, prior: PosePrior) -> tuple[FloatArray, float]:
         prior: Prior of θ.
 
     Returns:
-        (8,) θ, and ½ ln|Λ| − ½ ln|Λ + JᵀJ|: what the fitted freedom costs in the evidence.
+        θ with its uncertainty, and what the fitted freedom costs in the evidence.
     """
     precision: FloatArray = np.diag(1.0 / prior.std**2)
     theta = white.theta
@@ -169,4 +181,5 @@ def fit(white: Whitened, prior: PosePrior) -> tuple[FloatArray, float]:
         H = precision + J.T @ J
         # (Λ + JᵀJ) θ = Jᵀ(J θ₀ − e)
         theta = np.asarray(np.linalg.solve(H, J.T @ (J @ white.theta - e)), np.float64)
-    return theta, float(0.5 * (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(H)[1]))
+    cost = 0.5 * (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(H)[1])
+    return Fitted(theta=theta, std=np.sqrt(np.diagonal(np.linalg.inv(H))), cost=float(cost))

@@ -17,7 +17,7 @@ from assoc.ground import EAST, NORTH, OFFSET, THETA, YAW, GroundTracks, ground_t
 from assoc.history import TrackHistory
 from assoc.matching import best_assignment
 from assoc.motion import ReportLog
-from assoc.pose import PosePrior, fit, misfit, whiten
+from assoc.pose import Fitted, PosePrior, fit, misfit, whiten
 
 __all__ = ["Hypothesis", "Scene", "keep_best", "refine", "shifts", "swaps"]
 
@@ -80,6 +80,8 @@ class Hypothesis:
 
     theta: FloatArray
     """(8,)."""
+    theta_std: FloatArray
+    """(8,) 1σ of θ if the assignment is right."""
     vehicle: IntArray
     """(m,) −1 none."""
     value: float
@@ -129,26 +131,27 @@ def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None) -> 
     blocks = residual_blocks(scene, theta)[0]
     if vehicle is None:
         vehicle = best_assignment(scores(scene, blocks, theta)[0])
-    cost = 0.0
     for turn in range(_TURNS):
-        theta, cost = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+        fitted = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+        theta = fitted.theta
         if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
             blocks = residual_blocks(scene, theta)[0]
         score, states = scores(scene, blocks, theta)
         before, vehicle = vehicle, best_assignment(score)
         if np.array_equal(before, vehicle):
             break
-    return _weighed(scene, theta, cost, vehicle, score, states, blocks)
+    return _weighed(scene, fitted, vehicle, score, states, blocks)
 
 
-def _weighed(scene: Scene, theta: FloatArray, cost: float, vehicle: IntArray, score: FloatArray,
-             states: tuple[PairState, PairState], blocks: Blocks) -> Hypothesis:  # fmt: skip
+def _weighed(scene: Scene, fitted: Fitted, vehicle: IntArray, score: FloatArray, states: tuple[PairState, PairState],
+             blocks: Blocks) -> Hypothesis:  # fmt: skip
     """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
     rows = np.flatnonzero(vehicle >= 0)
-    value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(theta) + cost
+    value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(fitted.theta) + fitted.cost
     return Hypothesis(
-        theta=theta, vehicle=vehicle, value=value, score=score, final=states[0], folded=states[1], blocks=blocks
-    )
+        theta=fitted.theta, theta_std=fitted.std, vehicle=vehicle, value=value, score=score, final=states[0],
+        folded=states[1], blocks=blocks,
+    )  # fmt: skip
 
 
 def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
@@ -176,15 +179,16 @@ def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
 def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
     """The hypothesis with a given assignment and the θ that suits it; None when that gains too little."""
     white = whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise)
-    theta, cost = fit(white, scene.prior)
+    fitted = fit(white, scene.prior)
+    theta = fitted.theta
     rows = np.flatnonzero(vehicle >= 0)
     gain = float(np.sum(misfit(white, best.theta)) - np.sum(misfit(white, theta)))
     # Σ L at the best θ, plus what the misfit gains by the move, less the prior's cost of it
-    value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - scene.prior.cost(theta) + cost
+    value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - scene.prior.cost(theta) + fitted.cost
     if value < best.value - _NEGLIGIBLE:
         return None
     score, states = scores(scene, best.blocks, theta)
-    return _weighed(scene, theta, cost, vehicle, score, states, best.blocks)
+    return _weighed(scene, fitted, vehicle, score, states, best.blocks)
 
 
 def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:

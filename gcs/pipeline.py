@@ -5,11 +5,13 @@ The only place where telemetry, vision and association meet. A live flight, a re
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.ground import OFFSET, YAW
 from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities, Sighting, VehicleReports
 from gcs.config import Mission
 from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
@@ -228,6 +230,14 @@ class Pipeline:
             self._events.append(Event(t_us=t_us, level="alarm", kind="identity", text=text, system_id=vehicle))
         self._name_of_track, self._conflict = named, conflict
 
+    def _told(self, health: Health) -> Health:
+        """Health with what is believed of the camera's clock and heading."""
+        theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
+        return replace(
+            health, time_offset_s=self._offset_s + float(theta[OFFSET]), time_offset_std_s=float(std[OFFSET]),
+            yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan, yaw_offset_std=float(std[YAW]),
+        )  # fmt: skip
+
     def _snapshot(
         self,
         index: int,
@@ -255,7 +265,7 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=replace(health or Health(), time_offset_s=self._offset_s + self._identifier.time_offset_s),
+            health=self._told(health or Health()),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             events=events,
         )

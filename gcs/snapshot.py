@@ -6,6 +6,7 @@ Units and frames: ENU metres, radians, Unix microseconds; image quantities in pi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -138,6 +139,11 @@ class Health:
     recording: bool = False
     free_bytes: int = 0
     time_offset_s: float = 0.0
+    """Video time minus telemetry time, declared and estimated."""
+    time_offset_std_s: float = math.nan
+    yaw_offset: float = math.nan
+    """Estimated error of the camera's reported heading, radians clockwise, and its 1σ; NaN unknown."""
+    yaw_offset_std: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,10 +66,18 @@ def _fleet_facts(snapshot: Snapshot) -> list[Fact]:
     ]
     unnamed = sum(not box.system_id for box in snapshot.boxes)
     facts.append(("boxes", f"{len(snapshot.boxes)}, {unnamed} unnamed", INK))
-    if snapshot.health.time_offset_s:
-        facts.append(("video clock", f"{snapshot.health.time_offset_s:+.2f} s", INK))
+    health = snapshot.health
+    if health.time_offset_s:
+        facts.append(("video clock", f"{health.time_offset_s:+.2f}{_spread(health.time_offset_std_s, 2)} s", INK))
+    if math.isfinite(health.yaw_offset):
+        spread = _spread(math.degrees(health.yaw_offset_std), 1)
+        facts.append(("camera yaw", f"{math.degrees(health.yaw_offset):+.1f}{spread}°", INK))
     facts.append(("", "↑↓ pick a vehicle", FAINT))
     return facts
+
+
+def _spread(std: float, digits: int) -> str:
+    return f" ±{std:.{digits}f}" if math.isfinite(std) else ""
 
 
 def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
