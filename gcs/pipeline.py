@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.ground import OFFSET, YAW
-from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities, Sighting, VehicleReports
+from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities
 from gcs.config import Mission
+from gcs.evidence import camera_of, reports_of, sighting_of
 from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
 from gcs.snapshot import Event, Health, Level, Snapshot
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
@@ -86,7 +87,7 @@ class Pipeline:
         """
         state = self.fleet.at(self._telemetry_time(t_us))
         view = self._look(state, image)
-        self._identifier.hear(self._reports())
+        self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
         warp = _warp(self._view, view)
@@ -162,49 +163,11 @@ class Pipeline:
     def _identify(self, t_us: int, detections: Detections, tracks: Tracks, view: View | None) -> Identities | None:
         if view is None:
             return None
-        seen = tracks.detection >= 0
-        centre = np.column_stack([tracks.cx, tracks.cy])
-        centre[seen] = detections.centre[tracks.detection[seen]]
-        reach = 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
-        front = centre + reach * np.column_stack([np.sin(tracks.heading), -np.cos(tracks.heading)])
-        sighting = Sighting(
-            t_us=self._telemetry_time(t_us),
-            track_id=tracks.track_id,
-            ray_cam=view.intrinsics.rays(centre),
-            front_cam=view.intrinsics.rays(front),
-            gap_s=np.where(seen, 0.0, tracks.gap_s),
-            score=tracks.score,
-        )
+        sighting = sighting_of(self._telemetry_time(t_us), detections, tracks, view)
         return self._identifier.update(sighting, self._camera(view))
 
-    def _reports(self) -> VehicleReports:
-        """What the ground vehicles said since the last frame."""
-        place = {system_id: k for k, system_id in enumerate(self.mission.ugv_ids)}
-        reports = self.fleet.take_reports()
-        return VehicleReports(
-            t_us=reports.t_us,
-            vehicle=np.array([place[int(s)] for s in reports.system_id], dtype=np.int64),
-            p_enu=reports.p_enu,
-            v_enu=reports.v_enu,
-            heading=reports.heading,
-            std_m=reports.std_m,
-        )
-
     def _camera(self, view: View) -> CameraState:
-        lens = view.intrinsics
-        return CameraState(
-            R_enu_cam=view.pose.R_enu_cam,
-            p_enu=view.pose.p_enu,
-            ground_z=view.ground_z,
-            px_rad=1.0 / lens.fx,
-            attitude_known=view.attitude_known,
-            position_known=True,
-            stabilized=self._mount.kind == "stabilized",
-            half_view=(
-                0.5 * view.intrinsics.width / view.intrinsics.fx,
-                0.5 * view.intrinsics.height / view.intrinsics.fy,
-            ),
-        )
+        return camera_of(view, self._mount.kind == "stabilized")
 
     def _tell(self, t_us: int, identities: Identities | None) -> None:
         """Events for names that came, went or changed, and for vehicles whose reports contradict the picture."""
