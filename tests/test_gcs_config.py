@@ -37,7 +37,7 @@ def test_reads_every_part():
     assert mission.camera is not None
     assert (mission.camera.fx, mission.camera.mount, mission.camera.pitch_deg) == (1200.0, "fixed", -45.0)
     assert mission.clock.video_offset_s == "auto"
-    assert mission.identity.threshold == 0.5
+    assert mission.identity.threshold == 0.7
 
 
 def test_written_and_read_again_is_the_same():

@@ -135,7 +135,8 @@ class PictureReader:
     def _open(self, index: int = 0) -> None:
         self._container = open_video(self._path)
         self._stream = self._container.streams.video[0]
-        self._stream.thread_type = "AUTO"
+        # frame threads can wait for each other for ever when a decoder is given up in the middle of a picture
+        self._stream.thread_type = "SLICE"
         self._start(_packets(self._container, self._stream), index)
 
     def _start(self, packets: Iterable[Packet[VideoStream]], index: int) -> None:
