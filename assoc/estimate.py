@@ -52,7 +52,6 @@ class Estimator:
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
         self._swaps = SwapRisk(params)
-        self._view = np.zeros(log.n_vehicles)
         self._updates = 0
         self._locked = False
         self._standing: dict[int, float] = {}
@@ -144,7 +143,7 @@ class Estimator:
         columns = np.concatenate([live, np.array(sorted(self._ended), np.int64)])
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
         newest_s = np.max(self._history.first_s[live])
-        view = self._view = self._in_view(t, camera)
+        view = self._in_view(t, camera)
         noise = self._noise(camera, q.patience * view)
         return Scene(
             history=self._history, columns=columns, live=len(live),
@@ -155,7 +154,7 @@ class Estimator:
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
             prior=self._prior(camera),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
-            log_odds=q.prior_log_odds, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
+            log_odds=q.prior_log_odds, view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(q.window_s / q.block_s), 0),
         )  # fmt: skip
 
@@ -228,9 +227,10 @@ class Estimator:
         if not self._thetas or (turn % 6 == 1 and not self._large(scene)):
             return [*self._thetas, *everywhere]
         others = [*self._thetas[1:], everywhere[0]]
-        if self._large(scene):
-            others = [] if turn % 3 else [[*others, *everywhere][turn // 3 % (len(others) + len(everywhere))]]
-        return [self._thetas[0], *others]
+        if not self._large(scene):
+            return [self._thetas[0], *others]
+        others += everywhere
+        return [self._thetas[0]] if turn % 3 else [self._thetas[0], others[turn // 3 % len(others)]]
 
     def _large(self, scene: Scene) -> bool:
         """Whether there are so many pairs that an update must do less."""
@@ -260,7 +260,7 @@ class Estimator:
             now = (self._bias_std, self._tau_s)
             self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
-        more = np.sum(scene.gap_s <= 0.0) > np.sum(self._view) + 0.5
+        more = np.sum(scene.gap_s <= 0.0) > np.sum(scene.view) + 0.5
         if more and np.any(sure & (top == n) & (age > 2.5)):
             self._stranger_s = t
         for row, column in enumerate(live.tolist()):

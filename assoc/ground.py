@@ -159,6 +159,11 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     )  # fmt: skip
 
 
+def _sight_lines(p: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
+    """(n, 3) ENU from the corrected camera to places (n, 2) on the ground, metres."""
+    return np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
+
+
 def off_axis(rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float,
              theta: FloatArray) -> FloatArray:  # fmt: skip
     """Angles between rays and the lines of sight to places on the ground, under a correction.
@@ -175,7 +180,7 @@ def off_axis(rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: Floa
         (m, n) radians.
     """
     d = _turned((rays @ R_enu_cam.T)[None], R_enu_cam[None], theta[[YAW]], float(theta[PITCH]), float(theta[ROLL]))[0]
-    to = np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
+    to = _sight_lines(p, p_enu, ground_z, theta)
     a, b = d / np.linalg.norm(d, axis=1)[:, None], to / np.linalg.norm(to, axis=1)[:, None]
     # ∠ = 2 arcsin(|â − b̂| / 2)
     gap = a[:, None, :] - b[None, :, :]
@@ -215,7 +220,7 @@ def unturned(p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: 
     Returns:
         (n, 3) camera frame, metres, to first order in pitch and roll.
     """
-    d = np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
+    d = _sight_lines(p, p_enu, ground_z, theta)
     d = _turned(d[None], R_enu_cam[None], -theta[[YAW]], 0.0, 0.0)[0]
     right, forward = _level_axes(R_enu_cam[None])
     d = d - _cross(theta[PITCH] * right + theta[ROLL] * forward, d)

@@ -54,11 +54,6 @@ class Identifier:
         self._held = HeldMasses()
 
     @property
-    def time_offset_s(self) -> float:
-        """Estimated video time minus telemetry time, seconds."""
-        return self._estimator.time_offset_s
-
-    @property
     def pose_correction(self) -> FloatArray:
         """(8,) θ = yaw, yaw rate, pitch, roll (radians, /s), E, N, H (metres), δ (seconds)."""
         return self._estimator.theta.copy()

@@ -6,6 +6,7 @@ residual and its Jacobian together, as nine columns.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ __all__ = ["BiasModels", "Fitted", "PosePrior", "Whitened", "fit", "log_evidence
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _ROUNDS = 3
 _LOST = 40.0
@@ -98,20 +100,41 @@ def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairStat
     variance = _own_variance(blocks, tracks, vehicles, noise)
     M = np.concatenate([state.mean[tracks, vehicles][..., None], np.zeros((len(tracks), 2, THETA))], axis=2)
     V = state.var[tracks, vehicles]
-    out = np.zeros_like(x)
-    renewed = (1.0 - noise.decay**2) * noise.bias_std**2 + blocks.jump_var[:, vehicles]
+    model = BiasModels(std=np.array([noise.bias_std]), decay=np.array([noise.decay]))
+    steps = _innovations(x, has, variance, blocks.jump_var[:, vehicles], M[None], V[None], model)
+    out = np.stack([e[0] * np.where(used, 1.0 / np.sqrt(s), 0.0)[0, :, None, None] for e, s, used in steps])
+    return Whitened(e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), theta=blocks.theta)
+
+
+def _innovations(x: FloatArray, has: BoolArray, variance: FloatArray, jump_var: FloatArray, M: FloatArray,
+                 V: FloatArray, models: BiasModels) -> Iterator[tuple[FloatArray, FloatArray, BoolArray]]:  # fmt: skip
+    """Filter the biases of P pairs under C models, block by block.
+
+    Args:
+        x: (B, P, 2, c) residuals in column 0; columns beyond go through the same gains.
+        has: (B, P) where there are samples.
+        variance: (B, P) of a block's mean about the bias.
+        jump_var: (B, P) jumps of the reports themselves.
+        M: (C, P, 2, c) bias before the first block.
+        V: (C, P) its variance.
+        models: How biases wander.
+
+    Yields:
+        Innovations (C, P, 2, c), their variances (C, P), and whether they count (C, P).
+    """
+    prior, decay = models.std[:, None] ** 2, models.decay[:, None]
+    renewed = (1.0 - decay**2) * prior + jump_var[:, None, :]
     for b in range(len(x)):
-        M, V = noise.decay * M, noise.decay**2 * V + renewed[b]
+        M, V = decay[..., None, None] * M, decay**2 * V + renewed[b]
         s = V + variance[b]
         e = x[b] - M
         # a pair that begins only now, after a tracker's swap: what was before says nothing of the pose
-        lost = has[b] & (np.sum(e[..., 0] ** 2, axis=1) > _LOST * s)
+        lost = has[b] & (np.sum(e[..., 0] ** 2, axis=2) > _LOST * s)
         used = has[b] & ~lost
-        out[b] = e * np.where(used, 1.0 / np.sqrt(s), 0.0)[:, None, None]
+        yield e, s, used
         gain = np.where(used, V / s, 0.0)
-        M = np.where(lost[:, None, None], 0.0, M + gain[:, None, None] * e)
-        V = np.where(lost, noise.bias_std**2, V - gain * V)
-    return Whitened(e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), theta=blocks.theta)
+        M = np.where(lost[..., None, None], 0.0, M + gain[..., None, None] * e)
+        V = np.where(lost, prior, V - gain * V)
 
 
 def log_evidence(blocks: Blocks, tracks: IntArray, vehicles: IntArray, theta: FloatArray, state: PairState,
@@ -135,21 +158,11 @@ def log_evidence(blocks: Blocks, tracks: IntArray, vehicles: IntArray, theta: Fl
     has = blocks.count[:, tracks, vehicles] > 0
     x = blocks.mean[:, tracks, vehicles] + blocks.jacobian[:, tracks] @ (theta - blocks.theta)
     variance = _own_variance(blocks, tracks, vehicles, noise)
-    prior, decay = models.std[:, None] ** 2, models.decay[:, None]
-    M = np.broadcast_to(state.mean[tracks, vehicles], (len(prior), len(tracks), 2))
-    V = np.minimum(state.var[tracks, vehicles], prior)
+    M = np.broadcast_to(state.mean[tracks, vehicles][..., None], (len(models.std), len(tracks), 2, 1))
+    V = np.minimum(state.var[tracks, vehicles], models.std[:, None] ** 2)
     total = np.zeros(V.shape)
-    for b in range(len(x)):
-        M, V = decay[..., None] * M, decay**2 * V + (1.0 - decay**2) * prior + blocks.jump_var[b, vehicles]
-        s = V + variance[b]
-        e = x[b] - M
-        e2 = np.sum(e * e, axis=2)
-        lost = has[b] & (e2 > _LOST * s)
-        used = has[b] & ~lost
-        total -= np.where(used, np.log(s) + 0.5 * e2 / s, 0.0)
-        gain = np.where(used, V / s, 0.0)
-        M = np.where(lost[..., None], 0.0, M + gain[..., None] * e)
-        V = np.where(lost, prior, V - gain * V)
+    for e, s, used in _innovations(x[..., None], has, variance, blocks.jump_var[:, vehicles], M, V, models):
+        total -= np.where(used, np.log(s) + 0.5 * np.sum(e[..., 0] ** 2, axis=2) / s, 0.0)
     return np.asarray(np.sum(total, axis=1))
 
 

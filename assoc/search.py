@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from assoc.blocks import Blocks, make_blocks, with_first_look
 from assoc.evidence import Noise, PairState, run_filter
-from assoc.ground import EAST, NORTH, OFFSET, THETA, YAW, GroundTracks, ground_tracks
+from assoc.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
 from assoc.history import TrackHistory
 from assoc.matching import best_assignment
 from assoc.motion import ReportLog
@@ -68,6 +68,8 @@ class Scene:
     """(B + 1, T)."""
     log_odds: float
     """ln odds, before any evidence, that a track close enough is the vehicle."""
+    view: FloatArray
+    """(n,) how likely each vehicle is in the picture."""
     in_view: FloatArray
     """(n,) what is added to them because the vehicle should be in the picture."""
     fold: int
@@ -95,7 +97,7 @@ class Hypothesis:
     blocks: Blocks
 
 
-def residual_blocks(scene: Scene, theta: FloatArray) -> tuple[Blocks, GroundTracks]:
+def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
     """The scene's residuals linearised at θ."""
     start = scene.history.start(scene.first_block * scene.block_s + theta[OFFSET] - scene.gap_max_s)
     tracks = ground_tracks(scene.history, start, theta, scene.columns)
@@ -105,7 +107,7 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> tuple[Blocks, GroundTrac
         gap_max_s=scene.gap_max_s, heading_std=scene.heading_std,
     )  # fmt: skip
     p, age = scene.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
-    return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s), tracks
+    return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s)
 
 
 def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
@@ -128,14 +130,14 @@ def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
 
 def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None) -> Hypothesis:
     """Turn by turn from a start, and from an assignment (m,) if one is believed already, to a joint optimum."""
-    blocks = residual_blocks(scene, theta)[0]
+    blocks = residual_blocks(scene, theta)
     if vehicle is None:
         vehicle = best_assignment(scores(scene, blocks, theta)[0])
     for turn in range(_TURNS):
         fitted = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
         theta = fitted.theta
         if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
-            blocks = residual_blocks(scene, theta)[0]
+            blocks = residual_blocks(scene, theta)
         score, states = scores(scene, blocks, theta)
         before, vehicle = vehicle, best_assignment(score)
         if np.array_equal(before, vehicle):

@@ -193,7 +193,7 @@ class Pipeline:
             self._events.append(Event(t_us=t_us, level="alarm", kind="identity", text=text, system_id=vehicle))
         self._name_of_track, self._conflict = named, conflict
 
-    def _told(self, health: Health) -> Health:
+    def _believed(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""
         theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
         return replace(
@@ -228,7 +228,7 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=self._told(health or Health()),
+            health=self._believed(health or Health()),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             events=events,
         )
