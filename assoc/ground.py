@@ -80,40 +80,39 @@ def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     return right, forward
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """a × b, (..., 3); several times cheaper than the general one for small arrays."""
-    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.stack([x, y, z], axis=-1)
-
-
-def _turned(d: FloatArray, R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArray:
-    """d' = Rz(−yaw) (d + pitch·right × d + roll·forward × d), per frame; d (F, T, 3)."""
+def _turn(R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArray:
+    """(F, 3, 3) Rz(−yaw) (I + [pitch·right + roll·forward]×), per frame."""
     right, forward = _level_axes(R)
-    d = d + _cross((pitch * right + roll * forward)[:, None, :], d)
-    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    # clockwise by yaw: east' = c·e + s·n, north' = −s·e + c·n
-    return np.stack([c * d[..., 0] + s * d[..., 1], c * d[..., 1] - s * d[..., 0], d[..., 2]], axis=-1)
+    x, y = (pitch * right + roll * forward).T[:2]
+    c, s = np.cos(yaw), np.sin(yaw)
+    turn = np.zeros((len(R), 3, 3))
+    # clockwise by yaw: east' = c·e + s·n, north' = −s·e + c·n; the axis (x, y, 0) is level
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 0, 2] = c, s, c * y - s * x
+    turn[:, 1, 0], turn[:, 1, 1], turn[:, 1, 2] = -s, c, -s * y - c * x
+    turn[:, 2, 0], turn[:, 2, 1], turn[:, 2, 2] = -y, x, 1.0
+    return turn
 
 
-def _hit(d: FloatArray, p: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """p_xy + d_xy (z − p_z)/d_z and the scale (z − p_z)/d_z; NaN where the ray does not fall."""
+def _hit(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray:
+    """p_xy + d_xy (z − p_z)/d_z of rays d (F, K, 3) from p (F, 3); NaN where the ray does not fall."""
     norm = np.sqrt(np.einsum("...i,...i->...", d, d))
     falls = d[..., 2] < -_LEAST_FALL * norm
     scale = np.where(falls, (z - p[:, 2])[:, None] / np.where(falls, d[..., 2], -1.0), np.nan)
-    return p[:, None, :2] + d[..., :2] * scale[..., None], scale
+    return np.asarray(p[:, None, :2] + d[..., :2] * scale[..., None])
 
 
 def _points(history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray,
-            delta_s: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:  # fmt: skip
-    """Ground points, turned rays, scales, camera rotation and corrected camera position."""
+            delta_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Ground points (F, K, 2) of rays (F, K, 3), camera rotations (F, 3, 3) and corrected camera positions (F, 3)."""
     R, p = _camera_at(history, rows, delta_s)
-    yaw = theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1])
-    d = _turned(np.matmul(rays, R.transpose(0, 2, 1)), R, yaw, theta[PITCH], theta[ROLL])
+    turned = np.matmul(_turn(R, _yaw(history, rows, theta), theta[PITCH], theta[ROLL]), R)
     p = p + theta[[EAST, NORTH, HEIGHT]]
-    g, scale = _hit(d, p, history.z[rows])
-    return g, d, scale, R, p
+    return _hit(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
+
+
+def _yaw(history: TrackHistory, rows: slice, theta: FloatArray) -> FloatArray:
+    """(F,) correction of the heading at each frame."""
+    return np.asarray(theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1]))
 
 
 def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns: IntArray) -> GroundTracks:
@@ -128,35 +127,43 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     Returns:
         Points, headings and derivatives by θ.
     """
-    rows = slice(start, history.n)
+    rows, n = slice(start, history.n), len(columns)
     delta = float(theta[OFFSET])
     rays = history.ray[rows][:, columns]
-    g, d, scale, R, p = _points(history, rows, theta, rays, delta)
-    jacobian = np.zeros((*g.shape, THETA))
+    both = np.concatenate([rays, history.front[rows][:, columns]], axis=1)
+    points, R, p = _points(history, rows, theta, both, delta)
+    g, front = points[:, :n], points[:, n:] - points[:, :n]
+    fall = (history.z[rows] - p[:, 2])[:, None]
+    # u = d_xy / d_z of each ray d, so that g = p + fall·u
     arm = g - p[:, None, :2]
+    u = arm / np.where(fall < 0.0, fall, np.nan)[..., None]
+    jacobian = np.zeros((*g.shape, THETA))
     # ∂g/∂yaw (clockwise) = (arm_n, −arm_e)
     jacobian[..., 0, YAW], jacobian[..., 1, YAW] = arm[..., 1], -arm[..., 0]
     jacobian[..., YAW_RATE] = jacobian[..., YAW] * (history.t[rows] - history.t[history.n - 1])[:, None, None]
-    yaw = theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1])
-    right, forward = _level_axes(R)
-    for k, axis in ((PITCH, right), (ROLL, forward)):
-        turn = _cross(_turned(axis[:, None, :], R, yaw, 0.0, 0.0), d)
-        # ∂g = s (∂d_xy − d_xy ∂d_z / d_z)
-        slope = d[..., :2] * (turn[..., 2] / d[..., 2])[..., None]
-        jacobian[..., k] = scale[..., None] * (turn[..., :2] - slope)
+    yaw = _yaw(history, rows, theta)
+    for k, axis in zip((PITCH, ROLL), _level_axes(R), strict=True):
+        x, y, _ = np.matmul(_turn(R, yaw, 0.0, 0.0), axis[..., None])[:, :, 0].T[:, :, None]
+        # the ray turns by a × d, a = (x, y, 0): ∂g = fall ((y, −x) − u (x u_n − y u_e))
+        spin = x * u[..., 1] - y * u[..., 0]
+        jacobian[..., 0, k], jacobian[..., 1, k] = fall * (y - u[..., 0] * spin), fall * (-x - u[..., 1] * spin)
     jacobian[..., 0, EAST] = 1.0
     jacobian[..., 1, NORTH] = 1.0
-    # H lifts the camera: s = (z − p_z)/d_z, ∂s/∂H = −1/d_z
-    jacobian[..., HEIGHT] = -d[..., :2] / d[..., 2:]
-    moved = _points(history, rows, theta, rays, delta + _DELTA_S)[0]
-    jacobian[..., OFFSET] = (moved - g) / _DELTA_S
-    front = _points(history, rows, theta, history.front[rows][:, columns], delta)[0] - g
-    norm = np.sqrt(np.einsum("...i,...i->...", d, d))
-    pixel = history.px_rad[rows][:, None] * scale * norm * norm / np.where(d[..., 2] < 0.0, -d[..., 2], np.nan)
+    # H lifts the camera: ∂fall/∂H = −1
+    jacobian[..., HEIGHT] = -u
+    jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S)[0] - g) / _DELTA_S
+    # a pixel is range · px_rad across, and 1/sin of the ray's fall longer along it
+    pixel = history.px_rad[rows][:, None] * np.abs(fall) * (1.0 + u[..., 0] ** 2 + u[..., 1] ** 2)
     return GroundTracks(
-        t=history.t[rows], p=g, jacobian=jacobian, heading=np.arctan2(front[..., 0], front[..., 1]),
-        pixel_m=np.abs(pixel), theta=theta,
+        t=history.t[rows], p=g, jacobian=jacobian, heading=np.arctan2(front[..., 0], front[..., 1]), pixel_m=pixel,
+        theta=theta,
     )  # fmt: skip
+
+
+def _corrected(R_enu_cam: FloatArray, theta: FloatArray) -> FloatArray:
+    """(3, 3) rotation of one frame's camera under a correction."""
+    R = R_enu_cam[None]
+    return np.asarray((_turn(R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL])) @ R)[0])
 
 
 def _sight_lines(p: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
@@ -179,7 +186,7 @@ def off_axis(rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: Floa
     Returns:
         (m, n) radians.
     """
-    d = _turned((rays @ R_enu_cam.T)[None], R_enu_cam[None], theta[[YAW]], float(theta[PITCH]), float(theta[ROLL]))[0]
+    d = rays @ _corrected(R_enu_cam, theta).T
     to = _sight_lines(p, p_enu, ground_z, theta)
     a, b = d / np.linalg.norm(d, axis=1)[:, None], to / np.linalg.norm(to, axis=1)[:, None]
     # ∠ = 2 arcsin(|â − b̂| / 2)
@@ -201,10 +208,8 @@ def ground_now(rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, groun
     Returns:
         (m, 2) east and north, NaN where a ray does not fall.
     """
-    R = R_enu_cam[None]
-    d = _turned((rays @ R_enu_cam.T)[None], R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL]))
-    hit = _hit(d, (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0]
-    return np.asarray(hit[0])
+    d = rays @ _corrected(R_enu_cam, theta).T
+    return np.asarray(_hit(d[None], (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0])
 
 
 def unturned(p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
@@ -221,7 +226,6 @@ def unturned(p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: 
         (n, 3) camera frame, metres, to first order in pitch and roll.
     """
     d = _sight_lines(p, p_enu, ground_z, theta)
-    d = _turned(d[None], R_enu_cam[None], -theta[[YAW]], 0.0, 0.0)[0]
-    right, forward = _level_axes(R_enu_cam[None])
-    d = d - _cross(theta[PITCH] * right + theta[ROLL] * forward, d)
-    return np.asarray(d @ R_enu_cam)
+    R, level = R_enu_cam[None], np.zeros(1)
+    back = _turn(R, level, -float(theta[PITCH]), -float(theta[ROLL])) @ _turn(R, -theta[[YAW]], 0.0, 0.0)
+    return np.asarray(d @ back[0].T @ R_enu_cam)

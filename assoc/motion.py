@@ -7,7 +7,7 @@ each report, and their sums over all reports choose σ without any association.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ _JUMP = 36.0
 """Squared innovation, in variances, from which a report has jumped."""
 _STANDING_MPS = 0.3
 _FORGET_S = 60.0
+_WHITE_VAR = WHITE_STD_M**2 + 0.01
+_FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD**2)], axis=1)
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
 
 
@@ -49,9 +51,9 @@ class Samples:
     heading: FloatArray
     """(S,) clockwise from north, NaN unknown."""
     log_null: FloatArray
-    """(S,) ln density of the report under the vehicle's own past."""
+    """(S,) or (S, G) ln density of the report under the vehicle's own past."""
     jump_var: FloatArray
-    """(S,) squared jump from that past, m², where it is no motion and no noise; else 0."""
+    """(S,) or (S, G) squared jump from that past, m², where it is no motion and no noise; else 0."""
 
 
 class ReportLog:
@@ -61,12 +63,13 @@ class ReportLog:
         self.n_vehicles = n
         self._window_s = window_s
         groups = len(WHITE_STD_M)
-        self._t: FloatArray = np.empty(0)
-        self._vehicle = np.empty(0, np.int64)
-        self._p = np.empty((0, 2))
-        self._heading: FloatArray = np.empty(0)
-        self._log_null = np.empty((0, groups))
-        self._jump = np.empty((0, groups))
+        self._kept = [
+            Samples(
+                t=np.empty(0), vehicle=np.empty(0, np.int64), p=np.empty((0, 2)), heading=np.empty(0),
+                log_null=np.empty((0, groups)), jump_var=np.empty((0, groups)),
+            )
+        ]  # fmt: skip
+        """in the order of arrival, with the likelihoods under each candidate"""
         self.last_t = np.full(n, -np.inf)
         """(n,) time of the newest accepted report, seconds."""
         self.last_p = np.full((n, 2), np.nan)
@@ -77,8 +80,9 @@ class ReportLog:
         self.frozen: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest position was an exact repeat of a moving vehicle's."""
         self._score = np.zeros((n, groups))
-        self._mean = np.zeros((n, groups, 2, 2))
-        """position and velocity, each (2,)"""
+        self._place = np.zeros((n, groups), np.complex128)
+        self._speed = np.zeros((n, groups), np.complex128)
+        """filtered position and velocity, east + i north"""
         self._cov = np.zeros((n, groups, 3))
         """pp, pv, vv: the axes share one covariance."""
 
@@ -104,22 +108,26 @@ class ReportLog:
             t: (k,) sample times in the identifier's seconds.
             reports: The reports; not finite, older or repeated ones are passed over.
         """
-        order = np.argsort(t, kind="stable")
-        while len(order):
-            vehicles, first = np.unique(reports.vehicle[order], return_index=True)
-            chosen = order[first]
-            self._accept(vehicles, t[chosen], reports, chosen)
-            order = np.delete(order, first)
-        self._trim()
+        turns: list[list[int]] = []
+        spoken: dict[int, int] = {}
+        for row in np.argsort(t, kind="stable").tolist():
+            vehicle = int(reports.vehicle[row])
+            turn = spoken[vehicle] = spoken.get(vehicle, -1) + 1
+            if turn == len(turns):
+                turns.append([])
+            turns[turn].append(row)
+        for rows in turns:
+            chosen = np.array(rows)
+            self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
 
     def samples(self, start: float, stop: float) -> Samples:
         """Reports of a stretch of time, sorted by vehicle and time."""
-        inside = np.flatnonzero((self._t >= start) & (self._t < stop))
-        inside = inside[np.lexsort((self._t[inside], self._vehicle[inside]))]
+        kept, white = self._joined(), self.white
+        inside = np.flatnonzero((kept.t >= start) & (kept.t < stop))
+        inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
         return Samples(
-            t=self._t[inside], vehicle=self._vehicle[inside], p=self._p[inside],
-            heading=self._heading[inside], log_null=self._log_null[inside, self.white],
-            jump_var=self._jump[inside, self.white],
+            t=kept.t[inside], vehicle=kept.vehicle[inside], p=kept.p[inside], heading=kept.heading[inside],
+            log_null=kept.log_null[inside, white], jump_var=kept.jump_var[inside, white],
         )  # fmt: skip
 
     def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
@@ -148,16 +156,15 @@ class ReportLog:
         log_null, jump = self._filter(vehicle, t, p)
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
-        self.last_v[vehicle] = np.where(known[:, None], reported, self._mean[vehicle, self.white, 1])
+        if not known.all():
+            filtered = self._speed[vehicle, self.white]
+            reported = np.where(known[:, None], reported, np.column_stack([filtered.real, filtered.imag]))
+        self.last_v[vehicle] = reported
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
         self.first_t[vehicle] = np.minimum(self.first_t[vehicle], t)
-        self._t = np.concatenate([self._t, t])
-        self._vehicle = np.concatenate([self._vehicle, vehicle])
-        self._p = np.concatenate([self._p, p])
-        self._heading = np.concatenate([self._heading, reports.heading[rows]])
-        self._log_null = np.concatenate([self._log_null, log_null])
-        self._jump = np.concatenate([self._jump, jump])
+        heading = reports.heading[rows]
+        self._kept.append(Samples(t=t, vehicle=vehicle, p=p, heading=heading, log_null=log_null, jump_var=jump))
 
     def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
         """Exact repeats that carry no news: of a moving vehicle (frozen), or within a second of a standing one."""
@@ -172,35 +179,33 @@ class ReportLog:
         """One step of the null model: (k, G) ln densities and squared jumps, 0 for a vehicle's first report."""
         fresh: BoolArray = np.asarray(~np.isfinite(self.last_t[vehicle]))
         dt = np.where(fresh, 0.0, t - np.where(fresh, 0.0, self.last_t[vehicle]))[:, None]
-        mean, cov = self._mean[vehicle], self._cov[vehicle]
+        place, speed, cov = self._place[vehicle], self._speed[vehicle], self._cov[vehicle]
         # x⁻ = x + v dt;  P⁻ = F P Fᵀ + q [dt³/3, dt²/2; dt²/2, dt]
-        predicted = mean[:, :, 0] + mean[:, :, 1] * dt[..., None]
+        predicted = place + speed * dt
         pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION * dt**3 / 3
         pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION * dt**2 / 2
         vv = cov[..., 2] + _ACCELERATION * dt
-        white = WHITE_STD_M**2 + 0.01
-        e = p[:, None, :] - predicted
-        s = pp + white
-        e2 = np.sum(e * e, axis=2)
+        at = (p[:, 0] + 1j * p[:, 1])[:, None]
+        e, s = at - predicted, pp + _WHITE_VAR
+        e2 = e.real**2 + e.imag**2
         # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
         log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LEAST_LOG)
         gain_p, gain_v = pp / s, pv / s
-        mean = np.stack([predicted + gain_p[..., None] * e, mean[:, :, 1] + gain_v[..., None] * e], axis=2)
+        place, speed = predicted + gain_p * e, speed + gain_v * e
         cov = np.stack([pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv], axis=2)
-        mean[fresh, :, 0], mean[fresh, :, 1] = p[fresh][:, None, :], 0.0
-        cov[fresh] = np.stack([white, np.zeros_like(white), np.full_like(white, _SPEED_STD**2)], axis=1)
-        self._mean[vehicle], self._cov[vehicle] = mean, cov
-        log_density[fresh] = 0.0
+        if fresh.any():
+            place[fresh], speed[fresh], cov[fresh], log_density[fresh] = at[fresh], 0.0, _FRESH_COV, 0.0
+        self._place[vehicle], self._speed[vehicle], self._cov[vehicle] = place, speed, cov
         self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
         jump = np.where((e2 > _JUMP * s) & ~fresh[:, None], e2, 0.0)
         # a jump is as likely for the unrelated as for a pair: the same widening by e²
         log_density = np.where(jump > 0.0, -np.log(2 * np.pi * (s + e2)) - 0.5, log_density)
         return np.asarray(log_density), jump
 
-    def _trim(self) -> None:
-        """Forget what left the window."""
-        if len(self._t) and self._t[0] < np.max(self._t) - 2.0 * self._window_s:
-            keep = self._t >= np.max(self._t) - 1.2 * self._window_s
-            self._t, self._vehicle, self._p = self._t[keep], self._vehicle[keep], self._p[keep]
-            self._heading, self._log_null = self._heading[keep], self._log_null[keep]
-            self._jump = self._jump[keep]
+    def _joined(self) -> Samples:
+        """All reports of the window as one; the others are forgotten."""
+        if len(self._kept) > 1:
+            whole = {f.name: np.concatenate([getattr(part, f.name) for part in self._kept]) for f in fields(Samples)}
+            keep = whole["t"] >= np.max(whole["t"]) - 1.2 * self._window_s
+            self._kept = [Samples(**{name: array[keep] for name, array in whole.items()})]
+        return self._kept[0]

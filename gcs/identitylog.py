@@ -35,6 +35,8 @@ COLUMNS = (
     "lon",
 )
 
+_JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
+
 
 def open_new(path: Path) -> TextIO:
     """Open a file for writing that must not exist yet."""
@@ -136,17 +138,17 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "position_age_s": _number(box.position_age_s, 3),
         "box": [_number(v, 4) for v in (box.cx, box.cy, box.w, box.h, box.angle)],
         "heading": _number(box.heading, 4),
-        "enu_m": [_number(float(v), 2) for v in box.p_enu],
+        "enu_m": [_number(v, 2) for v in box.p_enu.tolist()],
         "lat": _number(box.lat_deg, 7),
         "lon": _number(box.lon_deg, 7),
     }
-    return json.dumps(row, separators=(",", ":"), ensure_ascii=False)
+    return _JSON.encode(row)
 
 
 def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
-    return json.dumps(row | {"text": event.text}, separators=(",", ":"), ensure_ascii=False)
+    return _JSON.encode(row | {"text": event.text})
 
 
 def _number(value: float, digits: int) -> float | None:
@@ -154,8 +156,7 @@ def _number(value: float, digits: int) -> float | None:
 
 
 def _text(value: float, digits: int) -> str:
-    number = _number(value, digits)
-    return "" if number is None else f"{number:.{digits}f}"
+    return f"{value:z.{digits}f}" if math.isfinite(value) else ""
 
 
 def read_identity(path: Path) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -21,6 +22,7 @@ __all__ = ["View", "boxes_of", "fitted", "intrinsics_of", "mount_of", "vehicle_r
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
+    *("system_id", "runner_up"),
     *("confidence", "runner_up_confidence", "residual_m", "position_age_s"),
     *("projection", "topology", "fused"),
 )
@@ -95,34 +97,42 @@ def boxes_of(
     """
     if tracks is None:
         return ()
-    rows = [_tracked(k, tracks, detections, identities) for k in range(len(tracks.track_id))]
-    alone = sorted(set(range(len(detections))) - set(tracks.detection.tolist()))
-    rows += [_place(detections, k) | {"track_id": 0} for k in alone]
+    places = _places(detections)
+    rows = _tracked(tracks, places, identities)
+    rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
     if view is not None and rows:
         centre = np.array([[row["cx"], row["cy"]] for row in rows])
         p_enu = ground(view.intrinsics, view.pose, centre, view.ground_z)
         nowhere = np.full(len(rows), np.nan)
         lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
-        for k, row in enumerate(rows):
+        for row, p, lat_deg, lon_deg in zip(rows, p_enu, lat.tolist(), lon.tolist(), strict=True):
             uv = vehicle_uv.get(row.get("system_id", 0))
-            residual_px = NAN if uv is None else float(np.hypot(*(centre[k] - uv)))
-            row |= {"p_enu": p_enu[k], "lat_deg": float(lat[k]), "lon_deg": float(lon[k]), "residual_px": residual_px}
+            residual_px = NAN if uv is None else math.hypot(row["cx"] - uv[0], row["cy"] - uv[1])
+            row |= {"p_enu": p, "lat_deg": lat_deg, "lon_deg": lon_deg, "residual_px": residual_px}
     return tuple(Box(**row) for row in rows)
 
 
-def _place(source: Detections | Tracks, k: int) -> dict[str, Any]:
-    return {name: float(getattr(source, name)[k]) for name in ("cx", "cy", "w", "h", "angle", "heading", "score")}
+def _rows(source: Detections | Tracks | Identities, names: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Arrays of equal length as one dictionary a row."""
+    columns = [getattr(source, name).tolist() for name in names]
+    return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
 
 
-def _tracked(k: int, tracks: Tracks, detections: Detections, identities: Identities | None) -> dict[str, Any]:
-    """Box of track k: as detected in this frame, or as predicted when coasting; with its name and the evidence."""
-    seen = int(tracks.detection[k])
-    row = _place(detections, seen) if seen >= 0 else _place(tracks, k)
-    row |= {"track_id": int(tracks.track_id[k]), "coasting": seen < 0, "heading": float(tracks.heading[k])}
+def _places(source: Detections | Tracks) -> list[dict[str, Any]]:
+    return _rows(source, ("cx", "cy", "w", "h", "angle", "heading", "score"))
+
+
+def _tracked(tracks: Tracks, detected: list[dict[str, Any]], identities: Identities | None) -> list[dict[str, Any]]:
+    """Boxes of the tracks: as detected in this frame, or as predicted when coasting; with names and evidence."""
+    seen = tracks.detection.tolist()
+    predicted = _places(tracks) if min(seen, default=0) < 0 else []
+    places = [detected[at] if at >= 0 else predicted[k] for k, at in enumerate(seen)]
+    state = _rows(tracks, ("track_id", "heading"))
+    rows = [place | own | {"coasting": at < 0} for place, own, at in zip(places, state, seen, strict=True)]
     if identities is not None:
-        row |= {name: int(getattr(identities, name)[k]) for name in ("system_id", "runner_up")}
-        row |= {name: float(getattr(identities, name)[k]) for name in EVIDENCE}
-    return row
+        evidence = _rows(identities, EVIDENCE)
+        rows = [row | known for row, known in zip(rows, evidence, strict=True)]
+    return rows
 
 
 def vehicle_rows(
