@@ -21,7 +21,7 @@ IntArray = NDArray[np.int64]
 _REMEMBERED = 200
 """Tracks whose last beliefs are kept."""
 _CLAIMED = 0.5
-_LOOK_S = 0.3
+_LOOK_S = 0.5
 _UNSEEN = 0.5
 """Probability of "none of ours" of a track that no update has met."""
 

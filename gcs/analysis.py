@@ -1,9 +1,13 @@
-"""A recording folded from start to end: the same snapshots whether a screen, a log or a test asks for them."""
+"""A recording folded from start to end: the same snapshots whether a screen, a log or a test asks for them.
+
+The decoder and the detector are imported when a recording needs them: to load them takes longer than many a fold.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +22,10 @@ from mavlink.modes import is_aircraft, is_ground_vehicle
 from mavlink.packet import Packet
 from mavlink.tlog import Tlog
 from vision.detections import Detections
-from vision.detector import Detector, open_detector
-from vision.video import Frame, VideoFile
+
+if TYPE_CHECKING:
+    from vision.detector import Detector
+    from vision.video import Frame, VideoFile
 
 __all__ = ["Analysis", "discover"]
 
@@ -71,6 +77,8 @@ class Analysis:
     def _open_video(self, path: Path | None, times: NDArray[np.int64] | None) -> VideoFile | None:
         if path is None:
             return None
+        from vision.video import VideoFile
+
         start_us = int(self._tlog.index.t_us.min()) + round(self.session.video_start_s * 1e6)
         return VideoFile.open(path, times, start_us=start_us)
 
@@ -109,6 +117,8 @@ class Analysis:
         """The mission's detector when frames have to be looked at, else None."""
         if self.video is None or self._boxes is not None:
             return None
+        from vision.detector import open_detector
+
         choice = self.mission.detector
         model = (self.session.path / choice.model) if choice.model else None
         return open_detector(model, score=choice.score)
