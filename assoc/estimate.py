@@ -145,6 +145,7 @@ class Estimator:
         newest_s = np.max(self._history.first_s[live])
         view = self._in_view(t, camera)
         noise = self._noise(camera, q.patience * view)
+        window_s = q.calm_window_s if self._locked else q.window_s
         return Scene(
             history=self._history, columns=columns, live=len(live),
             gap_s=t - self._history.last_s[live], replaced=self._history.last_s[live] < newest_s, anchors=anchors,
@@ -155,7 +156,7 @@ class Estimator:
             prior=self._prior(camera),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds, view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
-            fold=max(last - self._first_block - round(q.window_s / q.block_s), 0),
+            fold=max(last - self._first_block - round(window_s / q.block_s), 0),
         )  # fmt: skip
 
     def _retire(self, t: float, live: IntArray) -> None:

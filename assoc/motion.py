@@ -143,7 +143,7 @@ class ReportLog:
         age = t - self.last_t
         step = np.clip(age, -longest_s, longest_s)
         step[~np.isfinite(step)] = 0.0
-        return self.last_p + np.nan_to_num(self.last_v) * step[:, None], age
+        return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], age
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Take at most one report per vehicle."""
@@ -169,9 +169,9 @@ class ReportLog:
     def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
         """Exact repeats that carry no news: of a moving vehicle (frozen), or within a second of a standing one."""
         same = np.all(p == self.last_p[vehicle], axis=1)
-        reported = np.nan_to_num(np.linalg.norm(v, axis=1))
-        before = np.nan_to_num(np.linalg.norm(self.last_v[vehicle], axis=1))
-        moving = (reported > _STANDING_MPS) | (before > _STANDING_MPS)
+        before = self.last_v[vehicle]
+        # no speed known: not moving
+        moving = (np.hypot(*v.T) > _STANDING_MPS) | (np.hypot(*before.T) > _STANDING_MPS)
         self.frozen[vehicle] = same & (moving | self.frozen[vehicle])
         return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < 1.0)))
 

@@ -15,6 +15,8 @@ class IdentifierParams:
     """Least probability for a name. Raise → fewer names, fewer wrong ones."""
     window_s: float = 20.0
     """How far back the camera's pose is fitted. Raise → steadier pose, slower frames."""
+    calm_window_s: float = 8.0
+    """The same while nothing is in doubt: what is older is settled. Raise → slower frames."""
     block_s: float = 1.0
     """Residuals are summarised in blocks of this length."""
     frame_step_s: float = 0.09
