@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+_FEW = 400
+_REACH_M = 25.0
+"""Among more pairs than ``_FEW``, those that were never this close are not compared: they cannot be the same."""
 LEAP_M, LEAP_MPS = 2.0, 15.0
 """A track that moves further than this has jumped to something else."""
 _HEADING_MEMORY_S = 3.0
@@ -71,53 +74,73 @@ def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
     return np.asarray(np.log(ratio))
 
 
-def _interpolated(tracks: GroundTracks, t: FloatArray, gap_max_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Track points (S, T, 2) and headings (S, T) at video times t, and where they are valid.
+def _interpolated(tracks: GroundTracks, t: FloatArray, column: IntArray,
+                  gap_max_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:  # fmt: skip
+    """Points (N, 2) and headings (N,) of tracks (N,) at video times t (N,), and where they are valid.
 
     What lies between two frames is worked out once per interval, F − 1 of them; times of one interval share it.
     """
     last = len(tracks.t) - 1
     if last < 1:
-        shape = (len(t), tracks.p.shape[1])
-        return np.full((*shape, 2), np.nan), np.full(shape, np.nan), np.zeros(shape, np.bool_)
+        return np.full((len(t), 2), np.nan), np.full(len(t), np.nan), np.zeros(len(t), np.bool_)
     before, after = _nearest_seen(np.isfinite(tracks.p[..., 0]))
     a, b = before[:-1], after[1:]
     whole = (a >= 0) & (b <= last)
     a, b = np.where(whole, a, 0), np.where(whole, b, 0)
-    column = np.arange(tracks.p.shape[1])[None, :]
-    span, p0 = tracks.t[b] - tracks.t[a], tracks.p[a, column]
-    step = tracks.p[b, column] - p0
+    every = np.arange(tracks.p.shape[1])[None, :]
+    span, p0 = tracks.t[b] - tracks.t[a], tracks.p[a, every]
+    step = tracks.p[b, every] - p0
     whole &= span <= gap_max_s
     # nothing lies between two places that no vehicle joins in that time
     whole &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
     rate, from_t = 1.0 / np.where(span > 0, span, np.inf), tracks.t[a]
-    heading0, heading1 = tracks.heading[a, column], tracks.heading[b, column]
-    k = np.clip(np.searchsorted(tracks.t, t, side="right") - 1, 0, last - 1)
-    w = (t[:, None] - from_t[k]) * rate[k]
-    valid = whole[k] & ((t >= tracks.t[0]) & (t <= tracks.t[last]))[:, None]
-    return p0[k] + w[..., None] * step[k], np.where(w < 0.5, heading0[k], heading1[k]), valid
+    heading0, heading1 = tracks.heading[a, every], tracks.heading[b, every]
+    k = np.clip(np.searchsorted(tracks.t, t, side="right") - 1, 0, last - 1) * len(every[0]) + column
+    w = (t - from_t.ravel()[k]) * rate.ravel()[k]
+    valid = whole.ravel()[k] & (t >= tracks.t[0]) & (t <= tracks.t[last])
+    p = p0.reshape(-1, 2)[k] + w[:, None] * step.reshape(-1, 2)[k]
+    return p, np.where(w < 0.5, heading0.ravel()[k], heading1.ravel()[k]), valid
 
 
-def _by_block(tracks: GroundTracks, first: int, n_blocks: int, block_s: float) -> tuple[FloatArray, FloatArray]:
-    """Block means of the squared pixel size (B, T) and of the Jacobian (B, T, 2, 8)."""
+def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolArray:
+    """(T, n) pairs that came within reach in some block, all while they are few; place: the tracks' means (B, T, 2)."""
+    n_blocks, n_tracks = place.shape[:2]
+    if n_tracks * n <= _FEW:
+        return np.ones((n_tracks, n), np.bool_)
+    key, size = block * n + samples.vehicle, n_blocks * n
+    with np.errstate(invalid="ignore"):
+        report = (
+            np.stack([np.bincount(key, x, size) for x in samples.p.T], axis=1) / np.bincount(key, None, size)[:, None]
+        )
+        gap = place[:, :, None, :] - report.reshape(n_blocks, 1, n, 2)
+        return np.asarray(np.any(np.hypot(gap[..., 0], gap[..., 1]) < _REACH_M, axis=0))
+
+
+def _by_block(tracks: GroundTracks, first: int, n_blocks: int,
+              block_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Block means of the squared pixel size (B, T), of the Jacobian (B, T, 2, 8) and of the place (B, T, 2)."""
     n_tracks = tracks.p.shape[1]
     block = np.floor((tracks.t - tracks.theta[OFFSET]) / block_s).astype(np.int64) - first
     rows = np.flatnonzero((block >= 0) & (block < n_blocks))
     pixel = np.zeros((n_blocks, n_tracks))
     jacobian = np.zeros((n_blocks, n_tracks, 2, THETA))
+    place = np.full((n_blocks, n_tracks, 2), np.nan)
     if not len(rows):
-        return pixel, jacobian
+        return pixel, jacobian, place
     starts = np.flatnonzero(np.diff(block[rows], prepend=-1))
     seen = np.isfinite(tracks.p[rows, :, 0])
-    count = np.maximum(np.add.reduceat(seen.astype(np.float64), starts, axis=0), 1.0)
+    total = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
+    count = np.maximum(total, 1.0)
     where = block[rows][starts]
+    sums = np.add.reduceat(np.where(seen[..., None], tracks.p[rows], 0.0), starts, axis=0)
+    place[where] = np.where(total[..., None] > 0.0, sums / count[..., None], np.nan)
     square = np.where(seen, tracks.pixel_m[rows] ** 2, 0.0)
     pixel[where] = np.add.reduceat(square, starts, axis=0) / count
     full = np.where(seen[..., None, None], tracks.jacobian[rows], 0.0)
     jacobian[where] = np.add.reduceat(full, starts, axis=0) / count[..., None, None]
     # ∂r/∂δ also holds the track's own motion
     jacobian[where, ..., OFFSET] += _velocity(tracks.t[rows], tracks.p[rows], seen, starts)
-    return pixel, jacobian
+    return pixel, jacobian, place
 
 
 def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -> FloatArray:
@@ -152,48 +175,40 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
     """
     n_blocks, n_tracks = max(last - first + 1, 0), tracks.p.shape[1]
     shape = (n_blocks, n_tracks, n_vehicles)
-    count, scatter, log_null = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    mean = np.zeros((*shape, 2))
-    heading, jump = np.zeros((n_tracks, n_vehicles)), np.zeros((n_blocks, n_vehicles))
     block = np.floor(samples.t / block_s).astype(np.int64) - first
-    pixel, jacobian = _by_block(tracks, first, n_blocks, block_s)
-    if len(block) and len(tracks.t):
-        p, image_heading, valid = _interpolated(tracks, samples.t + tracks.theta[OFFSET], gap_max_s)
-        key = samples.vehicle * n_blocks + block
-        starts = np.flatnonzero(np.diff(key, prepend=-1))
-        at = (block[starts], slice(None), samples.vehicle[starts])
-        r = np.where(valid[..., None], p - samples.p[:, None, :], 0.0)
-        k = np.add.reduceat(valid.astype(np.float64), starts, axis=0)
-        m = np.add.reduceat(r, starts, axis=0) / np.maximum(k, 1.0)[..., None]
-        spread = np.add.reduceat(np.sum(r * r, axis=2), starts, axis=0) - k * np.sum(m * m, axis=2)
-        jump[block[starts], samples.vehicle[starts]] = np.maximum.reduceat(samples.jump_var, starts)
-        count[at], mean[at], scatter[at] = k, m, np.maximum(spread, 0.0)
-        log_null[at] = np.add.reduceat(np.where(valid, samples.log_null[:, None], 0.0), starts, axis=0)
-        error = image_heading - samples.heading[:, None]
-        late = samples.t > np.max(samples.t) - _HEADING_REACH_S
-        known = valid[late] & np.isfinite(error[late])
-        heading = _mean_heading(error[late], known, samples.t[late], samples.vehicle[late], n_vehicles, heading_std)
+    pixel, jacobian, place = _by_block(tracks, first, n_blocks, block_s)
+    jump = np.zeros((n_blocks, n_vehicles))
+    np.maximum.at(jump, (block, samples.vehicle), samples.jump_var)
+    # one row for each report and each track that it is compared with
+    row, column = np.nonzero(_near(place, samples, block, n_vehicles).T[samples.vehicle])
+    p, image_heading, valid = _interpolated(tracks, samples.t[row] + tracks.theta[OFFSET], column, gap_max_s)
+    row, column, r = row[valid], column[valid], (p - samples.p[row])[valid]
+    pair = column * n_vehicles + samples.vehicle[row]
+    key, size = block[row] * (n_tracks * n_vehicles) + pair, n_blocks * n_tracks * n_vehicles
+    count = np.bincount(key, minlength=size).astype(np.float64)
+    mean = np.stack([np.bincount(key, x, size) for x in r.T], axis=1) / np.maximum(count, 1.0)[:, None]
+    scatter = np.maximum(np.bincount(key, np.sum(r * r, axis=1), size) - count * np.sum(mean * mean, axis=1), 0.0)
+    log_null = np.asarray(np.bincount(key, samples.log_null[row], size), np.float64)
+    error = image_heading[valid] - samples.heading[row]
+    heading = _mean_heading(error, samples.t[row], pair, n_tracks * n_vehicles, heading_std)
     return Blocks(
-        first=first, count=count, mean=mean, scatter=scatter, log_null=log_null, extra_var=np.zeros(shape),
-        jump_var=jump, pixel_var=pixel, jacobian=jacobian, heading=heading, theta=tracks.theta,
+        first=first, count=count.reshape(shape), mean=mean.reshape(*shape, 2), scatter=scatter.reshape(shape),
+        log_null=log_null.reshape(shape), extra_var=np.zeros(shape), jump_var=jump, pixel_var=pixel, jacobian=jacobian,
+        heading=heading.reshape(shape[1:]), theta=tracks.theta,
     )  # fmt: skip
 
 
-def _mean_heading(error: FloatArray, known: BoolArray, t: FloatArray, vehicle: IntArray, n: int,
-                  std: float) -> FloatArray:  # fmt: skip
-    """(T, n) heading evidence: the mean ratio of the last seconds, times the samples but at most four (errors last).
+def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int, std: float) -> FloatArray:
+    """(n_pairs,) heading evidence: mean ratio of the last seconds, times the samples but at most four (errors last).
 
     Agreement counts once: those on one road look one way.
     """
-    weight = np.where(known, np.exp((t - np.max(t)) / _HEADING_MEMORY_S)[:, None], 0.0)
-    ratio = weight * np.where(known, _heading_ratio(np.where(known, error, 0.0), std), 0.0)
-    starts = np.flatnonzero(np.diff(vehicle, prepend=-1))
-    k = np.add.reduceat(weight, starts, axis=0)
-    mean = np.add.reduceat(ratio, starts, axis=0) / np.maximum(k, 1e-9)
-    total = mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0))
-    result = np.zeros((error.shape[1], n))
-    result[:, vehicle[starts]] = total.T
-    return result
+    known = np.isfinite(error) & (t > np.max(t, initial=-np.inf) - _HEADING_REACH_S)
+    error, t, pair = error[known], t[known], pair[known]
+    weight = np.exp((t - np.max(t, initial=-np.inf)) / _HEADING_MEMORY_S)
+    k = np.bincount(pair, weight, n_pairs)
+    mean = np.bincount(pair, weight * _heading_ratio(error, std), n_pairs) / np.maximum(k, 1e-9)
+    return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0)))
 
 
 def with_first_look(blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray,

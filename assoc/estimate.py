@@ -217,7 +217,7 @@ class Estimator:
             found = keep_best([refine(scene, theta) for theta in self._starts(scene, free)], self._params.hypotheses)
         if not self._locked and self._updates % 3 == 1:
             most = 2 if self._large(scene) else 8
-            found += [refine(scene, theta) for theta in shifts(scene, found[0], most)]
+            found += [refine(scene, theta, blocks=found[0].blocks) for theta in shifts(scene, found[0], most)]
             found = keep_best(found, self._params.hypotheses)
         found += swaps(scene, found[0], 2 if self._locked else 6)
         return keep_best(found, self._params.hypotheses)

@@ -34,8 +34,8 @@ _BLINK, _BLINK_S = 40.0, 0.4
 """A box missed for a moment is no absence: so much more may speak for it, less and less."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
-_FAR = np.array([0.03, 1e-3, 0.015, 0.015, 3.0, 3.0, 2.0, 0.1])
-"""Linearisation is renewed when θ moved further than this."""
+_FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
+"""Linearisation is renewed when θ moved further than this; east and north move all places alike."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,9 +128,17 @@ def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
     return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], scene.anchors])
 
 
-def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None) -> Hypothesis:
-    """Turn by turn from a start, and from an assignment (m,) if one is believed already, to a joint optimum."""
-    blocks = residual_blocks(scene, theta)
+def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None,
+           blocks: Blocks | None = None) -> Hypothesis:  # fmt: skip
+    """Turn by turn from a start to a joint optimum.
+
+    Args:
+        scene: What the update works on.
+        theta: (8,) to start from.
+        vehicle: (m,) assignment to start from, if one is believed already.
+        blocks: Residuals that hold at ``theta``, if there are any already.
+    """
+    blocks = blocks or residual_blocks(scene, theta)
     if vehicle is None:
         vehicle = best_assignment(scores(scene, blocks, theta)[0])
     for turn in range(_TURNS):
