@@ -24,7 +24,10 @@ __all__ = ["Estimator"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
+_BREAK_M, _BREAK_MPS = 2.0, 6.0
+"""A track that goes on for another that broke off begins this near to it."""
 _SURE = 0.9
 _LOCK = 0.97
 _SETTLED_S = 1.5
@@ -142,14 +145,12 @@ class Estimator:
         self._retire(t, live)
         columns = np.concatenate([live, np.array(sorted(self._ended), np.int64)])
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
-        newest_s = np.max(self._history.first_s[live])
         view = self._in_view(t, camera)
         noise = self._noise(camera, q.patience * view)
         window_s = q.calm_window_s if self._locked else q.window_s
         return Scene(
             history=self._history, columns=columns, live=len(live),
-            gap_s=t - self._history.last_s[live], replaced=self._history.last_s[live] < newest_s, anchors=anchors,
-            log=self._log,
+            gap_s=t - self._history.last_s[live], replaced=self._replaced(t, live), anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
@@ -158,6 +159,14 @@ class Estimator:
             log_odds=q.prior_log_odds, view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
         )  # fmt: skip
+
+    def _replaced(self, t: float, live: IntArray) -> BoolArray:
+        """(m,) whether a track began since each was seen, near enough to be the same vehicle's."""
+        first, last = self._history.first_s[live], self._history.last_s[live]
+        noted, place = self._swaps.places(live)
+        away = np.linalg.norm(place[:, None] - place[None], axis=2)
+        near = away < (_BREAK_M + _BREAK_MPS * (t - noted))[:, None]
+        return np.asarray(np.any((first[None] > last[:, None]) & near, axis=1))
 
     def _retire(self, t: float, live: IntArray) -> None:
         """Confident tracks that ended keep carrying the pose while they are in the window."""

@@ -50,7 +50,7 @@ class Scene:
     gap_s: FloatArray
     """(m,) seconds since each live track was seen."""
     replaced: BoolArray
-    """(m,) whether a track began since that may be the same vehicle's."""
+    """(m,) whether a track began since near enough to be the same vehicle's."""
     anchors: IntArray
     """(T − m,) vehicle of each track that ended."""
     log: ReportLog

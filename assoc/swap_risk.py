@@ -49,6 +49,12 @@ class SwapRisk:
                 rates.setdefault(column, q.switch_rate_close)
         self._rates = {b: s for b, s in self._rates.items() if first_block is None or b >= first_block}
 
+    def places(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
+        """(m,) when each track was last noted in its place, seconds, and (m, 2) where; NaN never."""
+        never = np.nan, np.full(2, np.nan)
+        noted = [self._place.get(column, never) for column in columns.tolist()]
+        return np.array([t for t, _ in noted]), np.array([place for _, place in noted]).reshape(-1, 2)
+
     def log_chances(self, first: int, blocks: int, columns: IntArray) -> FloatArray:
         """(B + 1, T) ln chance of a change of owner in each block from the first on; none in the first look after."""
         q = self._params
