@@ -34,6 +34,8 @@ SHIFT_SHARE = 0.7
 SHIFT_WORTH = 0.1
 """Less than this, in sizes, is left to the filter."""
 LEAST_WITNESSES = 3
+MERGED = 1.2
+"""So many times the size of each of the tracks that it holds, a box is round them all."""
 SETTLED_HITS = 4
 
 
@@ -76,6 +78,8 @@ class Tracker:
         self._t_us = t_us
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
+        if len(self._state) > 1 and len(detections):
+            free &= ~self._merged(detections)
         if len(self._state) and len(detections):
             self._match(detections, free, known if stitch is not None else ())
             if stitch is not None:
@@ -93,7 +97,7 @@ class Tracker:
     def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> None:
         """Both rounds; what they use is struck from the boxes (m,) that are free."""
         params, state = self.params, self._state
-        high = boxes.score >= max(params.high_score, params.low_score)
+        high = free & (boxes.score >= params.high_score)
         apart = state.apart(boxes)
         if self._shift(boxes, high, apart):
             apart = state.apart(boxes)
@@ -104,6 +108,19 @@ class Tracker:
         if len(rows):
             state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
             free[columns] = False
+
+    def _merged(self, boxes: Detections) -> Flags:
+        """(m,) boxes round two vehicles or more: larger than the tracks whose places they hold. They say who is near."""
+        state, size = self._state, np.sqrt(boxes.w * boxes.h)
+        merged = np.zeros(len(boxes), dtype=bool)
+        settled = (state.hits >= self.params.confirm_hits) & (state.gap_s <= self.params.short_s)
+        for j in np.flatnonzero(size > MERGED * np.min(state.length[settled], initial=np.inf)):
+            c, s = np.cos(boxes.angle[j]), np.sin(boxes.angle[j])
+            away = state.x[settled, :2] - boxes.centre[j]
+            along, across = away @ (c, s), away @ (-s, c)
+            inside = (np.abs(along) < 0.5 * boxes.w[j]) & (np.abs(across) < 0.5 * boxes.h[j])
+            merged[j] = np.count_nonzero(inside) > 1 and size[j] > MERGED * state.length[settled][inside].max()
+        return merged
 
     def _owned(self, known: Collection[int]) -> Flags:
         """Tracks (k,) out of sight that are continued by their owners' reports only."""
