@@ -56,6 +56,7 @@ class Estimator:
         self._stranger_s = self._noise_s = -np.inf
         self._swaps = SwapRisk(params)
         self._updates = 0
+        self._noted_s = -np.inf
         self._locked = False
         self._standing: dict[int, float] = {}
         self._shaken_s = -np.inf
@@ -187,7 +188,10 @@ class Estimator:
         """Tell the watch over tracker's swaps where the tracks are now."""
         g = ground_now(self._history.ray[self._history.n - 1, seen], camera.R_enu_cam, camera.p_enu, camera.ground_z,
                        self.theta)  # fmt: skip
-        self._swaps.note(t, seen, g, self._first_block)
+        since = self._history.start(self._noted_s + 1e-6)
+        missed = np.any(np.isnan(self._history.ray[since : self._history.n, seen, 0]), axis=0)
+        self._swaps.note(t, seen, g, missed, self._first_block)
+        self._noted_s = t
 
     def _in_view(self, t: float, camera: CameraState) -> FloatArray:
         """(n,) how likely each vehicle is in the picture."""

@@ -12,8 +12,16 @@ __all__ = ["SwapRisk"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _FIRST_LOOK = -50.0
+
+
+def _near(place: FloatArray, reach_m: float) -> BoolArray:
+    """(m, m) which of others are within reach; NaN is not."""
+    away = np.linalg.norm(place[:, None] - place[None], axis=2)
+    np.fill_diagonal(away, np.inf)
+    return np.asarray(away < reach_m)
 
 
 class SwapRisk:
@@ -28,22 +36,28 @@ class SwapRisk:
         """A new track begins in a column."""
         self._place.pop(column, None)
 
-    def note(self, t: float, columns: IntArray, ground: FloatArray, first_block: int | None) -> None:
+    def note(self, t: float, columns: IntArray, ground: FloatArray, missed: BoolArray,
+             first_block: int | None) -> None:  # fmt: skip
         """Take in where tracks are now.
 
         Args:
             t: Time, seconds.
             columns: (m,) their columns.
             ground: (m, 2) east and north, NaN unseen.
+            missed: (m,) whether they were out of sight in any frame since the last call.
             first_block: Blocks before are forgotten.
         """
         q = self._params
-        away = np.linalg.norm(ground[:, None] - ground[None], axis=2) + np.diag(np.full(len(ground), np.inf))
         lost = ~np.isfinite(ground[:, 0])
-        close = lost | (np.min(np.nan_to_num(away, nan=np.inf), axis=1, initial=np.inf) < q.close_m)
+        close = lost | np.any(_near(ground, q.close_m), axis=1)
+        # two that were missed side by side were perhaps one box, and come out of it in either order
+        _, before = self.places(columns)
+        beside = _near(np.where(lost[:, None], before, ground), q.close_m) & missed
+        leapt = np.array([self._leapt(t, c, place) for c, place in zip(columns.tolist(), ground, strict=True)], np.bool_)
+        risky = leapt | (missed & np.any(beside, axis=1))
         rates = self._rates.setdefault(int(np.floor(t / q.block_s)), {})
         for k, column in enumerate(columns.tolist()):
-            if self._leapt(t, column, ground[k]):
+            if risky[k]:
                 rates[column] = q.switch_rate_leap
             elif close[k]:
                 rates.setdefault(column, q.switch_rate_close)
