@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.conflicts import ConflictWatch
-from assoc.evidence import Noise, bounded, fresh_state, put, restarted, taken, with_columns
+from assoc.evidence import bounded, fresh_state, put, restarted, taken, with_columns
+from assoc.expected import noise_of, prior_of
 from assoc.ground import OFFSET, THETA, ground_now
 from assoc.history import TrackHistory
 from assoc.labels import mixed_marginals, weights
@@ -14,9 +15,9 @@ from assoc.levels import learnt_bias
 from assoc.memory import BiasMemory
 from assoc.motion import ReportLog
 from assoc.params import IdentifierParams
-from assoc.pose import PosePrior
 from assoc.records import CameraState, Sighting
 from assoc.search import Hypothesis, Scene, keep_best, refine, shifts, swaps, turns
+from assoc.succession import replaced
 from assoc.swap_risk import SwapRisk
 from assoc.view import chance_in_view
 
@@ -24,10 +25,7 @@ __all__ = ["Estimator"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
-_BREAK_M, _BREAK_MPS = 2.0, 6.0
-"""A track that goes on for another that broke off begins this near to it."""
 _SURE = 0.9
 _LOCK = 0.97
 _SETTLED_S = 1.5
@@ -38,7 +36,6 @@ _SHAKEN = 12.0
 _STRANGER_S = 30.0
 _NOISE_EVERY_S = 3.0
 _HEADING_STD = np.deg2rad(9.0)
-_EXTRA_WHITE_VAR = 0.02
 
 
 class Estimator:
@@ -147,27 +144,22 @@ class Estimator:
         columns = np.concatenate([live, np.array(sorted(self._ended), np.int64)])
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
         view = self._in_view(t, camera)
-        noise = self._noise(camera, q.patience * view)
+        noise = noise_of(
+            q, camera, white_std_m=self._log.white_std_m, bias_std=self._bias_std, tau_s=self._tau_s,
+            patience=q.patience * view,
+        )  # fmt: skip
         window_s = q.calm_window_s if self._locked else q.window_s
         return Scene(
             history=self._history, columns=columns, live=len(live),
-            gap_s=t - self._history.last_s[live], replaced=self._replaced(t, live), anchors=anchors, log=self._log,
+            gap_s=t - self._history.last_s[live], replaced=replaced(t, self._history, live, self.theta), anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
-            prior=self._prior(camera),
+            prior=prior_of(q, camera),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds, view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
         )  # fmt: skip
-
-    def _replaced(self, t: float, live: IntArray) -> BoolArray:
-        """(m,) whether a track began since each was seen, near enough to be the same vehicle's."""
-        first, last = self._history.first_s[live], self._history.last_s[live]
-        noted, place = self._swaps.places(live)
-        away = np.linalg.norm(place[:, None] - place[None], axis=2)
-        near = away < (_BREAK_M + _BREAK_MPS * (t - noted))[:, None]
-        return np.asarray(np.any((first[None] > last[:, None]) & near, axis=1))
 
     def _retire(self, t: float, live: IntArray) -> None:
         """Confident tracks that ended keep carrying the pose while they are in the window."""
@@ -197,29 +189,6 @@ class Estimator:
         """(n,) how likely each vehicle is in the picture."""
         p, age = self._log.extrapolated(t - self.time_offset_s)
         return chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
-
-    def _noise(self, camera: CameraState, patience: FloatArray) -> Noise:
-        """Noise levels as believed now."""
-        q = self._params
-        height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
-        area = float(np.clip(2.0 * height**2, 500.0, 5e4))
-        return Noise(
-            white_var=self._log.white_std_m**2 + _EXTRA_WHITE_VAR, bias_std=self._bias_std,
-            decay=float(np.exp(-q.block_s / self._tau_s)), floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2,
-            log_area=float(np.log(2.0 * area)), increment_max=q.increment_max,
-            patience=patience,
-        )  # fmt: skip
-
-    def _prior(self, camera: CameraState) -> PosePrior:
-        """Prior of θ for this camera."""
-        q = self._params
-        free = not camera.attitude_known
-        tilt = np.deg2rad(5.0 if free and not camera.stabilized else q.tilt_std_deg)
-        yaw, rate = (np.pi, np.deg2rad(3.0)) if free else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
-        level = q.position_std_m if camera.position_known else 30.0
-        return PosePrior(
-            std=np.array([yaw, rate, tilt, tilt, level, level, q.height_std_m, q.time_offset_std_s], np.float64)
-        )
 
     def _search(self, scene: Scene, camera: CameraState) -> list[Hypothesis]:
         """Best joint hypotheses, from few starts when locked and from many when not."""

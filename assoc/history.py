@@ -80,6 +80,11 @@ class TrackHistory:
         """First row that is not older than t."""
         return int(np.searchsorted(self.t[: self.n], t))
 
+    def last_rows(self, columns: IntArray) -> IntArray:
+        """(m,) the row in which each track was seen last; the newest for one that was seen in none."""
+        unseen = np.isnan(self.ray[: self.n, columns, 0])[::-1]
+        return np.asarray(self.n - 1 - np.argmin(unseen, axis=0))
+
     def _make_row(self) -> None:
         """Open the row of this frame, over the newest one while that is too close to the one before it."""
         if self.n >= 2 and self.t[self.n - 1] - self.t[self.n - 2] < self._step_s:

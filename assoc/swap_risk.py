@@ -53,7 +53,9 @@ class SwapRisk:
         # two that were missed side by side were perhaps one box, and come out of it in either order
         _, before = self.places(columns)
         beside = _near(np.where(lost[:, None], before, ground), q.close_m) & missed
-        leapt = np.array([self._leapt(t, c, place) for c, place in zip(columns.tolist(), ground, strict=True)], np.bool_)
+        leapt = np.array(
+            [self._leapt(t, c, place) for c, place in zip(columns.tolist(), ground, strict=True)], np.bool_
+        )
         risky = leapt | (missed & np.any(beside, axis=1))
         rates = self._rates.setdefault(int(np.floor(t / q.block_s)), {})
         for k, column in enumerate(columns.tolist()):

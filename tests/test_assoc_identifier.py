@@ -108,6 +108,23 @@ def test_a_predicted_track_gives_its_name_to_the_new_one():
     assert answer.system_id.tolist() == [*IDS, 0]
 
 
+@pytest.mark.parametrize("t", [0.8, 1.5, 4.0])
+@pytest.mark.parametrize("away_m", [3.0, 4.0])
+def test_a_stranger_does_not_take_the_name_of_a_box_missed_for_a_moment(t, away_m):
+    identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0)
+    play(identifier, fleet, t)
+    rng = np.random.default_rng(5)
+    s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
+    aside = np.array([-away_m / 40.0, 0.0, 0.0])
+    s = Sighting(
+        t_us=s.t_us, track_id=np.append(s.track_id, 9), ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
+        front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside]), gap_s=np.array([0.1, 0, 0, 0, 0]),
+        score=np.append(s.score, 0.9),
+    )  # fmt: skip
+    answer = identifier.update(s, camera(), fleet.reports(t - 0.1, t, rng))
+    assert answer.system_id.tolist() == [*IDS, 0]
+
+
 def test_silence_keeps_the_name_of_an_unbroken_track():
     identifier, fleet = Identifier(IDS), Fleet()
     rng = np.random.default_rng(1)

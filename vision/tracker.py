@@ -19,6 +19,7 @@ from vision import kalman
 from vision.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detections import Detections
 from vision.matching import Pairs, assign, one_to_one
+from vision.merged import take_together
 from vision.track_state import TrackState
 from vision.tracks import Stitch, TrackerParams, Tracks
 
@@ -34,8 +35,6 @@ SHIFT_SHARE = 0.7
 SHIFT_WORTH = 0.1
 """Less than this, in sizes, is left to the filter."""
 LEAST_WITNESSES = 3
-MERGED = 1.2
-"""So many times the size of each of the tracks that it holds, a box is round them all."""
 SETTLED_HITS = 4
 
 
@@ -78,9 +77,10 @@ class Tracker:
         self._t_us = t_us
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
-        if len(self._state) > 1 and len(detections):
-            free &= ~self._merged(detections)
         if len(self._state) and len(detections):
+            state, params = self._state, self.params
+            settled = np.flatnonzero((state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s))
+            free &= ~take_together(state, settled, detections)
             self._match(detections, free, known if stitch is not None else ())
             if stitch is not None:
                 self._stitch(detections, free, stitch)
@@ -108,19 +108,6 @@ class Tracker:
         if len(rows):
             state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
             free[columns] = False
-
-    def _merged(self, boxes: Detections) -> Flags:
-        """(m,) boxes round two vehicles or more: larger than the tracks whose places they hold. They say who is near."""
-        state, size = self._state, np.sqrt(boxes.w * boxes.h)
-        merged = np.zeros(len(boxes), dtype=bool)
-        settled = (state.hits >= self.params.confirm_hits) & (state.gap_s <= self.params.short_s)
-        for j in np.flatnonzero(size > MERGED * np.min(state.length[settled], initial=np.inf)):
-            c, s = np.cos(boxes.angle[j]), np.sin(boxes.angle[j])
-            away = state.x[settled, :2] - boxes.centre[j]
-            along, across = away @ (c, s), away @ (-s, c)
-            inside = (np.abs(along) < 0.5 * boxes.w[j]) & (np.abs(across) < 0.5 * boxes.h[j])
-            merged[j] = np.count_nonzero(inside) > 1 and size[j] > MERGED * state.length[settled][inside].max()
-        return merged
 
     def _owned(self, known: Collection[int]) -> Flags:
         """Tracks (k,) out of sight that are continued by their owners' reports only."""
