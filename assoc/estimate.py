@@ -151,7 +151,8 @@ class Estimator:
         window_s = q.calm_window_s if self._locked else q.window_s
         return Scene(
             history=self._history, columns=columns, live=len(live),
-            gap_s=t - self._history.last_s[live], replaced=replaced(t, self._history, live, self.theta), anchors=anchors, log=self._log,
+            gap_s=t - self._history.last_s[live], replaced=replaced(t, self._history, live, self.theta),
+            anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
