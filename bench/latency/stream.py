@@ -25,9 +25,9 @@ def _flight(n: int, seconds: float) -> list[Timing]:
     tracker, keeper = Tracker(), Ours(what)
     times: dict[str, tuple[list[float], list[float]]] = {"tracker": ([], []), "identifier": ([], []), "both": ([], [])}
     for frame, boxes in enumerate(what.detections):
-        warp, stitch = camera_motion(what, frame), keeper.stitch(frame)
+        warp, stitch, known = camera_motion(what, frame), keeper.stitch(frame), keeper.known()
         began = time.thread_time(), time.perf_counter()
-        tracks = tracker.update(boxes, frame_us(frame), warp=warp, stitch=stitch)
+        tracks = tracker.update(boxes, frame_us(frame), warp=warp, stitch=stitch, known=known)
         tracked = time.thread_time(), time.perf_counter()
         keeper.see(frame, tracks)
         named = time.thread_time(), time.perf_counter()

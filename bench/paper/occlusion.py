@@ -7,7 +7,7 @@ track a box continues.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,6 +101,9 @@ class Paper(Plain):
 
         return continued
 
+    def known(self) -> Collection[int]:
+        return list(self._name)
+
     def see(self, frame: int, tracks: Tracks) -> None:
         boxes = self._walk.detections[frame]
         seen = np.flatnonzero(tracks.detection >= 0)
@@ -142,7 +145,8 @@ def _ours(walk: Walk, keeper: Plain) -> Step:
 
     def step(frame: int) -> Tracks:
         boxes, warp = walk.detections[frame], camera_motion(walk, frame)
-        return tracker.update(boxes, frame_us(frame), warp=warp, stitch=keeper.stitch(frame))
+        stitch, known = keeper.stitch(frame), keeper.known()
+        return tracker.update(boxes, frame_us(frame), warp=warp, stitch=stitch, known=known)
 
     return step
 

@@ -5,6 +5,7 @@ A keeper sees the tracks of each frame and may say which lost track a box contin
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,6 +100,10 @@ class Plain:
         """What the tracker may ask in a frame."""
         return None
 
+    def known(self) -> Collection[int]:
+        """Tracks with a name: once out of sight they are continued by ``stitch`` only."""
+        return ()
+
     def see(self, frame: int, tracks: Tracks) -> None:
         """Take in what the tracker made of a frame."""
 
@@ -109,6 +114,7 @@ class Ours(Plain):
     def __init__(self, walk: Walk) -> None:
         super().__init__(walk)
         self._who = Identifier(range(1, walk.p_enu.shape[1] + 1))
+        self._named: list[int] = []
 
     def stitch(self, frame: int) -> Stitch | None:
         camera = self._walk.cameras[frame]
@@ -117,6 +123,9 @@ class Ours(Plain):
             return self._who.stitch(frame_us(frame), track_id, LENS.rays(centres), camera).astype(np.intp)
 
         return continued
+
+    def known(self) -> Collection[int]:
+        return self._named
 
     def see(self, frame: int, tracks: Tracks) -> None:
         walk = self._walk
@@ -133,4 +142,5 @@ class Ours(Plain):
             score=tracks.score,
         )
         heard = vehicle_reports(frame_us(frame), walk.p_enu[frame], walk.heading[frame])
-        self._who.update(sighting, walk.cameras[frame], heard)
+        answer = self._who.update(sighting, walk.cameras[frame], heard)
+        self._named = answer.track_id[answer.system_id > 0].tolist()
