@@ -108,12 +108,11 @@ def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolA
     if n_tracks * n <= _FEW:
         return np.ones((n_tracks, n), np.bool_)
     key, size = block * n + samples.vehicle, n_blocks * n
-    with np.errstate(invalid="ignore"):
-        report = (
-            np.stack([np.bincount(key, x, size) for x in samples.p.T], axis=1) / np.bincount(key, None, size)[:, None]
-        )
-        gap = place[:, :, None, :] - report.reshape(n_blocks, 1, n, 2)
-        return np.asarray(np.any(np.hypot(gap[..., 0], gap[..., 1]) < _REACH_M, axis=0))
+    sums = np.stack([np.bincount(key, x, size) for x in samples.p.T], axis=1)
+    with np.errstate(invalid="ignore"):  # blocks without reports are near nobody
+        report = sums / np.bincount(key, minlength=size)[:, None]
+    gap = place[:, :, None, :] - report.reshape(n_blocks, 1, n, 2)
+    return np.asarray(np.any(np.hypot(gap[..., 0], gap[..., 1]) < _REACH_M, axis=0))
 
 
 def _by_block(tracks: GroundTracks, first: int, n_blocks: int,

@@ -33,6 +33,8 @@ _JUMP = 36.0
 """Squared innovation, in variances, from which a report has jumped."""
 _STANDING_MPS = 0.3
 _FORGET_S = 60.0
+_PARTS = 500
+"""Reports are kept as they come in so many parts at most, also while nobody asks for them."""
 _WHITE_VAR = WHITE_STD_M**2 + 0.01
 _FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD**2)], axis=1)
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
@@ -119,6 +121,8 @@ class ReportLog:
         for rows in turns:
             chosen = np.array(rows)
             self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
+        if len(self._kept) > _PARTS:
+            self._joined()
 
     def samples(self, start: float, stop: float) -> Samples:
         """Reports of a stretch of time, sorted by vehicle and time."""

@@ -83,3 +83,24 @@ def test_extrapolation_moves_on_with_the_velocity():
     assert p[0, 0] == pytest.approx(4.0 * 20.8, abs=0.01)
     assert age[0] == pytest.approx(1.0)
     assert np.isnan(p[3]).all() and np.isinf(age[3])
+
+
+def test_reports_in_small_batches_are_the_same_reports():
+    t, r = drive(0.5)
+    whole, parts = ReportLog(3, 20.0), ReportLog(3, 20.0)
+    whole.add(t, r)
+    for start in range(0, len(t), 3):
+        parts.add(*pick(t, r, slice(start, start + 3)))
+    a, b = whole.samples(0.0, 30.0), parts.samples(0.0, 30.0)
+    for name in ("t", "vehicle", "p", "heading", "log_null", "jump_var"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert whole.white_std_m == parts.white_std_m
+
+
+def test_reports_that_nobody_asks_for_do_not_pile_up():
+    t, r = drive(0.3, seconds=600.0)
+    log = ReportLog(3, 20.0)
+    for start in range(0, len(t), 3):
+        log.add(*pick(t, r, slice(start, start + 3)))
+    assert sum(len(part.t) for part in log._kept) < 3 * (1.2 * 20.0 * 5 + 501)
+    assert np.ptp(log.samples(0.0, 700.0).t) <= 1.2 * 20.0
