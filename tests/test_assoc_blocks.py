@@ -1,0 +1,74 @@
+"""Residuals by block: right for a hand-made pair, and the same for large fleets wherever it matters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from assoc import blocks as module
+from assoc.blocks import make_blocks
+from assoc.ground import THETA, GroundTracks
+from assoc.motion import Samples
+
+
+def scene(n, seconds=6.0, seed=3):
+    """n vehicles on a wide field, each with a track half a metre east of it at 10 Hz and reports at 5 Hz."""
+    rng = np.random.default_rng(seed)
+    start, v = rng.uniform(0, 200, (n, 2)), rng.uniform(-4, 4, (n, 2))
+    t = np.arange(0.0, seconds, 0.1)
+    p = start + v * t[:, None, None] + (0.5, 0.0)
+    heading = np.broadcast_to(np.arctan2(v[:, 0], v[:, 1]), (len(t), n))
+    tracks = GroundTracks(
+        t=t, p=p, jacobian=np.zeros((len(t), n, 2, THETA)), heading=heading, pixel_m=np.full((len(t), n), 0.05),
+        theta=np.zeros(THETA),
+    )  # fmt: skip
+    said = np.tile(np.arange(0.05, seconds, 0.2), n)
+    vehicle = np.repeat(np.arange(n), len(said) // n)
+    samples = Samples(
+        t=said, vehicle=vehicle, p=start[vehicle] + v[vehicle] * said[:, None], heading=heading[0, vehicle],
+        log_null=np.full(len(said), -2.0), jump_var=np.zeros(len(said)),
+    )  # fmt: skip
+    return tracks, samples
+
+
+def made(n):
+    tracks, samples = scene(n)
+    return make_blocks(tracks, samples, n, first=0, last=6, block_s=1.0, gap_max_s=0.6, heading_std=0.15)
+
+
+def test_a_track_half_a_metre_aside():
+    got = made(2)
+    own = np.arange(2)
+    np.testing.assert_allclose(got.count[1:5, own, own], 5.0)
+    np.testing.assert_allclose(got.mean[1:5, own, own], np.broadcast_to((0.5, 0.0), (4, 2, 2)), atol=1e-9)
+    np.testing.assert_allclose(got.scatter[1:5, own, own], 0.0, atol=1e-9)
+    np.testing.assert_allclose(got.log_null[1:5, own, own], -10.0)
+    assert (got.heading[own, own] > 0).all()
+    assert (got.count[6] == 0).all()
+
+
+def test_large_fleets_leave_out_only_pairs_that_were_never_near(monkeypatch):
+    some = made(25)
+    monkeypatch.setattr(module, "_FEW", 10_000)
+    everything = made(25)
+    near = (np.hypot(everything.mean[..., 0], everything.mean[..., 1]) < 24.0) & (everything.count > 0)
+    near = near.any(axis=0)
+    assert 25 <= near.sum() < 0.3 * near.size
+    for name in ("count", "mean", "scatter", "log_null"):
+        np.testing.assert_allclose(getattr(some, name)[:, near], getattr(everything, name)[:, near], atol=1e-9)
+    np.testing.assert_allclose(some.heading[near], everything.heading[near])
+    left_out = (some.count.sum(axis=0) == 0) & (everything.count.sum(axis=0) > 0)
+    assert left_out.sum() > 0.5 * near.size
+
+
+@pytest.mark.parametrize("gap_s", [0.4, 1.0])
+def test_holes_are_bridged_while_they_are_short(gap_s):
+    tracks, samples = scene(1)
+    hole = (tracks.t > 2.5) & (tracks.t < 2.5 + gap_s)
+    p = np.where(hole[:, None, None], np.nan, tracks.p)
+    holed = GroundTracks(
+        t=tracks.t, p=p, jacobian=tracks.jacobian, heading=tracks.heading, pixel_m=tracks.pixel_m, theta=tracks.theta
+    )
+    got = make_blocks(holed, samples, 1, first=0, last=6, block_s=1.0, gap_max_s=0.6, heading_std=0.15)
+    inside = np.count_nonzero((samples.t > 2.5) & (samples.t < 2.4 + gap_s))
+    assert got.count.sum() == pytest.approx(30 - (0 if gap_s < 0.6 else inside), abs=2)
