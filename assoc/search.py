@@ -29,9 +29,8 @@ _TURNS = 4
 _SWAP_LOSS = 40.0
 """Swaps that lose more than this at the present θ, nats, are not tried."""
 _ABSENT, _ABSENT_PER_S = 8.0, 20.0
-"""Most that speaks for a track that has not been seen for ``_BLINK_S``, and what it loses per second, nats."""
-_BLINK, _BLINK_S = 40.0, 0.4
-"""A box missed for a moment is no absence: so much more may speak for it, less and less."""
+"""Most that speaks for a track that is not seen any more while another began in its place, nats, and what one that is
+not seen loses per second."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
@@ -115,9 +114,8 @@ def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray,
     final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
     score = final.score[: scene.live] + blocks.heading[: scene.live] + scene.log_odds + scene.in_view
     gap = scene.gap_s[:, None]
-    # a track that was not seen gives way to a new one in its place, the sooner the longer it is missing
-    blink = np.where(scene.replaced[:, None], 0.0, np.maximum(1.0 - gap / _BLINK_S, 0.0))
-    most = _ABSENT + _BLINK * blink
+    # a track that is not seen gives way to a new one in its place; those that were beside it are somebody else
+    most = np.where(scene.replaced[:, None], _ABSENT, np.inf)
     return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
 
 
