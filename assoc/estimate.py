@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.company import Company
 from assoc.conflicts import ConflictWatch
 from assoc.evidence import bounded, fresh_state, put, restarted, taken, with_columns
 from assoc.expected import noise_of, prior_of
@@ -33,7 +34,7 @@ _RECENT_S = 1.5
 _LARGE = 400
 _SHAKEN = 12.0
 """A fall of a seen track's best score by this much from one update to the next, nats, opens the search again."""
-_STRANGER_S = 30.0
+_STRANGE_S, _STRANGER_S = 2.5, 30.0
 _NOISE_EVERY_S = 3.0
 _HEADING_STD = np.deg2rad(9.0)
 
@@ -48,6 +49,7 @@ class Estimator:
         self._memory = BiasMemory(log.n_vehicles)
         self._ended: dict[int, int] = {}
         self._sure: dict[int, int] = {}
+        self._company = Company()
         self._thetas: list[FloatArray] = []
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
@@ -85,6 +87,7 @@ class Estimator:
         if len(fresh):
             mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
             self._state = restarted(self._state, fresh, mean, var)
+            self._company.forget(fresh.tolist())
             for column in fresh.tolist():
                 self._swaps.forget(column)
                 self._ended.pop(column, None)
@@ -152,7 +155,7 @@ class Estimator:
         return Scene(
             history=self._history, columns=columns, live=len(live),
             gap_s=t - self._history.last_s[live], replaced=replaced(t, self._history, live, self.theta),
-            anchors=anchors, log=self._log,
+            beside=self._company.of(live, self._log.n_vehicles), anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
@@ -183,7 +186,8 @@ class Estimator:
                        self.theta)  # fmt: skip
         since = self._history.start(self._noted_s + 1e-6)
         missed = np.any(np.isnan(self._history.ray[since : self._history.n, seen, 0]), axis=0)
-        self._swaps.note(t, seen, g, missed, self._first_block)
+        in_danger = self._swaps.note(t, seen, g, missed, self._first_block)
+        self._company.forget(seen[in_danger].tolist())
         self._noted_s = t
 
     def _in_view(self, t: float, camera: CameraState) -> FloatArray:
@@ -245,8 +249,10 @@ class Estimator:
             self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
         more = np.sum(scene.gap_s <= 0.0) > np.sum(scene.view) + 0.5
-        if more and np.any(sure & (top == n) & (age > 2.5)):
+        nobody = sure & (top == n) & (age > _STRANGE_S)
+        if more and np.any(nobody):
             self._stranger_s = t
+        self._company.note(live[nobody], live[rows], top[rows[scene.gap_s[rows] <= 0.0]])
         for row, column in enumerate(live.tolist()):
             self._sure.pop(column, None)
             if sure[row] and top[row] < n:

@@ -37,7 +37,7 @@ class SwapRisk:
         self._place.pop(column, None)
 
     def note(self, t: float, columns: IntArray, ground: FloatArray, missed: BoolArray,
-             first_block: int | None) -> None:  # fmt: skip
+             first_block: int | None) -> BoolArray:  # fmt: skip
         """Take in where tracks are now.
 
         Args:
@@ -46,6 +46,9 @@ class SwapRisk:
             ground: (m, 2) east and north, NaN unseen.
             missed: (m,) whether they were out of sight in any frame since the last call.
             first_block: Blocks before are forgotten.
+
+        Returns:
+            (m,) which of them were in any danger.
         """
         q = self._params
         lost = ~np.isfinite(ground[:, 0])
@@ -64,6 +67,7 @@ class SwapRisk:
             elif close[k]:
                 rates.setdefault(column, q.switch_rate_close)
         self._rates = {b: s for b, s in self._rates.items() if first_block is None or b >= first_block}
+        return np.asarray(risky | close)
 
     def places(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """(m,) when each track was last noted in its place, seconds, and (m, 2) where; NaN never."""

@@ -125,6 +125,24 @@ def test_a_stranger_does_not_take_the_name_of_a_box_missed_for_a_moment(t, away_
     assert answer.system_id.tolist() == [*IDS, 0]
 
 
+def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
+    identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0)
+    rng, heard = np.random.default_rng(5), -0.1
+    aside = np.array([-7.0 / 40.0, 0.0, 0.0])
+    for k in range(90):
+        t = k / 10
+        s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
+        hidden_s = max(0.0, t - 6.9)
+        s = Sighting(
+            t_us=s.t_us, track_id=np.append(s.track_id, 9), ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
+            front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside]), gap_s=np.array([hidden_s, 0, 0, 0, 0]),
+            score=np.append(s.score, 0.9),
+        )  # fmt: skip
+        answer = identifier.update(s, camera(), fleet.reports(heard, t, rng))
+        heard = t
+        assert t < 1.0 or answer.system_id[4] == 0, t
+
+
 def test_silence_keeps_the_name_of_an_unbroken_track():
     identifier, fleet = Identifier(IDS), Fleet()
     rng = np.random.default_rng(1)
