@@ -129,7 +129,7 @@ def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
     identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0)
     rng, heard = np.random.default_rng(5), -0.1
     aside = np.array([-7.0 / 40.0, 0.0, 0.0])
-    for k in range(90):
+    for k in range(83):
         t = k / 10
         s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
         hidden_s = max(0.0, t - 6.9)
