@@ -212,7 +212,11 @@ class Flight:
     def _video_state(self) -> str:
         if self._stream is None:
             return "none"
-        return "stalled" if self._stream.stalled else "ok"
+        if self._stream.ended:
+            return "ended"
+        if self._stream.stalled:
+            return "stalled"
+        return "ok" if self._stream.received else "waiting"
 
 
 def _link_health(link: Link) -> LinkHealth:

@@ -133,7 +133,7 @@ class Health:
     frames: int = 0
     skipped_frames: int = 0
     video: str = "none"
-    """``ok``, ``stalled``, ``ended``, ``none``."""
+    """``waiting`` for the first picture, ``ok``, ``stalled``, ``ended``, ``none``."""
     links: tuple[LinkHealth, ...] = ()
     recorded_bytes: int = 0
     recording: bool = False

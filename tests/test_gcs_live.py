@@ -1,6 +1,7 @@
 """A flight as it is flown: the command in a process of its own, a simulated fleet on the loopback, bounded in time."""
 
 import csv
+import json
 import signal
 import socket
 import subprocess
@@ -101,6 +102,9 @@ def test_every_packet_and_frame_is_kept(tmp_path):
     film.close()
     assert "ended" in (field.session / "session.toml").read_text()
     assert said_again(field.session, tmp_path / "again") >= 0.98
+    events = [json.loads(line) for line in (field.session / "events.jsonl").read_text().splitlines()]
+    well = [event["time_us"] for event in events if event["text"] == "video ok"]
+    assert well and well[0] >= times[0], "the video was called well before any of it had come"
 
 
 def said_again(session, out):

@@ -123,6 +123,7 @@ def _disk(health: Health) -> Item:
 
 def _video(health: Health) -> Item:
     if health.video != "ok":
-        return _item(4, f"video {plain(health.video)}", FAINT if health.video in ("none", "ended") else ALARM)
+        calm = health.video in ("none", "waiting", "ended")
+        return _item(4, f"video {plain(health.video)}", FAINT if calm else ALARM)
     late = health.lag_s > 0.5
     return _item(4, "video ok" + f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S), WARN if late else FAINT)

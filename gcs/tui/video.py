@@ -50,7 +50,7 @@ class VideoPane(Pane):
         if self.snapshot is None:
             return ()
         health = self.snapshot.health
-        colour = {"ok": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
+        colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
         parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
         if health.video == "ok":
             late = WARN if health.lag_s > 0.5 else FAINT
