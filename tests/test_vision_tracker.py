@@ -383,6 +383,17 @@ def test_a_larger_box_round_one_track_goes_on_with_it():
     assert tracks.detection.tolist() == [0, 1]
 
 
+def test_a_large_box_over_vehicles_that_have_boxes_of_their_own_changes_nothing():
+    tracker, other = Tracker(), Tracker()
+    for k in range(5):
+        tracker.update(boxes([(100, 100), (160, 100)]), k * STEP)
+        other.update(boxes([(100, 100), (160, 100)]), k * STEP)
+    large = boxes([(100, 100), (160, 100), (150, 120)], w=np.array([40.0, 40, 200]), h=np.array([20.0, 20, 120]))
+    tracks, plain = tracker.update(large, 5 * STEP), other.update(boxes([(100, 100), (160, 100)]), 5 * STEP)
+    assert tracks.detection[:2].tolist() == [0, 1]
+    np.testing.assert_allclose(tracks.boxes[:2], plain.boxes)
+
+
 @MODEST
 @given(SEED)
 def test_common_boxes_do_not_depend_on_the_order(seed):

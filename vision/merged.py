@@ -15,12 +15,14 @@ Indices = NDArray[np.intp]
 
 LARGER = 1.2
 """So many times the size of each of the tracks that it holds, a box is round them all."""
+NEAR = 0.6
+"""Sizes within which a box that is not larger is a track's own."""
 SHARE, GAP_S = 0.5, 0.2
 """Tracks in a common box move by this share of what their middle is off by, and count as unseen for no longer."""
 
 
 def take_together(state: TrackState, settled: Indices, boxes: Detections) -> Flags:
-    """Find the boxes that are larger than each of two tracks or more whose places they hold.
+    """Find the boxes larger than each of two tracks or more whose places they hold, and that have no box of their own.
 
     They continue none of these, which stay in sight and follow the box together: which of them it would be cannot be
     told, and the wrong one would give its name away when they part.
@@ -34,14 +36,19 @@ def take_together(state: TrackState, settled: Indices, boxes: Detections) -> Fla
         (m,) which boxes.
     """
     size, together = np.sqrt(boxes.w * boxes.h), np.zeros(len(boxes), dtype=bool)
-    place = state.x[settled, :2].copy()
-    for j in np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf)):
+    large = np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf))
+    if not len(large):
+        return together
+    place, length = state.x[settled, :2].copy(), state.length[settled]
+    away = place[:, None] - boxes.centre
+    own = (size < LARGER * length[:, None]) & (np.hypot(away[..., 0], away[..., 1]) < NEAR * length[:, None])
+    alone = ~own.any(axis=1)
+    for j in large:
         c, s = np.cos(boxes.angle[j]), np.sin(boxes.angle[j])
-        away = place - boxes.centre[j]
-        inside = (np.abs(away @ (c, s)) < 0.5 * boxes.w[j]) & (np.abs(away @ (-s, c)) < 0.5 * boxes.h[j])
-        held = settled[inside]
-        if len(held) > 1 and size[j] > LARGER * state.length[held].max():
+        along, across = np.abs(away[:, j] @ (c, s)), np.abs(away[:, j] @ (-s, c))
+        held = np.flatnonzero(alone & (along < 0.5 * boxes.w[j]) & (across < 0.5 * boxes.h[j]))
+        if len(held) > 1 and size[j] > LARGER * length[held].max():
             together[j] = True
-            state.x[held, :2] -= SHARE * away[inside].mean(axis=0)
-            state.gap_s[held] = np.minimum(state.gap_s[held], GAP_S)
+            state.x[settled[held], :2] -= SHARE * away[held, j].mean(axis=0)
+            state.gap_s[settled[held]] = np.minimum(state.gap_s[settled[held]], GAP_S)
     return together
