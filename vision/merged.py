@@ -10,6 +10,7 @@ from vision.track_state import TrackState
 
 __all__ = ["take_together"]
 
+Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
@@ -21,7 +22,7 @@ SHARE, GAP_S = 0.5, 0.2
 """Tracks in a common box move by this share of what their middle is off by, and count as unseen for no longer."""
 
 
-def take_together(state: TrackState, settled: Indices, boxes: Detections) -> Flags:
+def take_together(state: TrackState, settled: Indices, boxes: Detections, apart: Floats) -> Flags:
     """Find the boxes larger than each of two tracks or more whose places they hold, and that have no box of their own.
 
     They continue none of these, which stay in sight and follow the box together: which of them it would be cannot be
@@ -31,24 +32,26 @@ def take_together(state: TrackState, settled: Indices, boxes: Detections) -> Fla
         state: The tracks, moved on to this picture; those held together are moved.
         settled: Rows of those that count.
         boxes: Of this picture.
+        apart: (k, m) squared distances of tracks and boxes, px².
 
     Returns:
         (m,) which boxes.
     """
     size, together = np.sqrt(boxes.w * boxes.h), np.zeros(len(boxes), dtype=bool)
     large = np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf))
+    place, length = state.x[settled, :2].copy(), state.length[settled]
+    apart, half = apart[settled], 0.25 * (boxes.w[large] ** 2 + boxes.h[large] ** 2)
+    large = large[np.count_nonzero(apart[:, large] < half, axis=0) > 1]
     if not len(large):
         return together
-    place, length = state.x[settled, :2].copy(), state.length[settled]
-    away = place[:, None] - boxes.centre
-    own = (size < LARGER * length[:, None]) & (np.hypot(away[..., 0], away[..., 1]) < NEAR * length[:, None])
-    alone = ~own.any(axis=1)
+    alone = ~np.any((size < LARGER * length[:, None]) & (apart < (NEAR * length[:, None]) ** 2), axis=1)
     for j in large:
         c, s = np.cos(boxes.angle[j]), np.sin(boxes.angle[j])
-        along, across = np.abs(away[:, j] @ (c, s)), np.abs(away[:, j] @ (-s, c))
-        held = np.flatnonzero(alone & (along < 0.5 * boxes.w[j]) & (across < 0.5 * boxes.h[j]))
+        away = place - boxes.centre[j]
+        inside = (np.abs(away @ (c, s)) < 0.5 * boxes.w[j]) & (np.abs(away @ (-s, c)) < 0.5 * boxes.h[j])
+        held = np.flatnonzero(alone & inside)
         if len(held) > 1 and size[j] > LARGER * length[held].max():
             together[j] = True
-            state.x[settled[held], :2] -= SHARE * away[held, j].mean(axis=0)
+            state.x[settled[held], :2] -= SHARE * away[held].mean(axis=0)
             state.gap_s[settled[held]] = np.minimum(state.gap_s[settled[held]], GAP_S)
     return together

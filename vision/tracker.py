@@ -80,8 +80,12 @@ class Tracker:
         if len(self._state) and len(detections):
             state, params = self._state, self.params
             settled = np.flatnonzero((state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s))
-            free &= ~take_together(state, settled, detections)
-            self._match(detections, free, known if stitch is not None else ())
+            apart = state.apart(detections)
+            together = take_together(state, settled, detections, apart)
+            if np.count_nonzero(together):
+                free &= ~together
+                apart = state.apart(detections)
+            self._match(detections, free, known if stitch is not None else (), apart)
             if stitch is not None:
                 self._stitch(detections, free, stitch)
         self._drop()
@@ -94,11 +98,10 @@ class Tracker:
         if warp is not None and np.isfinite(warp).all():
             state.warp(np.asarray(warp, dtype=np.float64))
 
-    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> None:
-        """Both rounds; what they use is struck from the boxes (m,) that are free."""
+    def _match(self, boxes: Detections, free: Flags, known: Collection[int], apart: Floats) -> None:
+        """Both rounds; what they use is struck from the boxes (m,) that are free. ``apart``: (k, m) px²."""
         params, state = self.params, self._state
         high = free & (boxes.score >= params.high_score)
-        apart = state.apart(boxes)
         if self._shift(boxes, high, apart):
             apart = state.apart(boxes)
         pairs = self._candidates(boxes, apart, params.gate)
