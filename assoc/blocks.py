@@ -87,7 +87,8 @@ def _interpolated(tracks: GroundTracks, t: FloatArray, column: IntArray,
     a, b = before[:-1], after[1:]
     whole = (a >= 0) & (b <= last)
     a, b = np.where(whole, a, 0), np.where(whole, b, 0)
-    every = np.arange(tracks.p.shape[1])[None, :]
+    n_tracks = tracks.p.shape[1]
+    every = np.arange(n_tracks)[None, :]
     span, p0 = tracks.t[b] - tracks.t[a], tracks.p[a, every]
     step = tracks.p[b, every] - p0
     whole &= span <= gap_max_s
@@ -95,7 +96,7 @@ def _interpolated(tracks: GroundTracks, t: FloatArray, column: IntArray,
     whole &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
     rate, from_t = 1.0 / np.where(span > 0, span, np.inf), tracks.t[a]
     heading0, heading1 = tracks.heading[a, every], tracks.heading[b, every]
-    k = np.clip(np.searchsorted(tracks.t, t, side="right") - 1, 0, last - 1) * len(every[0]) + column
+    k = np.clip(np.searchsorted(tracks.t, t, side="right") - 1, 0, last - 1) * n_tracks + column
     w = (t - from_t.ravel()[k]) * rate.ravel()[k]
     valid = whole.ravel()[k] & (t >= tracks.t[0]) & (t <= tracks.t[last])
     p = p0.reshape(-1, 2)[k] + w[:, None] * step.reshape(-1, 2)[k]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.blocks import Blocks
+from assoc.plane import axes, plane, square
 
 __all__ = [
     "NEVER", "Noise", "PairState", "bounded", "fresh_state", "put", "restarted", "run_filter", "taken", "with_columns",
@@ -105,21 +106,6 @@ def _first_null(blocks: Blocks, noise: Noise) -> FloatArray:
     return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area)
 
 
-def _plane(p: FloatArray) -> NDArray[np.complex128]:
-    """(..., 2) east, north as east + i north: one operation instead of two."""
-    return np.asarray(p[..., 0] + 1j * p[..., 1])
-
-
-def _axes(z: NDArray[np.complex128]) -> FloatArray:
-    """(..., 2) east, north."""
-    return np.stack([z.real, z.imag], axis=-1)
-
-
-def _square(z: NDArray[np.complex128]) -> FloatArray:
-    """|z|²."""
-    return np.asarray(z.real**2 + z.imag**2)
-
-
 def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,
                fold: int = 0) -> tuple[PairState, PairState]:  # fmt: skip
     """Carry the evidence through all blocks.
@@ -135,28 +121,28 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
     Returns:
         State after the last block, state after ``fold`` blocks.
     """
-    mean_r = _plane(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
+    mean_r = plane(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
     variance, constant = _constant(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
     null, null_later = _first_null(blocks, noise), blocks.log_null - noise.patience
     # each block as if it were the first of the pair
-    log_p_first = constant + _log_density(_square(mean_r), prior + variance, np.asarray(prior))
+    log_p_first = constant + _log_density(square(mean_r), prior + variance, np.asarray(prior))
     restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
     restart_gain = prior / (prior + variance)
     M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
     renewed = (1.0 - decay**2) * prior + blocks.jump_var
-    M, V, L, seen = _plane(state.mean), state.var, state.score, state.seen
+    M, V, L, seen = plane(state.mean), state.var, state.score, state.seen
     folded = state
     for b in range(len(mean_r)):
         if b == fold:
-            folded = PairState(score=L, mean=_axes(M), var=V, seen=seen)
+            folded = PairState(score=L, mean=axes(M), var=V, seen=seen)
         has = has_all[b]
         # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
         M, V = decay * M, decay**2 * V + renewed[b]
         e = mean_r[b] - M
         s = V + variance[b]
-        log_p = constant[b] + _log_density(_square(e), s, V)
+        log_p = constant[b] + _log_density(square(e), s, V)
         later = np.minimum(np.maximum(log_p - null_later[b], -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
@@ -171,7 +157,7 @@ def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise
         unheard = np.where(seen, np.logaddexp(L, before[:, None] - _UNHEARD), L)
         L = np.where(has, np.logaddexp(stay, switch), unheard)
         seen = seen | has
-    final = PairState(score=L, mean=_axes(M), var=V, seen=seen)
+    final = PairState(score=L, mean=axes(M), var=V, seen=seen)
     return final, final if fold >= len(mean_r) else folded
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.plane import axes, plane, square
 from assoc.records import VehicleReports
 
 __all__ = ["WHITE_STD_M", "ReportLog", "Samples"]
@@ -161,8 +162,7 @@ class ReportLog:
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
         if not known.all():
-            filtered = self._speed[vehicle, self.white]
-            reported = np.where(known[:, None], reported, np.column_stack([filtered.real, filtered.imag]))
+            reported = np.where(known[:, None], reported, axes(self._speed[vehicle, self.white]))
         self.last_v[vehicle] = reported
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
@@ -189,9 +189,9 @@ class ReportLog:
         pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION * dt**3 / 3
         pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION * dt**2 / 2
         vv = cov[..., 2] + _ACCELERATION * dt
-        at = (p[:, 0] + 1j * p[:, 1])[:, None]
+        at = plane(p)[:, None]
         e, s = at - predicted, pp + _WHITE_VAR
-        e2 = e.real**2 + e.imag**2
+        e2 = square(e)
         # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
         log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LEAST_LOG)
         gain_p, gain_v = pp / s, pv / s

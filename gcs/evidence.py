@@ -9,20 +9,21 @@ import numpy as np
 from assoc.records import CameraState, Sighting, VehicleReports
 from gcs.picture import View
 from mavlink.fleet import Reports
+from vision.camera import Intrinsics
 from vision.detections import Detections
 from vision.tracks import Tracks
 
 __all__ = ["camera_of", "reports_of", "sighting_of"]
 
 
-def sighting_of(t_us: int, detections: Detections, tracks: Tracks, view: View) -> Sighting:
+def sighting_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics) -> Sighting:
     """Tracks of a frame as rays; a track that is seen is where its box is, not where the filter has it.
 
     Args:
         t_us: When the frame was taken, on the telemetry's clock.
         detections: The frame's boxes.
         tracks: The tracks after them.
-        view: The camera.
+        lens: The camera's.
     """
     seen = tracks.detection >= 0
     centre = np.column_stack([tracks.cx, tracks.cy])
@@ -32,8 +33,8 @@ def sighting_of(t_us: int, detections: Detections, tracks: Tracks, view: View) -
     return Sighting(
         t_us=t_us,
         track_id=tracks.track_id,
-        ray_cam=view.intrinsics.rays(centre),
-        front_cam=view.intrinsics.rays(front),
+        ray_cam=lens.rays(centre),
+        front_cam=lens.rays(front),
         gap_s=np.where(seen, 0.0, tracks.gap_s),
         score=tracks.score,
     )

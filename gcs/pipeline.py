@@ -163,7 +163,7 @@ class Pipeline:
     def _identify(self, t_us: int, detections: Detections, tracks: Tracks, view: View | None) -> Identities | None:
         if view is None:
             return None
-        sighting = sighting_of(self._telemetry_time(t_us), detections, tracks, view)
+        sighting = sighting_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics)
         return self._identifier.update(sighting, self._camera(view))
 
     def _camera(self, view: View) -> CameraState:

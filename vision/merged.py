@@ -7,22 +7,20 @@ from numpy.typing import NDArray
 
 from vision.detections import Detections
 from vision.track_state import TrackState
+from vision.tracks import TrackerParams
 
 __all__ = ["take_together"]
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 LARGER = 1.2
 """So many times the size of each of the tracks that it holds, a box is round them all."""
-NEAR = 0.6
-"""Sizes within which a box that is not larger is a track's own."""
 SHARE, GAP_S = 0.5, 0.2
 """Tracks in a common box move by this share of what their middle is off by, and count as unseen for no longer."""
 
 
-def take_together(state: TrackState, settled: Indices, boxes: Detections, apart: Floats) -> Flags:
+def take_together(state: TrackState, params: TrackerParams, boxes: Detections, apart: Floats) -> Flags:
     """Find the boxes larger than each of two tracks or more whose places they hold, and that have no box of their own.
 
     They continue none of these, which stay in sight and follow the box together: which of them it would be cannot be
@@ -30,13 +28,14 @@ def take_together(state: TrackState, settled: Indices, boxes: Detections, apart:
 
     Args:
         state: The tracks, moved on to this picture; those held together are moved.
-        settled: Rows of those that count.
+        params: Which tracks count as followed, and within which distance a box is one's own.
         boxes: Of this picture.
         apart: (k, m) squared distances of tracks and boxes, px².
 
     Returns:
         (m,) which boxes.
     """
+    settled = np.flatnonzero((state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s))
     size, together = np.sqrt(boxes.w * boxes.h), np.zeros(len(boxes), dtype=bool)
     large = np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf))
     place, length = state.x[settled, :2].copy(), state.length[settled]
@@ -44,7 +43,7 @@ def take_together(state: TrackState, settled: Indices, boxes: Detections, apart:
     large = large[np.count_nonzero(apart[:, large] < half, axis=0) > 1]
     if not len(large):
         return together
-    alone = ~np.any((size < LARGER * length[:, None]) & (apart < (NEAR * length[:, None]) ** 2), axis=1)
+    alone = ~np.any((size < LARGER * length[:, None]) & (apart < (params.near * length[:, None]) ** 2), axis=1)
     for j in large:
         c, s = np.cos(boxes.angle[j]), np.sin(boxes.angle[j])
         away = place - boxes.centre[j]

@@ -78,14 +78,7 @@ class Tracker:
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
         if len(self._state) and len(detections):
-            state, params = self._state, self.params
-            settled = np.flatnonzero((state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s))
-            apart = state.apart(detections)
-            together = take_together(state, settled, detections, apart)
-            if np.count_nonzero(together):
-                free &= ~together
-                apart = state.apart(detections)
-            self._match(detections, free, known if stitch is not None else (), apart)
+            self._match(detections, free, known if stitch is not None else ())
             if stitch is not None:
                 self._stitch(detections, free, stitch)
         self._drop()
@@ -98,9 +91,14 @@ class Tracker:
         if warp is not None and np.isfinite(warp).all():
             state.warp(np.asarray(warp, dtype=np.float64))
 
-    def _match(self, boxes: Detections, free: Flags, known: Collection[int], apart: Floats) -> None:
-        """Both rounds; what they use is struck from the boxes (m,) that are free. ``apart``: (k, m) px²."""
+    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> None:
+        """Both rounds; what they use, and boxes round several tracks, are struck from the boxes (m,) that are free."""
         params, state = self.params, self._state
+        apart = state.apart(boxes)
+        together = take_together(state, params, boxes, apart)
+        if np.count_nonzero(together):
+            free[together] = False
+            apart = state.apart(boxes)
         high = free & (boxes.score >= params.high_score)
         if self._shift(boxes, high, apart):
             apart = state.apart(boxes)

@@ -87,7 +87,7 @@ class Tracks:
     age_s: Floats
     """Since first seen."""
     gap_s: Floats
-    """Since last seen, 0 when seen now."""
+    """Since last seen, 0 when seen now; in a box round several at most 0.2."""
     vx: Floats
     """px/s, camera motion removed as far as the warps said it."""
     vy: Floats

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.identifier import CameraState, Identifier, Sighting
+from assoc.identifier import CameraState, Identifier
 from bench.paper.films import FPS, film
 from bench.paper.methods import LENS, START_US, camera_state, vehicle_reports
+from gcs.evidence import sighting_of
 from sim.detections import DetectorModel
 from sim.scenario import Scenario
 from sim.world import World
@@ -129,18 +130,7 @@ class Ours(Plain):
 
     def see(self, frame: int, tracks: Tracks) -> None:
         walk = self._walk
-        seen = tracks.detection >= 0
-        centre = np.stack([tracks.cx, tracks.cy], axis=-1)
-        centre[seen] = walk.detections[frame].centre[tracks.detection[seen]]
-        ahead = centre + 0.5 * tracks.w[:, None] * np.stack([np.sin(tracks.heading), -np.cos(tracks.heading)], axis=-1)
-        sighting = Sighting(
-            t_us=frame_us(frame),
-            track_id=tracks.track_id,
-            ray_cam=LENS.rays(centre),
-            front_cam=LENS.rays(ahead),
-            gap_s=np.where(seen, 0.0, tracks.gap_s),
-            score=tracks.score,
-        )
+        sighting = sighting_of(frame_us(frame), walk.detections[frame], tracks, LENS)
         heard = vehicle_reports(frame_us(frame), walk.p_enu[frame], walk.heading[frame])
         answer = self._who.update(sighting, walk.cameras[frame], heard)
         self._named = answer.track_id[answer.system_id > 0].tolist()
