@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,26 +17,43 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _LASTING_S = 2.0
+_LAPSE_S = 1.0
+"""A double that is not seen for so long is over."""
+_HOLD = 2.0
+"""Of two vehicles one jumped to where the other was: they may then come so many times as far apart as before."""
 _CLAIM = 12.0
 _SURE = 0.9
 _HEARD_S = 3.0
+_NO_ONE = -1
+
+
+@dataclass(slots=True)
+class _Double:
+    """Two vehicles that report one place."""
+
+    since: float
+    last: float
+    jumper: int = _NO_ONE
+    """The one of them that jumped there, as no vehicle can."""
 
 
 class ConflictWatch:
     """Remembers for how long contradictions have lasted.
 
-    Two kinds: *double*, a vehicle reports the place of another, and has no track of its own but fits the other's, or
-    has jumped there as no vehicle can (a copy, or one of the two is spoofed); *gone*, a track that surely was a vehicle
-    is surely none of ours now while the vehicle still reports.
+    Two kinds: *double*, a vehicle reports the place of another, and has no track of its own there but fits the other's,
+    or has jumped there as no vehicle can (a copy, or one of the two is spoofed); *gone*, a track that surely was a
+    vehicle is surely none of ours now while the vehicle still reports.
     """
 
     def __init__(self) -> None:
-        self._double_since: dict[tuple[int, int], float] = {}
+        self._double: dict[tuple[int, int], _Double] = {}
         self._was: dict[int, int] = {}
         self._gone_since: dict[int, float] = {}
 
     def review(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray) -> tuple[FloatArray, tuple[int, ...]]:
-        """Marginals in which doubles share their track, and the vehicles in conflict.
+        """Marginals in which doubles share their tracks, and the vehicles in conflict.
+
+        Where it is known who jumped to the other's place, the log is told to compare that one's reports no more.
 
         Args:
             t: Time, seconds.
@@ -46,33 +65,48 @@ class ConflictWatch:
             (m, n + 1) marginals; indices of vehicles.
         """
         choice = names(p)
-        jumped = np.any(best.blocks.jump_var > 0.0, axis=0)
-        doubles = self._doubles(t, scene, best, choice, jumped)
+        self._note_doubles(t, scene, best, choice)
+        lasting = {pair: d for pair, d in self._double.items() if t - d.since >= _LASTING_S}
+        scene.log.doubted_since[:] = np.inf
         p = p.copy()
-        for row, first, second in doubles:
-            # whoever has just jumped there has the weaker claim
-            if jumped[first] != jumped[second]:
-                continue
-            p[row, [first, second]] = 0.5 * (p[row, first] + p[row, second])
+        for pair, double in lasting.items():
+            if double.jumper == _NO_ONE:
+                p[:, pair] = 0.5 * np.sum(p[:, pair], axis=1, keepdims=True)
+            else:
+                scene.log.doubted_since[double.jumper] = double.since - _LAPSE_S
         gone = self._gone(t, scene, choice, p)
-        return p, tuple(sorted({v for _, *pair in doubles for v in pair} | gone))
+        return p, tuple(sorted({v for pair in lasting for v in pair} | gone))
 
-    def _doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray,
-                 jumped: BoolArray) -> list[tuple[int, int, int]]:  # fmt: skip
-        """(track, vehicle, vehicle) that have lasted."""
-        place, age = scene.log.extrapolated(t)
-        heard = age < _HEARD_S
-        free = np.setdiff1d(np.flatnonzero(heard), choice)
+    def _note_doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray) -> None:
+        """Keep the pairs of vehicles that report one place, the track there, and who came there by a jump."""
+        place, heard = scene.log.extrapolated(t)[0], t - scene.log.last_t < _HEARD_S
+        jumped = heard & np.any(best.blocks.jump_var > 0.0, axis=0)
         reach = 2.5 * scene.noise.bias_std + float(np.sqrt(scene.noise.white_var))
-        now: dict[tuple[int, int], int] = {}
+        away = np.hypot(best.final.mean[: scene.live, :, 0], best.final.mean[: scene.live, :, 1])
+        free = heard.copy()
+        free[choice[choice >= 0]] = False
         for row in np.flatnonzero(choice >= 0).tolist():
             own = int(choice[row])
-            claims = set(free[best.score[row, free] > _CLAIM].tolist()) | set(np.flatnonzero(jumped & heard).tolist())
-            for other in claims - {own}:
-                if float(np.hypot(*(place[own] - place[other]))) < reach and heard[own]:
-                    now[min(own, other), max(own, other)] = row
-        self._double_since = {pair: self._double_since.get(pair, t) for pair in now}
-        return [(now[pair], *pair) for pair, since in self._double_since.items() if t - since >= _LASTING_S]
+            if not heard[own] or away[row, own] > reach:
+                continue
+            apart = np.hypot(*(place - place[own]).T)
+            known = self._copies(own, len(place)) & heard & (apart < _HOLD * reach)
+            claims = known | ((apart < reach) & (jumped | (free & (best.score[row] > _CLAIM))))
+            claims[own] = False
+            for other in np.flatnonzero(claims).tolist():
+                double = self._double.setdefault((min(own, other), max(own, other)), _Double(t, t))
+                double.last = t
+                if double.jumper == _NO_ONE and jumped[own] != jumped[other]:
+                    double.jumper = own if jumped[own] else other
+        self._double = {pair: d for pair, d in self._double.items() if t - d.last < _LAPSE_S}
+
+    def _copies(self, own: int, n: int) -> BoolArray:
+        """(n,) vehicles of which one jumped to where the other was, ``own`` among the two."""
+        found = np.zeros(n, np.bool_)
+        for pair, double in self._double.items():
+            if own in pair and double.jumper != _NO_ONE:
+                found[list(pair)] = True
+        return found
 
     def _gone(self, t: float, scene: Scene, choice: IntArray, p: FloatArray) -> set[int]:
         """Vehicles whose track, still seen, has long been surely not theirs any more, and who have no other."""

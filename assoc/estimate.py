@@ -115,8 +115,8 @@ class Estimator:
         self._thetas, self.theta_std = [h.theta for h in found[:3]], found[0].theta_std
         p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)),
                             scene.in_view)  # fmt: skip
-        self._learn(t, scene, found[0], p, float(share[0]))
         p, self.conflict = self._watch.review(t, scene, found[0], p)
+        self._learn(t, scene, found[0], p, float(share[0]))
         self._fold(scene, found[0])
         return live, p
 
@@ -130,7 +130,8 @@ class Estimator:
     def residuals(self, t: float, sighting: Sighting, camera: CameraState,
                   vehicle: IntArray) -> tuple[FloatArray, FloatArray]:  # fmt: skip
         """(m,) ground distance of each track to its vehicle's extrapolated report, and its age; NaN unnamed."""
-        p, age = self._log.extrapolated(t - self.time_offset_s)
+        now = t - self.time_offset_s
+        p, age = self._log.extrapolated(now)[0], now - self._log.last_t
         g = ground_now(sighting.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
         named = vehicle >= 0
         away = np.linalg.norm(g - p[np.maximum(vehicle, 0)], axis=1) if len(p) else np.full(len(vehicle), np.nan)
@@ -241,10 +242,11 @@ class Estimator:
         age = t - self._history.first_s[live]
         top = np.argmax(p, axis=1)
         sure = (np.max(p, axis=1) > _SURE) & (age > _SETTLED_S)
-        rows = np.flatnonzero(sure & (top < n))
+        honest = ~np.isin(top, self.conflict)
+        rows = np.flatnonzero(sure & (top < n) & honest)
         if t - self._noise_s >= _NOISE_EVERY_S:
             self._noise_s = t
-            carrying = np.flatnonzero((np.max(p, axis=1) > 0.8) & (top < n))
+            carrying = np.flatnonzero((np.max(p, axis=1) > 0.8) & (top < n) & honest)
             now = (self._bias_std, self._tau_s)
             self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])

@@ -82,6 +82,8 @@ class ReportLog:
         self.first_t = np.full(n, np.inf)
         self.frozen: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest position was an exact repeat of a moving vehicle's."""
+        self.doubted_since = np.full(n, np.inf)
+        """(n,) reports of this time, seconds, and later ones are of another vehicle's place: they are not compared."""
         self._score = np.zeros((n, groups))
         self._place = np.zeros((n, groups), np.complex128)
         self._speed = np.zeros((n, groups), np.complex128)
@@ -126,9 +128,9 @@ class ReportLog:
             self._joined()
 
     def samples(self, start: float, stop: float) -> Samples:
-        """Reports of a stretch of time, sorted by vehicle and time."""
+        """Reports of a stretch of time that may be compared, sorted by vehicle and time."""
         kept, white = self._joined(), self.white
-        inside = np.flatnonzero((kept.t >= start) & (kept.t < stop))
+        inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.doubted_since[kept.vehicle])))
         inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
         return Samples(
             t=kept.t[inside], vehicle=kept.vehicle[inside], p=kept.p[inside], heading=kept.heading[inside],
@@ -143,12 +145,14 @@ class ReportLog:
             longest_s: Beyond this age the position is not moved further.
 
         Returns:
-            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise.
+            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise, and where they are another's.
         """
         age = t - self.last_t
         step = np.clip(age, -longest_s, longest_s)
         step[~np.isfinite(step)] = 0.0
-        return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], age
+        return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
+            np.isfinite(self.doubted_since), np.inf, age
+        )
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Take at most one report per vehicle."""

@@ -189,7 +189,7 @@ class Pipeline:
                 self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         conflict = frozenset(identities.conflict)
         for vehicle in sorted(conflict - self._conflict):
-            text = f"{self.mission.name_of(vehicle)} reports a place that contradicts the picture: unnamed until clear"
+            text = f"{self.mission.name_of(vehicle)} reports a place that contradicts the picture: check its position"
             self._events.append(Event(t_us=t_us, level="alarm", kind="identity", text=text, system_id=vehicle))
         self._name_of_track, self._conflict = named, conflict
 
