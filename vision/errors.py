@@ -3,12 +3,13 @@
 VisionError
 ├── VideoError    a file, stream or recording that cannot be opened, read or written
 ├── ModelError    a detector model that is missing or has inputs or outputs we cannot use
-└── CameraError   intrinsics or a mount that describe no camera
+├── CameraError   intrinsics or a mount that describe no camera
+└── LabelError    a folder of labelled pictures, or a line of its labels, that cannot be used
 """
 
 from __future__ import annotations
 
-__all__ = ["CameraError", "ModelError", "VideoError", "VisionError"]
+__all__ = ["CameraError", "LabelError", "ModelError", "VideoError", "VisionError"]
 
 
 class VisionError(Exception):
@@ -25,3 +26,7 @@ class ModelError(VisionError):
 
 class CameraError(VisionError):
     """Intrinsics or a mount describe no camera."""
+
+
+class LabelError(VisionError):
+    """Labelled pictures cannot be used: the message names the file and the line."""

@@ -21,13 +21,13 @@ __all__ = ["app", "main"]
 _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 _COMMANDS: dict[str, dict[str, Any]] = {
     "fly": {}, "replay": {}, "identify": {}, "export": {}, "score": {}, "sim": {}, "demo": {},
-    "bench": {"context_settings": _PASSED_ON},
+    "eval-detector": {}, "bench": {"context_settings": _PASSED_ON},
 }  # fmt: skip
 _GROUPS = ("tlog",)
 
 
 class _Commands(TyperGroup):
-    """Module ``gcs.cli.NAME`` holds command NAME as a function of that name, or a group of commands as ``app``."""
+    """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``."""
 
     def list_commands(self, ctx: object) -> list[str]:
         return [*_COMMANDS, *_GROUPS]
@@ -35,11 +35,12 @@ class _Commands(TyperGroup):
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401  (the command class of whatever typer is built on)
         if cmd_name not in self.list_commands(ctx):
             return None
-        module = import_module(f"gcs.cli.{cmd_name}")
+        name = cmd_name.replace("-", "_")
+        module = import_module(f"gcs.cli.{name}")
         if cmd_name in _GROUPS:
             return get_command(module.app)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(cmd_name, **_COMMANDS[cmd_name])(getattr(module, cmd_name))
+        single.command(cmd_name, **_COMMANDS[cmd_name])(getattr(module, name))
         return get_command(single)
 
 

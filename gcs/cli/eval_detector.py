@@ -1,0 +1,145 @@
+"""``gcs eval-detector``: how good a detector is on labelled pictures."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gcs.cli.console import note, say
+from gcs.errors import GcsError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from vision.detections import Detections
+    from vision.detector import Detector
+    from vision.evaluation import Picture
+
+__all__ = ["eval_detector"]
+
+FLOOR = 0.01
+"""Smallest score that average precision sees."""
+
+
+def eval_detector(
+    folder: Annotated[Path, typer.Argument(help="Labelled pictures: YOLO-OBB, DOTA, VisDrone-DET, or our own shards.")],
+    model: Annotated[Path | None, typer.Option(help="ONNX detector; the bundled one if left out.")] = None,
+    front: Annotated[Path | None, typer.Option(help="ONNX classifier of fronts, for boxes without.")] = None,
+    gsd: Annotated[float | None, typer.Option(help="Metres on the ground per pixel; overrides the labels'.")] = None,
+    score: Annotated[float, typer.Option(help="Operating score, of precision, recall and errors.")] = 0.3,
+    form: Annotated[str | None, typer.Option("--format", help="yolo, dota, visdrone or shards; else told.")] = None,
+    classes: Annotated[str | None, typer.Option(help="Labelled classes that count, by comma; else vehicles.")] = None,
+    ignore: Annotated[str | None, typer.Option(help="Classes that count neither way, by comma.")] = None,
+    names: Annotated[str | None, typer.Option(help="Names of YOLO class numbers, by comma.")] = None,
+    corners_tell_front: Annotated[
+        bool, typer.Option("--corners-tell-front", help="The first two corners of a label are its front.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for eval.json, eval.md, worst.png.")] = None,
+) -> None:
+    """Measure a detector on a folder of labelled pictures."""
+    from vision.evaluation import evaluate, open_folder
+    from vision.evaluation.report import as_json, as_markdown
+
+    if gsd is not None and not (math.isfinite(gsd) and gsd > 0.0):
+        raise GcsError(f"--gsd {gsd}: wanted metres per pixel above 0")
+    if not FLOOR <= score <= 1.0:
+        raise GcsError(f"--score {score}: wanted {FLOOR} to 1")
+    opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
+    if opened.unlabelled:
+        note(f"{opened.unlabelled} pictures have no label file and are not judged")
+    pictures = _chosen(opened.pictures, _split(classes), _split(ignore))
+    detector, native = _open(model, front)
+    found, took = _look(pictures, detector, gsd, native)
+    result = evaluate(found, [p.truth for p in pictures], score=score, floor=FLOOR)
+    about = {
+        "pictures": folder.name,
+        "labels": opened.format,
+        "judged by": "upright boxes" if any(p.truth.upright for p in pictures) else "oriented boxes",
+        "model": model.name if model else "bundled",
+        "fronts": front.name if front else "the model's own",
+        "ground resolution": f"{gsd:g} m per px" if gsd else "as the labels tell",
+        "time a picture, ms": f"{1e3 * took / max(len(pictures), 1):.0f}",
+    }
+    text = as_markdown(result, about)
+    say(text.rstrip("\n"))
+    if out is not None:
+        _write(out, as_json(result, about), text, pictures, found, score)
+
+
+def _split(text: str | None) -> list[str] | None:
+    return None if text is None else [part.strip() for part in text.split(",") if part.strip()]
+
+
+def _format(form: str | None) -> Any:  # noqa: ANN401  (one of FORMATS from here on)
+    from vision.evaluation.folder import FORMATS
+
+    if form is not None and form not in FORMATS:
+        raise GcsError(f"--format {form}: there are {', '.join(FORMATS)}")
+    return form
+
+
+def _chosen(pictures: tuple[Picture, ...], wanted: list[str] | None, neither: list[str] | None) -> list[Picture]:
+    from dataclasses import replace
+
+    from vision.evaluation import choose
+    from vision.evaluation.truth import choose_classes
+
+    every = {str(name) for p in pictures for name in p.truth.name}
+    choice = choose_classes(every, wanted, neither)
+    note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
+    return [replace(p, truth=choose(p.truth, choice)) for p in pictures]
+
+
+def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | None]:
+    """The detector, and the ground resolution at which it looks at pictures as they are, if it is Rollcall's own."""
+    from vision.detector import BUNDLED, open_detector
+    from vision.onnx_model import metadata, open_session
+
+    detector = open_detector(model, score=FLOOR)
+    notes = metadata(open_session(model or BUNDLED, ("CPUExecutionProvider",), 1))
+    own = "rollcall" in notes
+    native = float(notes["nominal_length_m"]) / float(notes["nominal_length_px"]) if own else None
+    if front is None:
+        return detector, native
+    from vision.front import FrontedDetector, open_front_classifier
+
+    return FrontedDetector(detector, open_front_classifier(front)), native
+
+
+def _look(
+    pictures: list[Picture], detector: Detector, gsd: float | None, native: float | None
+) -> tuple[list[Detections], float]:
+    """Detections of each picture, and the seconds that all of them took."""
+    found, took, blind = [], 0.0, 0
+    for picture in pictures:
+        told = picture.gsd_m if math.isfinite(picture.gsd_m) else (native if picture.as_seen else None)
+        used = gsd or told
+        blind += used is None
+        image: NDArray[np.uint8] = picture.read()
+        began = time.perf_counter()
+        found.append(detector.detect(image, gsd_m=used))
+        took += time.perf_counter() - began
+    if blind and native is not None:
+        note(f"{blind} pictures of unknown ground resolution: the model sees them at half their size; give --gsd")
+    return found, took
+
+
+def _write(out: Path, as_json: str, text: str, pictures: list[Picture], found: list[Detections], score: float) -> None:
+    import cv2
+
+    from vision.evaluation.sheet import worst_sheet
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "eval.json").write_text(as_json, encoding="utf-8")
+        (out / "eval.md").write_text(text + "\n![worst frames](worst.png)\n", encoding="utf-8")
+    except OSError as error:
+        raise GcsError(f"{out}: cannot be written: {error.strerror}; give another folder") from error
+    if not cv2.imwrite(str(out / "worst.png"), worst_sheet(pictures, found, score)):
+        raise GcsError(f"{out / 'worst.png'}: cannot be written; is there room on the disk?")
+    note(f"wrote {out}")

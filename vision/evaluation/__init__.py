@@ -1,0 +1,17 @@
+"""How good a detector is on labelled pictures: average precision, precision and recall, headings, recall by size.
+
+Boxes are rows ``cx cy w h angle`` of ``vision.boxes``, pixels; headings clockwise from image up, rad, NaN unknown. An
+object that does not *count* (difficult, mostly hidden, a region that nobody labelled) helps nobody and hurts nobody.
+"""
+
+from vision.evaluation.folder import Folder, open_folder
+from vision.evaluation.matching import THRESHOLDS, Matches, match
+from vision.evaluation.measures import Evaluation, evaluate
+from vision.evaluation.precision import average_precision
+from vision.evaluation.shards import shard_truth
+from vision.evaluation.truth import Choice, Picture, Truth, choose
+
+__all__ = [
+    "THRESHOLDS", "Choice", "Evaluation", "Folder", "Matches", "Picture", "Truth", "average_precision", "choose",
+    "evaluate", "match", "open_folder", "shard_truth",
+]  # fmt: skip

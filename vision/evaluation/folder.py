@@ -1,0 +1,166 @@
+"""A folder of labelled pictures in any of the known layouts.
+
+Labels lie beside the pictures, or in ``labels``, ``labelTxt`` or ``annotations`` where the pictures lie in ``images``.
+An empty label file says that nothing is there; a picture without one is not judged and is counted.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Literal, get_args
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import LabelError
+from vision.evaluation.labels import LabelFile, read_dota, read_visdrone, read_yolo
+from vision.evaluation.shards import read_shard
+from vision.evaluation.truth import Picture
+
+__all__ = ["FORMATS", "Folder", "Format", "open_folder"]
+
+Image = NDArray[np.uint8]
+Format = Literal["yolo", "dota", "visdrone", "shards"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+PICTURES = frozenset((".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"))
+LABEL_FOLDERS = ("labels", "labelTxt", "annotations")
+NAME_FILES = ("data.yaml", "dataset.yaml", "classes.txt", "obj.names")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Folder:
+    """What was found."""
+
+    format: Format
+    pictures: tuple[Picture, ...]
+    """In the order of their names."""
+    unlabelled: int
+    """Pictures without a label file."""
+
+
+def open_folder(
+    path: Path,
+    format: Format | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    corners_tell_front: bool = False,
+) -> Folder:
+    """Read all labels of a folder; pixels are read later.
+
+    Args:
+        path: the folder; also a single shard.
+        format: of the labels; None = told from them.
+        names: of YOLO classes in their order; None = from data.yaml or classes.txt in the folder, else numbers.
+        corners_tell_front: the first two corners of an oriented label are those of the front.
+
+    Raises:
+        LabelError: no such folder, nothing in it that is labelled, or labels that make no sense.
+    """
+    if not path.exists():
+        raise LabelError(f"{path}: no such folder; give one with pictures and their labels")
+    shards = [path] if path.is_file() else sorted(path.glob("crops_*.npz"))
+    if format == "shards" or (format is None and shards):
+        if not shards:
+            raise LabelError(f"{path}: no crops_*.npz in it; make some with python -m sim.crops --out {path}")
+        return Folder(format="shards", pictures=tuple(p for s in shards for p in read_shard(s)), unlabelled=0)
+    images = sorted(p for p in path.rglob("*") if p.suffix.lower() in PICTURES)
+    pairs = [(image, label) for image in images if (label := _label_of(image)) is not None]
+    if not pairs:
+        raise LabelError(
+            f"{path}: {len(images)} pictures, none with labels; wanted NAME.txt beside NAME.jpg, or in one of "
+            f"{', '.join(LABEL_FOLDERS)} beside images"
+        )
+    kind = format or _told_format([label for _, label in pairs])
+    called = dict(enumerate(names)) if names is not None else _class_names(path)
+    read = partial(_read, kind=kind, names=called, corners_tell_front=corners_tell_front)
+    pictures = []
+    for image, label in pairs:
+        said = read(image, label)
+        name = str(image.relative_to(path))
+        pictures.append(Picture(name=name, read=partial(_pixels, image), truth=said.truth, gsd_m=said.gsd_m))
+    return Folder(format=kind, pictures=tuple(pictures), unlabelled=len(images) - len(pairs))
+
+
+def _read(image: Path, label: Path, *, kind: Format, names: Mapping[int, str], corners_tell_front: bool) -> LabelFile:
+    if kind == "visdrone":
+        return read_visdrone(label)
+    if kind == "dota":
+        return read_dota(label, corners_tell_front)
+    height, width = _pixels(image).shape[:2]
+    return read_yolo(label, (width, height), names, corners_tell_front)
+
+
+def _label_of(image: Path) -> Path | None:
+    places = [image.with_suffix(".txt")]
+    parts = image.parts
+    for i in (i for i in range(len(parts) - 1) if parts[i] == "images"):
+        places += [Path(*parts[:i], folder, *parts[i + 1 :]).with_suffix(".txt") for folder in LABEL_FOLDERS]
+    return next((place for place in places if place.is_file()), None)
+
+
+def _told_format(labels: Sequence[Path]) -> Format:
+    """From the first line that says anything."""
+    for path in labels:
+        for i, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1):
+            if not line.strip():
+                continue
+            fields = line.split()
+            if line.lower().startswith(("imagesource", "gsd")) or (
+                len(fields) in (9, 10) and not _is_number(fields[8])
+            ):
+                return "dota"
+            if line.count(",") >= 7:
+                return "visdrone"
+            if len(fields) in (5, 9) and all(map(_is_number, fields)):
+                return "yolo"
+            raise LabelError(
+                f"{path}, line {i}: {line.strip()[:60]!r} is no label of YOLO, DOTA or VisDrone; see --format"
+            )
+    return "yolo"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _class_names(folder: Path) -> dict[int, str]:
+    """Of the first file of class names in the folder or above it; empty without."""
+    places = [place / name for place in (folder, folder.parent) for name in NAME_FILES]
+    path = next((p for p in places if p.is_file()), None)
+    if path is None:
+        return {}
+    text = path.read_text(encoding="utf-8-sig")
+    if path.suffix != ".yaml":
+        return dict(enumerate(line.strip() for line in text.splitlines() if line.strip()))
+    return _yaml_names(text, path)
+
+
+def _yaml_names(text: str, path: Path) -> dict[int, str]:
+    """``names: [a, b]``, or below ``names:`` lines ``0: a`` or ``- a``."""
+    found = re.search(r"^names:[ \t]*(\[[^\]]*\])?[ \t]*(?:#.*)?\n?((?:[ \t]+\S.*\n?|-.*\n?)*)", text, re.MULTILINE)
+    if not found or not (found[1] or found[2]):
+        raise LabelError(f"{path}: no list of class names under 'names:'; give them with --names")
+    items = found[1].strip("[]").split(",") if found[1] else found[2].splitlines()
+    names: dict[int, str] = {}
+    for item in (item.split("#")[0].strip() for item in items):
+        number, _, rest = item.partition(":")
+        key, name = (int(number), rest) if number.strip().isdigit() and rest else (len(names), item.lstrip("- "))
+        if item:
+            names[key] = name.strip().strip("'\"")
+    return names
+
+
+def _pixels(path: Path) -> Image:
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise LabelError(f"{path}: cannot be read as a picture; remove it or mend it")
+    return np.asarray(image, np.uint8)

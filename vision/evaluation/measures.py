@@ -1,0 +1,161 @@
+"""Figures over all pictures.
+
+AP      area under precision over recall, precision being the best at this recall or more (all-point
+        interpolation, as PASCAL VOC from 2010 on and DOTA have it; COCO takes 101 points of the same curve)
+AP50    at intersection over union 0.5;  AP50-95  mean over 0.50, 0.55, … 0.95
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detections import Detections
+from vision.evaluation.matching import ASIDE, FALSE_ALARM, THRESHOLDS, Matches, match
+from vision.evaluation.precision import average_precision
+from vision.evaluation.shares import Share, by_class, by_hiding, by_size
+from vision.evaluation.truth import Truth
+
+__all__ = ["Directions", "Evaluation", "evaluate"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Directions:
+    """Of found objects at the operating score."""
+
+    axis_deg: float
+    """Median error of the long axis, of boxes that are a fifth longer than wide; NaN with upright labels."""
+    told: int
+    """Objects whose labels and whose detections tell the front."""
+    untold: int
+    """Objects whose labels do, and whose detections do not."""
+    heading_deg: float
+    """Median error of the front."""
+    turned_about: float
+    """Share of told fronts that are more than 90° off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """How good detections are; shares are NaN where there is nothing to take a share of."""
+
+    pictures: int
+    objects: int
+    """That count."""
+    aside: int
+    """Labelled, but neither help nor hurt."""
+    detections: int
+    """At the operating score, those set aside left out."""
+    score: float
+    """Operating score."""
+    floor: float
+    """Smallest score that average precision saw."""
+    ap50: float
+    ap50_95: float
+    ap: tuple[float, ...]
+    """At each of the thresholds 0.50, 0.55, … 0.95."""
+    precision: float
+    recall: float
+    centre_px: float
+    """Median distance of centres."""
+    directions: Directions
+    classes: tuple[Share, ...]
+    sizes: tuple[Share, ...]
+    hidden: tuple[Share, ...]
+    """By how hidden they are, where labels tell; last those that do not count."""
+
+
+def evaluate(
+    found: Sequence[Detections], truth: Sequence[Truth], *, score: float = 0.3, floor: float = 0.0
+) -> Evaluation:
+    """Judge detections, picture by picture.
+
+    Args:
+        found: of each picture.
+        truth: of each picture.
+        score: operating score of precision, recall, errors and shares.
+        floor: the smallest score that the detector told, for the record.
+    """
+    matches = [match(d, t) for d, t in zip(found, truth, strict=True)]
+    all_scores = np.concatenate([np.empty(0), *(d.score for d in found)])
+    number = np.concatenate([np.empty((len(THRESHOLDS), 0), np.int64), *(m.truth for m in matches)], axis=1)
+    objects = sum(int(t.counts.sum()) for t in truth)
+    ap = tuple(average_precision(all_scores[row != ASIDE], row[row != ASIDE] >= 0, objects) for row in number)
+    strong = all_scores >= score
+    hits, false = int((number[0, strong] >= 0).sum()), int((number[0, strong] == FALSE_ALARM).sum())
+    seen = [_seen(d, t, m, score) for d, t, m in zip(found, truth, matches, strict=True)]
+    return Evaluation(
+        pictures=len(truth),
+        objects=objects,
+        aside=sum(int((~t.counts).sum()) for t in truth),
+        detections=hits + false,
+        score=score,
+        floor=floor,
+        ap50=ap[0],
+        ap50_95=float(np.mean(ap)),
+        ap=ap,
+        precision=hits / (hits + false) if hits + false else float("nan"),
+        recall=hits / objects if objects else float("nan"),
+        centre_px=_median(np.concatenate([np.empty(0), *(_apart(*pair) for pair in _pairs(found, truth, seen))])),
+        directions=_directions(_pairs(found, truth, seen), any(t.upright for t in truth)),
+        classes=by_class(all_scores, matches, truth, seen),
+        sizes=by_size(truth, seen),
+        hidden=by_hiding(truth, seen),
+    )
+
+
+def _seen(found: Detections, truth: Truth, matches: Matches, score: float) -> NDArray[np.int64]:
+    """(n,) detection that found each object at the operating score, −1 none; also for those that do not count."""
+    by = np.full(len(truth), -1, dtype=np.int64)
+    for i in np.flatnonzero(found.score >= score):
+        j = matches.truth[0, i] if matches.truth[0, i] >= 0 else matches.under[i]
+        if j >= 0:
+            by[j] = i
+    return by
+
+
+def _pairs(
+    found: Sequence[Detections], truth: Sequence[Truth], seen: Sequence[NDArray[np.int64]]
+) -> list[tuple[Detections, Truth]]:
+    """Of each picture, the counted objects that were found, row by row with their detections."""
+    kept = [(by >= 0) & t.counts for t, by in zip(truth, seen, strict=True)]
+    return [(d.take(by[k]), t.take(k)) for d, t, by, k in zip(found, truth, seen, kept, strict=True)]
+
+
+def _apart(found: Detections, truth: Truth) -> Floats:
+    return np.asarray(np.linalg.norm(found.centre - truth.boxes[:, :2], axis=1))
+
+
+def _directions(pairs: Sequence[tuple[Detections, Truth]], upright: bool) -> Directions:
+    said, true = (np.concatenate([np.empty(0), *(p[k].heading for p in pairs)]) for k in (0, 1))
+    known, told = np.isfinite(true), np.isfinite(true) & np.isfinite(said)
+    # smallest turn between two directions, and between two axes
+    off = np.degrees(np.abs(np.angle(np.exp(1j * (said[told] - true[told])))))
+    boxes, wanted = (np.concatenate([np.empty((0, 5)), *rows]) for rows in zip(*_rows_of(pairs), strict=True))
+    longer = np.maximum(wanted[:, 2], wanted[:, 3]) > 1.2 * np.minimum(wanted[:, 2], wanted[:, 3])
+    double = 2.0 * (_axis(boxes[longer]) - _axis(wanted[longer]))
+    return Directions(
+        axis_deg=float("nan") if upright else _median(np.degrees(0.5 * np.abs(np.angle(np.exp(1j * double))))),
+        told=int(told.sum()),
+        untold=int(known.sum() - told.sum()),
+        heading_deg=_median(off),
+        turned_about=float((off > 90.0).mean()) if len(off) else float("nan"),
+    )
+
+
+def _rows_of(pairs: Sequence[tuple[Detections, Truth]]) -> list[tuple[Floats, Floats]]:
+    return [(d.boxes, t.boxes) for d, t in pairs] or [(np.empty((0, 5)), np.empty((0, 5)))]
+
+
+def _axis(boxes: Floats) -> Floats:
+    """Direction of the longer side, rad."""
+    return np.asarray(boxes[:, 4] + np.where(boxes[:, 3] > boxes[:, 2], 0.5 * np.pi, 0.0))
+
+
+def _median(values: Floats) -> float:
+    return float(np.median(values)) if len(values) else float("nan")

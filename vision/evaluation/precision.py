@@ -1,0 +1,38 @@
+"""Average precision, by all-point interpolation.
+
+Precision over recall, precision being the best at this recall or more, integrated at every recall that occurs: as
+PASCAL VOC from 2010 on and DOTA have it. COCO samples the same curve at 101 recalls.
+
+Reference:
+    Everingham et al. 2015, doi:10.1007/s11263-014-0733-5, section 4.2 (and VOC 2010's development kit).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["average_precision"]
+
+
+def average_precision(score: NDArray[np.float64], hit: NDArray[np.bool_], objects: int) -> float:
+    """Area under the precision-recall curve.
+
+    Args:
+        score: (k,) of detections.
+        hit: (k,) whether each is right.
+        objects: how many there are to be found.
+
+    Returns:
+        0 to 1, NaN without objects.
+    """
+    if not objects:
+        return float("nan")
+    order = np.argsort(-score, kind="stable")
+    right = np.cumsum(hit[order])
+    last = np.append(np.diff(score[order]) != 0.0, True) if len(order) else np.zeros(0, dtype=bool)
+    # detections of one score come in together: their order is nobody's
+    precision, recall = (right / np.arange(1, len(right) + 1))[last], (right / objects)[last]
+    best = np.maximum.accumulate(precision[::-1])[::-1]
+    # AP = Σ (r_k − r_{k−1}) max_{j ≥ k} p_j
+    return float(np.sum(np.diff(recall, prepend=0.0) * best))

@@ -1,0 +1,97 @@
+"""An evaluation as Markdown and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from vision.evaluation.measures import Evaluation
+from vision.evaluation.shares import Share
+
+__all__ = ["as_json", "as_markdown"]
+
+
+def as_json(result: Evaluation, about: Mapping[str, Any]) -> str:
+    """Everything; unknown numbers are null.
+
+    Args:
+        result: the figures.
+        about: what was judged on what.
+    """
+    return json.dumps(_plain({"about": dict(about), **asdict(result)}), indent=2, ensure_ascii=False) + "\n"
+
+
+def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
+    """Tables to read.
+
+    Args:
+        result: the figures.
+        about: what was judged on what.
+    """
+    parts = ["# Detector on labelled pictures", _table(("what", "which"), [(k, str(v)) for k, v in about.items()])]
+    parts += [_table(("figure", "value"), _figures(result))]
+    for title, shares, with_ap in (
+        ("class", result.classes, True), ("length, px", result.sizes, False), ("occlusion", result.hidden, False)
+    ):  # fmt: skip
+        if shares:
+            parts.append(_shares(title, shares, with_ap))
+    return "\n\n".join([*parts, _WORDS]) + "\n"
+
+
+_WORDS = """\
+AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
+Detections are matched picture by picture, best score first, each object once. The detector tells no classes: AP50 of a
+class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones."""
+
+
+def _figures(r: Evaluation) -> list[tuple[str, str]]:
+    d = r.directions
+    rows = [
+        ("pictures", str(r.pictures)),
+        ("objects that count", str(r.objects)),
+        ("objects set aside", str(r.aside)),
+        (f"detections at score {r.score:g}", str(r.detections)),
+        ("AP50", number(r.ap50, 3)),
+        ("AP50-95", number(r.ap50_95, 3)),
+        (f"precision at score {r.score:g}", number(r.precision, 3)),
+        (f"recall at score {r.score:g}", number(r.recall, 3)),
+        ("median distance of centres, px", number(r.centre_px, 2)),
+        ("median error of the long axis, °", number(d.axis_deg, 1)),
+    ]
+    if d.told or d.untold:
+        rows += [
+            ("median error of the heading, °", number(d.heading_deg, 1)),
+            ("fronts more than 90° off, %", number(100.0 * d.turned_about, 1)),
+            ("fronts not told, %", number(100.0 * d.untold / (d.told + d.untold), 1)),
+        ]
+    return rows
+
+
+def _shares(title: str, shares: Sequence[Share], with_ap: bool) -> str:
+    head = (title, "objects", "found", "recall", *(("AP50",) if with_ap else ()))
+    rows = []
+    for s in shares:
+        row = [s.name, str(s.objects), str(s.found), number(s.found / s.objects, 3)]
+        rows.append([*row, number(s.ap50, 3)] if with_ap else row)
+    return _table(head, rows)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in lines)
+
+
+def number(value: float, digits: int) -> str:
+    """A number, – for unknown."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401  (whatever JSON can hold)
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,118 @@
+"""What is really on a picture, and which of it counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.errors import LabelError
+from vision.yolo_classes import vehicle_classes
+
+__all__ = ["HIDDEN", "NEITHER", "REGION", "Choice", "Picture", "Truth", "choose", "choose_classes"]
+
+Image = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+
+HIDDEN = ("in full sight", "partly hidden", "mostly hidden")
+"""Values of ``Truth.hidden``; −1 where it is not told."""
+REGION = "ignored regions"
+"""Name of an area in which nothing was labelled."""
+NEITHER = frozenset(
+    ("motor", "motorcycle", "motorbike", "bicycle", "bike", "tricycle", "awning-tricycle", "others", REGION)
+)
+"""Classes that neither count nor are background unless the choice says so: they are much like vehicles."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """The n labelled objects of one picture."""
+
+    boxes: Floats
+    """(n, 5) cx, cy, w, h px, angle rad."""
+    heading: Floats
+    """(n,) clockwise from image up, rad, NaN where labels do not tell the front."""
+    name: NDArray[np.str_]
+    """(n,) of the class."""
+    counts: NDArray[np.bool_]
+    """(n,) False: neither helps nor hurts."""
+    hidden: NDArray[np.int64]
+    """(n,) index into HIDDEN, −1 unknown."""
+    upright: bool = False
+    """Labels are upright boxes: a detection is judged by the upright box around it."""
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        wanted = {"boxes": (n, 5), "heading": (n,), "counts": (n,), "hidden": (n,)}
+        for key, shape in wanted.items():
+            if getattr(self, key).shape != shape:
+                raise ValueError(f"truth needs {key} of shape {shape}, got {getattr(self, key).shape}")
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def take(self, index: NDArray[np.bool_]) -> Truth:
+        """The objects of a mask (n,)."""
+        kept = {key: getattr(self, key)[index] for key in ("boxes", "heading", "name", "counts", "hidden")}
+        return replace(self, **kept)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """One labelled picture; its pixels are read when they are wanted."""
+
+    name: str
+    """Path below the folder, or shard and number."""
+    read: Callable[[], Image]
+    """(H, W, 3) BGR.
+
+    Raises:
+        LabelError: the file is no picture.
+    """
+    truth: Truth
+    gsd_m: float = np.nan
+    """Metres on the ground per pixel, NaN where the labels do not tell."""
+    as_seen: bool = False
+    """A training crop: Rollcall's own network looks at it as it is."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """Which classes count; what is in neither set is background, and a detection on it a false alarm."""
+
+    counts: frozenset[str]
+    neither: frozenset[str]
+
+
+def choose_classes(
+    names: Collection[str], wanted: Sequence[str] | None = None, neither: Sequence[str] | None = None
+) -> Choice:
+    """Decide which of the labels' classes count.
+
+    Args:
+        names: all that occur.
+        wanted: names that count; None = those that sound like vehicles, or all where labels have only numbers.
+        neither: names that neither count nor are background; None = NEITHER.
+
+    Raises:
+        LabelError: a name that does not occur, or none sounds like a vehicle.
+    """
+    real = sorted(set(names) - {REGION})
+    spare = frozenset(neither) | {REGION} if neither is not None else NEITHER - frozenset(wanted or ())
+    if wanted is None and all(name.isdigit() for name in real):
+        return Choice(counts=frozenset(real) - spare, neither=spare)
+    try:
+        chosen = vehicle_classes(dict(enumerate(real)), len(real), wanted)
+    except ValueError as error:
+        told = ", ".join(real) or "none at all"
+        raise LabelError(f"classes of the labels: {told}; name those that count with --classes") from error
+    return Choice(counts=frozenset(real[k] for k in chosen) - spare, neither=spare)
+
+
+def choose(truth: Truth, choice: Choice) -> Truth:
+    """The objects that matter, with those set aside that count neither way."""
+    counted, aside = (np.isin(truth.name, list(names)) for names in (choice.counts, choice.neither))
+    kept = truth.take(counted | aside)
+    return replace(kept, counts=kept.counts & counted[counted | aside])
