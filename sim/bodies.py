@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PAINT", "Block", "Model", "car", "crate", "person", "pickup", "pole", "rover", "van"]
+__all__ = ["PAINT", "Block", "Model", "car", "crate", "person", "pole", "rover", "tracked"]
 
 FloatArray = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 PAINT: Color = (-1.0, -1.0, -1.0)
-"""Stands for the body's own colour."""
+"""Stands for the body's own colour; a colour of −k stands for k times it."""
 GLASS: Color = (52.0, 44.0, 38.0)
 TYRE: Color = (34.0, 34.0, 36.0)
 DARK: Color = (58.0, 56.0, 55.0)
@@ -48,13 +48,19 @@ class Block:
     rear: Color | None = None
     layer: int = 0
     """Blocks of a higher layer stand on those below and are drawn after them."""
+    corner: tuple[float, float] = (0.0, 0.0)
+    """How much of the length and of the width the rounded corners take; zero = sharp."""
 
-    def corners(self) -> FloatArray:
-        """(8, 3): foot rear-left, rear-right, front-right, front-left, then the top in the same order."""
+    def corners(self, rounded: bool = False) -> FloatArray:
+        """Foot ring, then top ring: each rear-left, rear-right, front-right, front-left.
+
+        Args:
+            rounded: three points a corner, (24, 3), in place of one, (8, 3).
+        """
         (x0, x1), (y0, y1), (z0, z1), (tr, tf, ts) = self.x, self.y, self.z, self.taper
-        foot = [(x0, y0, z0), (x0, y1, z0), (x1, y1, z0), (x1, y0, z0)]
-        top = [(x0 + tr, y0 + ts, z1), (x0 + tr, y1 - ts, z1), (x1 - tf, y1 - ts, z1), (x1 - tf, y0 + ts, z1)]
-        return np.array(foot + top)
+        foot, top = (x0, x1, y0, y1), (x0 + tr, x1 - tf, y0 + ts, y1 - ts)
+        ring = _round_ring if rounded else _sharp_ring
+        return np.array([(*p, z) for sides, z in ((foot, z0), (top, z1)) for p in ring(*sides, *self.corner)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +68,7 @@ class Model:
     """Blocks as arrays."""
 
     corners: FloatArray
-    """(b, 8, 3) in the unit box."""
+    """(b, 2 k, 3) in the unit box: foot ring, top ring; k is 4, or 12 where a block has round corners."""
     colors: FloatArray
     """(b, 5, 3) of top, front, rear, left, right; −1 = the body's own colour."""
     layers: NDArray[np.int64]
@@ -73,12 +79,27 @@ class Model:
     def of(cls, *blocks: Block) -> Model:
         """Stack blocks into a model."""
         colors = [[b.top, b.front or b.sides, b.rear or b.sides, b.sides, b.sides] for b in blocks]
+        rounded = any(b.corner != (0.0, 0.0) for b in blocks)
         return cls(
-            corners=np.stack([b.corners() for b in blocks]),
+            corners=np.stack([b.corners(rounded) for b in blocks]),
             colors=np.array(colors),
             layers=np.array([b.layer for b in blocks]),
             blocks=blocks,
         )
+
+
+def _sharp_ring(x0: float, x1: float, y0: float, y1: float, _dx: float, _dy: float) -> list[tuple[float, float]]:
+    return [(x0, y0), (x0, y1), (x1, y1), (x1, y0)]
+
+
+def _round_ring(x0: float, x1: float, y0: float, y1: float, dx: float, dy: float) -> list[tuple[float, float]]:
+    dx, dy = min(dx, 0.5 * (x1 - x0)), min(dy, 0.5 * (y1 - y0))
+    # the middle point of a quarter of an ellipse lies 1 − 1/√2 of its axes inside the corner
+    mx, my = 0.29 * dx, 0.29 * dy
+    return [
+        (x0 + dx, y0), (x0 + mx, y0 + my), (x0, y0 + dy), (x0, y1 - dy), (x0 + mx, y1 - my), (x0 + dx, y1),
+        (x1 - dx, y1), (x1 - mx, y1 - my), (x1, y1 - dy), (x1, y0 + dy), (x1 - mx, y0 + my), (x1 - dx, y0),
+    ]  # fmt: skip
 
 
 def _pair(
@@ -134,6 +155,30 @@ def rover(
     return Model.of(*blocks)
 
 
+def tracked(*, deck: Color = STEEL, turret: bool = True, belt: float = 0.15) -> Model:
+    """A small vehicle on two belts: flat deck, sloping bow with lamps, often an arm or a turret that looks ahead.
+
+    Args:
+        deck: colour of the deck.
+        turret: whether it carries one.
+        belt: width of a belt, in vehicle widths.
+    """
+    at, inner = 0.5 - 0.5 * belt, 0.49 - belt
+    blocks = [
+        *_pair((-0.5, 0.5), at, 0.5 * belt, (0.0, 0.55), TYRE, 0),
+        Block(x=(-0.47, 0.46), y=(-inner, inner), z=(0.15, 0.6), taper=(0.02, 0.16, 0.0), front=DARK),
+        Block(x=(-0.42, 0.2), y=(-0.8 * inner, 0.8 * inner), z=(0.6, 0.64), top=deck, sides=DARK, layer=1),
+        *_pair((0.3, 0.36), 0.6 * inner, 0.05, (0.55, 0.66), WHITE, 2),
+        *_pair((-0.46, -0.43), 0.6 * inner, 0.06, (0.6, 0.66), RED, 2),
+    ]
+    if turret:
+        blocks += [
+            Block(x=(-0.15, 0.15), y=(-0.22, 0.22), z=(0.64, 0.95), taper=(0.03, 0.06, 0.04), layer=2),
+            Block(x=(0.12, 0.4), y=(-0.05, 0.05), z=(0.75, 0.85), top=DARK, sides=DARK, layer=3),
+        ]
+    return Model.of(*blocks)
+
+
 def car(
     *,
     bonnet: float = 0.26,
@@ -161,37 +206,6 @@ def car(
         *_pair((0.46, 0.495), 0.33, 0.09, (0.42, 0.585), WHITE, 1),
         *_pair((-0.497, -0.475), 0.34, 0.09, (0.45, 0.585), RED, 1),
         *_pair((0.5 - bonnet - 0.1, 0.5 - bonnet - 0.06), 0.48, 0.045, (0.55, 0.68), PAINT, 1),
-    )  # fmt: skip
-
-
-def pickup(*, bed: float = 0.4, bonnet: float = 0.22, bed_color: Color = DARK, glass: Color = GLASS) -> Model:
-    """A pick-up: bonnet, cabin, open bed of another colour at the rear."""
-    cab_rear = -0.5 + bed
-    return Model.of(
-        *_wheels((-0.3, 0.32), 0.075, 0.07, 0.4),
-        Block(x=(-0.5, 0.5), y=(-0.47, 0.47), z=(0.15, 0.56), taper=(0.01, 0.025, 0.02)),
-        Block(x=(-0.47, cab_rear - 0.02), y=(-0.4, 0.4), z=(0.56, 0.575), top=bed_color, sides=bed_color, layer=1),
-        Block(
-            x=(cab_rear, 0.5 - bonnet), y=(-0.44, 0.44), z=(0.56, 1.0), taper=(0.03, 0.11, 0.08), sides=glass, layer=1
-        ),
-        *_pair((0.46, 0.495), 0.34, 0.09, (0.42, 0.57), WHITE, 1),
-        *_pair((-0.5, -0.48), 0.4, 0.06, (0.4, 0.57), RED, 1),
-    )
-
-
-def van(*, nose: float = 0.1, box_gap: float = 0.0, box_color: Color = PAINT, glass: Color = GLASS) -> Model:
-    """A van; with a gap between cabin and box and a box of its own colour, a lorry."""
-    cab_rear = 0.5 - nose - 0.2
-    return Model.of(
-        *_wheels((-0.3, 0.34), 0.06, 0.07, 0.3),
-        Block(x=(-0.5, 0.5), y=(-0.44, 0.44), z=(0.12, 0.4), taper=(0.0, 0.01, 0.0), top=DARK if box_gap else PAINT),
-        Block(x=(cab_rear, 0.5), y=(-0.46, 0.46), z=(0.3, 0.85 if box_gap else 0.98), taper=(0.0, nose + 0.06, 0.06),
-              sides=glass, layer=1),
-        Block(x=(0.5 - nose, 0.5), y=(-0.46, 0.46), z=(0.3, 0.5), taper=(0.0, 0.02, 0.02), layer=1),
-        Block(x=(-0.5, cab_rear - box_gap), y=(-0.48, 0.48), z=(0.3, 1.0), taper=(0.01, 0.0, 0.02),
-              top=box_color, sides=box_color, layer=2),
-        *_pair((0.47, 0.5), 0.34, 0.09, (0.36, 0.52), WHITE, 2),
-        *_pair((-0.5, -0.49), 0.4, 0.05, (0.3, 0.5), RED, 2),
     )  # fmt: skip
 
 

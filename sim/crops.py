@@ -1,6 +1,6 @@
 """Pictures to train a detector on: small random scenes, every vehicle's oriented box, and much that is no vehicle.
 
-``python -m sim.crops --out .train/pool --shards 12 --per-shard 500 --seed 0`` writes shards of crops; one seed,
+``python -m sim.crops --out .train/pool --shards 12 --per-shard 250 --seed 0`` writes shards of crops; one seed,
 one shard, so that shards can be made in any order and by several processes.
 """
 
@@ -16,17 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.foliage import Tree, draw_tree
-from sim.randomise import SIZES, VEHICLES, random_scene, random_style
-from sim.render import Renderer, Style
-from sim.view import OCCLUDER, Bodies, CameraView, project, ray_ground
+from sim.footage import as_footage
+from sim.placing import random_bodies
+from sim.randomise import FIRST_KIND, Sort, random_cast, random_style
+from sim.render import Renderer, body_outline
+from sim.view import OCCLUDER, Bodies, CameraView, FloatArray, Scene, project
+from sim.yard import Yard, random_yard
 
-__all__ = ["Crop", "crop", "labels", "write_shard"]
+__all__ = ["MAX_BOXES", "SIDE", "Crop", "crop", "labels", "write_shard"]
 
 Image = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
-SIDE = 256
-MAX_BOXES = 24
-PER_GROUND = 25
+SIDE = 384
+MAX_BOXES = 80
+PER_YARD, PER_CAST = 15, 5
+LEAST_PX = 8.0
+"""Shorter vehicles count neither way."""
 log = logging.getLogger(__name__)
 
 
@@ -37,7 +41,10 @@ class Crop:
     image: Image
     """(SIDE, SIDE, 3) BGR."""
     boxes: FloatArray
-    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), weight (0 = mostly hidden)."""
+    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), share in sight (0 for the tiny)."""
+    about: FloatArray
+    """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where the yard has
+    streets or car parks, else 0."""
 
 
 def labels(view: CameraView, bodies: Bodies) -> FloatArray:
@@ -65,62 +72,70 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
     return np.column_stack([uv[:, 0], length, width, heading])
 
 
-def crop(renderer: Renderer, style: Style, rng: np.random.Generator) -> Crop:
-    """One random picture over a renderer's ground."""
-    over = float(rng.choice([1.0, 1.5, 2.0, 2.5]))
-    view = _random_view(rng, round(SIDE * over))
-    bodies = _random_bodies(view, rng)
-    renderer.style = style
-    image = renderer.draw(view, bodies, int(rng.integers(1 << 30)))
-    image = _as_video(image, rng)
+def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
+    """One random picture of a yard with a cast."""
+    over = float(rng.choice([1.0, 1.25, 1.6]))
+    view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))
+    bodies = random_bodies(view, yard, cast, rng)
+    style = random_style(rng, cast)
+    renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=yard)
+    image = as_footage(renderer.draw(view, bodies), rng)
     boxes = labels(view, bodies)
-    weight = _visible(view, bodies, boxes)
-    boxes[:, :4] /= over
-    vehicle = np.isin(bodies.kind, VEHICLES) & np.isfinite(boxes).all(axis=1)
-    inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1)
+    weight = _visible(view, bodies)
+    boxes[:, :4] *= SIDE / view.width
+    vehicle = np.array([k >= FIRST_KIND and cast[k - FIRST_KIND].group != "clutter" for k in bodies.kind], dtype=bool)
+    with np.errstate(invalid="ignore"):
+        inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1) & (boxes[:, 2] > 3.0)
+        weight[~(boxes[:, 2] >= LEAST_PX)] = 0.0
     keep = np.flatnonzero(vehicle & inside)[:MAX_BOXES]
     small = cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA) if over > 1.0 else image
-    return Crop(image=np.asarray(small, np.uint8), boxes=np.column_stack([boxes, weight])[keep])
+    tilt = float(np.arccos(np.clip(-view.R_enu_cam[2, 2], -1.0, 1.0)))
+    return Crop(
+        image=np.asarray(small, np.uint8), boxes=np.column_stack([boxes, weight])[keep],
+        about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(yard.slots.x) > 0]),
+    )  # fmt: skip
 
 
 def write_shard(folder: Path, seed: int, count: int) -> Path:
-    """Render a shard: images (count, SIDE, SIDE, 3) uint8, boxes (count, MAX_BOXES, 6) float32, n (count,)."""
+    """Render a shard: images (count, SIDE, SIDE, 3) uint8, boxes (count, MAX_BOXES, 6) float32, n (count,),
+    about (count, 5) float32; the columns are those of ``Crop``."""
     rng = np.random.default_rng(seed)
     images = np.zeros((count, SIDE, SIDE, 3), np.uint8)
     boxes = np.zeros((count, MAX_BOXES, 6), np.float32)
+    about = np.zeros((count, 5), np.float32)
     n = np.zeros(count, np.int64)
-    renderer = Renderer(random_scene(rng), random_style(rng), seed=int(rng.integers(1 << 30)))
+    yard, cast = random_yard(rng), random_cast(rng)
     for i in range(count):
-        if i % PER_GROUND == 0:
-            renderer = Renderer(random_scene(rng), random_style(rng), seed=int(rng.integers(1 << 30)))
-        made = crop(renderer, random_style(rng), rng)
-        images[i], n[i] = made.image, len(made.boxes)
+        yard = random_yard(rng) if i % PER_YARD == PER_YARD - 1 else yard
+        cast = random_cast(rng) if i % PER_CAST == PER_CAST - 1 else cast
+        made = crop(yard, cast, rng)
+        images[i], about[i], n[i] = made.image, made.about, len(made.boxes)
         boxes[i, : n[i]] = made.boxes
     folder.mkdir(parents=True, exist_ok=True)
     path, part = folder / f"crops_{seed:06d}.npz", folder / f"crops_{seed:06d}.part"
     with part.open("wb") as file:
-        np.savez(file, images=images, boxes=boxes, n=n)
+        np.savez(file, images=images, boxes=boxes, n=n, about=about)
     part.replace(path)
     log.info("%s: %d crops, %d vehicles", path, count, int(n.sum()))
     return path
 
 
-def _random_view(rng: np.random.Generator, side: int) -> CameraView:
-    """A camera whose picture shows 2.5 m at 14 to 44 px per SIDE: mostly straight down, sometimes oblique."""
-    gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(29.0), 0.28)), 13.0, 46.0)) * SIDE / side
-    height = float(rng.uniform(20.0, 120.0))
-    pitch = -np.pi / 2.0 + abs(float(rng.normal(0.0, 0.12 if rng.random() < 0.8 else 0.45)))
-    pitch = min(pitch, -0.5)
-    yaw = float(rng.uniform(0.0, 2.0 * np.pi))
+def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
+    """A camera whose picture shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
+    gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
+    height = float(np.exp(rng.uniform(np.log(15.0), np.log(250.0))))
+    tilt = (abs(rng.normal(0.0, 0.1)), rng.uniform(0.0, 0.5), rng.uniform(0.5, 1.08))[
+        int(rng.choice(3, p=[0.5, 0.25, 0.25]))
+    ]
+    pitch, yaw = float(tilt) - np.pi / 2.0, float(rng.uniform(0.0, 2.0 * np.pi))
     distance = height / np.sin(-pitch)
     focal = distance / gsd
     forward = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
     right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
-    at = rng.uniform(-30.0, 30.0, 2)
     # the crop is a part of a wider picture: its principal point lies off the crop by up to a frame
     cx, cy = 0.5 * side + rng.uniform(-1.0, 1.0, 2) * np.array([1.0, 0.6]) * 0.35 * focal
     aim = (0.5 * side - cx) / focal * right + (0.5 * side - cy) / focal * np.cross(forward, right) + forward
-    p_enu = np.array([at[0], at[1], 0.0]) - aim * (height / max(-aim[2], 0.3))
+    p_enu = _aim_point(yard, gsd * side, rng) - aim * (height / max(-aim[2], 0.3))
     p_enu[2] = height
     return CameraView(
         width=side, height=side, fx=focal, fy=focal, cx=cx, cy=cy, distortion=np.zeros(5),
@@ -128,79 +143,36 @@ def _random_view(rng: np.random.Generator, side: int) -> CameraView:
     )  # fmt: skip
 
 
-def _random_bodies(view: CameraView, rng: np.random.Generator) -> Bodies:
-    """Vehicles, and a clutter of other things, apart from each other, on what the camera sees."""
-    fleet = int(rng.choice(VEHICLES)) if rng.random() < 0.75 else -1
-    wanted = [
-        fleet if fleet >= 0 and rng.random() < 0.7 else int(rng.choice(VEHICLES)) for _ in range(rng.poisson(10.0))
-    ]
-    wanted += [int(rng.choice(list(SIZES), p=_CLUTTER)) for _ in range(rng.poisson(5.0))]
-    fleet_color = rng.integers(10, 250, 3)
-    street = float(rng.uniform(0.0, 2.0 * np.pi))
-    rows: list[tuple[float, ...]] = []
-    colors: list[NDArray[np.int64]] = []
-    for kind in wanted:
-        length, width, height = (float(rng.uniform(low, high)) for low, high in SIZES[kind])
-        for _ in range(6):
-            uv = rng.uniform(-0.08, 1.08, 2) * (view.width, view.height)
-            x, y, _ = ray_ground(view, uv)
-            reach = 0.5 * float(np.hypot(length, width)) * (0.8 if kind == OCCLUDER else 1.0)
-            if all(
-                np.hypot(x - r[1], y - r[2]) > (reach + r[7]) * rng.uniform(0.7, 1.0) or kind == OCCLUDER for r in rows
-            ):
-                aligned = street + rng.choice([0.0, np.pi]) + rng.normal(0.0, 0.1)
-                heading = aligned if rng.random() < 0.4 else rng.uniform(0.0, 2.0 * np.pi)
-                rows.append((kind, float(x), float(y), float(heading), length, width, height, reach))
-                colors.append(fleet_color if kind == fleet else _random_color(rng))
-                break
-    table = np.array(rows).reshape(-1, 8).T
-    return Bodies(
-        kind=table[0].astype(np.int8), x=table[1], y=table[2], heading=table[3], length=table[4], width=table[5],
-        height=table[6], color=np.array(colors, np.uint8).reshape(-1, 3),
-    )  # fmt: skip
+def _aim_point(yard: Yard, reach_m: float, rng: np.random.Generator) -> FloatArray:
+    """A place on the yard, near a bay or a lane more often than not."""
+    if len(yard.slots.x) and rng.random() < 0.7:
+        k = int(rng.integers(len(yard.slots.x)))
+        x, y = np.array([yard.slots.x[k], yard.slots.y[k]]) + rng.uniform(-0.35, 0.35, 2) * reach_m
+    else:
+        x, y = rng.uniform(0.0, 1.0, 2) * yard.period_m
+    return np.array([x, y, 0.0])
 
 
-_CLUTTER = np.array([0.0 if k in VEHICLES else 3.0 if k == 2 else 1.5 if k == OCCLUDER else 1.0 for k in SIZES])
-_CLUTTER = _CLUTTER / _CLUTTER.sum()
-
-
-def _random_color(rng: np.random.Generator) -> NDArray[np.int64]:
-    if rng.random() < 0.5:  # most cars are white, grey or black
-        grey = rng.choice([235, 200, 150, 90, 45]) + rng.normal(0.0, 8.0, 3)
-        return np.asarray(np.clip(grey, 0, 255), dtype=np.int64)
-    return rng.integers(10, 250, 3)
-
-
-def _visible(view: CameraView, bodies: Bodies, boxes: FloatArray) -> FloatArray:
-    """(n,) 1 for bodies of which most is seen, 0 for those that trees hide or the edge cuts."""
-    hidden = np.zeros((view.height, view.width, 3), np.uint8)
+def _visible(view: CameraView, bodies: Bodies, step: int = 2) -> FloatArray:
+    """(n,) share of each body's outline that neither the picture's edge nor a nearer body hides."""
+    rows, columns = view.height // step, view.width // step
+    top = np.full((rows, columns), -1, np.int16)
+    area = np.zeros(len(bodies.x))
+    distance = np.linalg.norm(np.stack([bodies.x, bodies.y, 0.0 * bodies.x], axis=-1) - view.p_enu, axis=-1)
+    for i in np.argsort(-distance, kind="stable"):
+        outline = body_outline(view, bodies, int(i))
+        if bodies.kind[i] == OCCLUDER or outline is None:
+            continue
+        shape = np.rint(outline / step * 16.0).astype(np.int32)
+        area[i] = abs(cv2.contourArea(outline / step))
+        cv2.fillConvexPoly(top, shape, int(i), cv2.LINE_8, 4)
+    leaves = np.zeros((view.height, view.width, 3), np.uint8)
     for k in np.flatnonzero(bodies.kind == OCCLUDER):
         tree = Tree(**{f: float(getattr(bodies, f)[k]) for f in ("x", "y", "heading", "length", "width", "height")})
-        draw_tree(hidden, view, tree, (255, 255, 255), np.array([0.0, 0.0, 1.0]), 1.0)
-    seen = np.zeros(len(boxes))
-    for i, (cx, cy, length, width, heading) in enumerate(boxes):
-        if not np.isfinite([cx, cy]).all():
-            continue
-        a, c = np.meshgrid(np.linspace(-0.45, 0.45, 11), np.linspace(-0.45, 0.45, 7))
-        u = np.floor(cx + a * length * np.sin(heading) + c * width * np.cos(heading)).astype(int)
-        v = np.floor(cy - a * length * np.cos(heading) + c * width * np.sin(heading)).astype(int)
-        inside = (u >= 0) & (v >= 0) & (u < view.width) & (v < view.height)
-        clear = hidden[np.clip(v, 0, view.height - 1), np.clip(u, 0, view.width - 1), 0] == 0
-        seen[i] = float((inside & clear).mean())
-    return (seen > 0.6).astype(np.float64)
-
-
-def _as_video(image: Image, rng: np.random.Generator) -> Image:
-    """Contrast and compression as recorded video has them."""
-    if rng.random() < 0.3:
-        gamma = float(rng.uniform(0.7, 1.4))
-        lut = np.clip(255.0 * (np.arange(256) / 255.0) ** gamma, 0, 255).astype(np.uint8)
-        image = np.asarray(cv2.LUT(image, lut), np.uint8)
-    if rng.random() < 0.6:
-        quality = int(rng.integers(25, 95))
-        packed = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-        image = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR), np.uint8)
-    return image
+        draw_tree(leaves, view, tree, (255, 255, 255), np.array([0.0, 0.0, 1.0]), 1.0)
+    top[leaves[step // 2 :: step, step // 2 :: step, 0][:rows, :columns] > 0] = -1
+    seen = np.bincount(top[top >= 0].astype(np.int64), minlength=len(bodies.x))
+    return np.asarray(np.minimum(seen / np.maximum(area, 1.0), 1.0))
 
 
 def main() -> None:
@@ -208,7 +180,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Render training pictures for the oriented detector.")
     parser.add_argument("--out", type=Path, default=Path(".train/pool"))
     parser.add_argument("--shards", type=int, default=12)
-    parser.add_argument("--per-shard", type=int, default=500)
+    parser.add_argument("--per-shard", type=int, default=250)
     parser.add_argument("--seed", type=int, default=0, help="number of the first shard")
     args = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")

@@ -52,7 +52,9 @@ def expose(image: Image, exposure: Exposure, rng: np.random.Generator) -> Image:
     if exposure.softness_px > 0.2:
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), exposure.softness_px), np.uint8)
     factors = tuple(exposure.gain * b for b in exposure.balance)
-    if exposure.vignette > 0.0 or factors != (1.0, 1.0, 1.0):
+    if exposure.vignette == 0.0 and factors != (1.0, 1.0, 1.0):
+        image = np.asarray(cv2.multiply(image, (*factors, 1.0)), np.uint8)
+    elif exposure.vignette > 0.0:
         image = np.asarray(
             cv2.multiply(image, _light(height, width, factors, exposure.vignette), scale=1.0 / 128.0), np.uint8
         )
@@ -84,7 +86,7 @@ def _light(height: int, width: int, factors: tuple[float, ...], vignette: float)
     return np.clip(128.0 * fall[..., None] * np.array(factors, np.float32), 0, 255).astype(np.uint8)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _noise(height: int, width: int, deviation: float) -> NDArray[np.int8]:
     """(H, W, 3) noise, part grey and part coloured; frames take different parts of it."""
     rng = np.random.default_rng(0)

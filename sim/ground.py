@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim.view import Road, Scene
 
-__all__ = ["Ground", "GroundStyle", "Window"]
+__all__ = ["Ground", "GroundStyle", "Window", "blotches", "grain", "halvings"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -122,10 +122,7 @@ class Ground:
         if mask.any():
             grain = cv2.merge([np.roll(self._grain, shift, axis=(0, 1))] * 3)
             cv2.copyTo(cv2.multiply(road, grain, scale=1.0 / 128.0), mask, image)
-        levels = [image]
-        while levels[-1].shape[0] >= 256:
-            levels.append(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
-        return Window(levels=tuple(levels), m_per_px=m_per_px, west=west, north=north)
+        return Window(levels=halvings(image), m_per_px=m_per_px, west=west, north=north)
 
     def _draw_roads(self, m_per_px: float, west: float, north: float) -> tuple[Image, Image]:
         side = self.style.side_px
@@ -141,6 +138,14 @@ class Ground:
             if stroke.color == KERB:
                 cv2.polylines(mask, lines, False, 255, thick, cv2.LINE_8, 4)
         return image, mask
+
+
+def halvings(image: Image) -> tuple[Image, ...]:
+    """A picture, and its halvings down to 128 px or so."""
+    levels = [image]
+    while levels[-1].shape[0] >= 256:
+        levels.append(np.asarray(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8))
+    return tuple(levels)
 
 
 def tile_noise(side: int, cells: int, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -166,14 +171,14 @@ def _open_ground(style: GroundStyle, rng: np.random.Generator) -> tuple[Image, I
     lut = np.zeros((256, 1, 3), np.uint8)
     lut[: len(style.colors), 0] = style.colors
     image = cv2.GaussianBlur(cv2.LUT(cv2.merge([materials] * 3), lut), (3, 3), 0.8)
-    blotches = _blotches(side, style.blotches, rng)
-    rough, fine = _grain(side, (4, 2), style.contrast, rng), _grain(side, (1,), 0.35 * style.contrast, rng)
-    image = cv2.multiply(image, cv2.multiply(blotches, cv2.merge([rough] * 3), scale=1.0 / 128.0), scale=1.0 / 128.0)
-    paved = cv2.multiply(fine, np.ascontiguousarray(blotches[..., 1]), scale=1.0 / 128.0)
+    blotch = blotches(side, style.blotches, rng)
+    rough, fine = grain(side, (4, 2), style.contrast, rng), grain(side, (1,), 0.35 * style.contrast, rng)
+    image = cv2.multiply(image, cv2.multiply(blotch, cv2.merge([rough] * 3), scale=1.0 / 128.0), scale=1.0 / 128.0)
+    paved = cv2.multiply(fine, np.ascontiguousarray(blotch[..., 1]), scale=1.0 / 128.0)
     return np.asarray(image, dtype=np.uint8), np.asarray(paved, dtype=np.uint8)
 
 
-def _blotches(side: int, strength: float, rng: np.random.Generator) -> Image:
+def blotches(side: int, strength: float, rng: np.random.Generator) -> Image:
     """(side, side, 3) slow changes of brightness and hue, in 1/128."""
     small = max(side // 16, 64)
     shared = tile_noise(small, max(small // 12, 4), rng) + tile_noise(small, 6, rng)
@@ -182,14 +187,14 @@ def _blotches(side: int, strength: float, rng: np.random.Generator) -> Image:
     return np.asarray(cv2.resize(blotch, (side, side), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
-def _grain(side: int, scales: tuple[int, ...], strength: float, rng: np.random.Generator) -> Image:
+def grain(side: int, scales: tuple[int, ...], strength: float, rng: np.random.Generator) -> Image:
     """(side, side) grain in 1/128, one tile repeated; ``scales`` are feature sizes in pixels."""
     tile = np.zeros((GRAIN_PX, GRAIN_PX), np.float32)
     for size in scales:
         tile += tile_noise(GRAIN_PX, GRAIN_PX // size, rng)
     tile += 0.7 * tile_noise(GRAIN_PX, GRAIN_PX // 16, rng)
-    grain = np.clip(128.0 * (1.0 + 0.5 * strength * tile / np.sqrt(len(scales) + 0.5)), 20, 255).astype(np.uint8)
-    return np.ascontiguousarray(np.tile(grain, (side // GRAIN_PX, side // GRAIN_PX)))
+    tiles = np.clip(128.0 * (1.0 + 0.5 * strength * tile / np.sqrt(len(scales) + 0.5)), 20, 255).astype(np.uint8)
+    return np.ascontiguousarray(np.tile(tiles, (side // GRAIN_PX, side // GRAIN_PX)))
 
 
 def _strokes(road: Road, style: GroundStyle, rng: np.random.Generator) -> list[_Stroke]:

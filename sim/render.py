@@ -15,13 +15,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.bodies import Model, car, person, rover
+from sim.bodies import Block, Model, car, person, rover
 from sim.exposure import Exposure, expose
 from sim.foliage import Tree, draw_tree, tree_shadow
 from sim.ground import Ground, GroundStyle, Window
 from sim.view import PERSON, STRANGER, UGV, Bodies, CameraView, Scene, project, ray_ground
+from sim.yard import Yard
 
-__all__ = ["DEFAULT_MODELS", "Renderer", "Style"]
+__all__ = ["DEFAULT_MODELS", "Renderer", "Style", "body_outline"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -29,6 +30,11 @@ FloatArray = NDArray[np.float64]
 DEFAULT_MODELS: Mapping[int, Model] = {UGV: rover(), STRANGER: car(), PERSON: person()}
 FACES = np.array([[4, 5, 6, 7], [3, 2, 6, 7], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5]])
 """Corners of a block's top, front, rear, left and right."""
+ROUND_FACES = np.array([[12, 15, 18, 21], *([j, (j + 1) % 12, 12 + (j + 1) % 12, 12 + j] for j in range(12))])
+"""Of a block with round corners: four corners of its top, then its twelve walls."""
+ROUND_SIDES = np.array([0, 3, 2, 2, 2, 4, 4, 4, 1, 1, 1, 3, 3])
+"""Which of top, front, rear, left and right each of them is."""
+_UNIT_BOX = Model.of(Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0)))
 SHIFT = 4
 """Fraction bits of OpenCV's drawing coordinates."""
 SKY = (214, 190, 168)
@@ -48,8 +54,14 @@ class Style:
     """Light lost in the shadow, 0 to 1."""
     ambient: float = 0.6
     """Light on faces turned away from the sun, 0 to 1."""
-    leaf: tuple[int, int, int] = (48, 92, 66)
-    """Colour of trees, BGR."""
+    penumbra_m: float = 0.0
+    """How wide the edge of a shadow is, metres; zero = a pixel or so."""
+    contact: float = 0.0
+    """Light lost close round a body, sun or no sun, 0 to 1."""
+    in_shadow: float = 1.0
+    """Light on bodies that stand in the shadow of a taller thing, 0 to 1."""
+    leaf: tuple[int, int, int] | None = (48, 92, 66)
+    """Colour of trees, BGR; None = each tree has its body's."""
     ground: GroundStyle = field(default_factory=GroundStyle)
     """The ground."""
     exposure: Exposure = field(default_factory=Exposure)
@@ -66,10 +78,12 @@ class Style:
 class Renderer:
     """Draws frames of one scene; the same arguments give the same pixels."""
 
-    def __init__(self, scene: Scene, style: Style | None = None, seed: int = 0) -> None:
+    def __init__(
+        self, scene: Scene, style: Style | None = None, seed: int = 0, ground: Ground | Yard | None = None
+    ) -> None:
         self.style = style or Style()
         self.seed = seed
-        self.ground = Ground(scene, self.style.ground, np.random.default_rng([seed, 0]))
+        self.ground = ground or Ground(scene, self.style.ground, np.random.default_rng([seed, 0]))
 
     def draw(self, view: CameraView, bodies: Bodies, index: int = 0, exposure: Exposure | None = None) -> Image:
         """One frame.
@@ -88,7 +102,7 @@ class Renderer:
         return expose(image, exposure or self.style.exposure, np.random.default_rng([self.seed, 1, index]))
 
 
-def draw_ground(ground: Ground, view: CameraView) -> Image:
+def draw_ground(ground: Ground | Yard, view: CameraView) -> Image:
     """The ground as the camera sees it, sky above the horizon: (height, width, 3)."""
     x, y, radius = _footprint(view)
     window: Window = ground.around(x, y, radius)
@@ -123,11 +137,14 @@ def draw_bodies(image: Image, view: CameraView, bodies: Bodies, style: Style) ->
     trees = {i: _tree(bodies, i) for i in order if int(bodies.kind[i]) not in style.models}
     solid = [i for i in order if i not in trees]
     shapes = {i: _world_corners(bodies, i, style.models[int(bodies.kind[i])]) for i in solid}
-    _draw_shadows(image, view, [c.reshape(-1, 3) for c in shapes.values()], list(trees.values()), style)
+    _draw_contact(image, view, list(shapes.values()), style)
+    shade = _draw_shadows(image, view, [c.reshape(-1, 3) for c in shapes.values()], list(trees.values()), style)
     for i in solid:
-        _draw_solid(image, view, shapes[i], style.models[int(bodies.kind[i])], bodies.color[i], style)
-    for tree in trees.values():
-        draw_tree(image, view, tree, style.leaf, style.sun(), style.ambient)
+        light = style.in_shadow if style.in_shadow < 1.0 and _shaded(shade, view, bodies, i, style) else 1.0
+        _draw_solid(image, view, shapes[i], style.models[int(bodies.kind[i])], light * bodies.color[i], style, light)
+    for i, tree in trees.items():
+        leaf = style.leaf or (int(bodies.color[i, 0]), int(bodies.color[i, 1]), int(bodies.color[i, 2]))
+        draw_tree(image, view, tree, leaf, style.sun(), style.ambient)
 
 
 def _footprint(view: CameraView) -> tuple[float, float, float]:
@@ -166,7 +183,7 @@ def _undistorted(width: int, height: int, lens: tuple[float, ...], step: int = 1
     return np.asarray(cv2.remap(xy, at[0], at[1], cv2.INTER_LINEAR), dtype=np.float32).reshape(-1, 1, 2)
 
 
-def _draw_sky(image: Image, view: CameraView, ground: Ground) -> None:
+def _draw_sky(image: Image, view: CameraView, ground: Ground | Yard) -> None:
     """Cover what lies above, or too near below, the horizon."""
     v, u = np.mgrid[-1 : view.height + 8 : 8, -1 : view.width + 8 : 8].astype(np.float64)
     rays = np.stack([(u - view.cx) / view.fx, (v - view.cy) / view.fy, np.ones_like(u)], axis=-1)
@@ -198,56 +215,97 @@ def _tree(bodies: Bodies, i: int) -> Tree:
     )  # fmt: skip
 
 
+def body_outline(view: CameraView, bodies: Bodies, i: int) -> NDArray[np.float32] | None:
+    """(p, 2) convex outline of a body's box in the picture; None where it is not imaged."""
+    uv, ok = project(view, _world_corners(bodies, i, _UNIT_BOX).reshape(-1, 3))
+    return np.asarray(cv2.convexHull(uv.astype(np.float32)).reshape(-1, 2), np.float32) if ok.all() else None
+
+
 def _world_corners(bodies: Bodies, i: int, model: Model) -> FloatArray:
-    """(b, 8, 3) ENU corners of a body's blocks."""
+    """(b, 2 k, 3) ENU corners of a body's blocks."""
     h = bodies.heading[i]
     forward, right = np.array([np.sin(h), np.cos(h), 0.0]), np.array([np.cos(h), -np.sin(h), 0.0])
     axes = np.stack([forward * bodies.length[i], right * bodies.width[i], np.array([0.0, 0.0, bodies.height[i]])])
     return np.asarray(model.corners @ axes + np.array([bodies.x[i], bodies.y[i], 0.0]), dtype=np.float64)
 
 
-def _draw_shadows(image: Image, view: CameraView, solids: list[FloatArray], trees: list[Tree], style: Style) -> None:
-    if style.shadow <= 0.0:
-        return
-    sun = style.sun()
+def _draw_shadows(image: Image, view: CameraView, solids: list[FloatArray], trees: list[Tree], style: Style) -> Image:
+    """Darken the ground where the sun does not reach; returns where, (H, W) 0 to 255."""
     done = np.zeros(image.shape[:2], np.uint8)
+    if style.shadow <= 0.0:
+        return done
+    sun = style.sun()
     for points in solids:
         # along the light to the ground: p − (p_z / s_z) s
-        uv, ok = project(view, points - points[:, 2:] / sun[2] * sun)
-        if ok.all():
-            hull = cv2.convexHull(uv.astype(np.float32)).reshape(-1, 2)
-            cv2.fillConvexPoly(done, _fixed(hull), 255, cv2.LINE_AA, SHIFT)
+        _fill_outline(done, view, points - points[:, 2:] / sun[2] * sun)
     for tree in trees:
         tree_shadow(done, view, tree, sun)
-    left, top, width, height = cv2.boundingRect(done)
+    _darken(image, done, style.shadow, max(round(style.penumbra_m / _ground_gsd(view)), 3))
+    return done
+
+
+def _draw_contact(image: Image, view: CameraView, solids: list[FloatArray], style: Style) -> None:
+    """Darken the ground under and close round bodies, where they hide much of the sky."""
+    if style.contact <= 0.0:
+        return
+    done = np.zeros(image.shape[:2], np.uint8)
+    for corners in solids:
+        foot = corners.reshape(-1, 3) * (1.0, 1.0, 0.0)
+        middle = foot.mean(axis=0)
+        _fill_outline(done, view, middle + 1.08 * (foot - middle))
+    _darken(image, done, style.contact, max(round(0.7 / _ground_gsd(view)), 3))
+
+
+def _fill_outline(mask: Image, view: CameraView, points: FloatArray) -> None:
+    uv, ok = project(view, points)
+    if ok.all():
+        hull = cv2.convexHull(uv.astype(np.float32)).reshape(-1, 2)
+        cv2.fillConvexPoly(mask, _fixed(hull), 255, cv2.LINE_AA, SHIFT)
+
+
+def _darken(image: Image, mask: Image, strength: float, blur_px: int) -> None:
+    left, top, width, height = cv2.boundingRect(mask)
     if width:
-        part = slice(top, top + height), slice(left, left + width)
-        light = 255 - cv2.blur(done[part], (3, 3)) * style.shadow
+        room = blur_px - 3
+        part = slice(max(top - room, 0), top + height + room), slice(max(left - room, 0), left + width + room)
+        light = 255 - cv2.blur(mask[part], (blur_px, blur_px)) * strength
         image[part] = cv2.multiply(image[part], cv2.merge([light.astype(np.uint8)] * 3), scale=1.0 / 255.0)
 
 
+def _shaded(shade: Image, view: CameraView, bodies: Bodies, i: int, style: Style) -> bool:
+    """Whether the ground to the sun's side of a body, just beyond it, lies in shadow."""
+    sun = style.sun()[:2] / max(float(np.linalg.norm(style.sun()[:2])), 1e-9)
+    reach = 0.6 * float(np.hypot(bodies.length[i], bodies.width[i]))
+    uv, ok = project(view, [bodies.x[i] + reach * sun[0], bodies.y[i] + reach * sun[1], 0.0])
+    u, v = np.floor(np.where(ok, uv, -1.0)).astype(int)
+    return bool(0 <= v < shade.shape[0] and 0 <= u < shade.shape[1] and shade[v, u] > 127)
+
+
 def _draw_solid(
-    image: Image, view: CameraView, corners: FloatArray, model: Model, color: NDArray[np.uint8], style: Style
-) -> None:
+    image: Image, view: CameraView, corners: FloatArray, model: Model, color: NDArray[np.floating], style: Style,
+    light: float,
+) -> None:  # fmt: skip
     uv, ok = project(view, corners)
     if not ok.all():
         return
-    faces = corners[:, FACES]  # (b, 5, 4, 3)
+    ring = corners.shape[1] // 2
+    table, sides = (FACES, np.arange(5)) if ring == 4 else (ROUND_FACES, ROUND_SIDES)
+    faces = corners[:, table]  # (b, f, 4, 3)
     middle = faces.mean(axis=2)
     normal = np.cross(faces[:, :, 2] - faces[:, :, 0], faces[:, :, 3] - faces[:, :, 1])
     outward = np.sum(normal * (middle - corners.mean(axis=1)[:, None]), axis=-1, keepdims=True)
     normal *= np.sign(outward) / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
     visible = np.sum(normal * (view.p_enu - middle), axis=-1) > 0.0
     # light = ambient + (1 − ambient) max(n·s, 0), brought to 1 for level faces in full sun
-    light = style.ambient + (1.0 - style.ambient) * np.maximum(normal @ style.sun(), 0.0)
-    light /= style.ambient + (1.0 - style.ambient) * max(float(style.sun()[2]), 0.3)
-    paint = np.where(model.colors < 0.0, color.astype(np.float64), model.colors)
-    shaded = np.clip(paint * light[..., None], 0, 255)
-    polygons = _fixed(uv[:, FACES])
+    lit = style.ambient + (1.0 - style.ambient) * np.maximum(normal @ style.sun(), 0.0)
+    lit /= style.ambient + (1.0 - style.ambient) * max(float(style.sun()[2]), 0.3)
+    paint = np.where(model.colors < 0.0, -model.colors * color, light * model.colors)[:, sides]
+    shaded = np.clip(paint * lit[..., None], 0, 255)
+    walls, tops = _fixed(uv[:, table]), _fixed(uv[:, ring:])
     distance = np.linalg.norm(corners.mean(axis=1) - view.p_enu, axis=-1)
     for b in np.lexsort((-distance, model.layers)):
         for f in np.flatnonzero(visible[b])[::-1]:
-            cv2.fillConvexPoly(image, polygons[b, f], shaded[b, f].tolist(), cv2.LINE_AA, SHIFT)
+            cv2.fillConvexPoly(image, walls[b, f] if f else tops[b], shaded[b, f].tolist(), cv2.LINE_AA, SHIFT)
 
 
 def _fixed(uv: NDArray[np.floating]) -> NDArray[np.int32]:

@@ -11,7 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["OCCLUDER", "PERSON", "STRANGER", "UGV", "Bodies", "CameraView", "Road", "Scene", "project", "ray_ground"]
+__all__ = [
+    "OCCLUDER", "PERSON", "STRANGER", "UGV", "Bodies", "CameraView", "FloatArray", "Road", "Scene", "project",
+    "ray_ground",
+]  # fmt: skip
 
 FloatArray = NDArray[np.float64]
 
@@ -126,6 +129,8 @@ def ray_ground(view: CameraView, uv: ArrayLike, z: float = 0.0) -> FloatArray:
 
 def distort(xy: FloatArray, distortion: FloatArray) -> FloatArray:
     """Brown's distortion of normalised image points (..., 2)."""
+    if not distortion.any():
+        return xy
     k1, k2, p1, p2, k3 = distortion
     x, y = xy[..., 0], xy[..., 1]
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,16 +1,12 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from sim.bodies import PAINT, crate
-from sim.crops import SIDE, crop, labels
+from sim.bodies import PAINT, Block, Model, crate
 from sim.exposure import Exposure
 from sim.ground import Ground, GroundStyle
-from sim.randomise import VEHICLES, random_scene, random_style
-from sim.render import SKY, Renderer, Style
+from sim.render import SKY, Renderer, Style, body_outline
 from sim.view import OCCLUDER, STRANGER, UGV, Bodies, CameraView, Road, Scene, project, ray_ground
 
 PLAIN = GroundStyle(side_px=1024)
@@ -134,27 +130,64 @@ def test_a_picture_with_nothing_but_sky():
     assert (image == SKY).all()
 
 
-def test_labels_straight_down():
-    view = camera()  # 10 px/m at z = 0, image up is north
-    (label,) = labels(view, bodies((UGV, 5.0, -3.0, 1.0, 2.2, 1.4, 0.0)))
-    np.testing.assert_allclose(label, [320 + 50, 180 + 30, 22, 14, 1.0], atol=1e-9)
+def rounded(corner):
+    return Model.of(Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0), corner=corner))
 
 
-def test_crops_hold_their_vehicles_and_nothing_else():
-    rng = np.random.default_rng(11)
-    style = replace(random_style(rng), ground=PLAIN)
-    renderer = Renderer(random_scene(rng), style)
-    made = [crop(renderer, style, np.random.default_rng([5, k])) for k in range(6)]
-    again = crop(renderer, style, np.random.default_rng([5, 0]))
-    np.testing.assert_array_equal(made[0].image, again.image)
-    np.testing.assert_array_equal(made[0].boxes, again.boxes)
-    boxes = np.concatenate([m.boxes for m in made])
-    assert all(m.image.shape == (SIDE, SIDE, 3) for m in made)
-    assert len(boxes) > 10
-    assert ((boxes[:, :2] > 0) & (boxes[:, :2] < SIDE)).all()
-    assert (boxes[:, 2] > boxes[:, 3]).all()
-    assert set(boxes[:, 5]) <= {0.0, 1.0}
-    assert OCCLUDER not in VEHICLES
+def test_round_corners_take_off_what_their_ellipse_leaves():
+    """With half its sides as axes of the corners, a box is an octagon in an ellipse: √½ of its area."""
+    area = {}
+    for corner in ((0.0, 0.0), (0.5, 0.5)):
+        style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: rounded(corner)})
+        image = Renderer(Scene(), style).draw(camera(), bodies((UGV, 0.0, 0.0, 0.3, 8.0, 4.0, 0.02))).astype(int)
+        area[corner] = int(((image[..., 0] > 150) & (image[..., 1] < 60)).sum())
+    assert area[0.5, 0.5] / area[0.0, 0.0] == pytest.approx(np.sqrt(0.5), abs=0.02)
+
+
+def test_rounded_walls_are_lit_by_where_they_face():
+    """Seen aslant from the south with the sun there, the near wall of a round box is brighter than in the shade."""
+    bright = []
+    for azimuth in (np.pi, 0.0):
+        style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, sun_azimuth=azimuth, sun_elevation=0.4, ambient=0.4,
+                      models={UGV: rounded((0.2, 0.2))})  # fmt: skip
+        view = camera(-30.0, 0.0, (0.0, -20.0, 12.0))
+        image = Renderer(Scene(), style).draw(view, bodies((UGV, 0.0, 0.0, 0.0, 4.0, 4.0, 3.0), color=(90, 60, 90)))
+        (u, v), _ = project(view, [0.0, -2.0, 1.5])
+        bright.append(int(image[int(v), int(u)].astype(int).sum()))
+    assert bright[0] > 1.5 * bright[1]
+
+
+def test_a_colour_of_minus_k_is_k_times_the_bodys():
+    style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: crate(inset=0.02, lid=(-0.5, -0.5, -0.5))})
+    image = Renderer(Scene(), style).draw(camera(), bodies((UGV, 0.0, 0.0, 0.0, 4.0, 4.0, 0.02), color=(200, 100, 40)))
+    np.testing.assert_allclose(image[180, 320], (100, 50, 20), atol=1)
+
+
+def test_wide_penumbras_soften_shadows_and_contact_darkens_the_ground_about_a_body():
+    box = bodies((STRANGER, 0, 0, 0, 4, 2, 1.5))
+
+    def drawn(**look):
+        style = Style(ground=PLAIN, exposure=STILL, sun_azimuth=np.pi / 2, sun_elevation=0.7, **look)
+        return Renderer(Scene(), style).draw(camera(focal=1600.0), box).astype(int)
+
+    hard, soft = drawn(shadow=0.6), drawn(shadow=0.6, penumbra_m=1.5)
+    row = slice(178, 182)
+    steepest = [np.abs(np.diff(image[row, :230].mean(axis=(0, 2)))).max() for image in (hard, soft)]
+    assert steepest[1] < 0.6 * steepest[0]
+    east = slice(362, 368)  # just beyond the sunny side, at 40 px/m
+    assert drawn(shadow=0.0, contact=0.6)[row, east].mean() < 0.85 * drawn(shadow=0.0)[row, east].mean()
+
+
+def test_outlines_hold_the_body():
+    view = camera(-50.0, 0.7, (-15.0, -25.0, 30.0))
+    things = bodies((UGV, 2.0, 1.0, 0.5, 4.0, 2.0, 1.5))
+    style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: crate(inset=0.02, lid=PAINT)})
+    renderer = Renderer(Scene(), style)
+    changed = (renderer.draw(view, things) != renderer.draw(view, bodies())).any(axis=-1)
+    v, u = np.nonzero(changed)
+    outline = body_outline(view, things, 0)
+    assert u.min() + 1 >= outline[:, 0].min() - 1 and u.max() <= outline[:, 0].max() + 1
+    assert v.min() + 1 >= outline[:, 1].min() - 1 and v.max() <= outline[:, 1].max() + 1
 
 
 def test_models_have_a_front():

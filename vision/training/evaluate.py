@@ -20,7 +20,7 @@ def evaluate(net: Net, batch: Batch, chunk: int = 32) -> Quality:
     found: list[Detections] = []
     with torch.no_grad():
         for start in range(0, len(batch.images), chunk):
-            out = net(batch.images[start : start + chunk])
+            out = net(batch.images[start : start + chunk].float() / 255.0)
             score = torch.sigmoid(out[:, :1])
             peak = torch.nn.functional.max_pool2d(score, 3, 1, 1) == score
             cells = torch.cat([score * peak, out[:, 1:]], dim=1).cpu().numpy()

@@ -33,12 +33,13 @@ class ConvNorm(nn.Module):  # type: ignore[misc]  # torch is not typed here
 
 
 class Residual(nn.Module):  # type: ignore[misc]  # torch is not typed here
-    """x + two convolutions of x, then ReLU."""
+    """x + two convolutions of x, then ReLU; begins as no more than the ReLU."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.first = ConvNorm(channels, channels)
         self.second = ConvNorm(channels, channels, relu=False)
+        nn.init.zeros_(self.second.norm.weight)
 
     def forward(self, x: Tensor) -> Tensor:
         """Shape is kept."""
@@ -70,7 +71,7 @@ class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
         super().__init__()
         self.stem = nn.Sequential(ConvNorm(3, 16, stride=2), ConvNorm(16, 24, stride=2))
         self.middle = nn.Sequential(ConvNorm(24, 48, stride=2), Residual(48))
-        self.deep = nn.Sequential(ConvNorm(48, 80, stride=2), Residual(80), Residual(80))
+        self.deep = nn.Sequential(ConvNorm(48, 80, stride=2), Residual(80), Residual(80), Residual(80))
         self.deep_side = Grow(80, 48)
         self.join = ConvNorm(48, 48)
         self.join_side = Grow(48, 32)

@@ -1,10 +1,10 @@
 """Train the bundled detector on rendered pictures.
 
-``python -m vision.training.train --seed 0 --minutes 40 --out .train/``
+``python -m vision.training.train --seed 0 --steps 12000 --out .train/``
 
 Pictures come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
 sim.crops`` is run for them, and training starts with the first shard. A run that was stopped goes on from its
-checkpoint; ``--minutes`` counts training time over all runs. Writes checkpoint.pt, loss.csv, quality.csv and model.onnx
+checkpoint; ``--steps`` counts over all runs. Writes checkpoint.pt, loss.csv, quality.csv, curves.png and model.onnx
 into the folder.
 """
 
@@ -17,14 +17,18 @@ import math
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
-from vision.training.data import Pool
+from vision.training.curves import draw_curves
+from vision.training.data import Batch, Pool
 from vision.training.evaluate import evaluate
 from vision.training.export import export
 from vision.training.loss import losses
@@ -34,34 +38,34 @@ __all__ = ["Trainer"]
 
 log = logging.getLogger(__name__)
 BATCH = 16
-PEAK_RATE = 3e-3
 WARM_UP_STEPS = 200
-AVERAGE_KEEP = 0.998
+AVERAGE_KEEP = 0.999
 HELD_OUT_SEED = 900_000
+PER_SHARD, HELD_OUT_CROPS = 250, 500
 
 
 class Trainer:
     """The state of a run: weights, their running average, optimiser, time spent."""
 
-    def __init__(self, seed: int, device: str) -> None:
+    def __init__(self, seed: int, device: str, rate: float) -> None:
         torch.manual_seed(seed)
+        self.rate = rate
         self.device = device
         self.net = Net().to(device, memory_format=torch.channels_last)
         self.average: dict[str, Tensor] = {k: v.detach().clone() for k, v in self.net.state_dict().items()}
         decay = [p for p in self.net.parameters() if p.ndim > 1]
         plain = [p for p in self.net.parameters() if p.ndim <= 1]
         groups = [{"params": decay, "weight_decay": 0.02}, {"params": plain, "weight_decay": 0.0}]
-        self.optimiser = torch.optim.AdamW(groups, lr=PEAK_RATE)
+        self.optimiser = torch.optim.AdamW(groups, lr=rate)
         self.step_count = 0
         self.spent_s = 0.0
 
-    def step(self, pool: Pool, rng: np.random.Generator, progress: float) -> dict[str, float]:
+    def step(self, batch: Batch, progress: float) -> dict[str, float]:
         """One update; ``progress`` 0..1 sets the learning rate: a warm-up, then half a cosine."""
         warm = min(1.0, (self.step_count + 1) / WARM_UP_STEPS)
-        rate = PEAK_RATE * warm * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))) + 1e-6
+        rate = self.rate * warm * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))) + 1e-6
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-        batch = pool.batch(rng, BATCH)
         self.net.train()
         images = batch.images.to(self.device, memory_format=torch.channels_last)
         with torch.autocast(self.device, dtype=torch.bfloat16):
@@ -76,6 +80,16 @@ class Trainer:
         self._average()
         values = {name: float(value.detach()) for name, value in _parts(parts).items()}
         return {"step": self.step_count, "rate": rate, "total": float(total.detach()), **values}
+
+    def start_from(self, path: Path) -> None:
+        """Begin with the averaged weights of another run; blocks that it has not keep their own.
+
+        Raises:
+            RuntimeError: it is of another shape.
+        """
+        weights = torch.load(path, map_location=self.device, weights_only=True)["average"]
+        self.net.load_state_dict({**self.net.state_dict(), **weights})
+        self.average = {k: v.detach().clone() for k, v in self.net.state_dict().items()}
 
     def averaged(self) -> Net:
         """The network with averaged weights, on the CPU."""
@@ -110,14 +124,19 @@ class Trainer:
                 self.average[name].copy_(value)
 
 
-def run(out: Path, seed: int, minutes: float, threads: int, crops: int, every_s: float = 240.0) -> None:
-    """Train until the minutes are spent, then export."""
+def run(
+    out: Path, *, seed: int, steps: int, rate: float, threads: int, crops: int, check_every: int, start: Path | None
+) -> None:
+    """Train until the steps are done, then export."""
     torch.set_num_threads(threads)
+    cv2.setNumThreads(1)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     pool, held_out = Pool(folder=out / "pool"), Pool(folder=out / "held_out")
     makers = _make_pictures(out, crops, seed)
     checkpoint = out / "checkpoint.pt"
-    trainer = Trainer(seed, device)
+    trainer = Trainer(seed, device, rate)
+    if start is not None:
+        trainer.start_from(start)
     if checkpoint.exists():
         trainer.load(checkpoint)
         log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
@@ -125,23 +144,31 @@ def run(out: Path, seed: int, minutes: float, threads: int, crops: int, every_s:
         if any(maker.poll() not in (None, 0) for maker in makers):
             raise RuntimeError(f"{out}: no pictures were made; run python -m sim.crops --out {out / 'pool'} to see why")
         time.sleep(1.0)
-    rng = np.random.default_rng([seed, trainer.step_count])
-    tick, last_check, row = time.monotonic(), trainer.spent_s, {}
-    while trainer.spent_s < 60.0 * minutes:
-        row = trainer.step(pool, rng, trainer.spent_s / (60.0 * minutes))
+    tick = time.monotonic()
+    for batch in _batches(pool, np.random.default_rng([seed, trainer.step_count]), steps - trainer.step_count):
+        row = trainer.step(batch, trainer.step_count / steps)
         now = time.monotonic()
         trainer.spent_s, tick = trainer.spent_s + now - tick, now
         if trainer.step_count % 50 == 0:
             _append(out / "loss.csv", row)
-        if trainer.spent_s - last_check > every_s:
-            last_check = trainer.spent_s
+        if trainer.step_count % check_every == 0:
             _check(trainer, held_out, out, pool.refresh())
             tick = time.monotonic()
-    trainer.save(checkpoint)
     _check(trainer, held_out, out, pool.refresh())
-    export(checkpoint, out / "model.onnx", version="1")
+    export(checkpoint, out / "model.onnx", version="2")
+    draw_curves(out)
     for maker in makers:
         maker.wait()
+
+
+def _batches(pool: Pool, rng: np.random.Generator, count: int) -> Iterator[Batch]:
+    """Batches, the next made while one is learnt from."""
+    with ThreadPoolExecutor(1) as maker:
+        coming = maker.submit(pool.batch, rng, BATCH)
+        for _ in range(count):
+            batch = coming.result()
+            coming = maker.submit(pool.batch, rng, BATCH)
+            yield batch
 
 
 def _check(trainer: Trainer, held_out: Pool, out: Path, pictures: int) -> None:
@@ -154,12 +181,15 @@ def _check(trainer: Trainer, held_out: Pool, out: Path, pictures: int) -> None:
 
 def _make_pictures(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
     """Render what is missing beside the training, in a process of its own."""
-    command = [sys.executable, "-m", "sim.crops", "--per-shard", "500"]
-    jobs = []
+    command = [sys.executable, "-m", "sim.crops"]
+    jobs, shards = [], crops // PER_SHARD
     if not any((out / "held_out").glob("crops_*.npz")):
-        jobs.append(["--out", str(out / "held_out"), "--seed", str(HELD_OUT_SEED), "--shards", "1"])
-    if len(list((out / "pool").glob("crops_*.npz"))) < crops // 500:
-        jobs.append(["--out", str(out / "pool"), "--seed", str(1000 * seed), "--shards", str(crops // 500)])
+        count = str(HELD_OUT_CROPS)
+        jobs.append(
+            ["--out", str(out / "held_out"), "--seed", str(HELD_OUT_SEED), "--shards", "1", "--per-shard", count]
+        )
+    if len(list((out / "pool").glob("crops_*.npz"))) < shards:
+        jobs.append(["--out", str(out / "pool"), "--seed", str(1000 * seed), "--shards", str(shards)])
     return [subprocess.Popen([*command, *job]) for job in jobs]
 
 
@@ -180,13 +210,19 @@ def main() -> None:
     """Train from the command line."""
     parser = argparse.ArgumentParser(description="Train the bundled oriented detector.")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--minutes", type=float, default=40.0, help="training time over all runs")
+    parser.add_argument("--steps", type=int, default=12000, help="training steps over all runs")
     parser.add_argument("--out", type=Path, default=Path(".train"))
+    parser.add_argument("--rate", type=float, default=3e-3, help="highest learning rate")
+    parser.add_argument("--start", type=Path, help="checkpoint of another run whose weights to begin with")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--crops", type=int, default=12000, help="pictures to render")
+    parser.add_argument("--crops", type=int, default=8000, help="pictures to render")
+    parser.add_argument("--check-every", type=int, default=1000, help="steps between looks at the held-out pictures")
     args = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
-    run(args.out, args.seed, args.minutes, args.threads, args.crops)
+    run(
+        args.out, seed=args.seed, steps=args.steps, rate=args.rate, threads=args.threads, crops=args.crops,
+        check_every=args.check_every, start=args.start,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

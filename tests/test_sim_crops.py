@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.crops import MAX_BOXES, SIDE, crop, labels, write_shard
+from sim.footage import as_footage
+from sim.placing import random_bodies
+from sim.randomise import FIRST_KIND, SIZES, VEHICLES, random_cast, random_scene, random_style
+from sim.render import Renderer
+from sim.view import OCCLUDER, UGV, Bodies, CameraView, ray_ground
+from sim.yard import random_yard
+
+
+def camera(height=40.0, size=(640, 360), focal=400.0):
+    return CameraView(
+        width=size[0], height=size[1], fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, distortion=np.zeros(5),
+        R_enu_cam=np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]), p_enu=np.array([0.0, 0.0, height]),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def yard():
+    """The first of the seeds that has streets or car parks."""
+    return next(y for y in (random_yard(np.random.default_rng(seed)) for seed in range(20)) if len(y.slots.x) > 100)
+
+
+@pytest.fixture(scope="module")
+def cast():
+    return random_cast(np.random.default_rng(1))
+
+
+def test_labels_straight_down():
+    one = Bodies(
+        kind=np.array([UGV], np.int8), x=np.array([5.0]), y=np.array([-3.0]), heading=np.array([1.0]),
+        length=np.array([2.2]), width=np.array([1.4]), height=np.array([0.0]), color=np.zeros((1, 3), np.uint8),
+    )  # fmt: skip
+    (label,) = labels(camera(), one)  # 10 px/m at z = 0, image up is north
+    np.testing.assert_allclose(label, [320 + 50, 180 + 30, 22, 14, 1.0], atol=1e-9)
+
+
+def test_one_seed_gives_one_picture(yard, cast):
+    first, again, other = (crop(yard, cast, np.random.default_rng([5, k])) for k in (0, 0, 1))
+    np.testing.assert_array_equal(first.image, again.image)
+    np.testing.assert_array_equal(first.boxes, again.boxes)
+    assert (first.image != other.image).any()
+
+
+def test_crops_hold_their_vehicles_and_nothing_else(yard, cast):
+    made = [crop(yard, cast, np.random.default_rng([5, k])) for k in range(6)]
+    boxes = np.concatenate([m.boxes for m in made])
+    assert all(m.image.shape == (SIDE, SIDE, 3) for m in made)
+    assert len(boxes) > 20
+    assert ((boxes[:, :2] > 0) & (boxes[:, :2] < SIDE)).all()
+    assert ((boxes[:, 5] >= 0.0) & (boxes[:, 5] <= 1.0)).all()
+    assert (boxes[:, 5] > 0.5).mean() > 0.4
+    assert OCCLUDER not in VEHICLES
+
+
+def test_a_shard_is_what_training_reads(tmp_path):
+    with np.load(write_shard(tmp_path, 3, 2)) as shard:
+        assert shard["images"].shape == (2, SIDE, SIDE, 3)
+        assert shard["boxes"].shape == (2, MAX_BOXES, 6)
+        assert shard["about"].shape == (2, 5)
+        assert (shard["n"] <= MAX_BOXES).all()
+
+
+def test_no_body_stands_in_another(yard, cast):
+    """Vehicles of a picture, as rectangles on the ground: the middle line of none runs through another."""
+    view = camera(height=120.0)
+    for seed in range(4):
+        things = random_bodies(view, yard, cast, np.random.default_rng(seed))
+        solid = np.flatnonzero(things.kind != OCCLUDER)
+        forward = np.stack([np.sin(things.heading), np.cos(things.heading)], axis=-1)
+        right = np.stack([forward[:, 1], -forward[:, 0]], axis=-1)
+        at = np.stack([things.x, things.y], axis=-1)
+        for i in solid:
+            t = np.linspace(-0.45, 0.45, 9)[:, None] * things.length[i]
+            line = at[i] + t * forward[i]
+            for j in solid[solid != i]:
+                offset = line - at[j]
+                ahead, aside = offset @ forward[j], offset @ right[j]
+                inside = (np.abs(ahead) < 0.45 * things.length[j]) & (np.abs(aside) < 0.45 * things.width[j])
+                assert not inside.any()
+
+
+def test_slots_lie_on_what_is_paved(yard):
+    """The yard shows asphalt or concrete, which is nearly grey, where vehicles are to stand."""
+    window, s = yard.window, yard.slots
+    u, v = (s.x / window.m_per_px).astype(int), (-s.y / window.m_per_px).astype(int)
+    side = window.levels[0].shape[0]
+    inside = (u > 4) & (v > 4) & (u < side - 4) & (v < side - 4)
+    patches = np.stack(
+        [
+            window.levels[0][b - 4 : b + 4, a - 4 : a + 4].mean(axis=(0, 1))
+            for a, b in zip(u[inside], v[inside], strict=True)
+        ]
+    )
+    assert np.median(np.ptp(patches, axis=1)) < 45
+
+
+def test_a_cast_has_a_model_for_each_sort(cast):
+    style = random_style(np.random.default_rng(0), cast)
+    assert set(style.models) == {FIRST_KIND + k for k in range(len(cast))}
+    assert {s.group for s in cast} == {"road", "rover", "clutter"}
+    assert all(0.05 < s.size[0] < 40.0 for s in cast)
+
+
+def test_every_kind_of_the_table_can_be_drawn():
+    rng = np.random.default_rng(2)
+    style = random_style(rng)
+    assert set(style.models) == set(SIZES) - {OCCLUDER}
+    renderer = Renderer(random_scene(rng), style, seed=1)
+    kinds = np.array(sorted(SIZES), np.int8)
+    size = np.array([[np.mean(r) for r in SIZES[int(k)]] for k in kinds]).T
+    x = 14.0 * (np.arange(len(kinds)) % 6 - 2.5)
+    y = 12.0 * (np.arange(len(kinds)) // 6 - 1.0)
+    view = camera(height=70.0, size=(900, 700), focal=600.0)
+    things = Bodies(
+        kind=kinds, x=x, y=y, heading=0.0 * x, length=size[0], width=size[1], height=size[2],
+        color=np.full((len(kinds), 3), (30, 30, 220), np.uint8),
+    )  # fmt: skip
+    image = renderer.draw(view, things)
+    assert image.shape == (700, 900, 3)
+    corner = ray_ground(view, [[0.0, 0.0], [900.0, 700.0]])
+    assert (np.abs(x) < corner[:, 0].max() + 5).all()
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_footage_keeps_size_and_place(seed):
+    """Whatever happens to a picture, a bright square on dark ground stays where it is."""
+    image = np.full((128, 160, 3), 60, np.uint8)
+    image[40:72, 56:104] = 220
+    out = as_footage(image, np.random.default_rng(seed))
+    assert out.shape == image.shape and out.dtype == np.uint8
+    grey = out.astype(float).mean(axis=2)
+    assert grey[44:68, 60:100].mean() > grey[:30].mean() + 15
+    middle = 0.5 * (grey[44:68, 60:100].mean() + grey[90:].mean())
+    v, u = np.nonzero(grey > middle)
+    assert abs(np.median(u) - 79.5) < 8 and abs(np.median(v) - 55.5) < 8

@@ -1,0 +1,63 @@
+"""Learning curves as a picture: the loss by step, and the figures on the held-out pictures."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["draw_curves"]
+
+FloatArray = NDArray[np.float64]
+WIDTH, HEIGHT, MARGIN = 560, 320, 44
+INK, GRID = (60, 60, 60), (225, 225, 225)
+COLORS = ((180, 110, 30), (40, 140, 40), (40, 60, 200))
+
+
+def draw_curves(folder: Path) -> Path:
+    """Draw ``curves.png`` from a training folder's loss.csv and quality.csv."""
+    loss, quality = _table(folder / "loss.csv"), _table(folder / "quality.csv")
+    left = _plot("loss", loss["step"], {"total": _smooth(loss["total"])}, (0.0, float(loss["total"][:3].max())))
+    shown = {name: quality[name] for name in ("ap50", "recall", "precision")}
+    right = _plot("held-out pictures", quality["step"], shown, (0.5, 1.0))
+    path = folder / "curves.png"
+    cv2.imwrite(str(path), np.hstack([left, right]))
+    return path
+
+
+def _table(path: Path) -> dict[str, FloatArray]:
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def _smooth(values: FloatArray, window: int = 9) -> FloatArray:
+    padded = np.pad(values, window // 2, mode="edge")
+    return np.convolve(padded, np.full(window, 1.0 / window), mode="valid")
+
+
+def _plot(title: str, x: FloatArray, lines: dict[str, FloatArray], span: tuple[float, float]) -> NDArray[np.uint8]:
+    image = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
+    low, high = span
+
+    def place(px: FloatArray, py: FloatArray) -> NDArray[np.int32]:
+        u = MARGIN + px / max(float(x[-1]), 1.0) * (WIDTH - 2 * MARGIN)
+        v = HEIGHT - MARGIN - (np.clip(py, low, high) - low) / (high - low) * (HEIGHT - 2 * MARGIN)
+        return np.rint(np.stack([u, v], axis=-1)).astype(np.int32)
+
+    for value in np.linspace(low, high, 6):
+        ends = place(np.array([0.0, x[-1]]), np.array([value, value]))
+        cv2.line(image, ends[0].tolist(), ends[1].tolist(), GRID, 1)
+        _write(image, f"{value:.2g}", (6, int(ends[0, 1]) + 4), INK)
+    for k, (name, values) in enumerate(lines.items()):
+        cv2.polylines(image, [place(x, values)], False, COLORS[k], 2, cv2.LINE_AA)
+        _write(image, f"{name} {values[-1]:.3f}", (MARGIN + 150 * k, HEIGHT - 8), COLORS[k])
+    _write(image, f"{title}, steps 0 to {int(x[-1])}", (MARGIN, 24), INK)
+    return image
+
+
+def _write(image: NDArray[np.uint8], text: str, at: tuple[int, int], color: tuple[int, int, int]) -> None:
+    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, color, 1, cv2.LINE_AA)
