@@ -9,49 +9,13 @@ from sim.boxes import true_boxes
 from sim.ground import GroundStyle
 from sim.render import Renderer, Style
 from sim.view import OCCLUDER, PERSON, STRANGER, UGV, Bodies, CameraView, Road, Scene
-from vision import decode_heatmap, decode_yolo
+from tests.onnx_bytes import UINT8, model
+from vision import decode_heatmap
 from vision.boxes import wrap
 from vision.detections import Detections
-from vision.detector import BUNDLED, HeatmapDetector, YoloDetector, open_detector
+from vision.detector import BUNDLED, HeatmapDetector, open_detector
 from vision.errors import ModelError
 from vision.training.quality import measure
-
-FLOAT, UINT8 = 1, 2
-
-
-# A hand-made ONNX file: protobuf fields of onnx.proto, enough for one Identity node.
-def _field(number, payload):
-    if isinstance(payload, int):
-        return _varint(number << 3) + _varint(payload)
-    data = payload.encode() if isinstance(payload, str) else payload
-    return _varint(number << 3 | 2) + _varint(len(data)) + data
-
-
-def _varint(value):
-    out = bytearray()
-    while value > 127:
-        out.append(value & 127 | 128)
-        value >>= 7
-    return bytes([*out, value])
-
-
-def _value(name, kind, shape):
-    dims = b"".join(_field(1, _field(1 if isinstance(n, int) else 2, n)) for n in shape)
-    return _field(1, name) + _field(2, _field(1, _field(1, kind) + _field(2, dims)))
-
-
-def model(path, image, out, metadata=None, constant=None):
-    """A file with an input, and an output that is the input or a constant; both are (name, kind, shape)."""
-    source, graph = image[0], b""
-    if constant is not None:
-        source = "c"
-        dims = b"".join(_field(1, n) for n in constant.shape)
-        graph = _field(5, dims + _field(2, FLOAT) + _field(8, "c") + _field(9, constant.astype("<f4").tobytes()))
-    node = _field(1, source) + _field(2, out[0]) + _field(4, "Identity")
-    graph = _field(1, node) + _field(2, "g") + graph + _field(11, _value(*image)) + _field(12, _value(*out))
-    props = b"".join(_field(14, _field(1, k) + _field(2, v)) for k, v in (metadata or {}).items())
-    path.write_bytes(_field(1, 8) + _field(7, graph) + _field(8, _field(1, "") + _field(2, 17)) + props)
-    return path
 
 
 def camera(height=40.0, size=(1280, 720), focal=1200.0, xy=(0.0, 0.0)):
@@ -211,29 +175,16 @@ def test_doubles_are_dropped_and_order_is_by_score():
 
 IMAGE = ("image", UINT8, [1, "h", "w", 3])
 ROLLCALL = {"rollcall": "1", "stride": "4", "nominal_length_px": "29", "nominal_length_m": "2.5"}
-YOLO_IN = ("images", FLOAT, [1, 3, 64, 64])
-NAMES = {"names": "{0: 'plane', 1: 'small vehicle', 2: 'storage tank'}"}
 REFUSED = {
-    "another task": (("x", FLOAT, [1, 10]), ("x2", FLOAT, [1, 10]), {}, "x [1, 10] float → x2 [1, 10] float"),
-    "marked as ours": (
-        IMAGE,
-        ("map", UINT8, [1, "h", "w", 3]),
-        ROLLCALL,
-        "not of its shape: image [1, 'h', 'w', 3] uint8",
-    ),
-    "ours without stride": (IMAGE, ("map", UINT8, [1, "h", "w", 3]), {"rollcall": "1"}, "'stride'"),
-    "no angle": (YOLO_IN, ("output0", FLOAT, [1, 7, 84]), NAMES, "7 rows, 3 classes need 8 with the angle"),
-    "no vehicles": (YOLO_IN, ("output0", FLOAT, [1, 6, 84]), {"names": "{0: 'a', 1: 'b'}"}, "3"),
-    "names garbled": (YOLO_IN, ("output0", FLOAT, [1, 8, 84]), {"names": "{0: oops"}, "class names cannot be read"),
-    "suppressed": (YOLO_IN, ("output0", FLOAT, [1, 300, 7]), NAMES, "output0 [1, 300, 7]"),
+    "marked as ours": (("map", UINT8, [1, "h", "w", 3]), ROLLCALL, "not of its shape: image [1, h, w, 3] uint8"),
+    "ours without stride": (("map", UINT8, [1, "h", "w", 3]), {"rollcall": "1"}, "'stride'"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED.keys())
 def test_a_model_of_another_shape_is_refused_with_what_was_found(tmp_path, case):
-    image, out, metadata, told = case
-    constant = np.zeros(out[2]) if out[1] == FLOAT else None
-    path = model(tmp_path / "other.onnx", image, out, metadata, constant)
+    out, metadata, told = case
+    path = model(tmp_path / "other.onnx", IMAGE, out, metadata)
     with pytest.raises(ModelError) as caught:
         open_detector(path)
     message = str(caught.value)
@@ -251,68 +202,20 @@ def test_files_that_are_no_models_are_refused(tmp_path):
         open_detector(providers=["NoSuchProvider"])
 
 
-def yolo_rows(*anchors, classes=3, n=84):
-    """[1, 4 + classes + 1, n] with given anchors: cx, cy, w, h, class, score, angle."""
-    out = np.zeros((1, 4 + classes + 1, n), np.float32)
-    for k, (cx, cy, w, h, cls, score, angle) in enumerate(anchors):
-        out[0, [0, 1, 2, 3, 4 + cls, -1], k] = (cx, cy, w, h, score, angle)
-    return out
+def test_options_of_other_models_are_refused_for_the_bundled_one():
+    with pytest.raises(ModelError, match="for YOLO models"):
+        open_detector(classes=["car"])
+    with pytest.raises(ModelError, match="for YOLO models"):
+        open_detector(imgsz=640)
 
 
-def yolo(tmp_path, rows, metadata=NAMES, **options):
-    return open_detector(
-        model(tmp_path / "y.onnx", YOLO_IN, ("output0", FLOAT, list(rows.shape)), metadata, rows), **options
-    )
-
-
-def test_a_yolo_export_is_read_and_brought_back_to_the_picture(tmp_path):
-    rows = yolo_rows(
-        (32, 32, 10, 5, 1, 0.9, 0.3),  # a vehicle
-        (32.5, 32, 10, 5, 1, 0.6, 0.3),  # the same again
-        (10, 32, 10, 5, 0, 0.9, 0.3),  # a plane
-        (50, 30, 4, 8, 1, 0.5, 0.0),  # its length across: the axis is turned
-        (20, 20, 4, 8, 1, 0.2, 0.0),  # too faint
-        (20, 2, 4, 8, 1, 0.8, 0.0),  # on the margin
-    )
-    detector = yolo(tmp_path, rows)
-    assert isinstance(detector, YoloDetector)
-    found = detector.detect(np.zeros((64, 128, 3), np.uint8), gsd_m=0.1)  # drawn at half size, margins of 16 px
-    np.testing.assert_allclose(found.boxes[0], [64, 32, 20, 10, 0.3], rtol=1e-6)
-    np.testing.assert_allclose(found.boxes[1, :4], [100, 28, 16, 8], rtol=1e-6)
-    assert abs(found.boxes[1, 4]) == pytest.approx(np.pi / 2)
-    assert found.score.tolist() == pytest.approx([0.9, 0.5])
-    assert np.isnan(found.heading).all()
-
-
-def test_classes_of_a_yolo_export_can_be_chosen(tmp_path):
-    rows = yolo_rows((32, 32, 10, 5, 0, 0.9, 0.0), (10, 32, 10, 5, 2, 0.9, 0.0))
-    picture = np.zeros((64, 64, 3), np.uint8)
-    assert len(yolo(tmp_path, rows).detect(picture)) == 0
-    assert len(yolo(tmp_path, rows, classes=["plane"]).detect(picture)) == 1
-    assert len(yolo(tmp_path, rows, metadata={}).detect(picture)) == 2  # names unknown: every class counts
-    with pytest.raises(ModelError, match="none of its classes is of boat"):
-        yolo(tmp_path, rows, classes=["boat"])
-
-
-def test_damaged_anchors_cost_only_themselves():
-    rows = yolo_rows((np.nan, 32, 10, 5, 1, 0.9, 0.0), (30, 30, -1, 5, 1, 0.9, 0.0), (10, 32, 10, 5, 1, 0.8, 0.0))
-    assert decode_yolo.decode(rows[0], np.array([1]), 0.3).score.tolist() == pytest.approx([0.8])
-
-
-@pytest.mark.parametrize(
-    ("name", "counts"),
-    [
-        ("Small-Vehicles", True),
-        ("car", True),
-        ("storage tank", False),
-        ("scarf", False),
-        ("Bus", True),
-        ("people", False),
-    ],
-)
-def test_names_that_sound_like_vehicles(name, counts):
-    names = {0: name, 1: "truck"}
-    assert (0 in decode_yolo.vehicle_classes(names, 2)) == counts
+def test_a_picture_larger_than_any_canvas_is_looked_at_in_tiles(renderer, detector):
+    # vehicles of 13 px: enlarged twofold the picture is wider than a canvas may be
+    view = camera(height=206.0, size=(2300, 240))
+    things = bodies(*[(UGV, x, y, x) for x in range(-190, 191, 10) for y in (-5.0, 6.0)])
+    quality = measure([detector.detect(renderer.draw(view, things), gsd_m=206.0 / 1200.0)], [truth(view, things)])
+    assert quality.recall >= 0.95
+    assert quality.precision >= 0.95
 
 
 def test_quality_figures():

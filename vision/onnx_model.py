@@ -1,0 +1,81 @@
+"""An ONNX file opened by onnxruntime, and what it tells of itself."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from pathlib import Path
+
+import onnxruntime as ort
+from onnxruntime.capi import onnxruntime_pybind11_state as ort_errors
+
+from vision.errors import ModelError
+
+__all__ = ["RUN_ERRORS", "described", "metadata", "open_session", "shape_text", "table"]
+
+RUN_ERRORS = (
+    ort_errors.Fail, ort_errors.InvalidArgument, ort_errors.InvalidGraph, ort_errors.InvalidProtobuf,
+    ort_errors.NoSuchFile, ort_errors.NotImplemented, ort_errors.NoModel, ort_errors.RuntimeException,
+)  # fmt: skip
+"""All that onnxruntime raises, on loading as on running."""
+
+
+def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.InferenceSession:
+    """Load an ONNX file.
+
+    Args:
+        path: the file.
+        providers: onnxruntime execution providers in order of preference.
+        threads: CPU threads of one run.
+
+    Raises:
+        ModelError: no such file, not an ONNX model, or a provider that is not installed.
+    """
+    if not path.is_file():
+        raise ModelError(f"{path}: no such model file; give the path of an ONNX detector, or none for the bundled one")
+    missing = set(providers) - set(ort.get_available_providers())
+    if missing:
+        installed = ", ".join(ort.get_available_providers())
+        raise ModelError(f"{', '.join(sorted(missing))}: not offered by this onnxruntime; choose from {installed}")
+    options = ort.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    try:
+        return ort.InferenceSession(str(path), options, providers=list(providers))
+    except RUN_ERRORS as error:
+        raise ModelError(f"{path}: cannot be loaded as an ONNX model: {error}") from error
+
+
+def metadata(session: ort.InferenceSession) -> dict[str, str]:
+    """The file's own notes."""
+    return dict(session.get_modelmeta().custom_metadata_map)
+
+
+def table(text: str) -> dict[object, object]:
+    """A table written as Python text into the notes, ``{'nms': True, …}`` or a list; empty for an empty text.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    if not text:
+        return {}
+    try:
+        value = ast.literal_eval(text)
+        return dict(value) if isinstance(value, dict) else dict(enumerate(value))
+    except (SyntaxError, TypeError, ValueError, RecursionError, MemoryError) as error:
+        raise ValueError(f"is no table: {text[:80]!r}") from error
+
+
+def described(session: ort.InferenceSession) -> str:
+    """Inputs and outputs, as ``images [1, 3, 640, 640] float → output0 [1, 20, 8400] float``."""
+
+    def told(values: Sequence[ort.NodeArg]) -> str:
+        return ", ".join(f"{v.name} {shape_text(v.shape)} {v.type.removeprefix('tensor(').rstrip(')')}" for v in values)
+
+    return f"{told(session.get_inputs())} → {told(session.get_outputs())}"
+
+
+def shape_text(shape: Sequence[object]) -> str:
+    """``[1, 3, height, width]``; a side without a name is ?."""
+    return "[" + ", ".join("?" if n is None else str(n) for n in shape) + "]"
