@@ -18,7 +18,6 @@ BoolArray = NDArray[np.bool_]
 
 _LASTING_S = 2.0
 _LAPSE_S = 1.0
-"""A double that is not seen for so long is over."""
 _HOLD = 2.0
 """Of two vehicles one jumped to where the other was: they may then come so many times as far apart as before."""
 _CLAIM = 12.0
@@ -31,10 +30,17 @@ _NO_ONE = -1
 class _Double:
     """Two vehicles that report one place."""
 
+    row: int
+    """The track there."""
     since: float
     last: float
     jumper: int = _NO_ONE
     """The one of them that jumped there, as no vehicle can."""
+
+    @property
+    def lapse_s(self) -> float:
+        """For how long it may be unseen before it is over: without a jump, two neighbours are easily taken for it."""
+        return 0.0 if self.jumper == _NO_ONE else _LAPSE_S
 
 
 class ConflictWatch:
@@ -71,7 +77,7 @@ class ConflictWatch:
         p = p.copy()
         for pair, double in lasting.items():
             if double.jumper == _NO_ONE:
-                p[:, pair] = 0.5 * np.sum(p[:, pair], axis=1, keepdims=True)
+                p[double.row, pair] = 0.5 * np.sum(p[double.row, pair])
             else:
                 scene.log.doubted_since[double.jumper] = double.since - _LAPSE_S
         gone = self._gone(t, scene, choice, p)
@@ -80,8 +86,9 @@ class ConflictWatch:
     def _note_doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray) -> None:
         """Keep the pairs of vehicles that report one place, the track there, and who came there by a jump."""
         place, heard = scene.log.extrapolated(t)[0], t - scene.log.last_t < _HEARD_S
-        jumped = heard & np.any(best.blocks.jump_var > 0.0, axis=0)
         reach = 2.5 * scene.noise.bias_std + float(np.sqrt(scene.noise.white_var))
+        # a shorter jump leads from one neighbour to the next
+        jumped = heard & np.any(best.blocks.jump_var > reach**2, axis=0)
         away = np.hypot(best.final.mean[: scene.live, :, 0], best.final.mean[: scene.live, :, 1])
         free = heard.copy()
         free[choice[choice >= 0]] = False
@@ -94,11 +101,11 @@ class ConflictWatch:
             claims = known | ((apart < reach) & (jumped | (free & (best.score[row] > _CLAIM))))
             claims[own] = False
             for other in np.flatnonzero(claims).tolist():
-                double = self._double.setdefault((min(own, other), max(own, other)), _Double(t, t))
-                double.last = t
+                double = self._double.setdefault((min(own, other), max(own, other)), _Double(row, t, t))
+                double.row, double.last = row, t
                 if double.jumper == _NO_ONE and jumped[own] != jumped[other]:
                     double.jumper = own if jumped[own] else other
-        self._double = {pair: d for pair, d in self._double.items() if t - d.last < _LAPSE_S}
+        self._double = {pair: d for pair, d in self._double.items() if t - d.last <= d.lapse_s}
 
     def _copies(self, own: int, n: int) -> BoolArray:
         """(n,) vehicles of which one jumped to where the other was, ``own`` among the two."""

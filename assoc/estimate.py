@@ -115,8 +115,8 @@ class Estimator:
         self._thetas, self.theta_std = [h.theta for h in found[:3]], found[0].theta_std
         p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)),
                             scene.in_view)  # fmt: skip
-        p, self.conflict = self._watch.review(t, scene, found[0], p)
         self._learn(t, scene, found[0], p, float(share[0]))
+        p, self.conflict = self._watch.review(t, scene, found[0], p)
         self._fold(scene, found[0])
         return live, p
 
@@ -242,11 +242,10 @@ class Estimator:
         age = t - self._history.first_s[live]
         top = np.argmax(p, axis=1)
         sure = (np.max(p, axis=1) > _SURE) & (age > _SETTLED_S)
-        honest = ~np.isin(top, self.conflict)
-        rows = np.flatnonzero(sure & (top < n) & honest)
+        rows = np.flatnonzero(sure & (top < n))
         if t - self._noise_s >= _NOISE_EVERY_S:
             self._noise_s = t
-            carrying = np.flatnonzero((np.max(p, axis=1) > 0.8) & (top < n) & honest)
+            carrying = np.flatnonzero((np.max(p, axis=1) > 0.8) & (top < n))
             now = (self._bias_std, self._tau_s)
             self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
