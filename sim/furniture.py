@@ -22,7 +22,8 @@ def building(rng: np.random.Generator) -> Model:
         Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 0.9), top=walls, sides=walls),
         Block(x=(-0.5 + rim, 0.5 - rim), y=(-0.5 + rim, 0.5 - rim), z=(0.9, 0.901), layer=1),
     ]
-    for _ in range(int(rng.integers(0, 14))):
+    blocks += _partitions(rng)
+    for _ in range(int(rng.integers(0, 20))):
         x, y = rng.uniform(-0.42, 0.42, 2)
         a, b = rng.uniform(0.01, 0.09), rng.uniform(0.01, 0.09)
         color = shade((WHITE, STEEL, DARK, (120.0, 100.0, 80.0), (90.0, 150.0, 90.0))[int(rng.integers(5))], rng)
@@ -37,6 +38,21 @@ def building(rng: np.random.Generator) -> Model:
     if rng.random() < 0.3:
         blocks += _grid(rng, (-0.4, rng.uniform(-0.1, 0.4)), (-0.35, rng.uniform(-0.1, 0.35)), 0.93, 2)
     return Model.of(*blocks)
+
+
+def _partitions(rng: np.random.Generator) -> list[Block]:
+    """Low walls, pipes and sheets of another colour on a roof."""
+    blocks = []
+    for _ in range(int(rng.integers(0, 8))):
+        x, y = rng.uniform(-0.45, 0.45, 2)
+        color = shade((WHITE, STEEL, DARK, (90.0, 150.0, 90.0), (120.0, 100.0, 80.0))[int(rng.integers(5))], rng)
+        a, b = rng.permutation([rng.uniform(0.1, 0.5), rng.uniform(0.004, 0.02)]) if rng.random() < 0.6 else (
+            rng.uniform(0.05, 0.25), rng.uniform(0.05, 0.25))  # fmt: skip
+        foot = ((max(x - a, -0.48), min(x + a, 0.48)), (max(y - b, -0.48), min(y + b, 0.48)))
+        blocks.append(
+            Block(x=foot[0], y=foot[1], z=(0.9, 0.9 + rng.uniform(0.002, 0.04)), top=color, sides=color, layer=1)
+        )
+    return blocks
 
 
 def _grid(

@@ -69,11 +69,45 @@ def random_bodies(view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.
     small = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] < LARGE_M]
     _anywhere(placed, view, yard, small, cast, rng, int(rng.poisson(rng.choice([2.0, 8.0, 16.0]))))
     for _ in range(int(rng.poisson(rng.choice([0.5, 2.0, 6.0])))):
-        x, y = _ground_point(view, rng)
-        wide = float(rng.uniform(1.2, 8.0))
-        size = (wide, float(wide * rng.uniform(0.8, 1.2)), float(rng.uniform(1.0, 1.0 + 1.2 * wide)))
-        placed.add(OCCLUDER, (x, y, float(rng.uniform(0, 6.3))), size, np.array(random_leaf(rng)), solid=False)
+        _tree(placed, _ground_point(view, rng), float(rng.uniform(1.2, 8.0)), np.array(random_leaf(rng)), rng)
+    if rng.random() < 0.4:
+        _thicket(placed, view, yard, rng)
+    crowd = [k for k, s in enumerate(cast) if s.name in ("person", "bicycle", "animal", "crate", "cooler", "tank")]
+    if crowd and rng.random() < 0.2:
+        _crowd(placed, view, int(rng.choice(crowd)), cast, rng)
     return placed.bodies()
+
+
+def _tree(
+    placed: _Placed, at: tuple[float, float], wide: float, leaf: NDArray[np.int64], rng: np.random.Generator
+) -> None:
+    size = (wide, float(wide * rng.uniform(0.8, 1.2)), float(rng.uniform(1.0, 1.0 + 1.2 * wide)))
+    placed.add(OCCLUDER, (*at, float(rng.uniform(0.0, 6.3))), size, leaf, solid=False)
+
+
+def _thicket(placed: _Placed, view: CameraView, yard: Yard, rng: np.random.Generator) -> None:
+    """A hedge of bushes in a row, or a wood; it keeps off bays and lanes."""
+    x, y = _ground_point(view, rng)
+    slots = _slots_in_view(view, yard)[:, :2]
+    leaf, count, hedge = np.array(random_leaf(rng)), int(rng.integers(8, 30)), bool(rng.random() < 0.6)
+    wide = float(rng.uniform(0.7, 2.5) if hedge else rng.uniform(2.0, 6.0))
+    along = yard.street + 0.5 * np.pi * int(rng.integers(2)) + rng.normal(0.0, 0.1)
+    for k in range(count):
+        stray = rng.normal(0.0, 0.08 if hedge else 2.0, 2) * wide
+        reach = rng.uniform(0.7, 1.0) * wide * (k - 0.5 * count) if hedge else 0.0
+        at = (float(x + reach * np.sin(along) + stray[0]), float(y + reach * np.cos(along) + stray[1]))
+        if len(slots) and np.hypot(*(slots - at).T).min() < 3.0 + 0.3 * wide:
+            continue
+        _tree(placed, at, wide * float(rng.uniform(0.7, 1.3)), np.clip(leaf + rng.normal(0.0, 8.0, 3), 5, 250), rng)
+
+
+def _crowd(placed: _Placed, view: CameraView, kind: int, cast: tuple[Sort, ...], rng: np.random.Generator) -> None:
+    """Many small things of one sort close together: people, bicycles at a rack, goods."""
+    x, y = _ground_point(view, rng)
+    reach = cast[kind].size[0] * rng.uniform(2.0, 8.0)
+    for _ in range(int(rng.integers(6, 30))):
+        at = (x + float(rng.normal(0.0, reach)), y + float(rng.normal(0.0, reach)), float(rng.uniform(0.0, 6.3)))
+        placed.add(FIRST_KIND + kind, at, _jittered(cast[kind].size, rng), car_color(rng))
 
 
 def _ground_point(view: CameraView, rng: np.random.Generator) -> tuple[float, float]:

@@ -97,6 +97,21 @@ class Sheet:
         alpha = cv2.warpAffine(mask, turn, (part.shape[1], part.shape[0]), flags=cv2.INTER_LINEAR)[..., None] / 255.0
         part[:] = part + alpha * (np.array(color) - part)
 
+    def glyphs(
+        self, count: int, at: FloatArray, heading: float, size: tuple[float, float], color: Color,
+        rng: np.random.Generator,
+    ) -> None:  # fmt: skip
+        """Signs of an unknown script, strokes in a grid, (height, width) metres each, across the heading."""
+        forward, right = np.array([np.sin(heading), -np.cos(heading)]), np.array([np.cos(heading), np.sin(heading)])
+        lines = []
+        for k in range(count):
+            middle = at + 1.2 * (k - 0.5 * (count - 1)) * size[1] * right
+            for _ in range(int(rng.integers(3, 7))):
+                a = rng.integers(-1, 2, 2) * 0.45
+                b = np.where(np.arange(2) == rng.integers(2), rng.integers(-1, 2, 2) * 0.45, a)
+                lines.append(np.array([middle + p[0] * size[0] * forward + p[1] * size[1] * right for p in (a, b)]))
+        self.lines(lines, color, 0.13 * min(size))
+
     def textured(self, light: Image, rng: np.random.Generator) -> Image:
         """The painting with grain on it, rough where the ground is, under an uneven light in 1/128."""
         coarse = grain(self.side_px, (4, 2), float(rng.uniform(0.1, 0.55)), rng)

@@ -234,6 +234,9 @@ def _sign(sheet: Sheet, at: FloatArray, heading: float, color: Color, rng: np.ra
         tip = at + 2.4 * forward + (rng.uniform(-1.0, 1.0) * right if rng.random() < 0.4 else 0.0)
         base = at + 1.0 * forward
         sheet.fill(np.stack([tip, base - 0.5 * right, base + 0.5 * right]), color)
+    elif rng.random() < 0.5:
+        size = (float(rng.uniform(0.8, 4.5)), float(rng.uniform(0.6, 2.0)))
+        sheet.glyphs(int(rng.integers(1, 6)), at, heading, size, color, rng)
     else:
         letters = "".join(rng.choice(list("STOPBUSZONE0358KHXAEMNW"), int(rng.integers(1, 6))))
         sheet.text(letters, at, heading, rng.uniform(0.7, 2.4), color)
