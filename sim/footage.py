@@ -25,13 +25,13 @@ def as_footage(image: Image, rng: np.random.Generator) -> Image:
         image = _under_shadows(image, rng)
     image = _graded(image, rng)
     if rng.random() < 0.35:
-        image = _rescaled(image, float(rng.uniform(0.45, 0.9)), rng)
+        image = _rescaled(image, float(rng.uniform(0.6, 0.95)), rng)
     if rng.random() < 0.5:
         image = _sharpened(image, float(rng.uniform(0.3, 1.6)), float(rng.uniform(0.7, 1.8)))
     kind = rng.random()
     if kind < 0.45:
-        return _as_jpeg(image, int(rng.integers(22, 95)))
-    return _as_h264(image, int(rng.integers(18, 37))) if kind < 0.65 else image
+        return _as_jpeg(image, int(rng.integers(30, 95)))
+    return _as_h264(image, int(rng.integers(18, 33))) if kind < 0.65 else image
 
 
 def _under_shadows(image: Image, rng: np.random.Generator) -> Image:
@@ -63,8 +63,8 @@ def _graded(image: Image, rng: np.random.Generator) -> Image:
     if rng.random() < 0.6:
         base = rng.normal(1.0, float(rng.uniform(0.02, 0.1)), (5, 5, 1)).astype(np.float32)
         values *= cv2.resize(base, image.shape[1::-1], interpolation=cv2.INTER_CUBIC)[..., None]
-    if rng.random() < 0.3:
-        veil, air = float(rng.uniform(0.05, 0.4)), rng.uniform(0.55, 0.95) * rng.uniform(0.93, 1.07, 3)
+    if rng.random() < 0.25:
+        veil, air = float(rng.uniform(0.05, 0.25)), rng.uniform(0.55, 0.95) * rng.uniform(0.93, 1.07, 3)
         values = values * (1.0 - veil) + (veil * air).astype(np.float32)
     if rng.random() < 0.6:
         grey = values.mean(axis=2, keepdims=True)

@@ -175,13 +175,13 @@ def _random_light(rng: np.random.Generator) -> Style:
 
 def _random_exposure(rng: np.random.Generator) -> Exposure:
     return Exposure(
-        gain=float(rng.uniform(0.45, 0.75) if rng.random() < 0.1 else rng.uniform(0.8, 1.3)),
+        gain=float(rng.uniform(0.5, 0.8) if rng.random() < 0.1 else rng.uniform(0.8, 1.3)),
         balance=tuple(rng.uniform(0.93, 1.07, 3).tolist()),
         vignette=0.0,
-        noise=float(rng.choice([0.0, 1.0, 2.0, 4.0, 8.0])),
-        blur_px=float(rng.choice([0.0, 0.0, 0.0, 2.0, 4.0, 6.0])),
+        noise=float(rng.choice([0.0, 1.0, 2.0, 3.0, 6.0])),
+        blur_px=float(rng.choice([0.0, 0.0, 0.0, 0.0, 2.0, 3.0, 5.0])),
         blur_direction=float(rng.uniform(0.0, np.pi)),
-        softness_px=float(rng.choice([0.0, 0.5, 0.8, 1.2, 1.6])),
+        softness_px=float(rng.choice([0.0, 0.4, 0.6, 0.9, 1.2])),
     )
 
 
