@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -123,6 +125,14 @@ def test_what_can_be_no_box_costs_only_itself_and_is_counted(tmp_path):
     for _ in range(2):
         assert detector.detect(picture(64, 64)).score.tolist() == pytest.approx([0.8])
     assert (detector.dropped.damaged, detector.dropped.flat, detector.dropped.surplus) == (4, 2, 0)
+
+
+def test_several_threads_may_ask_at_once(tmp_path):
+    detector = yolo(tmp_path, raw(SEEN[0], (10, 32, 0, 5, 1, 0.8, 0.0)))
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: detector.detect(picture(64, 64)), range(200)))
+    assert {len(f) for f in found} == {1}
+    assert detector.dropped.flat == 200
 
 
 def test_the_canvas_of_a_model_of_any_size(tmp_path):

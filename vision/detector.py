@@ -21,7 +21,7 @@ BUNDLED = Path(__file__).parent / "models" / "rollcall-obb-s.onnx"
 
 
 class Detector(Protocol):
-    """Finds vehicles in one picture."""
+    """Finds vehicles in one picture; may be asked from several threads at once."""
 
     def detect(self, image: NDArray[np.uint8], *, gsd_m: float | None = None) -> Detections:
         """Vehicles in a picture.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from threading import Lock
 
 import numpy as np
 import onnxruntime as ort
@@ -62,6 +63,7 @@ class YoloDetector:
     ) -> None:
         self.dropped = Dropped()
         """What outputs held so far that could be no box, or was too much."""
+        self._counting = Lock()
         self._session, self._where, self._tiled = session, where, tiled
         try:
             self._input = read_input(session, imgsz)
@@ -141,5 +143,6 @@ class YoloDetector:
             found, dropped = decode_boxes(out, self._classes, self._rule)
         else:
             found, dropped = decode_raw(out if self._form == "raw" else out.T, self._rule)
-        self.dropped = self.dropped + dropped
+        with self._counting:
+            self.dropped += dropped
         return found
