@@ -11,6 +11,7 @@ import pytest
 from gcs.cli.eval_detector import eval_detector
 from gcs.errors import GcsError
 from vision.boxes import corners, rotated_iou
+from vision.detections import Detections
 from vision.errors import LabelError
 from vision.evaluation import open_folder
 
@@ -184,6 +185,24 @@ def test_the_command_measures_a_folder(tmp_path, capsys):
     assert "| car | 1 | 0 | 0.000 | 0.000 |" in (tmp_path / "out" / "eval.md").read_text()
     assert cv2.imread(str(tmp_path / "out" / "worst.png")) is not None
     assert "AP50-95" in capsys.readouterr().out
+
+
+def test_the_command_looks_at_the_resolution_that_labels_tell(tmp_path, monkeypatch):
+    used = []
+
+    class Knows:
+        def detect(self, image, *, gsd_m=None):
+            used.append((image.shape, gsd_m))
+            cx, cy, w, h, angle = BOX[:, None]
+            return Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=np.array([0.9]), heading=np.array([np.nan]))
+
+    monkeypatch.setattr("vision.detector.open_detector", lambda model, **settings: Knows())
+    folder = folder_of(tmp_path / "set", DOTA)
+    call(folder, out=tmp_path / "out")
+    call(folder, gsd=0.5)
+    assert used == [((SIZE[1], SIZE[0], 3), 0.08), ((SIZE[1], SIZE[0], 3), 0.5)]
+    told = json.loads((tmp_path / "out" / "eval.json").read_text())
+    assert (told["ap50"], told["precision"], told["recall"], told["aside"]) == (1.0, 1.0, 1.0, 1)
 
 
 @pytest.mark.parametrize(

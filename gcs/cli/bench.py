@@ -15,14 +15,14 @@ from gcs.errors import GcsError
 __all__ = ["bench"]
 
 CHECKOUT = Path(__file__).parents[2]
-SUITES = ("paper", "field", "latency")
+SUITES = ("paper", "field", "latency", "apriltag")
 
 
 def bench(
     context: typer.Context,
     suite: Annotated[str, typer.Argument(help=f"One of {', '.join(SUITES)}; --help after it lists its options.")],
 ) -> None:
-    """Run a benchmark: the published experiments, the field suite, or latencies; results in bench/results."""
+    """Run a benchmark: the published experiments, the field suite, latencies, or tags; results in bench/results."""
     if suite not in SUITES:
         raise GcsError(f"no benchmark {suite!r}; there are {', '.join(SUITES)}")
     if not (CHECKOUT / "bench" / suite).is_dir():

@@ -1,0 +1,112 @@
+"""One flight: what tags tell of its frames, and what the product names on the same ones."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.apriltag.flight import SIDES_M, scenario_of, tags_of, write_flight
+from bench.apriltag.tags import read_tags
+from bench.field.product import identify
+from gcs.tables import Table, read_table
+from sim.scenario import Scenario
+from vision.video import VideoFile
+
+__all__ = ["SETTLED_S", "Case", "Outcome", "TagCount", "count_tags", "play"]
+
+Bools = NDArray[np.bool_]
+
+SETTLED_S = 4.0
+"""A name needs motion: shares are also told from this moment on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What is flown."""
+
+    camera: str
+    height_m: float
+    duration_s: float
+    fps: float
+    seed: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagCount:
+    """Boxes of the vehicles with tags of one side."""
+
+    side_m: float
+    boxes: int
+    read: int
+    """With the right number, in the frame itself."""
+    known: int
+    """In this frame or an earlier one: with a tracker that never loses anybody."""
+    wrong: int
+    """With a number that is not on the vehicle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Counts of boxes of our vehicles in view."""
+
+    case: Case
+    vehicle_px: float
+    """Median length of a vehicle."""
+    tags: tuple[TagCount, ...]
+    boxes: int
+    right: int
+    """That the product names rightly."""
+    named: int
+    """That it gives any name, those of the look-alike included."""
+    late_boxes: int
+    """From SETTLED_S on."""
+    late_right: int
+
+
+def play(case: Case) -> Outcome:
+    """Film a flight, read its tags, let the product name its vehicles."""
+    scenario = scenario_of(case.camera, case.height_m, case.duration_s, case.fps, case.seed)
+    with tempfile.TemporaryDirectory(prefix="apriltag-") as folder:
+        session = Path(folder) / "session"
+        write_flight(scenario, session)
+        truth = read_table(session / "truth.csv", ("frame", "cx", "cy", "w", "h", "angle", "system_id"))
+        tags = count_tags(scenario, session / "video.mp4", truth)
+        matched = identify(session, Path(folder) / "out").matched
+    ours = matched.truth > 0
+    right = ours & (matched.named == matched.truth)
+    late = ours & (matched.frame >= SETTLED_S * case.fps)
+    return Outcome(
+        case=case,
+        vehicle_px=float(np.median(truth["w"][truth["system_id"] > 0])),
+        tags=tags,
+        boxes=int(ours.sum()),
+        right=int(right.sum()),
+        named=int((matched.named > 0).sum()),
+        late_boxes=int(late.sum()),
+        late_right=int((right & late).sum()),
+    )
+
+
+def count_tags(scenario: Scenario, video: Path, truth: Table) -> tuple[TagCount, ...]:
+    """Read the tags of every vehicle in view, frame by frame."""
+    side = {tag.number: tag.side_m for tag in tags_of(scenario)}
+    boxes = dict.fromkeys(SIDES_M, 0)
+    read, known, wrong = dict(boxes), dict(boxes), dict(boxes)
+    met: set[int] = set()
+    with VideoFile.open(video) as film:
+        for frame in film.frames():
+            mine = np.flatnonzero((truth["frame"] == frame.index) & (truth["system_id"] > 0))
+            places = np.stack([truth[key][mine] for key in ("cx", "cy", "w", "h")], axis=-1)
+            numbers = truth["system_id"][mine].astype(int).tolist()
+            for number, seen in zip(numbers, read_tags(frame.image, places), strict=True):
+                size = side[number]
+                met |= {number} & seen
+                boxes[size] += 1
+                read[size] += number in seen
+                known[size] += number in met
+                wrong[size] += bool(seen - {number})
+    return tuple(TagCount(side_m=s, boxes=boxes[s], read=read[s], known=known[s], wrong=wrong[s]) for s in SIDES_M)

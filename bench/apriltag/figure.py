@@ -1,0 +1,51 @@
+"""Share identified against height, drawn from ``apriltag.csv``."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+from pathlib import Path
+from typing import Any
+
+from bench.apriltag.flight import CAMERAS, SIDES_M
+
+__all__ = ["MISSING", "draw_heights"]
+
+MISSING = "no figure: matplotlib is not installed; pip install 'rollcall-gcs[bench]' and run again, or draw the csv"
+TAG_COLORS = ("#d95f02", "#7570b3")
+
+
+def draw_heights(table: Path, picture: Path) -> bool:
+    """One panel a camera; False when matplotlib is missing."""
+    try:
+        matplotlib: Any = importlib.import_module("matplotlib")
+        matplotlib.use("Agg")
+        pyplot: Any = importlib.import_module("matplotlib.pyplot")
+    except ImportError:
+        return False
+    with table.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    figure, panels = pyplot.subplots(1, len(CAMERAS), figsize=(10, 4), sharey=True)
+    for panel, camera in zip(panels, CAMERAS, strict=True):
+        mine = sorted((row for row in rows if row["camera"] == camera), key=lambda row: float(row["height_m"]))
+        _draw(panel, mine)
+        panel.set(title=camera, xlabel="height above ground, m", ylim=(-3, 103))
+        panel.grid(color="0.92")
+    panels[0].set(ylabel="vehicles in view identified, %")
+    panels[-1].legend(fontsize=8, loc="center right")
+    figure.tight_layout()
+    figure.savefig(picture, dpi=110)
+    pyplot.close(figure)
+    return True
+
+
+def _draw(panel: Any, rows: list[dict[str, str]]) -> None:  # noqa: ANN401  (axes of a library without types)
+    height = [float(row["height_m"]) for row in rows]
+
+    def line(name: str, **look: Any) -> None:  # noqa: ANN401  (matplotlib's own words)
+        panel.plot(height, [100.0 * float(row[name]) for row in rows], label=name, **look)
+
+    line("product", color="#1b9e77", marker="o", linewidth=2.2)
+    for side, color in zip(SIDES_M, TAG_COLORS, strict=True):
+        line(f"tag {side:g} m", color=color, marker="s")
+        line(f"tag {side:g} m, remembered", color=color, linestyle=":")

@@ -1,0 +1,80 @@
+"""All heights and cameras in worker processes, and the files they end in."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+from bench.apriltag.case import Case, Outcome, play
+from bench.apriltag.figure import MISSING, draw_heights
+from bench.apriltag.flight import CAMERAS
+from bench.apriltag.tables import report, shares, write_csv
+
+__all__ = ["cases", "run"]
+
+WORKERS = 2
+HEIGHTS_M = (10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0, 120.0)
+QUICK_HEIGHTS_M = (10.0, 40.0, 120.0)
+DURATION_S, FPS = 10.0, 4.0
+QUICK_S = 5.0
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def cases(quick: bool) -> list[Case]:
+    """The flights of a run, the longest first."""
+    heights, duration_s = (QUICK_HEIGHTS_M, QUICK_S) if quick else (HEIGHTS_M, DURATION_S)
+    cameras = [camera for camera in reversed(CAMERAS) if not quick or camera == "1080p"]
+    return [Case(camera=c, height_m=h, duration_s=duration_s, fps=FPS) for c in cameras for h in reversed(heights)]
+
+
+def run(out: Path, quick: bool = False, *, workers: int = WORKERS, say: Callable[[str], None] = lambda _: None) -> str:
+    """Fly everything; write ``apriltag.md``, ``apriltag.csv`` and ``apriltag.png``.
+
+    Args:
+        out: is made; files of these names in it are replaced.
+        quick: a few heights and one camera, for a look.
+        workers: processes.
+        say: told of every flight as it ends.
+
+    Returns:
+        the text of ``apriltag.md``.
+    """
+    began = time.monotonic()
+    outcomes = sorted(_played(cases(quick), workers, say), key=lambda o: (o.case.camera, o.case.height_m))
+    out.mkdir(parents=True, exist_ok=True)
+    write_csv(outcomes, out / "apriltag.csv")
+    text = report(outcomes, quick)
+    (out / "apriltag.md").write_text(text, encoding="utf-8")
+    if not draw_heights(out / "apriltag.csv", out / "apriltag.png"):
+        say(MISSING)
+    say(f"{len(outcomes)} flights in {time.monotonic() - began:.0f} s; wrote {out}")
+    return text
+
+
+def _played(todo: list[Case], workers: int, say: Callable[[str], None]) -> list[Outcome]:
+    outcomes = []
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    # numerical libraries read these when a worker loads them
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    try:
+        with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+            for done in as_completed([pool.submit(_one, case) for case in todo]):
+                outcomes.append(done.result())
+                o = outcomes[-1]
+                told = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares(o).items())
+                say(f"{len(outcomes)}/{len(todo)}  {o.case.camera} from {o.case.height_m:g} m: {told}")
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+    return outcomes
+
+
+def _one(case: Case) -> Outcome:
+    import cv2
+
+    cv2.setNumThreads(1)
+    return play(case)
