@@ -117,11 +117,9 @@ class Analysis:
         """The mission's detector when frames have to be looked at, else None."""
         if self.video is None or self._boxes is not None:
             return None
-        from vision.detector import open_detector
+        from gcs.perception import open_perception
 
-        choice = self.mission.detector
-        model = (self.session.path / choice.model) if choice.model else None
-        return open_detector(model, score=choice.score)
+        return open_perception(self.mission.detector)
 
     def snapshots(self, *, images: bool = True) -> Iterator[Snapshot]:
         """Fold the whole recording.

@@ -10,13 +10,14 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
 from gcs.errors import ConfigError
 
 __all__ = [
+    "BUNDLED",
     "Camera",
     "Clock",
     "DetectorChoice",
@@ -27,6 +28,9 @@ __all__ = [
     "load_mission",
     "parse_mission",
 ]
+
+BUNDLED = "bundled"
+"""In place of a path: the model that comes with the program."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +81,11 @@ class DetectorChoice:
     """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
     score: float = 0.3
     """Boxes below are dropped."""
+    front: str = ""
+    """What tells the fronts of boxes that come without: path of an ONNX file, relative to the mission file, or
+    ``bundled``; empty: nothing does."""
+    front_sure: float = 0.8
+    """Least probability of a front that is told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +148,7 @@ _RANGES: dict[tuple[type, str], tuple[float, float]] = {
     (Camera, "yaw_deg"): (-360.0, 360.0),
     (Clock, "video_offset_s"): (-60.0, 60.0),
     (DetectorChoice, "score"): (0.0, 1.0),
+    (DetectorChoice, "front_sure"): (0.0, 1.0),
     (IdentityChoice, "threshold"): (0.0, 1.0),
 }
 _TABLES: dict[str, type] = {
@@ -154,7 +164,7 @@ _NOTES = ("session",)
 
 
 def load_mission(path: Path) -> Mission:
-    """Read a mission or session file.
+    """Read a mission or session file; paths in it become absolute, so that they hold wherever it is written again.
 
     Raises:
         ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
@@ -167,7 +177,18 @@ def load_mission(path: Path) -> Mission:
         raise ConfigError(f"{path}: cannot be read as text: {error}") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
-    return parse_mission(table, str(path))
+    mission = parse_mission(table, str(path))
+    return replace(mission, detector=_placed(mission.detector, path.parent))
+
+
+def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
+    """With absolute paths: a file's are relative to where it lies."""
+
+    def place(text: str) -> str:
+        return str((folder / text).absolute()) if text else ""
+
+    front = choice.front if choice.front == BUNDLED else place(choice.front)
+    return replace(choice, model=place(choice.model), front=front)
 
 
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:

@@ -14,12 +14,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gcs.config import Mission
+from gcs.perception import open_perception
 from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
 from gcs.snapshot import Event, Health, Level, LinkHealth, Snapshot
 from mavlink.link import Link, open_link
 from mavlink.packet import Packet
-from vision.detector import Detector, open_detector
+from vision.detector import Detector
 from vision.stream import VideoStream
 from vision.video import Frame
 
@@ -41,8 +42,6 @@ class FlightPlan:
     video: str
     """Empty: no camera."""
     sessions: Path
-    model: Path | None = None
-    """Detector, None the bundled one."""
 
 
 class Flight:
@@ -63,7 +62,7 @@ class Flight:
         self._on_snapshot = on_snapshot
         self._detector: Detector | None = None
         if plan.video:
-            self._detector = open_detector(plan.model, score=plan.mission.detector.score)
+            self._detector = open_perception(plan.mission.detector)
         self._links: list[Link] = []
         try:
             self._links += (open_link(url, k) for k, url in enumerate(plan.links))

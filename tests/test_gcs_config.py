@@ -2,7 +2,7 @@ import tomllib
 
 import pytest
 
-from gcs.config import load_mission, parse_mission
+from gcs.config import BUNDLED, load_mission, parse_mission
 from gcs.errors import ConfigError
 from gcs.session import mission_table
 
@@ -93,3 +93,24 @@ def test_files_that_are_not_missions(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="cannot be read as text"):
         load_mission(tmp_path / "binary.toml")
+
+
+def test_paths_of_models_are_where_the_mission_file_is(tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD + '[detector]\nmodel = "yolo.onnx"\nfront = "/models/front.onnx"\nfront_sure = 0.9\n')
+    mission = load_mission(path)
+    assert mission.detector.model == str(tmp_path / "yolo.onnx")
+    assert (mission.detector.front, mission.detector.front_sure) == ("/models/front.onnx", 0.9)
+    # written into a session elsewhere it still is the same file
+    copy = tmp_path / "sessions" / "session.toml"
+    copy.parent.mkdir()
+    copy.write_text(mission_table(mission, {"format": 1}))
+    assert load_mission(copy).detector == mission.detector
+
+
+def test_bundled_models_have_no_path(tmp_path):
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD)
+    assert (load_mission(path).detector.model, load_mission(path).detector.front) == ("", "")
+    path.write_text(GOOD + '[detector]\nfront = "bundled"\n')
+    assert load_mission(path).detector.front == BUNDLED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -31,15 +32,16 @@ def fly(
 ) -> None:
     """Name the vehicles in a live video; listens only, records everything."""
     loaded = load_mission(mission)
+    if model is not None:
+        loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
     links = tuple(link or ()) or loaded.links.telemetry
     if not links:
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
     screen = not headless and sys.stdout.isatty()
     if screen and duration is not None:
         raise GcsError("--duration is for flights without a screen; add --headless")
-    chosen = model or (mission.parent / loaded.detector.model if loaded.detector.model else None)
     source = loaded.links.video if video is None else video
-    plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions, model=chosen)
+    plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions)
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
     try:
