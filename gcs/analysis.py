@@ -22,6 +22,7 @@ from mavlink.modes import is_aircraft, is_ground_vehicle
 from mavlink.packet import Packet
 from mavlink.tlog import Tlog
 from vision.detections import Detections
+from vision.intrinsics import resized
 
 if TYPE_CHECKING:
     from vision.detector import Detector
@@ -64,6 +65,7 @@ class Analysis:
 
         Raises:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
+            CameraError: the mission's camera cannot have taken the video.
         """
         self.session = session
         self._tlog = Tlog.open(session.tlog)
@@ -80,7 +82,11 @@ class Analysis:
         from vision.video import VideoFile
 
         start_us = int(self._tlog.index.t_us.min()) + round(self.session.video_start_s * 1e6)
-        return VideoFile.open(path, times, start_us=start_us)
+        video = VideoFile.open(path, times, start_us=start_us)
+        camera = self.mission.camera.intrinsics if self.mission.camera else None
+        if camera is not None:
+            resized(camera, video.width, video.height)
+        return video
 
     def _open_detections(self, redetect: bool) -> FrameDetections | None:
         path = self.session.detections
@@ -110,7 +116,7 @@ class Analysis:
             yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
         if self._bad_times:
             yield f"frames.csv: {self._bad_times} rows could not be read; their frames got the time between neighbours"
-        if self.mission.camera is None:
+        if self.mission.camera is None or self.mission.camera.intrinsics is None:
             yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
 
     def detector(self) -> Detector | None:

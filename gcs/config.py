@@ -1,8 +1,8 @@
 """The mission file: who flies, what camera films, how clocks relate. TOML in, frozen dataclasses out.
 
-Every key has a default but the vehicles' ids and the camera's picture; an unknown key is refused with the nearest
-name, since a misspelt key would otherwise fly with the default. Angles are degrees in the file (``_deg``), everything
-inside the program is radians.
+Every key has a default but the vehicles' ids; an unknown key is refused with the nearest name, since a misspelt key
+would otherwise fly with the default. Angles are degrees in the file (``_deg``), everything inside the program is
+radians.
 """
 
 from __future__ import annotations
@@ -14,7 +14,12 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 from gcs.errors import ConfigError
+from vision.errors import CameraError
+from vision.intrinsics import Intrinsics
+from vision.lens_file import read_lens
 
 __all__ = [
     "BUNDLED",
@@ -45,24 +50,51 @@ class Vehicle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
-    """Pinhole camera with OpenCV's five distortion coefficients, and how it hangs on the UAV."""
+    """The UAV's camera and how it hangs. A pinhole with OpenCV's five distortion coefficients, by numbers or by a lens
+    file; with neither, as the UAV reports it."""
 
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
+    lens: str = ""
+    """Path of a lens file, relative to the mission file, instead of the numbers below."""
+    name: str = ""
+    """What it is called; a lens file's name when empty."""
+    width: int | None = None
+    height: int | None = None
+    fx: float | None = None
+    fy: float | None = None
+    cx: float | None = None
+    cy: float | None = None
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     """k1 k2 p1 p2 k3."""
+    zoom: float = 1.0
+    """Fixed digital zoom of the video against what is described above."""
+    zoom_max: float = 1.0
+    """Zoom at 100 % of what CAMERA_SETTINGS reports; 1: its reports are not followed."""
+    device: int = 0
+    """Which of the UAV's cameras to listen to, by device id 1-6 or component id; 0: the first."""
+    gimbal: int = 0
+    """Which of its gimbals, the same way; 0: the camera's, else the first."""
     mount: Literal["stabilized", "fixed", "gimbal"] = "stabilized"
     """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body; ``gimbal``: turned in
     flight, as the gimbal reports, and as ``stabilized`` until it does."""
     roll_deg: float = 0.0
+    """With a gimbal: by which the picture is turned against it."""
     pitch_deg: float = -90.0
     """-90 looks straight down."""
     yaw_deg: float = 0.0
     """Relative to the body's nose."""
+
+    @property
+    def intrinsics(self) -> Intrinsics | None:
+        """What the numbers describe, None without numbers."""
+        width, height, fx, fy, cx, cy = (getattr(self, name) for name in _NUMBERS)
+        if width is None:
+            return None
+        return Intrinsics(
+            width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion)
+        )  # fmt: skip
+
+
+_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +175,10 @@ _RANGES: dict[tuple[type, str], tuple[float, float]] = {
     (Camera, "height"): (16, 16384),
     (Camera, "fx"): (1.0, 1e6),
     (Camera, "fy"): (1.0, 1e6),
+    (Camera, "zoom"): (0.1, 200.0),
+    (Camera, "zoom_max"): (1.0, 200.0),
+    (Camera, "device"): (0, 255),
+    (Camera, "gimbal"): (0, 255),
     (Camera, "roll_deg"): (-180.0, 180.0),
     (Camera, "pitch_deg"): (-90.0, 90.0),
     (Camera, "yaw_deg"): (-360.0, 360.0),
@@ -178,7 +214,8 @@ def load_mission(path: Path) -> Mission:
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
     mission = parse_mission(table, str(path))
-    return replace(mission, detector=_placed(mission.detector, path.parent))
+    camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
+    return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera)
 
 
 def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
@@ -189,6 +226,28 @@ def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
 
     front = choice.front if choice.front == BUNDLED else place(choice.front)
     return replace(choice, model=place(choice.model), front=front)
+
+
+def _with_lens(camera: Camera, folder: Path, where: str) -> Camera:
+    """With the numbers of its lens file in place of the file's name, so that a session needs no other file."""
+    if not camera.lens:
+        return camera
+    try:
+        lens = read_lens(folder / camera.lens)
+    except CameraError as error:
+        raise ConfigError(f"{where}: [camera]: lens {error}") from error
+    numbers: dict[str, Any] = {name: getattr(lens, name) for name in _NUMBERS}
+    distortion = tuple(lens.distortion.tolist())
+    return replace(camera, lens="", name=camera.name or Path(camera.lens).name, distortion=distortion, **numbers)
+
+
+def _check_camera(camera: Camera, where: str) -> None:
+    """All numbers, or a lens, or neither."""
+    missing = [name for name in _NUMBERS if getattr(camera, name) is None]
+    if camera.lens and (len(missing) < len(_NUMBERS) or any(camera.distortion)):
+        raise ConfigError(f"{where}: lens stands for width, height, fx, fy, cx, cy and distortion; leave those out")
+    if not camera.lens and 0 < len(missing) < len(_NUMBERS):
+        raise ConfigError(f"{where}: {missing[0]} is missing; give {', '.join(_NUMBERS)}, or a lens file, or none")
 
 
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
@@ -202,6 +261,8 @@ def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     parts: dict[str, Any] = {
         name: _build(kind, table[name], f"{where}: [{name}]") for name, kind in _TABLES.items() if name in table
     }
+    if "camera" in parts:
+        _check_camera(parts["camera"], f"{where}: [camera]")
     parts["ugv"] = tuple(_build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}") for k, ugv in enumerate(ugvs))
     return Mission(**parts)
 
@@ -229,12 +290,14 @@ def _value(kind: type, name: str, value: object, where: str) -> object:
         return tuple(value)
     if wanted == tuple[float, ...] and isinstance(value, list) and len(value) == 5 and all(map(_is_number, value)):
         return tuple(float(v) for v in value)
-    if wanted is int and _is_number(value) and int(cast(float, value)) == value:
+    if (wanted is int or int in get_args(wanted)) and _is_number(value) and int(cast(float, value)) == value:
         return int(_in_range(kind, name, float(cast(float, value)), where))
     if (wanted is float or float in get_args(wanted)) and _is_number(value):
         return _in_range(kind, name, float(cast(float, value)), where)
-    needed = _NEEDED.get(wanted, "a number") if not choices else " or ".join(repr(c) for c in choices)
-    if float in get_args(wanted):
+    needed = " or ".join(map(repr, choices)) or next(
+        (_NEEDED[kind] for kind in (wanted, *get_args(wanted)) if kind in _NEEDED), "a number"
+    )
+    if choices and float in get_args(wanted):
         needed = f"a number or {needed}"
     raise ConfigError(f"{where}: {name} is {value!r}; {needed} is needed")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from assoc.identifier import Identities
 from gcs.config import Camera, Mission
 from gcs.snapshot import NAN, Box, Standing, VehicleRow
-from mavlink.fleet import CameraReport, FleetState, VehicleStatus
+from mavlink.fleet import FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
-from vision.camera import Intrinsics, Mount, Pose, ground
+from vision.camera import Mount, Pose, ground
 from vision.detections import Detections
+from vision.intrinsics import Intrinsics
 from vision.tracks import Tracks
 
-__all__ = ["View", "boxes_of", "fitted", "intrinsics_of", "mount_of", "vehicle_rows"]
+__all__ = ["View", "boxes_of", "mount_of", "vehicle_rows"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -41,19 +42,6 @@ class View:
     attitude_known: bool
 
 
-def intrinsics_of(camera: Camera | CameraReport) -> Intrinsics:
-    """The camera of a mission file, or as the UAV reports it."""
-    return Intrinsics(
-        width=camera.width,
-        height=camera.height,
-        fx=camera.fx,
-        fy=camera.fy,
-        cx=camera.cx,
-        cy=camera.cy,
-        distortion=np.array(camera.distortion),
-    )
-
-
 def mount_of(camera: Camera | None) -> Mount:
     """How the camera hangs; straight down on a gimbal unless the mission says otherwise."""
     if camera is None:
@@ -61,20 +49,6 @@ def mount_of(camera: Camera | None) -> Mount:
     roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])
     kind: Literal["fixed", "stabilized"] = "fixed" if camera.mount == "fixed" else "stabilized"
     return Mount(kind=kind, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
-
-
-def fitted(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
-    """The same camera delivering a picture of another size."""
-    kx, ky = width / intrinsics.width, height / intrinsics.height
-    return replace(
-        intrinsics,
-        width=width,
-        height=height,
-        fx=intrinsics.fx * kx,
-        fy=intrinsics.fy * ky,
-        cx=intrinsics.cx * kx,
-        cy=intrinsics.cy * ky,
-    )
 
 
 def boxes_of(

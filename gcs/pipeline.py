@@ -15,7 +15,8 @@ from assoc.ground import OFFSET, YAW
 from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities
 from gcs.config import Mission
 from gcs.evidence import camera_of, reports_of, sighting_of
-from gcs.picture import View, boxes_of, fitted, intrinsics_of, mount_of, vehicle_rows
+from gcs.optics import Optics
+from gcs.picture import View, boxes_of, mount_of, vehicle_rows
 from gcs.snapshot import Event, Health, Level, Snapshot
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.packet import Packet
@@ -37,7 +38,8 @@ class Pipeline:
 
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
-        self.fleet = Fleet(mission.uav.system_id, mission.ugv_ids)
+        camera_id, gimbal_id = (mission.camera.device, mission.camera.gimbal) if mission.camera else (0, 0)
+        self.fleet = Fleet(mission.uav.system_id, mission.ugv_ids, camera_id=camera_id, gimbal_id=gimbal_id)
         self._tracker: Tracker | None = None
         auto = mission.clock.video_offset_s == "auto"
         params = IdentifierParams(threshold=mission.identity.threshold)
@@ -45,7 +47,7 @@ class Pipeline:
             params = replace(params, time_offset_std_s=UNKNOWN_OFFSET_STD_S)
         self._identifier = Identifier(mission.ugv_ids, params)
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
-        self._intrinsics = intrinsics_of(mission.camera) if mission.camera else None
+        self._optics = Optics(mission.camera)
         self._mount = mount_of(mission.camera)
         self._follow_gimbal = mission.camera is None or mission.camera.mount == "gimbal"
         self._view: View | None = None
@@ -104,7 +106,7 @@ class Pipeline:
         """Width and height of the picture, None while nothing tells."""
         if image is not None:
             return image.shape[1], image.shape[0]
-        return (self._intrinsics.width, self._intrinsics.height) if self._intrinsics else None
+        return self._optics.size
 
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
@@ -112,18 +114,21 @@ class Pipeline:
     def _look(self, state: FleetState, image: NDArray[np.uint8] | None = None) -> View | None:
         """Camera pose from the UAV's report, None without a position or a camera."""
         uav = state.uav
-        if self._intrinsics is None and uav.camera is not None:
-            self._intrinsics = intrinsics_of(uav.camera)
-        if self._intrinsics is not None and image is not None:
-            self._intrinsics = fitted(self._intrinsics, image.shape[1], image.shape[0])
-        if self._intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
+        picture = None if image is None else (image.shape[1], image.shape[0])
+        intrinsics = self._optics.look(state.t_us, uav.camera, picture)
+        self._events += self._optics.take_events()
+        if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None
         R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
         R_enu_gimbal = uav.R_enu_gimbal if uav.attitude_valid else None
         self._compare_mount(state.t_us, uav, R_enu_gimbal)
-        pose = camera_pose(self._mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follow_gimbal else None)
+        mount = self._mount
+        if self.mission.camera is None and uav.camera is not None:
+            # a picture turned clockwise is that of a camera rolled the other way
+            mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
+        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follow_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
-        return View(intrinsics=self._intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
+        return View(intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
 
     def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
         """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
@@ -247,7 +252,7 @@ def _warp(before: View | None, now: View | None) -> FloatArray | None:
     """How the ground moved in the picture, known where both poses are."""
     if before is None or now is None or not (before.attitude_known and now.attitude_known):
         return None
-    return image_warp(now.intrinsics, before.pose, now.pose, now.ground_z)
+    return image_warp(before.intrinsics, before.pose, now.pose, now.ground_z, intrinsics_to=now.intrinsics)
 
 
 def _event(notice: Notice) -> Event:

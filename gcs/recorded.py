@@ -22,7 +22,7 @@ def recorded(identity: Path, mission: Mission, video: VideoFile | None) -> Itera
     order = np.argsort(table["frame"], kind="stable")
     frames = table["frame"][order].astype(np.int64)
     names = tuple(_name_row(mission, i) for i in (mission.uav.system_id, *mission.ugv_ids))
-    camera = mission.camera
+    camera = mission.camera.intrinsics if mission.camera else None
     size = (camera.width, camera.height) if camera else (1920, 1080)
     for index, t_us, image in _places(frames, table["time_us"][order], video):
         rows = order[slice(*np.searchsorted(frames, (index, index + 1)))]

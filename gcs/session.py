@@ -165,7 +165,9 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
         part = getattr(mission, name)
         if part is not None:
             table[name] = {
-                k: list(v) if isinstance(v, tuple) else v for k in part.__slots__ if (v := getattr(part, k)) != ""
+                k: list(v) if isinstance(v, tuple) else v
+                for k in part.__slots__
+                if (v := getattr(part, k)) not in ("", None)
             }
     text = tomli_w.dumps(table)
     tomllib.loads(text)

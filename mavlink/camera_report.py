@@ -1,143 +1,159 @@
-"""What a UAV says about its gimbal and its camera."""
+"""What a UAV says about its camera: how wide it sees, how large its picture is, how far it has zoomed.
+
+The field of view, by order of preference:
+
+    CAMERA_FOV_STATUS          the field of view now
+    VIDEO_STREAM_INFORMATION   that of the stream, in whole degrees
+    CAMERA_INFORMATION         2 atan(sensor size / 2 focal length)
+
+The size of the picture is the stream's, else the camera's; a picture that was seen knows better. Numbers that no camera
+has are refused, and it is said once why.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mavlink.geodesy import R_ENU_NED, quaternion_from_euler, rotation_from_euler, rotation_from_quaternion
-from mavlink.history import History
-from mavlink.samples import CameraFov, CameraInformation, GimbalAttitude, MountOrientation, VideoStreamInformation
+from mavlink.once import Once
+from mavlink.samples import CameraFov, CameraInformation, CameraSettings, VideoStreamInformation
 from mavlink.state import CameraReport
 
-__all__ = ["GIMBAL_LOST_S", "CameraReports", "Gimbals"]
+__all__ = ["NARROWEST", "WIDEST", "CameraReports", "CameraSample"]
 
-GIMBAL_LOST_S = 1.0
-YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 16, 32, 64
+NARROWEST, WIDEST = math.radians(0.5), math.radians(175.0)
+"""Fields of view of cameras, rad."""
+SIZES_PX = (16, 16384)
 
-Quaternion = tuple[float, float, float, float]
-
-
-def yaw_is_absolute(flags: int) -> bool:
-    """Whether a gimbal's yaw counts from north; older gimbals say it by their yaw lock."""
-    if flags & (YAW_IN_VEHICLE_FRAME | YAW_IN_EARTH_FRAME):
-        return bool(flags & YAW_IN_EARTH_FRAME)
-    return bool(flags & YAW_LOCK)
-
-
-class Gimbals:
-    """Attitudes of the UAV's gimbal by the UAV's boot time in µs; the first device that speaks is the one."""
-
-    def __init__(self) -> None:
-        self._history: History[tuple[Quaternion, bool]] = History(size=300)
-        self._device: tuple[int, int] | None = None
-        self._speaks = False
-
-    def clear(self) -> None:
-        """Forgets every attitude, for a UAV that has rebooted."""
-        self._history.clear()
-
-    def take_device(self, boot_us: int, sample: GimbalAttitude) -> None:
-        """GIMBAL_DEVICE_ATTITUDE_STATUS."""
-        device = (sample.component_id, sample.device_id)
-        self._device = self._device or device
-        if device == self._device and 0.25 < sum(v * v for v in sample.q) < 4.0:
-            self._speaks = True
-            self._history.add(boot_us, (sample.q, yaw_is_absolute(sample.flags)))
-
-    def take_mount(self, boot_us: int, sample: MountOrientation) -> None:
-        """MOUNT_ORIENTATION, used as long as no gimbal device speaks for itself."""
-        relative = math.isfinite(sample.yaw)
-        yaw = sample.yaw if relative else sample.yaw_absolute
-        if not self._speaks and math.isfinite(sample.roll + sample.pitch + yaw):
-            self._history.add(boot_us, (quaternion_from_euler(sample.roll, sample.pitch, yaw), not relative))
-
-    def at(self, boot_us: int, body_yaw: float) -> NDArray[np.float64] | None:
-        """R_enu_gimbal (3, 3), None when nothing was heard in the last second.
-
-        Args:
-            boot_us: the time.
-            body_yaw: of the UAV then, NaN unknown.
-        """
-        before, after = self._history.around(boot_us)
-        if before is None or boot_us - before[0] > GIMBAL_LOST_S * 1e6:
-            return None
-        q, absolute = before[1]
-        if after is not None and after[1][1] == absolute and after[0] - before[0] <= GIMBAL_LOST_S * 1e6:
-            q = _nlerp(q, after[1][0], (boot_us - before[0]) / (after[0] - before[0]))
-        # R_enu_gimbal = R_enu_ned Rz(ψ_body) R(q): roll and pitch from the horizon, yaw from the nose or from north
-        R = R_ENU_NED @ rotation_from_quaternion(q)
-        if not absolute:
-            R = R_ENU_NED @ rotation_from_euler(0.0, 0.0, body_yaw) @ R_ENU_NED @ R
-        return R if np.isfinite(R).all() else None
-
-
-def _nlerp(a: Quaternion, b: Quaternion, s: float) -> Quaternion:
-    """Between two rotations, the short way; not normalised, as the rotation matrix does not ask for it."""
-    sign = 1.0 if sum(x * y for x, y in zip(a, b, strict=True)) >= 0.0 else -1.0
-    w, x, y, z = ((1.0 - s) * p + s * sign * q for p, q in zip(a, b, strict=True))
-    return w, x, y, z
+CameraSample = CameraInformation | CameraFov | VideoStreamInformation | CameraSettings
 
 
 class CameraReports:
-    """Puts together what several messages say about the camera."""
+    """Puts together what several messages say about a camera.
 
-    def __init__(self) -> None:
-        self._information: CameraInformation | None = None
-        self._fov: CameraFov | None = None
-        self._stream: VideoStreamInformation | None = None
-        self._report: CameraReport | None = None
+    Args:
+        chosen: the camera to listen to, by device id 1-6 or component id; 0: the first that tells its field of view.
+    """
+
+    def __init__(self, chosen: int = 0) -> None:
+        self._chosen = chosen
+        self._cameras: dict[int, _Camera] = {}
+        self._used = chosen
+        self._once = Once()
 
     @property
     def report(self) -> CameraReport | None:
-        """The camera, None as long as its picture's size or its field of view is unknown."""
-        return self._report
+        """The camera, None as long as its field of view is unknown."""
+        camera = self._cameras.get(self._used)
+        return camera.report if camera else None
 
-    def take(self, sample: CameraInformation | CameraFov | VideoStreamInformation) -> None:
-        """Any of the three messages."""
+    @property
+    def gimbal_id(self) -> int:
+        """Of the gimbal that the camera says it hangs on, 0 unknown."""
+        camera = self._cameras.get(self._used) or next(iter(self._cameras.values()), None)
+        return camera.information.gimbal_id if camera and camera.information else 0
+
+    def take(self, sample: CameraSample) -> list[str]:
+        """Takes any of the four messages; returns what is refused and why, and which camera is not used. Each once."""
+        device = sample.device_id or sample.component_id
+        camera = self._cameras.setdefault(device, _Camera())
+        texts = [f"{name} not used: {reason}" for name, reason in camera.take(sample)]
+        if camera.report is not None and device != self._used:
+            if self._used:
+                texts.append(f"camera {device} reports too and is not used: [camera] device chooses")
+            else:
+                self._used = device
+        return self._once.new(texts)
+
+
+@dataclass(slots=True)
+class _Camera:
+    """The newest of each message from one camera."""
+
+    information: CameraInformation | None = None
+    fov: CameraFov | None = None
+    stream: VideoStreamInformation | None = None
+    zoom_percent: float = math.nan
+    report: CameraReport | None = None
+
+    def take(self, sample: CameraSample) -> list[tuple[str, str]]:
+        """Keeps a message; returns (message, reason) for what is refused."""
+        refused: list[tuple[str, str]] = []
         if isinstance(sample, CameraInformation):
-            self._information = sample
+            self.information = sample
         elif isinstance(sample, CameraFov):
-            self._fov = sample
-        elif self._stream is None or sample.stream_id <= self._stream.stream_id:
-            self._stream = sample
-        self._report = self._put_together()
+            self.fov = sample
+        elif isinstance(sample, CameraSettings):
+            self._take_zoom(sample.zoom_percent, refused)
+        elif self.stream is None or sample.stream_id <= self.stream.stream_id:
+            self.stream = sample
+        self.report = self._put_together(refused)
+        return refused
 
-    def _put_together(self) -> CameraReport | None:
-        information, stream = self._information, self._stream
-        source = stream if stream is not None and stream.width_px and stream.height_px else information
-        if source is None or not (source.width_px and source.height_px):
+    def _take_zoom(self, percent: float, refused: list[tuple[str, str]]) -> None:
+        if 0.0 <= percent <= 100.0:
+            self.zoom_percent = percent
+        elif not math.isnan(percent):
+            refused.append(("CAMERA_SETTINGS", f"a zoom of {percent:g} % of the range"))
+
+    def _put_together(self, refused: list[tuple[str, str]]) -> CameraReport | None:
+        source, hfov, vfov = self._field_of_view(refused)
+        if not source:
             return None
-        width, height = source.width_px, source.height_px
-        fx, fy = self._focal_px(width, height)
-        if not (math.isfinite(fx) and math.isfinite(fy)):
-            return None
+        width, height = self._size(refused)
+        rotation = self.stream.rotation_deg if self.stream else 0
+        if rotation not in (0, 90, 180, 270):
+            refused.append(("VIDEO_STREAM_INFORMATION", f"a rotation of {rotation}°"))
+            rotation = 0
         return CameraReport(
             width=width,
             height=height,
-            fx=fx,
-            fy=fy,
-            cx=width / 2.0,
-            cy=height / 2.0,
-            model=information.model if information else "",
-            uri=stream.uri if stream else "",
+            hfov=hfov,
+            vfov=vfov,
+            source=source,
+            rotation_deg=rotation,
+            zoom_percent=self.zoom_percent,
+            model=self.information.model if self.information else "",
+            uri=self.stream.uri if self.stream else "",
         )
 
-    def _focal_px(self, width: int, height: int) -> tuple[float, float]:
-        """Focal lengths in pixels: by the field of view now, by that of the stream, by lens and sensor.
+    def _field_of_view(self, refused: list[tuple[str, str]]) -> tuple[str, float, float]:
+        """Message that tells, horizontal and vertical angle, one of which may be NaN; no message: none tells."""
+        for name, angles in (
+            ("CAMERA_FOV_STATUS", (self.fov.hfov, self.fov.vfov) if self.fov else ()),
+            ("VIDEO_STREAM_INFORMATION", (self.stream.hfov, math.nan) if self.stream else ()),
+            ("CAMERA_INFORMATION", _lens_angles(self.information)),
+        ):
+            known = [_bounded(angle, name, refused) for angle in angles]
+            if not all(map(math.isnan, known)):
+                return name, known[0], known[1]
+        return "", math.nan, math.nan
 
-        f = (w / 2) / tan(hfov / 2)  or  f = w · focal length / sensor width
-        """
-        fov, stream, lens = self._fov, self._stream, self._information
-        if fov is not None and 0.0 < fov.hfov < math.pi:
-            fx = width / 2.0 / math.tan(fov.hfov / 2.0)
-            return fx, height / 2.0 / math.tan(fov.vfov / 2.0) if 0.0 < fov.vfov < math.pi else fx
-        if stream is not None and 0.0 < stream.hfov < math.pi:
-            fx = width / 2.0 / math.tan(stream.hfov / 2.0)
-            return fx, fx
-        if lens is not None:
-            fx = width * lens.focal_length_m / lens.sensor_width_m
-            return fx, fx  # pixels are square; the sensor's height may belong to another aspect
-        return math.nan, math.nan
+    def _size(self, refused: list[tuple[str, str]]) -> tuple[int, int]:
+        """Of the picture, px; 0, 0 unknown."""
+        for name, source in (("VIDEO_STREAM_INFORMATION", self.stream), ("CAMERA_INFORMATION", self.information)):
+            if source is None or not (source.width_px and source.height_px):
+                continue
+            if all(SIZES_PX[0] <= side <= SIZES_PX[1] for side in (source.width_px, source.height_px)):
+                return source.width_px, source.height_px
+            refused.append((name, f"a picture of {source.width_px}×{source.height_px}"))
+        return 0, 0
+
+
+def _lens_angles(lens: CameraInformation | None) -> tuple[float, ...]:
+    """Angles (2,) that a lens and a sensor make, NaN unknown."""
+    if lens is None:
+        return ()
+    # tan(fov / 2) = sensor size / 2 focal length; a focal length of 0 and a sensor of 0 stand for unknown
+    return tuple(
+        2.0 * math.atan2(side, 2.0 * lens.focal_length_m) if side and lens.focal_length_m else math.nan
+        for side in (lens.sensor_width_m, lens.sensor_height_m)
+    )
+
+
+def _bounded(angle: float, name: str, refused: list[tuple[str, str]]) -> float:
+    """An angle that a camera can have, else NaN."""
+    if math.isnan(angle) or NARROWEST < angle < WIDEST:
+        return angle
+    refused.append((name, f"a field of view of {math.degrees(angle):.4g}°"))
+    return math.nan

@@ -19,11 +19,13 @@ from mavlink.samples import (
     Attitude,
     CameraFov,
     CameraInformation,
+    CameraSettings,
     GimbalAttitude,
     GlobalPosition,
     GpsRaw,
     Heartbeat,
     MountOrientation,
+    MountStatus,
     RadioStatus,
     Sample,
     StatusText,
@@ -36,11 +38,13 @@ __all__ = [
     "Attitude",
     "CameraFov",
     "CameraInformation",
+    "CameraSettings",
     "GimbalAttitude",
     "GlobalPosition",
     "GpsRaw",
     "Heartbeat",
     "MountOrientation",
+    "MountStatus",
     "RadioStatus",
     "Sample",
     "StatusText",
@@ -126,34 +130,72 @@ def _mount(head: _Head, v: _Values) -> MountOrientation:
     return MountOrientation(*head, boot_ms, roll * _RAD, pitch * _RAD, yaw * _RAD, yaw_absolute * _RAD)
 
 
-def _positive(value: float) -> float:
-    return value if value > 0.0 else math.nan
+def _mount_status(head: _Head, v: _Values) -> MountStatus:
+    pitch, roll, yaw = (angle * 0.01 * _RAD for angle in v[:3])
+    return MountStatus(*head, roll, pitch, yaw)
+
+
+def _given(value: float) -> float:
+    """NaN for 0: what the sender cut off or left empty."""
+    return value if value != 0.0 else math.nan
 
 
 def _camera_information(head: _Head, v: _Values) -> CameraInformation:
     _, _, focal, sensor_w, sensor_h, flags, width, height, _ = v[:9]
+    gimbal_id, device_id = v[-2:]
     vendor, model = bytes(v[9:41]), bytes(v[41:73])
     return CameraInformation(
         *head,
         clean_text(vendor),
         clean_text(model),
-        _positive(focal * 1e-3),
-        _positive(sensor_w * 1e-3),
-        _positive(sensor_h * 1e-3),
+        _given(focal * 1e-3),
+        _given(sensor_w * 1e-3),
+        _given(sensor_h * 1e-3),
         width,
         height,
         flags,
+        gimbal_id,
+        device_id,
     )
 
 
+def _camera_settings(head: _Head, v: _Values) -> CameraSettings:
+    _, _, zoom, _, device_id = v
+    return CameraSettings(*head, zoom, device_id)
+
+
+def _place(lat: int, lon: int) -> tuple[float, float]:
+    """Degrees; NaN for what the sender marks as unknown or as beyond the horizon."""
+    return (lat * 1e-7, lon * 1e-7) if max(abs(lat), abs(lon)) <= 1_800_000_000 else (math.nan, math.nan)
+
+
 def _camera_fov(head: _Head, v: _Values) -> CameraFov:
-    return CameraFov(*head, v[0], (v[7], v[8], v[9], v[10]), _positive(v[11] * _RAD), _positive(v[12] * _RAD))
+    boot_ms, lat, lon, _, lat_middle, lon_middle, _, w, x, y, z, hfov, vfov, device_id = v
+    return CameraFov(
+        *head,
+        boot_ms,
+        (w, x, y, z),
+        _given(hfov * _RAD),
+        _given(vfov * _RAD),
+        _place(lat, lon),
+        _place(lat_middle, lon_middle),
+        device_id,
+    )
 
 
 def _video_stream(head: _Head, v: _Values) -> VideoStreamInformation:
-    rate, _, _, width, height, _, hfov, stream_id, _, _, name, uri, *_ = v
+    rate, _, _, width, height, rotation, hfov, stream_id, _, _, name, uri, _, device_id = v
     return VideoStreamInformation(
-        *head, stream_id, clean_text(name), clean_text(uri), _positive(rate), width, height, _positive(hfov * _RAD)
+        *head,
+        stream_id,
+        clean_text(name),
+        clean_text(uri),
+        _given(rate),
+        width,
+        height,
+        _given(hfov * _RAD),
+        rotation,
+        device_id,
     )
 
 
@@ -175,9 +217,11 @@ _MAKERS: dict[int, Callable[[_Head, _Values], Sample]] = {
     33: _global_position,
     109: _radio,
     111: _timesync,
+    158: _mount_status,
     166: _radio,
     253: _statustext,
     259: _camera_information,
+    260: _camera_settings,
     265: _mount,
     269: _video_stream,
     271: _camera_fov,

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from mavlink.attitudes import ATTITUDE_LOST_S, Pose
-from mavlink.camera_report import CameraReports, Gimbals
+from mavlink.camera_report import CameraReports, CameraSample
 from mavlink.decode import decode
 from mavlink.dialect import DEFINITIONS
 from mavlink.gate import GateParams
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
+from mavlink.gimbal import Gimbals, GimbalSample
 from mavlink.modes import is_vehicle, kind_name
 from mavlink.packet import Packet
 from mavlink.positions import LOST_S, Estimate, Fix
@@ -26,11 +27,13 @@ from mavlink.samples import (
     Attitude,
     CameraFov,
     CameraInformation,
+    CameraSettings,
     GimbalAttitude,
     GlobalPosition,
     GpsRaw,
     Heartbeat,
     MountOrientation,
+    MountStatus,
     StatusText,
     VideoStreamInformation,
 )
@@ -55,6 +58,9 @@ class Fleet:
         origin: of the ENU frame; None: the UAV's first position, or that of the first ground vehicle that has reported
             for ten seconds without the UAV.
         params: what a ground vehicle can do.
+        camera_id: which of the UAV's cameras, by device id 1-6 or component id; 0: the first that tells its field of
+            view.
+        gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that speaks.
     """
 
     def __init__(
@@ -63,6 +69,9 @@ class Fleet:
         ugv_ids: Sequence[int],
         origin: LocalFrame | None = None,
         params: GateParams | None = None,
+        *,
+        camera_id: int = 0,
+        gimbal_id: int = 0,
     ) -> None:
         self.origin = origin
         self._ids = np.array(ugv_ids, dtype=np.int64)
@@ -74,8 +83,8 @@ class Fleet:
         self._waiting: deque[tuple[Vehicle, int, GlobalPosition]] = deque(maxlen=_WAITING)
         self._waiting_since_us = 0
         self._reports: deque[tuple[Vehicle, int, Fix]] = deque(maxlen=_REPORTS)
-        self._gimbals = Gimbals()
-        self._camera = CameraReports()
+        self._gimbals = Gimbals(gimbal_id)
+        self._camera = CameraReports(camera_id)
         self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
             Heartbeat: lambda vehicle, sample: vehicle.take_heartbeat(sample),
             GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample),
@@ -84,7 +93,9 @@ class Fleet:
             GlobalPosition: self._position,
             GimbalAttitude: self._gimbal,
             MountOrientation: self._gimbal,
+            MountStatus: self._gimbal,
             CameraInformation: self._camera_message,
+            CameraSettings: self._camera_message,
             CameraFov: self._camera_message,
             VideoStreamInformation: self._camera_message,
         }
@@ -191,22 +202,30 @@ class Fleet:
             self._reports.append((vehicle, boot_us, fix))
         return notices
 
-    def _gimbal(self, vehicle: Vehicle, sample: GimbalAttitude | MountOrientation) -> tuple[Notice, ...]:
-        if vehicle is self._uav:
-            # stamped on arrival: gimbals of their own have a clock of their own
-            boot_us = vehicle.clock.boot_of(sample.t_us)
-            if isinstance(sample, GimbalAttitude):
-                self._gimbals.take_device(boot_us, sample)
-            else:
-                self._gimbals.take_mount(boot_us, sample)
-        return ()
+    def _gimbal(self, vehicle: Vehicle, sample: GimbalSample) -> tuple[Notice, ...]:
+        if vehicle is not self._uav:
+            return ()
+        # stamped on arrival: gimbals of their own have a clock of their own
+        boot_us = vehicle.clock.boot_of(sample.t_us)
+        pose = vehicle.attitudes.at(boot_us)
+        texts = self._gimbals.take(boot_us, sample, pose.yaw if pose else math.nan)
+        return self._camera_notices(sample.t_us, texts)
 
-    def _camera_message(
-        self, vehicle: Vehicle, sample: CameraInformation | CameraFov | VideoStreamInformation
-    ) -> tuple[Notice, ...]:
-        if vehicle is self._uav:
-            self._camera.take(sample)
-        return ()
+    def _camera_message(self, vehicle: Vehicle, sample: CameraSample) -> tuple[Notice, ...]:
+        if vehicle is not self._uav:
+            return ()
+        notices = self._camera_notices(sample.t_us, self._camera.take(sample))
+        self._gimbals.link(self._camera.gimbal_id)
+        return notices + (self._gimbal(vehicle, sample) if isinstance(sample, CameraFov) else ())
+
+    def _camera_notices(self, t_us: int, texts: list[str]) -> tuple[Notice, ...]:
+        uav = self._uav.system_id
+        return tuple(
+            Notice(
+                t_us=t_us, level="warning" if "not used" in text else "info", kind="camera", text=text, system_id=uav
+            )
+            for text in texts
+        )
 
     def _pose(self, vehicle: Vehicle, t_us: int) -> Pose | None:
         return vehicle.attitudes.at(vehicle.clock.boot_of(t_us))

@@ -13,11 +13,13 @@ __all__ = [
     "Attitude",
     "CameraFov",
     "CameraInformation",
+    "CameraSettings",
     "GimbalAttitude",
     "GlobalPosition",
     "GpsRaw",
     "Heartbeat",
     "MountOrientation",
+    "MountStatus",
     "RadioStatus",
     "Sample",
     "StatusText",
@@ -147,18 +149,43 @@ class MountOrientation(_Sample):
 
 
 @dataclass(frozen=True, slots=True)
+class MountStatus(_Sample):
+    """MOUNT_STATUS (158), of ArduPilot before 4.3."""
+
+    roll: float
+    """Relative to the horizon."""
+    pitch: float
+    yaw: float
+    """Relative to the vehicle's nose."""
+
+
+@dataclass(frozen=True, slots=True)
 class CameraInformation(_Sample):
     """CAMERA_INFORMATION (259)."""
 
     vendor: str
     model: str
     focal_length_m: float
+    """NaN or 0 unknown; not yet judged, like all lengths and angles of cameras."""
     sensor_width_m: float
     sensor_height_m: float
     width_px: int
     """0 unknown."""
     height_px: int
     flags: int
+    gimbal_id: int
+    """Gimbal that carries the camera: a device id 1-6 or a component id, 0 unknown."""
+    device_id: int
+    """1-6 of a camera that its autopilot speaks for, 0 of one that speaks for itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSettings(_Sample):
+    """CAMERA_SETTINGS (260)."""
+
+    zoom_percent: float
+    """Of the camera's whole range, 0..100, NaN unknown."""
+    device_id: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,9 +194,15 @@ class CameraFov(_Sample):
 
     boot_ms: int
     q: tuple[float, float, float, float]
-    """Camera in NED, w, x, y, z; NaN unknown."""
+    """Camera, w, x, y, z; what its yaw is relative to is not defined. NaN unknown."""
     hfov: float
+    """NaN unknown."""
     vfov: float
+    camera: tuple[float, float]
+    """Latitude and longitude of the camera in degrees, NaN unknown."""
+    middle: tuple[float, float]
+    """Of the ground at the middle of the picture."""
+    device_id: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +216,10 @@ class VideoStreamInformation(_Sample):
     width_px: int
     height_px: int
     hfov: float
+    """NaN unknown."""
+    rotation_deg: int
+    """By which the picture is turned, clockwise."""
+    device_id: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +258,9 @@ Sample = (
     | GpsRaw
     | GimbalAttitude
     | MountOrientation
+    | MountStatus
     | CameraInformation
+    | CameraSettings
     | CameraFov
     | VideoStreamInformation
     | StatusText

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,7 +23,7 @@ class Notice:
     t_us: int
     level: Level
     kind: str
-    """``vehicle`` or ``text``."""
+    """``vehicle``, ``camera`` or ``text``."""
     text: str
     """Plain text, control characters replaced; never markup."""
     system_id: int
@@ -30,16 +31,20 @@ class Notice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraReport:
-    """A pinhole camera as the UAV describes it; principal point in the middle, no distortion."""
+    """A camera as the UAV describes it; at least one of its angles is known."""
 
     width: int
+    """Of the picture, px; 0 unknown."""
     height: int
-    fx: float
-    """Focal length, px."""
-    fy: float
-    cx: float
-    cy: float
-    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    hfov: float
+    """Rad across the picture, NaN unknown."""
+    vfov: float
+    source: str
+    """Name of the message that tells the field of view."""
+    rotation_deg: int = 0
+    """By which the picture is turned, clockwise: 0, 90, 180 or 270."""
+    zoom_percent: float = math.nan
+    """Of the camera's whole range of zoom, NaN unknown."""
     model: str = ""
     uri: str = ""
     """Where its video stream is, empty unknown."""

@@ -59,7 +59,7 @@ def test_written_and_read_again_is_the_same():
         (("width = 1920", ""), "width is missing"),
         (("width = 1920", "width = 3"), "must lie between 16 and 16384"),
         (("fx = 1200", "fx = nan"), "fx is nan"),
-        (("fx = 1200", 'fx = "wide"'), "a number is needed"),
+        (("fx = 1200", 'fx = "wide"'), "is 'wide'; a number is needed"),
         (("system_id = 12", "system_id = 11"), "system id 11 is given to two vehicles"),
         (("system_id = 12", "system_id = 300"), "must lie between 1 and 255"),
         (("system_id = 12", "system_id = true"), "a whole number is needed"),

@@ -1,9 +1,6 @@
-import math
 
 import pytest
-from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.camera_report import yaw_is_absolute
 from mavlink.modes import fix_name, is_aircraft, is_ground_vehicle, is_vehicle, kind_name, mode_name
 from mavlink.pack import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
 from mavlink.sequence import SequenceLoss
@@ -92,53 +89,6 @@ def test_endless_texts_stay_bounded(world):
     rover = world.speakers[11]
     said = [n for i in range(100) for n in world.feed(rover.statustext("x" * 50, text_id=1 + i % 20), T0 + i)]
     assert all(len(n.text) <= 1050 for n in said)
-
-
-@pytest.mark.parametrize(
-    ("flags", "absolute"), [(44, False), (0, False), (16, True), (16 + 32, False), (64, True), (12 + 64, True)]
-)
-def test_what_a_gimbals_yaw_counts_from(flags, absolute):
-    assert yaw_is_absolute(flags) == absolute
-
-
-@pytest.mark.parametrize("flags", [44, 12 + 64])
-def test_gimbal_straight_down_with_its_top_to_the_nose(world, flags):
-    world.run(1)
-    yaw = 0.5 if flags & 64 else 0.0
-    q = (math.cos(yaw / 2) * math.sqrt(0.5), math.sin(yaw / 2) * math.sqrt(0.5),
-         -math.cos(yaw / 2) * math.sqrt(0.5), math.sin(yaw / 2) * math.sqrt(0.5))  # fmt: skip
-    world.feed(world.speakers[1].gimbal_attitude(world.boot_ms(1, T0 + S), q, flags), T0 + S)
-    R = world.fleet.at(T0 + S + 10_000).uav.R_enu_gimbal
-    ahead, top = R @ [1, 0, 0], R @ [0, 0, -1]
-    assert ahead == pytest.approx([0, 0, -1], abs=1e-4)  # looks down
-    assert top == pytest.approx([math.sin(0.5), math.cos(0.5), 0], abs=1e-4)  # its top is where the nose is
-    assert world.fleet.at(T0 + S + 1_100_000).uav.R_enu_gimbal is None
-
-
-def test_mount_orientation_serves_until_the_gimbal_speaks(world):
-    world.run(1)
-    uav, boot_ms = world.speakers[1], world.boot_ms(1, T0 + S)
-    world.feed(uav.mount_orientation(boot_ms, 0, -math.pi / 2, 0.0, math.nan), T0 + S)
-    assert world.fleet.at(T0 + S).uav.R_enu_gimbal @ [1, 0, 0] == pytest.approx([0, 0, -1], abs=1e-6)
-    world.feed(uav.gimbal_attitude(boot_ms, (1, 0, 0, 0)), T0 + S + 1000)
-    world.feed(uav.mount_orientation(boot_ms, 0, -math.pi / 2, 0.0, math.nan), T0 + S + 2000)
-    assert world.fleet.at(T0 + S + 3000).uav.R_enu_gimbal @ [1, 0, 0] == pytest.approx(
-        [math.sin(0.5), math.cos(0.5), 0], abs=1e-4
-    )
-
-
-def test_camera_from_lens_and_then_from_its_field_of_view(world):
-    uav = world.speakers[1]
-    world.feed(uav.camera_information(1, "Nadir", 8.0, (6.4, 4.8), (1920, 1080)), T0)
-    camera = world.fleet.at(T0).uav.camera
-    assert (camera.width, camera.height, camera.cx, camera.cy) == (1920, 1080, 960.0, 540.0)
-    assert (camera.fx, camera.fy) == pytest.approx((2400.0, 2400.0))
-    stream = ardupilotmega.MAVLink_video_stream_information_message(
-        1, 1, 0, 1, 30, 1280, 720, 0, 0, 90, b"a", b"rtsp://x"
-    )
-    world.feed(Speaker(1, 100).pack(stream), T0)
-    camera = world.fleet.at(T0).uav.camera
-    assert (camera.width, camera.fx, camera.uri) == (1280, pytest.approx(640.0), "rtsp://x")
 
 
 def test_modes_and_kinds_in_words():

@@ -1,24 +1,22 @@
-"""Where a camera looks: intrinsics with lens distortion, pose from the vehicle's attitude, pixel ↔ ground.
+"""Where a camera looks: pose from the vehicle's attitude, pixel ↔ ground.
 
 Camera frame: OpenCV, x right, y down, z forward. World: ENU metres. Body and gimbal frames: FRD, the gimbal's x along
 the optical axis. ``R_a_b`` maps b-vectors into a. Pixels: continuous, x right, y down.
 
-References:
-    D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37(8), 1971, in the form of OpenCV's
-    ``projectPoints`` with five coefficients k1 k2 p1 p2 k3.
+Reference:
     R. Hartley, A. Zisserman, "Multiple View Geometry", 2nd ed., section 13.1 (plane-induced homography).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import CameraError
-from vision.lens import distort, fold_radius, undistort
+from vision.intrinsics import Intrinsics
 
 __all__ = [
     "Intrinsics", "Mount", "Pose", "camera_pose", "footprint", "ground", "ground_sampling", "image_warp", "project",
@@ -32,72 +30,6 @@ R_GIMBAL_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 SKIM = 1e-6
 """Sine of the least angle below the horizon at which a ray still meets the ground."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Intrinsics:
-    """A pinhole camera with a radial-tangential lens.
-
-    Raises:
-        CameraError: sizes or focal lengths that are not positive, a number that is not finite, a wrong shape.
-    """
-
-    width: int
-    """px"""
-    height: int
-    fx: float
-    """Focal length, px."""
-    fy: float
-    cx: float
-    """Principal point, px."""
-    cy: float
-    distortion: Floats = field(default_factory=lambda: np.zeros(5))
-    """(5,) k1 k2 p1 p2 k3, of the normalised image."""
-
-    def __post_init__(self) -> None:
-        lens = np.array(self.distortion, dtype=np.float64)
-        if lens.shape != (5,):
-            raise CameraError(f"camera distortion needs the five numbers k1 k2 p1 p2 k3, got shape {lens.shape}")
-        lens.flags.writeable = False
-        object.__setattr__(self, "distortion", lens)
-        if min(self.width, self.height, self.fx, self.fy) <= 0:
-            raise CameraError(
-                f"camera width, height, fx and fy must be positive, got {self.width} {self.height} {self.fx} {self.fy}"
-            )
-        if not (np.isfinite([self.fx, self.fy, self.cx, self.cy]).all() and np.isfinite(lens).all()):
-            raise CameraError("camera intrinsics must be finite numbers, got NaN or infinity")
-
-    @property
-    def K(self) -> Floats:  # noqa: N802 - the field's name of the matrix
-        """Camera matrix (3, 3)."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
-
-    @property
-    def corners(self) -> Floats:
-        """Corners of the picture (4, 2) px, top left first, clockwise."""
-        w, h = float(self.width), float(self.height)
-        return np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
-
-    def rays(self, uv: ArrayLike) -> Floats:
-        """Unit rays (..., 3) in the camera frame through pixels (..., 2), distortion removed; NaN beyond the lens."""
-        pixels = np.asarray(uv, dtype=np.float64)
-        seen = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
-        ideal = undistort(seen, self.distortion)
-        ray = np.concatenate([ideal, np.ones_like(ideal[..., :1])], axis=-1)
-        return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True))
-
-    def pixels(self, p_cam: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
-        """Pixels (..., 2) of points (..., 3) in the camera frame, and whether each can be seen (...,).
-
-        NaN for points behind the camera or so far aside that the lens model folds back into the picture.
-        """
-        p = np.asarray(p_cam, dtype=np.float64)
-        ahead = p[..., 2] > 1e-9
-        ideal = p[..., :2] / np.where(ahead, p[..., 2], 1.0)[..., None]
-        seen = ahead & ((ideal**2).sum(axis=-1) < fold_radius(self.distortion) ** 2)
-        ideal = np.where(seen[..., None], ideal, np.nan)
-        uv = distort(ideal, self.distortion) * (self.fx, self.fy) + (self.cx, self.cy)
-        return np.asarray(uv), np.asarray(seen)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,11 +72,13 @@ def camera_pose(mount: Mount, p_enu: ArrayLike, R_enu_body: ArrayLike, R_enu_gim
         mount: how the camera sits.
         p_enu: (3,) m, the vehicle; the lever arm to the camera is neglected.
         R_enu_body: (3, 3) the vehicle's attitude (FRD).
-        R_enu_gimbal: (3, 3) attitude that a gimbal reports; a stabilized mount believes it more than its own angles.
+        R_enu_gimbal: (3, 3) attitude that a gimbal reports; a stabilized mount believes it more than its own angles,
+            but for its roll: by that the picture is turned against the gimbal.
     """
     position = np.array(p_enu, dtype=np.float64)
     if R_enu_gimbal is not None and mount.kind == "stabilized":
-        return Pose(R_enu_cam=np.asarray(R_enu_gimbal, dtype=np.float64) @ R_GIMBAL_CAM, p_enu=position)
+        R_enu_gimbal = np.asarray(R_enu_gimbal, dtype=np.float64)
+        return Pose(R_enu_cam=R_enu_gimbal @ _turn_x(mount.roll) @ R_GIMBAL_CAM, p_enu=position)
     R_enu_body = np.asarray(R_enu_body, dtype=np.float64)
     base = R_enu_body if mount.kind == "fixed" else R_ENU_NED @ _turn_z(_yaw(R_enu_body))
     # R_base_gimbal = Rz(yaw) · Ry(pitch) · Rx(roll)
@@ -194,19 +128,29 @@ def ground_sampling(intrinsics: Intrinsics, pose: Pose, z: float) -> float:
     return float(np.linalg.norm(middle - pose.p_enu) / np.sqrt(intrinsics.fx * intrinsics.fy))
 
 
-def image_warp(intrinsics: Intrinsics, pose_from: Pose, pose_to: Pose, z: float) -> Floats:
+def image_warp(
+    intrinsics: Intrinsics, pose_from: Pose, pose_to: Pose, z: float, *, intrinsics_to: Intrinsics | None = None
+) -> Floats:
     """Homography (3, 3) that carries pixels of the ground at height z from one picture to another.
 
     Exact without distortion; with it, the best homography over the part of the picture that shows ground. The
     identity where the camera is not above the ground, because there the pictures say nothing about each other.
+
+    Args:
+        intrinsics: of the first picture.
+        pose_from: where it was taken.
+        pose_to: where the other was.
+        z: m.
+        intrinsics_to: of the other, where the camera has zoomed between the two; None: the same.
     """
     if min(pose_from.p_enu[2], pose_to.p_enu[2]) - z < 0.1:
         return np.eye(3)
-    if not intrinsics.distortion.any():
-        return _normal(_plane(intrinsics, pose_to, z) @ np.linalg.inv(_plane(intrinsics, pose_from, z)))
+    later = intrinsics_to or intrinsics
+    if not (intrinsics.distortion.any() or later.distortion.any()):
+        return _normal(_plane(later, pose_to, z) @ np.linalg.inv(_plane(intrinsics, pose_from, z)))
     grid = np.stack(np.meshgrid(*(np.linspace(0, side, 9) for side in (intrinsics.width, intrinsics.height))), axis=-1)
     before = grid.reshape(-1, 2)
-    after, seen = project(intrinsics, pose_to, ground(intrinsics, pose_from, before, z))
+    after, seen = project(later, pose_to, ground(intrinsics, pose_from, before, z))
     seen &= np.isfinite(after).all(axis=-1)
     return _fit_homography(before[seen], after[seen]) if seen.sum() >= 8 else np.eye(3)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.config import Mission, parse_mission
-from gcs.picture import intrinsics_of, mount_of
+from gcs.picture import mount_of
 from mavlink.fleet import Fleet, FleetState
 from mavlink.packet import Packet
 from sim.detections import DetectedRows, DetectorModel
@@ -72,7 +72,8 @@ def scene_of(scenario: Scenario) -> Scene:
     world = World(scenario)
     mission = parse_mission(session_toml(scenario), scenario.name)
     assert mission.camera is not None
-    intrinsics = intrinsics_of(mission.camera)
+    intrinsics = mission.camera.intrinsics
+    assert intrinsics is not None
     fleet = Fleet(mission.uav.system_id, mission.ugv_ids)
     offset = 0.0 if mission.clock.video_offset_s == "auto" else float(mission.clock.video_offset_s)
     detector = DetectorModel(world)
