@@ -20,7 +20,7 @@ __all__ = ["app", "main"]
 
 _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 _COMMANDS: dict[str, dict[str, Any]] = {
-    "fly": {}, "replay": {}, "identify": {}, "export": {}, "score": {}, "sim": {}, "demo": {},
+    "fly": {}, "replay": {}, "identify": {}, "export": {}, "score": {}, "calibrate": {}, "sim": {}, "demo": {},
     "eval-detector": {}, "bench": {"context_settings": _PASSED_ON},
 }  # fmt: skip
 _GROUPS = ("tlog",)

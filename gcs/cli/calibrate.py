@@ -1,0 +1,90 @@
+"""``gcs calibrate``: a lens file from a video of a chessboard."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import note, say
+from vision.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
+from vision.calibrate import calibrate as fit
+from vision.calibrate_views import Board, chosen, find_views
+from vision.errors import CameraError
+from vision.lens_file import lens_text
+from vision.video import VideoFile
+
+__all__ = ["calibrate", "calibration_text"]
+
+
+def calibrate(
+    video: Annotated[Path, typer.Argument(help="Video of a chessboard that moves all over the picture.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Lens file to write, for [camera] lens in the mission.")],
+    board: Annotated[str, typer.Option(help="Inner corners of the board, where four squares meet.")] = "9x6",
+    square: Annotated[float, typer.Option(help="Side of a square, metres.")] = 0.025,
+) -> None:
+    """Find a camera's focal length, centre and lens distortion; writes nothing that is not good enough."""
+    if out.exists():
+        raise CameraError(f"{out}: exists already and is not overwritten; name another with -o")
+    if not out.absolute().parent.is_dir():
+        raise CameraError(f"{out}: the folder does not exist; create it")
+    pattern = _board(board, square)
+    with VideoFile.open(video) as film:
+        found, looked = find_views(film, pattern)
+        size = film.width, film.height
+    views = chosen(found, MOST_VIEWS)
+    note(f"the board is whole and sharp in {len(found)} of {looked} frames, {len(views)} of them differ")
+    calibration = fit(views, pattern, size)
+    say(calibration_text(calibration))
+    against = list(doubts(calibration))
+    if against:
+        raise CameraError(f"{out} is not written: {'; '.join(against)}")
+    _write(out, lens_text(calibration.intrinsics, _facts(calibration, video, pattern)))
+    note(f'wrote {out}; use it with [camera] lens = "{out.name}" in a mission file beside it')
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """The figures, one a line."""
+    camera = calibration.intrinsics
+    values = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion.tolist())
+    rows = [
+        f"{name:<4} {value:>11.{digits}f}  ± {std:.{digits}f}{unit}"
+        for name, value, std, digits, unit in zip(
+            PARAMETERS, values, calibration.std, (2,) * 4 + (5,) * 5, (" px",) * 4 + ("",) * 5, strict=True
+        )
+    ]
+    head = f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS"
+    rim = f"board seen in {calibration.coverage:.0%} of the picture, ±{calibration.pixel_px:.2f} px in its corners"
+    return "\n".join([head, rim, *rows])
+
+
+def _board(text: str, square_m: float) -> Board:
+    match = re.fullmatch(r"(\d{1,3})[x×](\d{1,3})", text.strip().lower())
+    if match is None:
+        raise CameraError(f"--board {text!r}: write it as 9x6, the inner corners along both sides")
+    return Board(columns=int(match[1]), rows=int(match[2]), square_m=square_m)
+
+
+def _facts(calibration: Calibration, video: Path, board: Board) -> dict[str, object]:
+    """What the file says of how it was made."""
+    std = {name: float(value) for name, value in zip(PARAMETERS, calibration.std, strict=True)}
+    return {
+        "video": video.name,
+        "board": f"{board.columns}x{board.rows}",
+        "square_m": board.square_m,
+        "views": len(calibration.views),
+        "rms_px": calibration.rms_px,
+        "pixel_px": calibration.pixel_px,
+        "coverage": calibration.coverage,
+        "std": std,
+    }
+
+
+def _write(out: Path, text: str) -> None:
+    try:
+        with out.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise CameraError(f"{out}: cannot be written: {error.strerror}; name another with -o") from error
