@@ -6,6 +6,7 @@ The decoder and the detector are imported when a recording needs them: to load t
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from vision.video import Frame, VideoFile
 
 __all__ = ["Analysis", "discover"]
+
+Image = NDArray[np.uint8]
 
 # Frames a second when there is neither video nor detections: the fleet and the map still replay.
 BARE_FPS = 5.0
@@ -136,33 +139,34 @@ class Analysis:
         pipeline = Pipeline(self.mission)
         for text in self.warnings:
             pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
-        detector = self.detector()
         packets = _Ahead(self._tlog.packets())
-        look = detector is not None or images
-        for index, t_us, frame in self._frames(look):
+        for index, t_us, image, boxes in self._looked(images):
             for packet in packets.until(t_us):
                 pipeline.feed(packet)
-            image = frame.image if frame else None
-            boxes: Detections | None
-            if detector is not None and image is not None:
-                boxes = detector.detect(image, gsd_m=pipeline.gsd_m(t_us))
-            else:
-                boxes = self._kept(index)
             health = Health(frames=index + 1, video="ok" if self.video else "none")
             yield pipeline.frame(index, t_us, image=image if images else None, detections=boxes, health=health)
+
+    def _looked(self, images: bool) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
+        """Index, time, picture and boxes of every frame; the pictures only where somebody asks for them."""
+        detector = self.detector()
+        if detector is not None and self.video is not None:
+            from vision.lookahead import look_ahead
+
+            scale = _Scale(self.mission, _Ahead(self._tlog.packets()))
+            with closing(look_ahead(self.video.frames(), detector, scale.gsd_m)) as looked:
+                for frame, boxes in looked:
+                    yield frame.index, frame.t_us, frame.image, boxes
+        elif self.video is not None and images:
+            for frame in self.video.frames():
+                yield frame.index, frame.t_us, frame.image, self._kept(frame.index)
+        else:
+            for index, t_us in enumerate(self.times_us.tolist()):
+                yield index, t_us, None, self._kept(index)
 
     def _kept(self, index: int) -> Detections | None:
         """Detections of a frame; one without any was perhaps never looked at, as a live flight skips frames."""
         boxes = self._boxes.at(index) if self._boxes else None
         return boxes if boxes else None
-
-    def _frames(self, look: bool) -> Iterator[tuple[int, int, Frame | None]]:
-        if self.video is not None and look:
-            for frame in self.video.frames():
-                yield frame.index, frame.t_us, frame
-            return
-        for index, t_us in enumerate(self.times_us.tolist()):
-            yield index, t_us, None
 
     def close(self) -> None:
         """Close the video."""
@@ -181,3 +185,16 @@ class _Ahead:
         while self._next is not None and self._next.t_us <= t_us:
             yield self._next
             self._next = next(self._packets, None)
+
+
+class _Scale:
+    """Ground metres a pixel of frames that the fold has not come to yet, from a fold of the telemetry of its own."""
+
+    def __init__(self, mission: Mission, packets: _Ahead) -> None:
+        self._pipeline = Pipeline(mission)
+        self._packets = packets
+
+    def gsd_m(self, frame: Frame) -> float | None:
+        for packet in self._packets.until(frame.t_us):
+            self._pipeline.feed(packet)
+        return self._pipeline.gsd_m(frame.t_us, frame.image)

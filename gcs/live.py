@@ -164,7 +164,7 @@ class Flight:
     def _look(self, frame: Frame) -> Snapshot:
         """A new frame: detect, fold, record."""
         assert self._detector is not None
-        boxes = self._detector.detect(frame.image, gsd_m=self._pipeline.gsd_m(frame.t_us))
+        boxes = self._detector.detect(frame.image, gsd_m=self._pipeline.gsd_m(frame.t_us, frame.image))
         self._recorder.detections(frame.index, boxes)
         self._frames += 1
         self._frame_ends.append(time.monotonic())

@@ -64,9 +64,9 @@ class Pipeline:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
         self._events.append(event)
 
-    def gsd_m(self, t_us: int) -> float | None:
-        """Ground metres a pixel at the picture's centre, None while the camera's pose is unknown."""
-        view = self._look(self.fleet.at(self._telemetry_time(t_us)))
+    def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
+        """Ground metres a pixel at the centre of a picture (H, W, 3), None while the camera's pose is unknown."""
+        view = self._look(self.fleet.at(self._telemetry_time(t_us)), image)
         return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
 
     def frame(

@@ -7,7 +7,7 @@ and in the same order as one by one.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from vision.detections import Detections
@@ -19,7 +19,7 @@ __all__ = ["look_ahead"]
 
 def look_ahead(
     frames: Iterable[Frame], detector: Detector, gsd_m: Callable[[Frame], float | None], *, workers: int = 2
-) -> Iterator[tuple[Frame, Detections]]:
+) -> Generator[tuple[Frame, Detections], None, None]:
     """Frames with what is seen in them, in order.
 
     Closing the iterator ends the threads after the pictures that they are at.
