@@ -33,7 +33,8 @@ class Event:
     t_us: int
     level: Level
     kind: str
-    """One word for filters: ``link``, ``vehicle``, ``text``, ``identity``, ``video``, ``recording``, ``operator``."""
+    """One word for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``, ``recording``,
+    ``operator``."""
     text: str
     """Plain text, possibly from the air: never markup."""
     system_id: int = 0

@@ -13,7 +13,7 @@ has are refused, and it is said once why.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mavlink.once import Once
 from mavlink.samples import CameraFov, CameraInformation, CameraSettings, VideoStreamInformation
@@ -24,6 +24,14 @@ __all__ = ["NARROWEST", "WIDEST", "CameraReports", "CameraSample"]
 NARROWEST, WIDEST = math.radians(0.5), math.radians(175.0)
 """Fields of view of cameras, rad."""
 SIZES_PX = (16, 16384)
+
+_NAMES: dict[type, str] = {
+    CameraFov: "CAMERA_FOV_STATUS",
+    VideoStreamInformation: "VIDEO_STREAM_INFORMATION",
+    CameraInformation: "CAMERA_INFORMATION",
+    CameraSettings: "CAMERA_SETTINGS",
+}
+"""Best first."""
 
 CameraSample = CameraInformation | CameraFov | VideoStreamInformation | CameraSettings
 
@@ -68,92 +76,89 @@ class CameraReports:
 
 @dataclass(slots=True)
 class _Camera:
-    """The newest of each message from one camera."""
+    """What one camera said; what is refused leaves standing what it said before."""
 
     information: CameraInformation | None = None
-    fov: CameraFov | None = None
     stream: VideoStreamInformation | None = None
+    angles: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Horizontal and vertical field of view by message, one of them may be NaN."""
+    size: dict[str, tuple[int, int]] = field(default_factory=dict)
+    rotation_deg: int = 0
     zoom_percent: float = math.nan
     report: CameraReport | None = None
 
     def take(self, sample: CameraSample) -> list[tuple[str, str]]:
         """Keeps a message; returns (message, reason) for what is refused."""
-        refused: list[tuple[str, str]] = []
-        if isinstance(sample, CameraInformation):
-            self.information = sample
-        elif isinstance(sample, CameraFov):
-            self.fov = sample
-        elif isinstance(sample, CameraSettings):
+        refused: list[str] = []
+        name = _NAMES[type(sample)]
+        if isinstance(sample, CameraSettings):
             self._take_zoom(sample.zoom_percent, refused)
+        elif isinstance(sample, CameraFov):
+            self._take_angles(name, (sample.hfov, sample.vfov), refused)
+        elif isinstance(sample, CameraInformation):
+            self.information = sample
+            self._take_angles(name, _lens_angles(sample), refused)
+            self._take_size(name, (sample.width_px, sample.height_px), refused)
         elif self.stream is None or sample.stream_id <= self.stream.stream_id:
             self.stream = sample
-        self.report = self._put_together(refused)
-        return refused
+            self._take_angles(name, (sample.hfov, math.nan), refused)
+            self._take_size(name, (sample.width_px, sample.height_px), refused)
+            self._take_rotation(sample.rotation_deg, refused)
+        self.report = self._put_together()
+        return [(name, reason) for reason in refused]
 
-    def _take_zoom(self, percent: float, refused: list[tuple[str, str]]) -> None:
+    def _take_angles(self, name: str, angles: tuple[float, float], refused: list[str]) -> None:
+        known = [angle if NARROWEST < angle < WIDEST else math.nan for angle in angles]
+        refused += (
+            f"a field of view of {math.degrees(angle):.4g}°"
+            for angle, kept in zip(angles, known, strict=True)
+            if math.isnan(kept) and not math.isnan(angle)
+        )
+        if not all(map(math.isnan, known)):
+            self.angles[name] = known[0], known[1]
+
+    def _take_size(self, name: str, size: tuple[int, int], refused: list[str]) -> None:
+        if all(SIZES_PX[0] <= side <= SIZES_PX[1] for side in size):
+            self.size[name] = size
+        elif all(size):
+            refused.append(f"a picture of {size[0]}×{size[1]}")
+
+    def _take_rotation(self, rotation_deg: int, refused: list[str]) -> None:
+        if rotation_deg in (0, 90, 180, 270):
+            self.rotation_deg = rotation_deg
+        else:
+            refused.append(f"a rotation of {rotation_deg}°")
+
+    def _take_zoom(self, percent: float, refused: list[str]) -> None:
         if 0.0 <= percent <= 100.0:
             self.zoom_percent = percent
         elif not math.isnan(percent):
-            refused.append(("CAMERA_SETTINGS", f"a zoom of {percent:g} % of the range"))
+            refused.append(f"a zoom of {percent:g} % of the range")
 
-    def _put_together(self, refused: list[tuple[str, str]]) -> CameraReport | None:
-        source, hfov, vfov = self._field_of_view(refused)
+    def _put_together(self) -> CameraReport | None:
+        source = next((name for name in _NAMES.values() if name in self.angles), "")
         if not source:
             return None
-        width, height = self._size(refused)
-        rotation = self.stream.rotation_deg if self.stream else 0
-        if rotation not in (0, 90, 180, 270):
-            refused.append(("VIDEO_STREAM_INFORMATION", f"a rotation of {rotation}°"))
-            rotation = 0
+        width, height = next((self.size[name] for name in _NAMES.values() if name in self.size), (0, 0))
         return CameraReport(
             width=width,
             height=height,
-            hfov=hfov,
-            vfov=vfov,
+            hfov=self.angles[source][0],
+            vfov=self.angles[source][1],
             source=source,
-            rotation_deg=rotation,
+            rotation_deg=self.rotation_deg,
             zoom_percent=self.zoom_percent,
             model=self.information.model if self.information else "",
             uri=self.stream.uri if self.stream else "",
         )
 
-    def _field_of_view(self, refused: list[tuple[str, str]]) -> tuple[str, float, float]:
-        """Message that tells, horizontal and vertical angle, one of which may be NaN; no message: none tells."""
-        for name, angles in (
-            ("CAMERA_FOV_STATUS", (self.fov.hfov, self.fov.vfov) if self.fov else ()),
-            ("VIDEO_STREAM_INFORMATION", (self.stream.hfov, math.nan) if self.stream else ()),
-            ("CAMERA_INFORMATION", _lens_angles(self.information)),
-        ):
-            known = [_bounded(angle, name, refused) for angle in angles]
-            if not all(map(math.isnan, known)):
-                return name, known[0], known[1]
-        return "", math.nan, math.nan
 
-    def _size(self, refused: list[tuple[str, str]]) -> tuple[int, int]:
-        """Of the picture, px; 0, 0 unknown."""
-        for name, source in (("VIDEO_STREAM_INFORMATION", self.stream), ("CAMERA_INFORMATION", self.information)):
-            if source is None or not (source.width_px and source.height_px):
-                continue
-            if all(SIZES_PX[0] <= side <= SIZES_PX[1] for side in (source.width_px, source.height_px)):
-                return source.width_px, source.height_px
-            refused.append((name, f"a picture of {source.width_px}×{source.height_px}"))
-        return 0, 0
+def _lens_angles(lens: CameraInformation) -> tuple[float, float]:
+    """Angles that a lens and a sensor make, NaN unknown."""
 
+    def angle(side: float) -> float:
+        # tan(fov / 2) = sensor size / 2 focal length; a focal length of 0 and a sensor of 0 stand for unknown
+        known = side and lens.focal_length_m
+        return 2.0 * math.atan2(side, 2.0 * lens.focal_length_m) if known else math.nan
 
-def _lens_angles(lens: CameraInformation | None) -> tuple[float, ...]:
-    """Angles (2,) that a lens and a sensor make, NaN unknown."""
-    if lens is None:
-        return ()
-    # tan(fov / 2) = sensor size / 2 focal length; a focal length of 0 and a sensor of 0 stand for unknown
-    return tuple(
-        2.0 * math.atan2(side, 2.0 * lens.focal_length_m) if side and lens.focal_length_m else math.nan
-        for side in (lens.sensor_width_m, lens.sensor_height_m)
-    )
-
-
-def _bounded(angle: float, name: str, refused: list[tuple[str, str]]) -> float:
-    """An angle that a camera can have, else NaN."""
-    if math.isnan(angle) or NARROWEST < angle < WIDEST:
-        return angle
-    refused.append((name, f"a field of view of {math.degrees(angle):.4g}°"))
-    return math.nan
+    return angle(lens.sensor_width_m), angle(lens.sensor_height_m)
