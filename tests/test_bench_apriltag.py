@@ -13,7 +13,7 @@ from bench.apriltag.case import Case, Outcome, TagCount
 from bench.apriltag.flight import CAMERAS, DIAGONAL_DEG, SIDES_M, camera_of, filmed, scenario_of, tags_of
 from bench.apriltag.suite import cases
 from bench.apriltag.tables import METHODS, report, shares, write_csv
-from bench.apriltag.tags import Tag, read_tags, stick_tags, tag_corners
+from bench.apriltag.tags import Tag, read_picture, read_tags, stick_tags, tag_corners
 from sim.boxes import in_picture, true_boxes
 from sim.ground import GroundStyle
 from sim.render import Renderer, Style
@@ -79,7 +79,7 @@ def test_a_tag_that_is_not_wholly_in_the_picture_is_left_out():
 
 @pytest.fixture(scope="module")
 def looks():
-    """(height, what is read of each vehicle in view, its number, its tag's side), at one moment, JPEG for H.264."""
+    """Tags in view, what is read of each and in the whole picture, by height; one moment, JPEG for H.264."""
     rows = {}
     for height_m in (10.0, 120.0):
         scenario = scenario_of("1080p", height_m, 1.0, 2.0)
@@ -94,20 +94,22 @@ def looks():
         whole = in_picture(view, boxes) & (np.minimum(boxes.cx, view.width - boxes.cx) > boxes.w / 2)
         whole &= np.minimum(boxes.cy, view.height - boxes.cy) > boxes.w / 2
         tags = [tag for tag in tags_of(scenario) if whole[tag.body]]
-        rows[height_m] = (tags, read_tags(image, table[[tag.body for tag in tags]]))
+        rows[height_m] = (tags, read_tags(image, table[[tag.body for tag in tags]]), read_picture(image))
     return rows
 
 
 def test_from_ten_metres_every_tag_is_read_with_its_number(looks):
-    tags, read = looks[10.0]
+    tags, read, whole = looks[10.0]
     assert {tag.side_m for tag in tags} == set(SIDES_M)
     assert [set(numbers) for numbers in read] == [{tag.number} for tag in tags]
+    assert {tag.number for tag in tags} <= whole
 
 
 def test_from_a_hundred_and_twenty_metres_none_is(looks):
-    tags, read = looks[120.0]
+    tags, read, whole = looks[120.0]
     assert len(tags) == 7
     assert not any(read)
+    assert not whole
 
 
 @pytest.mark.parametrize("name", CAMERAS)
@@ -118,7 +120,10 @@ def test_cameras_have_the_field_of_view_they_claim(name):
 
 
 def outcome(height_m=40.0, camera="1080p", **change):
-    tags = tuple(TagCount(side_m=s, boxes=10, read=r, known=10, wrong=0) for s, r in zip(SIDES_M, (2, 8), strict=True))
+    tags = tuple(
+        TagCount(side_m=s, boxes=10, plain=r // 2, read=r, known=10, wrong=0)
+        for s, r in zip(SIDES_M, (2, 8), strict=True)
+    )
     base = Outcome(
         case=Case(camera=camera, height_m=height_m, duration_s=5.0, fps=4.0), vehicle_px=70.0, tags=tags,
         boxes=20, right=18, named=20, late_boxes=10, late_right=10,
@@ -128,7 +133,7 @@ def outcome(height_m=40.0, camera="1080p", **change):
 
 def test_shares_are_of_the_boxes_in_view(tmp_path):
     got = shares(outcome())
-    assert [got[name] for name in METHODS] == [0.2, 1.0, 0.8, 1.0, 0.9, 1.0]
+    assert [got[name] for name in METHODS] == [0.1, 0.2, 1.0, 0.4, 0.8, 1.0, 0.9, 1.0]
     write_csv([outcome()], tmp_path / "a.csv")
     with (tmp_path / "a.csv").open() as file:
         (row,) = csv.DictReader(file)
@@ -141,12 +146,13 @@ def test_shares_are_of_the_boxes_in_view(tmp_path):
 
 
 def test_the_report_says_up_to_where_tags_are_read():
-    far = outcome(120.0, tags=tuple(TagCount(side_m=s, boxes=10, read=0, known=0, wrong=0) for s in SIDES_M))
+    far = outcome(120.0, tags=tuple(TagCount(side_m=s, boxes=10, plain=0, read=0, known=0, wrong=0) for s in SIDES_M))
     text = report([outcome(), far], quick=False)
-    assert "Tags of 0.3 m are read in at least half of the frames at none of these heights" in text
-    assert "tags of 0.5 m are read in at least half of the frames up to 40 m" in text
-    nobody = outcome(tags=tuple(TagCount(side_m=s, boxes=0, read=0, known=0, wrong=0) for s in SIDES_M))
-    assert "| – | – | – | – | 90.0 |" in report([nobody], quick=True)
+    start = "are read in at least half of the frames plain at none of these heights, in crops"
+    assert f"Tags of 0.3 m {start} at none of these heights." in text
+    assert f"Tags of 0.5 m {start} up to 40 m." in text
+    nobody = outcome(tags=tuple(TagCount(side_m=s, boxes=0, plain=0, read=0, known=0, wrong=0) for s in SIDES_M))
+    assert "| – | – | – | – | – | – | 90.0 |" in report([nobody], quick=True)
 
 
 def test_a_quick_run_is_a_part_of_the_whole():

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.apriltag.flight import SIDES_M, scenario_of, tags_of, write_flight
-from bench.apriltag.tags import read_tags
+from bench.apriltag.tags import read_picture, read_tags
 from bench.field.product import identify
 from gcs.tables import Table, read_table
 from sim.scenario import Scenario
@@ -41,10 +41,12 @@ class TagCount:
 
     side_m: float
     boxes: int
+    plain: int
+    """With the right number, in the whole picture, with OpenCV's own settings."""
     read: int
-    """With the right number, in the frame itself."""
+    """With the right number, in a crop about the vehicle."""
     known: int
-    """In this frame or an earlier one: with a tracker that never loses anybody."""
+    """The same, in this frame or an earlier one: with a tracker that never loses anybody."""
     wrong: int
     """With a number that is not on the vehicle."""
 
@@ -95,18 +97,23 @@ def count_tags(scenario: Scenario, video: Path, truth: Table) -> tuple[TagCount,
     """Read the tags of every vehicle in view, frame by frame."""
     side = {tag.number: tag.side_m for tag in tags_of(scenario)}
     boxes = dict.fromkeys(SIDES_M, 0)
-    read, known, wrong = dict(boxes), dict(boxes), dict(boxes)
+    plain, read, known, wrong = dict(boxes), dict(boxes), dict(boxes), dict(boxes)
     met: set[int] = set()
     with VideoFile.open(video) as film:
         for frame in film.frames():
             mine = np.flatnonzero((truth["frame"] == frame.index) & (truth["system_id"] > 0))
             places = np.stack([truth[key][mine] for key in ("cx", "cy", "w", "h")], axis=-1)
+            everywhere = read_picture(frame.image)
             numbers = truth["system_id"][mine].astype(int).tolist()
             for number, seen in zip(numbers, read_tags(frame.image, places), strict=True):
                 size = side[number]
                 met |= {number} & seen
                 boxes[size] += 1
+                plain[size] += number in everywhere
                 read[size] += number in seen
                 known[size] += number in met
                 wrong[size] += bool(seen - {number})
-    return tuple(TagCount(side_m=s, boxes=boxes[s], read=read[s], known=known[s], wrong=wrong[s]) for s in SIDES_M)
+    return tuple(
+        TagCount(side_m=s, boxes=boxes[s], plain=plain[s], read=read[s], known=known[s], wrong=wrong[s])
+        for s in SIDES_M
+    )

@@ -47,5 +47,6 @@ def _draw(panel: Any, rows: list[dict[str, str]]) -> None:  # noqa: ANN401  (axe
 
     line("product", color="#1b9e77", marker="o", linewidth=2.2)
     for side, color in zip(SIDES_M, TAG_COLORS, strict=True):
-        line(f"tag {side:g} m", color=color, marker="s")
+        line(f"tag {side:g} m, plain", color=color, linestyle="--", marker="v", markersize=4)
+        line(f"tag {side:g} m", color=color, marker="s", markersize=4)
         line(f"tag {side:g} m, remembered", color=color, linestyle=":")

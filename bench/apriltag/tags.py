@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sim.view import Bodies, CameraView, project
 
-__all__ = ["Tag", "read_tags", "stick_tags", "tag_corners"]
+__all__ = ["Tag", "read_picture", "read_tags", "stick_tags", "tag_corners"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -109,12 +109,17 @@ def _family() -> cv2.aruco.Dictionary:
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 
 
-@lru_cache(maxsize=1)
-def _detector() -> cv2.aruco.ArucoDetector:
+@lru_cache(maxsize=2)
+def _detector(least_outline: float | None) -> cv2.aruco.ArucoDetector:
     settings = cv2.aruco.DetectorParameters()
-    settings.minMarkerPerimeterRate = LEAST_OUTLINE
-    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    if least_outline is not None:
+        settings.minMarkerPerimeterRate = least_outline
     return cv2.aruco.ArucoDetector(_family(), settings)
+
+
+def read_picture(image: Image) -> frozenset[int]:
+    """Numbers of the tags that are read in a whole picture (H, W, 3) BGR with OpenCV's own settings."""
+    return _search(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), None)
 
 
 def read_tags(image: Image, boxes: FloatArray) -> list[frozenset[int]]:
@@ -138,12 +143,13 @@ def _read(grey: Image, box: FloatArray) -> frozenset[int]:
     crop = grey[y0:y1, x0:x1]
     if crop.size == 0:
         return frozenset()
-    found = _search(crop)
+    found = _search(crop, LEAST_OUTLINE)
     if not found and max(crop.shape) <= LARGE_PX:
-        found = _search(cv2.resize(crop, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC))
+        large = cv2.resize(crop, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC)
+        found = _search(large, LEAST_OUTLINE)
     return found
 
 
-def _search(grey: Image) -> frozenset[int]:
-    _, numbers, _ = _detector().detectMarkers(grey)
+def _search(grey: Image, least_outline: float | None) -> frozenset[int]:
+    _, numbers, _ = _detector(least_outline).detectMarkers(grey)
     return frozenset(() if numbers is None else numbers.ravel().tolist())
