@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from vision.decode_heatmap import decode
 from vision.detections import Detections
@@ -11,11 +12,16 @@ from vision.training.data import Batch
 from vision.training.net import STRIDE, Net
 from vision.training.quality import Quality, measure
 
-__all__ = ["evaluate"]
+__all__ = ["evaluate", "look"]
 
 
-def evaluate(net: Net, batch: Batch, chunk: int = 32) -> Quality:
+def evaluate(net: Net, batch: Batch) -> Quality:
     """Run a network over a batch and measure it."""
+    return measure(*look(net, batch))
+
+
+def look(net: Net, batch: Batch, chunk: int = 32) -> tuple[list[Detections], list[NDArray[np.float64]]]:
+    """What a network finds on each picture of a batch, and what is there."""
     net.eval()
     found: list[Detections] = []
     with torch.no_grad():
@@ -26,4 +32,4 @@ def evaluate(net: Net, batch: Batch, chunk: int = 32) -> Quality:
             cells = torch.cat([score * peak, out[:, 1:]], dim=1).cpu().numpy()
             found += [decode(c, STRIDE, 0.05) for c in cells]
     truth = [b[r].astype(np.float64) for b, r in zip(batch.boxes.numpy(), batch.real.numpy(), strict=True)]
-    return measure(found, truth)
+    return found, truth

@@ -8,6 +8,7 @@ The graph is written node by node: it is small, and no exporter's version change
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,8 @@ __all__ = ["export", "to_onnx"]
 
 OPSET = 17
 NOMINAL_LENGTH_PX = 29.0
+BALANCE = 0.3
+"""Scores of a file that is written are shifted so that here precision and recall are equal."""
 
 
 class _Graph:
@@ -98,10 +101,20 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
     return _model(g, version, nominal_length_px)
 
 
-def export(checkpoint: Path, out: Path, version: str) -> None:
-    """Turn a training checkpoint's averaged weights into a model file."""
+def export(checkpoint: Path, out: Path, version: str, balance: float = BALANCE) -> None:
+    """Turn a training checkpoint's averaged weights into a model file.
+
+    Args:
+        checkpoint: of ``vision.training.train``.
+        out: the file to write.
+        version: written into the metadata.
+        balance: score at which precision and recall are equal on held-out pictures; the file gives it as ``BALANCE``.
+    """
     net = Net()
     net.load_state_dict(torch.load(checkpoint, map_location="cpu", weights_only=True)["average"])
+    with torch.no_grad():
+        # logit p' = logit p + logit BALANCE − logit balance
+        net.head.bias[0] += math.log(BALANCE / (1.0 - BALANCE)) - math.log(balance / (1.0 - balance))
     out.parent.mkdir(parents=True, exist_ok=True)
     onnx.save(to_onnx(net, version), str(out))
 
@@ -144,9 +157,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write a trained detector as ONNX.")
     parser.add_argument("--checkpoint", type=Path, default=Path(".train/checkpoint.pt"))
     parser.add_argument("--out", type=Path, default=Path("vision/models/rollcall-obb-s.onnx"))
-    parser.add_argument("--version", default="1")
+    parser.add_argument("--version", default="2")
+    parser.add_argument("--balance", type=float, default=BALANCE, help="score of equal precision and recall so far")
     args = parser.parse_args()
-    export(args.checkpoint, args.out, args.version)
+    export(args.checkpoint, args.out, args.version, args.balance)
 
 
 if __name__ == "__main__":

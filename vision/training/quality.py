@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vision.boxes import rotated_iou
 from vision.detections import Detections
 
-__all__ = ["Quality", "measure"]
+__all__ = ["Quality", "balanced_score", "measure"]
 
 FloatArray = NDArray[np.float64]
 
@@ -69,6 +69,17 @@ def measure(found: list[Detections], truth: list[FloatArray], score: float = 0.3
         flips=float((turns > 90.0).mean()) if len(turns) else np.nan,
         unsure=float(np.mean(unsure)) if unsure else np.nan,
     )
+
+
+def balanced_score(found: list[Detections], truth: list[FloatArray]) -> float:
+    """The score at which as many vehicles are missed as false alarms are raised; arguments as for ``measure``."""
+    rows = []
+    for d, t in zip(found, truth, strict=True):
+        rows += [(float(d.score[i]), j >= 0) for i, j in _match(d, t) if j < 0 or t[j, 5] > 0.5]
+    wanted = sum(int((t[:, 5] > 0.5).sum()) for t in truth)
+    rows.sort(reverse=True)
+    # hits + false alarms = vehicles  ⇔  precision = recall
+    return rows[min(wanted, len(rows)) - 1][0] if rows and wanted else 0.5
 
 
 def _match(d: Detections, t: FloatArray) -> list[tuple[int, int]]:

@@ -29,10 +29,11 @@ from torch import Tensor
 
 from vision.training.curves import draw_curves
 from vision.training.data import Batch, Pool
-from vision.training.evaluate import evaluate
+from vision.training.evaluate import evaluate, look
 from vision.training.export import export
 from vision.training.loss import losses
 from vision.training.net import Net
+from vision.training.quality import balanced_score
 
 __all__ = ["Trainer"]
 
@@ -155,7 +156,9 @@ def run(
             _check(trainer, held_out, out, pool.refresh())
             tick = time.monotonic()
     _check(trainer, held_out, out, pool.refresh())
-    export(checkpoint, out / "model.onnx", version="2")
+    balance = balanced_score(*look(trainer.averaged(), held_out.all()))
+    log.info("precision and recall are equal at score %.3f", balance)
+    export(checkpoint, out / "model.onnx", version="2", balance=balance)
     draw_curves(out)
     for maker in makers:
         maker.wait()

@@ -1,0 +1,124 @@
+"""How good a model file is, by size, tilt, ground, light and cover, on pictures that it has not seen.
+
+``python -m vision.training.conditions --model vision/models/rollcall-obb-s.onnx --pictures .train/test`` prints a
+table; the pictures are those of ``python -m sim.crops``. No torch is needed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.boxes import rotated_iou
+from vision.decode_heatmap import decode
+from vision.detections import Detections
+from vision.onnx_model import metadata, open_session
+from vision.training.quality import Quality, measure
+
+__all__ = ["Pictures", "by_condition", "look", "read_pictures"]
+
+FloatArray = NDArray[np.float64]
+SIZES = ((10.0, 16.0), (16.0, 24.0), (24.0, 48.0), (48.0, 120.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pictures:
+    """Held-out pictures."""
+
+    images: NDArray[np.uint8]
+    """(c, S, S, 3) BGR."""
+    truth: list[FloatArray]
+    """(n, 6) each: cx, cy, length, width px, heading, share in sight."""
+    about: NDArray[np.float32]
+    """(c, 5) tilt, height, shadow, gain, streets; see ``sim.crops.Crop``."""
+
+
+def read_pictures(folder: Path) -> Pictures:
+    """All shards of a folder.
+
+    Raises:
+        FileNotFoundError: there are none.
+    """
+    paths = sorted(folder.glob("crops_*.npz"))
+    if not paths:
+        raise FileNotFoundError(f"{folder}: no crops_*.npz; make them with python -m sim.crops --out {folder}")
+    images, truth, about = [], [], []
+    for path in paths:
+        with np.load(path) as shard:
+            images.append(shard["images"])
+            about.append(shard["about"])
+            truth += [b[:n].astype(np.float64) for b, n in zip(shard["boxes"], shard["n"], strict=True)]
+    return Pictures(images=np.concatenate(images), truth=truth, about=np.concatenate(about))
+
+
+def look(model: Path, pictures: Pictures, score: float = 0.05) -> list[Detections]:
+    """What a model finds on each picture."""
+    session = open_session(model, ("CPUExecutionProvider",), 1)
+    stride = int(metadata(session)["stride"])
+    return [decode(session.run(None, {"image": image[None]})[0][0], stride, score) for image in pictures.images]
+
+
+def by_condition(found: list[Detections], pictures: Pictures, least_px: float = 10.0) -> Iterator[tuple[str, Quality]]:
+    """Figures for each condition; vehicles shorter than ``least_px`` count neither way but under their own size."""
+    tilt, _, shadow, gain, streets = pictures.about.T
+    whole = [_limited(f, t, (least_px, np.inf)) for f, t in zip(found, pictures.truth, strict=True)]
+
+    def over(chosen: NDArray[np.bool_]) -> Quality:
+        return measure([whole[i][0] for i in np.flatnonzero(chosen)], [whole[i][1] for i in np.flatnonzero(chosen)])
+
+    yield "all", over(np.ones(len(found), dtype=bool))
+    for span in SIZES:
+        parts = [_limited(f, t, span) for f, t in zip(found, pictures.truth, strict=True)]
+        yield f"length {span[0]:.0f} to {span[1]:.0f} px", measure([f for f, _ in parts], [t for _, t in parts])
+    degrees = np.degrees(tilt)
+    yield "tilt below 10°", over(degrees < 10.0)
+    yield "tilt 10° to 30°", over((degrees >= 10.0) & (degrees < 30.0))
+    yield "tilt 30° to 62°", over(degrees >= 30.0)
+    yield "streets and car parks", over(streets > 0.5)
+    yield "open ground", over(streets < 0.5)
+    yield "sunny", over((shadow >= 0.25) & (gain >= 0.8))
+    yield "overcast", over((shadow < 0.25) & (gain >= 0.8))
+    yield "dark", over(gain < 0.8)
+    for name, low, high in (("wholly in sight", 0.95, 2.0), ("half to nine tenths in sight", 0.5, 0.9)):
+        seen = [t.copy() for _, t in whole]
+        for t in seen:
+            t[(t[:, 5] < low) | (t[:, 5] >= high), 5] = 0.0
+        yield name, measure([f for f, _ in whole], seen)
+
+
+def _limited(found: Detections, truth: FloatArray, span: tuple[float, float]) -> tuple[Detections, FloatArray]:
+    """Truth of other lengths counts neither way, nor do detections of other lengths that are on none of this."""
+    truth = truth.copy()
+    inside = (truth[:, 2] >= span[0]) & (truth[:, 2] < span[1])
+    truth[~inside, 5] = 0.0
+    mine = (found.w >= span[0]) & (found.w < span[1])
+    if len(found) and inside.any():
+        boxes = np.column_stack([truth[inside, :4], truth[inside, 4] - 0.5 * np.pi])
+        mine |= rotated_iou(found.boxes, boxes).max(axis=1) >= 0.5
+    return found.take(np.flatnonzero(mine)), truth
+
+
+def main() -> None:
+    """Print a table of figures."""
+    parser = argparse.ArgumentParser(description="Figures of a bundled model by condition.")
+    parser.add_argument("--model", type=Path, required=True)
+    parser.add_argument("--pictures", type=Path, default=Path(".train/test"))
+    args = parser.parse_args()
+    pictures = read_pictures(args.pictures)
+    rows = ["| on | AP50 | recall | precision | centre | heading | turned about |", "|---|---|---|---|---|---|---|"]
+    for name, q in by_condition(look(args.model, pictures), pictures):
+        rows.append(
+            f"| {name} | {q.ap50:.3f} | {q.recall:.3f} | {q.precision:.3f} | {q.centre_px:.1f} px "
+            f"| {q.heading_deg:.1f}° | {100.0 * q.flips:.1f} % |"
+        )
+    sys.stdout.write("\n".join(rows) + "\n")
+
+
+if __name__ == "__main__":
+    main()
