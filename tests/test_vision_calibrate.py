@@ -4,10 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.board_video import poses
+from tests.board_video import BoardCamera, poses
 from vision.calibrate import PARAMETERS, calibrate, doubts
-from vision.calibrate_views import Board, View, chosen
+from vision.calibrate_views import BLURRED_PX, Board, View, chosen, find_view
 from vision.errors import CameraError
+from vision.video import Frame
 
 SIZE = (1280, 720)
 K = np.array([[905.0, 0.0, 655.0], [0.0, 902.0, 349.0], [0.0, 0.0, 1.0]])
@@ -116,3 +117,20 @@ def test_views_that_differ_are_chosen_and_the_sharper_of_two_alike():
 def test_boards_that_cannot_be_are_refused(bad):
     with pytest.raises(CameraError, match=r"board of|squares of"):
         Board(**{"columns": 9, "rows": 6, "square_m": 0.025, **bad})
+
+
+def test_corners_in_a_picture_are_where_the_camera_shows_them_and_blur_is_seen():
+    small = (640, 360)
+    camera = BoardCamera(small, K * [[0.5], [0.5], [1.0]], LENS)
+    rng = np.random.default_rng(2)
+    R, t = poses(1, rng, camera.K, LENS, small)[0]
+    image = camera.draw(R, t, rng)
+    seen = find_view(Frame(index=3, t_us=0, image=image), BOARD)
+    exact = cv2.projectPoints(BOARD.points.astype(float), R, t - R @ MIDDLE, camera.K, LENS)[0][:, 0]
+    # a board of an odd and an even side may be found from its other end
+    off = min(np.abs(seen.corners - order).max() for order in (exact, exact[::-1]))
+    assert seen.frame == 3 and off < 0.3 and seen.blur_px < BLURRED_PX
+    shaken = cv2.blur(image, (13, 1))
+    blurred = find_view(Frame(index=4, t_us=0, image=shaken), BOARD)
+    assert blurred is None or blurred.blur_px > BLURRED_PX
+    assert find_view(Frame(index=5, t_us=0, image=np.zeros_like(image)), BOARD) is None

@@ -24,7 +24,7 @@ LOOKS = 400
 """Frames of a video that are looked at, spread evenly: finding a board takes much longer than decoding."""
 SMALL_PX = 800
 """Longer side of the picture in which boards are found."""
-BLURRED_PX = 6.0
+BLURRED_PX = 4.0
 """Width of an edge beyond which a view is not used, px of the small picture."""
 APART = 0.06
 """Least difference between two views, as :func:`_difference` counts it."""
@@ -86,7 +86,8 @@ def find_view(frame: Frame, board: Board) -> View | None:
     found, corners = cv2.findChessboardCornersSB(small, pattern, flags=0)
     if not found:
         return None
-    blur_px = cv2.estimateChessboardSharpness(small, pattern, corners)[0][0]
+    # motion blurs the edges of one direction and leaves the other sharp
+    blur_px = max(cv2.estimateChessboardSharpness(small, pattern, corners, 0.8, across)[0][0] for across in (0, 1))
     # middles of pixels stay in the middle: (x + 1/2) / scale − 1/2
     full = ((corners.reshape(-1, 1, 2) + 0.5) / scale - 0.5).astype(np.float32)
     refined = _refined(grey, full, board).reshape(-1, 2)
