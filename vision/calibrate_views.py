@@ -87,7 +87,9 @@ def find_view(frame: Frame, board: Board) -> View | None:
     if not found:
         return None
     # motion blurs the edges of one direction and leaves the other sharp
-    blur_px = max(cv2.estimateChessboardSharpness(small, pattern, corners, 0.8, across)[0][0] for across in (0, 1))
+    blur_px = max(
+        cv2.estimateChessboardSharpness(small, pattern, corners, 0.8, across)[0][0] for across in (False, True)
+    )
     # middles of pixels stay in the middle: (x + 1/2) / scale − 1/2
     full = ((corners.reshape(-1, 1, 2) + 0.5) / scale - 0.5).astype(np.float32)
     refined = _refined(grey, full, board).reshape(-1, 2)
