@@ -202,8 +202,9 @@ def _far_to_near(view: CameraView, bodies: Bodies) -> list[int]:
     reach = np.hypot(bodies.length, bodies.width) + bodies.height
     p_cam = (base - view.p_enu) @ view.R_enu_cam
     ahead = np.maximum(p_cam[:, 2], 0.1)
-    # half the picture's diagonal, seen at the body's depth, and the body's reach with its shadow
-    field_m = 0.7 * np.hypot(view.width / view.fx, view.height / view.fy) * ahead + 4.0 * reach
+    # from the optical axis to the picture's middle, half its diagonal, and the body's reach with its shadow
+    aside = np.hypot((0.5 * view.width - view.cx) / view.fx, (0.5 * view.height - view.cy) / view.fy)
+    field_m = (aside + 0.7 * np.hypot(view.width / view.fx, view.height / view.fy)) * ahead + 4.0 * reach
     seen = (p_cam[:, 2] > 0.5 * reach) & (np.hypot(p_cam[:, 0], p_cam[:, 1]) < field_m)
     return [int(i) for i in np.argsort(-distance, kind="stable") if seen[i]]
 

@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sim.crops import MAX_BOXES, SIDE, crop, labels, write_shard
+from sim.crops import MAX_BOXES, SIDE, _random_view, crop, labels, write_shard
+from sim.exposure import Exposure
 from sim.footage import as_footage
 from sim.placing import random_bodies
 from sim.randomise import FIRST_KIND, SIZES, VEHICLES, random_cast, random_scene, random_style
 from sim.render import Renderer
-from sim.view import OCCLUDER, UGV, Bodies, CameraView, ray_ground
+from sim.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground
 from sim.yard import random_yard
 
 
@@ -17,6 +20,13 @@ def camera(height=40.0, size=(640, 360), focal=400.0):
         width=size[0], height=size[1], fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, distortion=np.zeros(5),
         R_enu_cam=np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]), p_enu=np.array([0.0, 0.0, height]),
     )  # fmt: skip
+
+
+NOTHING = np.zeros(0)
+EMPTY = Bodies(
+    kind=np.zeros(0, np.int8), x=NOTHING, y=NOTHING, heading=NOTHING, length=NOTHING, width=NOTHING, height=NOTHING,
+    color=np.zeros((0, 3), np.uint8),
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +65,21 @@ def test_crops_hold_their_vehicles_and_nothing_else(yard, cast):
     assert ((boxes[:, 5] >= 0.0) & (boxes[:, 5] <= 1.0)).all()
     assert (boxes[:, 5] > 0.5).mean() > 0.4
     assert OCCLUDER not in VEHICLES
+
+
+def test_every_labelled_vehicle_is_drawn(yard, cast):
+    """Seen from anywhere: without its bodies a picture differs in the middle of every vehicle in sight."""
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        view = _random_view(yard, rng, SIDE)
+        things = random_bodies(view, yard, cast, rng)
+        style = replace(random_style(rng, cast), exposure=Exposure(noise=0.0, vignette=0.0), shadow=0.0)
+        renderer = Renderer(Scene(), style, ground=yard)
+        drawn = (renderer.draw(view, things) != renderer.draw(view, EMPTY)).any(axis=-1)
+        boxes = labels(view, things)
+        for u, v in boxes[np.isfinite(boxes).all(axis=1) & (boxes[:, 2] > 10.0), :2].astype(int):
+            if 4 <= u < SIDE - 4 and 4 <= v < SIDE - 4:
+                assert drawn[v - 2 : v + 3, u - 2 : u + 3].mean() > 0.5
 
 
 def test_a_shard_is_what_training_reads(tmp_path):

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -72,6 +74,14 @@ def test_a_body_is_drawn_where_it_projects_to(view):
     )
     want = (uv * weight[..., None]).sum(axis=(0, 1)) / weight.sum()
     np.testing.assert_allclose([u.mean() + 0.5, v.mean() + 0.5], want, atol=0.3)
+
+
+def test_a_body_far_from_the_optical_axis_is_drawn():
+    """A picture cut from the side of a wider one shows what its middle shows."""
+    view = replace(camera(focal=1600.0, p_enu=(-15.0, 4.0, 40.0)), cx=-400.0)
+    style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: crate(inset=0.0, lid=PAINT)})
+    image = Renderer(Scene(), style).draw(view, bodies((UGV, 3.0, 4.0, 0.6, 4.0, 2.0, 0.02))).astype(int)
+    assert image[180, 320, 0] > 150 and image[180, 320, 1] < 60
 
 
 def test_ground_stays_where_it_is_when_the_camera_moves():
