@@ -8,7 +8,8 @@ trained export and the boxes that the predictor gave for it are compared with ``
 
 Both sides run the same file on the same picture. A pair counts as the same box when no number differs by more than half
 a pixel or a tenth of a degree. Left out on both sides are boxes that we never tell: those centred off the picture and
-those with a side of zero or less.
+those with a side of zero or less. In float16 many scores are equal, and which of two equal boxes stays is left to how
+each side sorts.
 """
 
 from __future__ import annotations
@@ -176,11 +177,12 @@ def report(lines: Sequence[Line]) -> str:
         [getattr(line, f) for line in lines if line.parity and line.theirs] for f in ("worst_px", "worst_deg")
     )
     head = (__doc__ or "").split("\n\n")
+    version = importlib.import_module("ultralytics").__version__
     return "\n".join(
         [
-            "# Parity with Ultralytics' predictor", "", head[0], "", head[3], "",
-            f"{whole} of {len(lines)} comparisons have the same boxes, {same} of {boxes} boxes; where all are the same "
-            f"the worst difference is {max(px):.3f} px and {max(degrees):.3f}°.", "",
+            "# Parity with Ultralytics' predictor", "", head[0], "", head[3].strip(), "",
+            f"With ultralytics {version} the boxes are the same in {whole} of {len(lines)} comparisons, and {same} of "
+            f"{boxes} boxes; where all are the same the worst is {max(px):.3f} px, {max(degrees):.3f}°.", "",
             "| model | layout | picture | theirs | ours | same | worst px | worst deg |", "|---" * 8 + "|",
             *map(str, lines), "",
         ]
