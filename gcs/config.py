@@ -113,6 +113,12 @@ class DetectorChoice:
     """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
     score: float = 0.3
     """Boxes below are dropped."""
+    classes: tuple[str, ...] = ()
+    """Names of a YOLO model's classes that count; empty: those that sound like road vehicles."""
+    imgsz: int = 0
+    """Longest side, px, of what a YOLO model of any size looks at; 0: as its notes say, else 1024."""
+    providers: tuple[str, ...] = ()
+    """onnxruntime's execution providers, best first; empty: the CPU."""
     front: str = ""
     """What tells the fronts of boxes that come without: path of an ONNX file, relative to the mission file, or
     ``bundled``; empty: nothing does."""
@@ -184,6 +190,7 @@ _RANGES: dict[tuple[type, str], tuple[float, float]] = {
     (Camera, "yaw_deg"): (-360.0, 360.0),
     (Clock, "video_offset_s"): (-60.0, 60.0),
     (DetectorChoice, "score"): (0.0, 1.0),
+    (DetectorChoice, "imgsz"): (0, 8192),
     (DetectorChoice, "front_sure"): (0.0, 1.0),
     (IdentityChoice, "threshold"): (0.0, 1.0),
 }

@@ -6,6 +6,7 @@ takes only the newest frame; what it skips is still recorded and counted.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import deque
@@ -31,6 +32,8 @@ IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
 HEALTH_S = 1.0
 MOST_EVENTS = 2000
+LOOK_THREADS = min(os.cpu_count() or 1, 2)
+"""Of the detector: the newest picture is looked at alone, and soon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +65,7 @@ class Flight:
         self._on_snapshot = on_snapshot
         self._detector: Detector | None = None
         if plan.video:
-            self._detector = open_perception(plan.mission.detector)
+            self._detector = open_perception(plan.mission.detector, threads=LOOK_THREADS)
         self._links: list[Link] = []
         try:
             self._links += (open_link(url, k) for k, url in enumerate(plan.links))

@@ -15,14 +15,28 @@ from vision.front import FrontedDetector, open_front_classifier
 __all__ = ["open_perception"]
 
 
-def open_perception(choice: DetectorChoice) -> Detector:
+def open_perception(choice: DetectorChoice, *, threads: int = 1) -> Detector:
     """Load the mission's networks.
+
+    Args:
+        choice: which.
+        threads: CPU threads of one picture: as many as there are cores where pictures are looked at one by one.
 
     Raises:
         ModelError: a file is missing or is no such model.
     """
-    detector = open_detector(Path(choice.model) if choice.model else None, score=choice.score)
+    providers = choice.providers or None
+    detector = open_detector(
+        Path(choice.model) if choice.model else None,
+        score=choice.score,
+        classes=choice.classes or None,
+        imgsz=choice.imgsz or None,
+        providers=providers,
+        threads=threads,
+    )
     if not choice.front:
         return detector
     front = None if choice.front == BUNDLED else Path(choice.front)
-    return FrontedDetector(detector, open_front_classifier(front, sure=choice.front_sure))
+    return FrontedDetector(
+        detector, open_front_classifier(front, sure=choice.front_sure, providers=providers, threads=threads)
+    )

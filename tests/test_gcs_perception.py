@@ -55,3 +55,14 @@ def test_a_classifier_tells_the_fronts_of_a_yolo_export(see, front):
 def test_a_classifier_that_is_not_there_is_told(see):
     with pytest.raises(ModelError, match=r"nowhere\.onnx: no such model file"):
         see('[detector]\nfront = "nowhere.onnx"\n')
+
+
+def test_the_mission_says_which_classes_count(see):
+    with pytest.raises(ModelError, match="truck"):
+        see('[detector]\nmodel = "yolo.onnx"\nclasses = ["truck"]\n')
+    assert len(see('[detector]\nmodel = "yolo.onnx"\nclasses = ["car"]\n')) == 2
+
+
+def test_a_provider_that_is_not_installed_is_told(see):
+    with pytest.raises(ModelError, match="NoSuchExecutionProvider"):
+        see('[detector]\nproviders = ["NoSuchExecutionProvider"]\n')
