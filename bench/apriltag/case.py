@@ -63,7 +63,7 @@ class Outcome:
     right: int
     """That the product names rightly."""
     named: int
-    """That it gives any name, those of the look-alike included."""
+    """Boxes of ours and of the look-alike that it gives any name."""
     late_boxes: int
     """From SETTLED_S on."""
     late_right: int
@@ -87,7 +87,8 @@ def play(case: Case) -> Outcome:
         tags=tags,
         boxes=int(ours.sum()),
         right=int(right.sum()),
-        named=int((matched.named > 0).sum()),
+        # boxes that are less than half in the picture have no truth to be held against
+        named=int(((matched.named > 0) & (matched.truth >= 0)).sum()),
         late_boxes=int(late.sum()),
         late_right=int((right & late).sum()),
     )

@@ -25,15 +25,15 @@ def draw_heights(table: Path, picture: Path) -> bool:
         return False
     with table.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    figure, panels = pyplot.subplots(1, len(CAMERAS), figsize=(10, 4), sharey=True)
+    figure, panels = pyplot.subplots(1, len(CAMERAS), figsize=(10, 4.6), sharey=True)
     for panel, camera in zip(panels, CAMERAS, strict=True):
         mine = sorted((row for row in rows if row["camera"] == camera), key=lambda row: float(row["height_m"]))
         _draw(panel, mine)
         panel.set(title=camera, xlabel="height above ground, m", ylim=(-3, 103))
         panel.grid(color="0.92")
     panels[0].set(ylabel="vehicles in view identified, %")
-    panels[-1].legend(fontsize=8, loc="center right")
-    figure.tight_layout()
+    figure.legend(*panels[0].get_legend_handles_labels(), fontsize=8, loc="lower center", ncols=4)
+    figure.tight_layout(rect=(0.0, 0.1, 1.0, 1.0))
     figure.savefig(picture, dpi=110)
     pyplot.close(figure)
     return True
