@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from sim.bodies import AMBER, DARK, PAINT, STEEL, WHITE, Model, crate, person, pole, rover, tracked
 from sim.exposure import Exposure
 from sim.furniture import animal, bicycle, building, container, cooler, panels, tank, tent
-from sim.ground import GroundStyle
+from sim.open_scene import random_ground, random_scene
 from sim.render import Style
 from sim.road_vehicles import bus, lorry, passenger, pickup_truck, shade, trailer_truck, van_body
 from sim.sheet import near
-from sim.view import OCCLUDER, PERSON, STRANGER, UGV, Road, Scene
+from sim.view import OCCLUDER, PERSON, STRANGER, UGV
 
 __all__ = [
     "FIRST_KIND", "SIZES", "VEHICLES", "Sort", "car_color", "random_cast", "random_leaf", "random_scene",
@@ -154,7 +154,7 @@ def random_style(rng: np.random.Generator, cast: tuple[Sort, ...] | None = None)
     """A light and a camera drawn from all, for a cast; without one, also a ground, and a model for each kind."""
     if cast is None:
         models = {kind: entry[5](rng) for kind, entry in _OF_KIND.items()}
-        return replace(_random_light(rng), models=models, ground=_random_ground(rng))
+        return replace(_random_light(rng), models=models, ground=random_ground(rng))
     return replace(_random_light(rng), models={FIRST_KIND + k: sort.model for k, sort in enumerate(cast)})
 
 
@@ -189,42 +189,3 @@ def random_leaf(rng: np.random.Generator) -> tuple[int, int, int]:
     """Colour of a crown: greens, autumn, bare wood, blossom."""
     bases = ((48, 92, 66), (45, 80, 60), (60, 110, 90), (50, 60, 150), (40, 120, 190), (80, 100, 115), (110, 130, 120))
     return near(bases[int(rng.integers(len(bases)))], 20, rng)
-
-
-def random_scene(rng: np.random.Generator) -> Scene:
-    """Up to four roads crossing open ground of a hundred metres, or none."""
-    roads = []
-    for _ in range(int(rng.choice([0, 1, 2, 3, 4]))):
-        bearing, offset, bend = rng.uniform(0.0, np.pi), rng.uniform(-30.0, 30.0), rng.normal(0.0, 0.004)
-        along = np.arange(-50.0, 50.0, 1.0)
-        line = np.stack([along, offset + bend * along**2], axis=-1)
-        c, s = np.cos(bearing), np.sin(bearing)
-        lanes = int(rng.integers(1, 5))
-        roads.append(
-            Road(centre=line @ np.array([[c, s], [-s, c]]), width=float(lanes * rng.uniform(2.6, 3.8)), lanes=lanes)
-        )
-    return Scene(roads=tuple(roads))
-
-
-def _random_ground(rng: np.random.Generator) -> GroundStyle:
-    bases = [
-        (62, 105, 92),
-        (92, 122, 146),
-        (136, 142, 146),
-        (92, 90, 88),
-        (150, 152, 154),
-        (212, 216, 218),
-        (56, 54, 54),
-    ]
-    colors = [near(base, 26, rng) for base in bases]
-    if rng.random() < 0.25:  # snow, sand, or a paved yard in place of grass
-        colors[0] = near(((225, 225, 225), (140, 180, 205), (120, 118, 116))[int(rng.integers(3))], 15, rng)
-    return GroundStyle(
-        colors=tuple(colors),
-        contrast=float(rng.uniform(0.05, 0.7)),
-        blotches=float(rng.uniform(0.02, 0.3)),
-        soil_share=float(rng.uniform(0.0, 0.6)),
-        marks=bool(rng.random() < 0.8),
-        wear=float(rng.uniform(0.0, 1.0)),
-        side_px=3584,
-    )

@@ -6,16 +6,18 @@ slots, so that parked rows and queues come about as they do in towns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.ground import Window, blotches, halvings
+from sim.ground import Ground, GroundStyle, Window, blotches, halvings
+from sim.open_scene import random_ground, random_scene
 from sim.sheet import Color, Sheet, near
 from sim.view import FloatArray
 
 __all__ = ["Slots", "Yard", "random_yard"]
 
+NONE = np.zeros(0)
 SIDE_PX = 2048
 M_PER_PX = 0.07
 WHITE, YELLOW, BLUE = (225, 228, 230), (60, 165, 215), (190, 150, 70)
@@ -51,7 +53,7 @@ class Yard:
     @property
     def period_m(self) -> float:
         """Side of the yard, after which it repeats."""
-        return SIDE_PX * M_PER_PX
+        return self.window.levels[0].shape[0] * self.window.m_per_px
 
     @property
     def mean(self) -> FloatArray:
@@ -64,7 +66,22 @@ class Yard:
 
 
 def random_yard(rng: np.random.Generator) -> Yard:
-    """A yard; about a fifth have neither streets nor car parks."""
+    """A yard; four in ten are the open ground that sessions are drawn on, some others have no streets either."""
+    return _open_ground(rng) if rng.random() < 0.4 else _town(rng)
+
+
+def _open_ground(rng: np.random.Generator) -> Yard:
+    """A window of ``sim.ground``: roads over grass, soil and gravel, in its own colours or in others."""
+    style = GroundStyle(side_px=SIDE_PX) if rng.random() < 0.4 else replace(random_ground(rng), side_px=SIDE_PX)
+    window = Ground(random_scene(rng), style, rng).around(0.0, 0.0, 10.0)
+    return Yard(
+        window=replace(window, west=0.0, north=0.0), slots=Slots(x=NONE, y=NONE, heading=NONE, length=NONE),
+        street=float(rng.uniform(0.0, np.pi)),
+    )  # fmt: skip
+
+
+def _town(rng: np.random.Generator) -> Yard:
+    """Lawns, fields, squares, streets and car parks."""
     sheet = Sheet(SIDE_PX, M_PER_PX, *_ground(rng))
     street = float(rng.uniform(0.0, np.pi))
     slots: list[tuple[float, float, float, float]] = []
