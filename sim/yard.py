@@ -53,7 +53,7 @@ class Yard:
     @property
     def period_m(self) -> float:
         """Side of the yard, after which it repeats."""
-        return self.window.levels[0].shape[0] * self.window.m_per_px
+        return float(self.window.levels[0].shape[0] * self.window.m_per_px)
 
     @property
     def mean(self) -> FloatArray:
