@@ -132,8 +132,32 @@ def test_same_picture_same_boxes(renderer, detector):
     np.testing.assert_array_equal(a.boxes, b.boxes)
 
 
+@pytest.mark.parametrize(
+    ("picture", "seen"), [((1920, 1080), 960), ((3840, 2160), 1920), ((1280, 720), 960), ((640, 480), 640)]
+)
+def test_small_pictures_of_unknown_ground_resolution_are_not_made_smaller_still(picture, seen):
+    class Session:
+        def get_modelmeta(self):
+            notes = {"stride": "4", "nominal_length_px": "29", "nominal_length_m": "2.5"}
+            return type("Meta", (), {"custom_metadata_map": notes})
+
+        def get_inputs(self):
+            return [type("Input", (), {"name": "image", "type": "tensor(uint8)", "shape": [1, "h", "w", 3]})]
+
+        def get_outputs(self):
+            return [type("Output", (), {"name": "map", "type": "tensor(float)", "shape": [1, 9, "r", "c"]})]
+
+        def run(self, _names, feed):
+            widths.append(feed["image"].shape[2])
+            return [np.zeros((1, 9, feed["image"].shape[1] // 4, feed["image"].shape[2] // 4), np.float32)]
+
+    widths: list[int] = []
+    HeatmapDetector(Session(), "a fake", score=0.3).detect(np.zeros((picture[1], picture[0], 3), np.uint8))
+    assert widths == [seen]
+
+
 def test_bundled_model_is_small_and_says_what_it_is():
-    assert BUNDLED.stat().st_size < 1_600_000
+    assert BUNDLED.stat().st_size < 2_000_000
     assert isinstance(open_detector(), HeatmapDetector)
 
 

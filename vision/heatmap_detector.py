@@ -24,8 +24,9 @@ Image = NDArray[np.uint8]
 
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
 
-DEFAULT_SCALE = 0.5
-"""How the model sees pictures of unknown ground resolution."""
+DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
+"""How the model sees pictures of unknown ground resolution: scaled by so much, but not made narrower than so many px,
+nor enlarged."""
 SIDE_STEP = 32
 LEAST_SIDE, MOST_SIDE = 64, 4096
 """Of a canvas, px. Larger ones are looked at in tiles, which bounds the memory."""
@@ -60,7 +61,8 @@ class HeatmapDetector:
         """See ``vision.detector.Detector``."""
         height, width = image.shape[:2]
         known = gsd_m is not None and np.isfinite(gsd_m) and gsd_m > 0.0
-        scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else DEFAULT_SCALE
+        unknown = max(DEFAULT_SCALE, min(DEFAULT_WIDTH / max(width, height), 1.0))
+        scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else unknown
         if max(width, height) * scale <= MOST_SIDE:
             return self._look(image, scale)
         side = int(MOST_SIDE / scale)
