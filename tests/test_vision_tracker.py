@@ -340,3 +340,19 @@ def test_importing_brings_no_screen():
     code = "import sys, vision.detector, vision.tracker; "
     code += "sys.exit(bool({'textual', 'rich', 'pymavlink'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("pause_us", [STEP, 600_000])
+def test_while_no_picture_comes_nobody_loses_its_place_to_a_stranger(pause_us):
+    tracker = Tracker()
+
+    def nobody_knows(ids, centres):
+        return np.empty((0, 2), int)
+
+    # a vehicle whose owner is known drives on; beside it something flickers twice and is gone
+    for k in range(12):
+        at = [(100.0 + 4.0 * k, 100.0)] + [(60.0 - 30.0 * (k - 8), 60.0)] * (8 <= k < 10)
+        tracker.update(boxes(at), k * STEP, stitch=nobody_knows, known=(1,))
+    t_us = 11 * STEP + pause_us
+    seen = tracker.update(boxes([(144.0 + 40e-6 * pause_us, 100.0)]), t_us, stitch=nobody_knows, known=(1,))
+    assert seen.track_id[seen.detection == 0].tolist() == [1]

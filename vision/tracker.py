@@ -53,6 +53,7 @@ class Tracker:
         self._state = TrackState.none()
         self._next_id = 1
         self._t_us: int | None = None
+        self._recent_s = self.params.known_s
 
     def update(
         self,
@@ -75,6 +76,8 @@ class Tracker:
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
+        # nobody is out of sight while no picture comes
+        self._recent_s = max(self.params.known_s, dt)
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
         if len(self._state) and len(detections):
@@ -112,7 +115,7 @@ class Tracker:
 
     def _owned(self, known: Collection[int]) -> Flags:
         """Tracks (k,) out of sight that are continued by their owners' reports only."""
-        owned = self._state.gap_s > self.params.known_s
+        owned = self._state.gap_s > self._recent_s
         if np.count_nonzero(owned):
             owned &= np.isin(self._state.track_id, list(known))
         return owned
@@ -129,7 +132,7 @@ class Tracker:
             Whether the tracks were moved.
         """
         params, state = self.params, self._state
-        settled = (state.hits >= SETTLED_HITS) & (state.gap_s <= params.known_s)
+        settled = (state.hits >= SETTLED_HITS) & (state.gap_s <= self._recent_s)
         witnesses, count = int(np.count_nonzero(settled)), int(np.count_nonzero(chosen))
         if witnesses < LEAST_WITNESSES or not count:
             return False
