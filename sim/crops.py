@@ -28,6 +28,8 @@ __all__ = ["MAX_BOXES", "SIDE", "Crop", "crop", "labels", "write_shard"]
 Image = NDArray[np.uint8]
 SIDE = 384
 MAX_BOXES = 80
+OVER = (0.55, 0.75, 1.0, 1.25, 1.6)
+"""Pictures are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
 PER_YARD, PER_CAST = 15, 5
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
@@ -74,7 +76,7 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
 
 def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
     """One random picture of a yard with a cast."""
-    over = float(rng.choice([1.0, 1.25, 1.6]))
+    over = float(rng.choice(OVER))
     view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))
     bodies = random_bodies(view, yard, cast, rng)
     style = random_style(rng, cast)
@@ -88,10 +90,13 @@ def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
         inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1) & (boxes[:, 2] > 3.0)
         weight[~(boxes[:, 2] >= LEAST_PX)] = 0.0
     keep = np.flatnonzero(vehicle & inside)[:MAX_BOXES]
-    small = cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA) if over > 1.0 else image
+    if over != 1.0:
+        image = np.asarray(
+            cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA if over > 1.0 else cv2.INTER_LINEAR), np.uint8
+        )
     tilt = float(np.arccos(np.clip(-view.R_enu_cam[2, 2], -1.0, 1.0)))
     return Crop(
-        image=np.asarray(small, np.uint8), boxes=np.column_stack([boxes, weight])[keep],
+        image=image, boxes=np.column_stack([boxes, weight])[keep],
         about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(yard.slots.x) > 0]),
     )  # fmt: skip
 
