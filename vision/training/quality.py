@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vision.boxes import rotated_iou
 from vision.detections import Detections
 
-__all__ = ["Quality", "balanced_score", "measure"]
+__all__ = ["Quality", "measure", "score_at_precision"]
 
 FloatArray = NDArray[np.float64]
 
@@ -71,15 +71,15 @@ def measure(found: list[Detections], truth: list[FloatArray], score: float = 0.3
     )
 
 
-def balanced_score(found: list[Detections], truth: list[FloatArray]) -> float:
-    """The score at which as many vehicles are missed as false alarms are raised; arguments as for ``measure``."""
+def score_at_precision(found: list[Detections], truth: list[FloatArray], precision: float) -> float:
+    """The lowest score from which on so large a share of detections is right; arguments as for ``measure``."""
     rows = []
     for d, t in zip(found, truth, strict=True):
         rows += [(float(d.score[i]), j >= 0) for i, j in _match(d, t) if j < 0 or t[j, 5] > 0.5]
-    wanted = sum(int((t[:, 5] > 0.5).sum()) for t in truth)
     rows.sort(reverse=True)
-    # hits + false alarms = vehicles  ⇔  precision = recall
-    return rows[min(wanted, len(rows)) - 1][0] if rows and wanted else 0.5
+    right = np.cumsum([hit for _, hit in rows]) / np.arange(1, len(rows) + 1)
+    enough = np.flatnonzero(right >= precision)
+    return rows[int(enough[-1])][0] if len(enough) else 0.5
 
 
 def _match(d: Detections, t: FloatArray) -> list[tuple[int, int]]:

@@ -30,10 +30,10 @@ from torch import Tensor
 from vision.training.curves import draw_curves
 from vision.training.data import Batch, Pool
 from vision.training.evaluate import evaluate, look
-from vision.training.export import export
+from vision.training.export import PRECISION, export
 from vision.training.loss import losses
 from vision.training.net import Net
-from vision.training.quality import balanced_score
+from vision.training.quality import score_at_precision
 
 __all__ = ["Trainer"]
 
@@ -156,9 +156,9 @@ def run(
             _check(trainer, held_out, out, pool.refresh())
             tick = time.monotonic()
     _check(trainer, held_out, out, pool.refresh())
-    balance = balanced_score(*look(trainer.averaged(), held_out.all()))
-    log.info("precision and recall are equal at score %.3f", balance)
-    export(checkpoint, out / "model.onnx", version="2", balance=balance)
+    score = score_at_precision(*look(trainer.averaged(), held_out.all()), PRECISION)
+    log.info("%.0f %% of detections are right from score %.3f on", 100.0 * PRECISION, score)
+    export(checkpoint, out / "model.onnx", version="2", score=score)
     draw_curves(out)
     for maker in makers:
         maker.wait()
