@@ -1,4 +1,3 @@
-
 import pytest
 
 from mavlink.modes import fix_name, is_aircraft, is_ground_vehicle, is_vehicle, kind_name, mode_name
