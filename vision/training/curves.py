@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["draw_curves"]
+__all__ = ["draw_curves", "plot", "read_columns"]
 
 FloatArray = NDArray[np.float64]
 WIDTH, HEIGHT, MARGIN = 560, 320, 44
@@ -19,16 +19,17 @@ COLORS = ((180, 110, 30), (40, 140, 40), (40, 60, 200))
 
 def draw_curves(folder: Path) -> Path:
     """Draw ``curves.png`` from a training folder's loss.csv and quality.csv."""
-    loss, quality = _table(folder / "loss.csv"), _table(folder / "quality.csv")
-    left = _plot("loss", loss["step"], {"total": _smooth(loss["total"])}, (0.0, float(loss["total"][:3].max())))
+    loss, quality = read_columns(folder / "loss.csv"), read_columns(folder / "quality.csv")
+    left = plot("loss", loss["step"], {"total": _smooth(loss["total"])}, (0.0, float(loss["total"][:3].max())))
     shown = {name: quality[name] for name in ("ap50", "recall", "precision")}
-    right = _plot("held-out pictures", quality["step"], shown, (0.5, 1.0))
+    right = plot("held-out pictures", quality["step"], shown, (0.5, 1.0))
     path = folder / "curves.png"
     cv2.imwrite(str(path), np.hstack([left, right]))
     return path
 
 
-def _table(path: Path) -> dict[str, FloatArray]:
+def read_columns(path: Path) -> dict[str, FloatArray]:
+    """The columns of a csv of numbers with at least one row, by name."""
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
@@ -39,7 +40,8 @@ def _smooth(values: FloatArray, window: int = 9) -> FloatArray:
     return np.convolve(padded, np.full(window, 1.0 / window), mode="valid")
 
 
-def _plot(title: str, x: FloatArray, lines: dict[str, FloatArray], span: tuple[float, float]) -> NDArray[np.uint8]:
+def plot(title: str, x: FloatArray, lines: dict[str, FloatArray], span: tuple[float, float]) -> NDArray[np.uint8]:
+    """A picture (HEIGHT, WIDTH, 3) of up to three lines over x, from span's low to its high."""
     image = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     low, high = span
 

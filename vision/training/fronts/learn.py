@@ -9,12 +9,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import onnx
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from vision.training.curves import plot, read_columns
 from vision.training.fronts.export import metadata, to_onnx
 from vision.training.fronts.resnet import ResNet18
 from vision.training.fronts.vehicles import Batch, Vehicles, crops_of
@@ -91,21 +93,11 @@ def save(net: ResNet18, plan: Plan, trained_on: str, path: Path) -> None:
 
 def draw_curve(folder: Path) -> None:
     """``learning.csv`` as ``learning.png``."""
-    from matplotlib.figure import Figure
-
-    with (folder / "learning.csv").open() as file:
-        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
-    steps = [row["step"] for row in rows]
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    left = figure.subplots()
-    left.plot(steps, [row["loss"] for row in rows], color="tab:gray", label="loss")
-    left.set(xlabel="step", ylabel="loss")
-    right = left.twinx()
-    right.plot(steps, [100.0 * row["accuracy"] for row in rows], label="training")
-    right.plot(steps, [100.0 * row["held_out"] for row in rows], label="held out")
-    right.set_ylabel("right fronts, %")
-    figure.legend(loc="outside upper center", ncols=3)
-    figure.savefig(folder / "learning.png", dpi=120)
+    column = read_columns(folder / "learning.csv")
+    steps, loss = column["step"], column["loss"]
+    left = plot("loss", steps, {"training": loss}, (0.0, float(loss.max())))
+    right = plot("right fronts", steps, {"training": column["accuracy"], "held out": column["held_out"]}, (0.0, 1.0))
+    cv2.imwrite(str(folder / "learning.png"), np.hstack([left, right]))
 
 
 class _Mean:
