@@ -6,7 +6,6 @@ one shard, so that shards can be made in any order and by several processes.
 
 from __future__ import annotations
 
-import argparse
 import logging
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from sim.footage import as_footage
 from sim.placing import random_bodies
 from sim.randomise import FIRST_KIND, Sort, random_cast, random_style
 from sim.render import Renderer, body_outline
+from sim.shards import write_missing
 from sim.view import OCCLUDER, Bodies, CameraView, FloatArray, Scene, project
 from sim.yard import Yard, random_yard
 
@@ -182,17 +182,14 @@ def _visible(view: CameraView, bodies: Bodies, step: int = 2) -> FloatArray:
 
 def main() -> None:
     """Write shards; those that exist are left as they are."""
-    parser = argparse.ArgumentParser(description="Render training pictures for the oriented detector.")
-    parser.add_argument("--out", type=Path, default=Path(".train/pool"))
-    parser.add_argument("--shards", type=int, default=12)
-    parser.add_argument("--per-shard", type=int, default=250)
-    parser.add_argument("--seed", type=int, default=0, help="number of the first shard")
-    args = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
-    cv2.setNumThreads(1)
-    for seed in range(args.seed, args.seed + args.shards):
-        if not (args.out / f"crops_{seed:06d}.npz").exists():
-            write_shard(args.out, seed, args.per_shard)
+    write_missing(
+        "Render training pictures for the oriented detector.",
+        "crops",
+        write_shard,
+        out=Path(".train/pool"),
+        shards=12,
+        per_shard=250,
+    )
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ shards can be made in any order and by several processes.
 
 from __future__ import annotations
 
-import argparse
 import logging
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from sim.crops import labels
 from sim.randomise import SIZES, VEHICLES, random_scene, random_style
 from sim.render import Renderer
+from sim.shards import write_missing
 from sim.view import OCCLUDER, UGV, Bodies, CameraView, ray_ground
 
 __all__ = ["FrontCrop", "front_crop", "write_shard"]
@@ -146,17 +146,14 @@ def _compressed(image: Image, rng: np.random.Generator) -> Image:
 
 def main() -> None:
     """Write shards; those that exist are left as they are."""
-    parser = argparse.ArgumentParser(description="Render training pictures for the front classifier.")
-    parser.add_argument("--out", type=Path, default=Path(".train/fronts/pool"))
-    parser.add_argument("--shards", type=int, default=24)
-    parser.add_argument("--per-shard", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=0, help="number of the first shard")
-    args = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(message)s")
-    cv2.setNumThreads(1)
-    for seed in range(args.seed, args.seed + args.shards):
-        if not (args.out / f"fronts_{seed:06d}.npz").exists():
-            write_shard(args.out, seed, args.per_shard)
+    write_missing(
+        "Render training pictures for the front classifier.",
+        "fronts",
+        write_shard,
+        out=Path(".train/fronts/pool"),
+        shards=24,
+        per_shard=1000,
+    )
 
 
 if __name__ == "__main__":

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-import csv
-import importlib
 from pathlib import Path
 from typing import Any
 
 from bench.apriltag.flight import CAMERAS, SIDES_M
+from bench.drawing import MISSING, pyplot, read_rows
 
 __all__ = ["MISSING", "draw_heights"]
 
-MISSING = "no figure: matplotlib is not installed; pip install 'rollcall-gcs[bench]' and run again, or draw the csv"
 TAG_COLORS = ("#d95f02", "#7570b3")
 
 
 def draw_heights(table: Path, picture: Path) -> bool:
     """One panel a camera; False when matplotlib is missing."""
-    try:
-        matplotlib: Any = importlib.import_module("matplotlib")
-        matplotlib.use("Agg")
-        pyplot: Any = importlib.import_module("matplotlib.pyplot")
-    except ImportError:
+    plot = pyplot()
+    if plot is None:
         return False
-    with table.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    figure, panels = pyplot.subplots(1, len(CAMERAS), figsize=(10, 4.6), sharey=True)
+    rows = read_rows(table)
+    figure, panels = plot.subplots(1, len(CAMERAS), figsize=(10, 4.6), sharey=True)
     for panel, camera in zip(panels, CAMERAS, strict=True):
         mine = sorted((row for row in rows if row["camera"] == camera), key=lambda row: float(row["height_m"]))
         _draw(panel, mine)
@@ -35,7 +29,7 @@ def draw_heights(table: Path, picture: Path) -> bool:
     figure.legend(*panels[0].get_legend_handles_labels(), fontsize=8, loc="lower center", ncols=4)
     figure.tight_layout(rect=(0.0, 0.1, 1.0, 1.0))
     figure.savefig(picture, dpi=110)
-    pyplot.close(figure)
+    plot.close(figure)
     return True
 
 

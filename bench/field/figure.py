@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import csv
-import importlib
 from pathlib import Path
-from typing import Any
+
+from bench.drawing import MISSING, pyplot, read_rows
 
 __all__ = ["MISSING", "draw_reliability"]
-
-MISSING = "no figure: matplotlib is not installed; pip install 'rollcall-gcs[bench]' and run again, or draw the csv"
 
 
 def draw_reliability(table: Path, picture: Path) -> bool:
     """Draw share right over confidence, the number of boxes below; False when matplotlib is missing."""
-    try:
-        matplotlib: Any = importlib.import_module("matplotlib")
-        matplotlib.use("Agg")
-        pyplot: Any = importlib.import_module("matplotlib.pyplot")
-    except ImportError:
+    plot = pyplot()
+    if plot is None:
         return False
-    with table.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    figure, (upper, lower) = pyplot.subplots(2, 1, figsize=(5, 6), height_ratios=(3, 1), sharex=True)
+    rows = read_rows(table)
+    figure, (upper, lower) = plot.subplots(2, 1, figsize=(5, 6), height_ratios=(3, 1), sharex=True)
     upper.plot([0.4, 1.0], [0.4, 1.0], color="0.7", linewidth=1)
     for version, marker in (("standard", "o"), ("hard", "s")):
         mine = [row for row in rows if row["version"] == version]
@@ -34,5 +27,5 @@ def draw_reliability(table: Path, picture: Path) -> bool:
     lower.set(xlabel="confidence said", ylabel="boxes", yscale="log")
     figure.tight_layout()
     figure.savefig(picture, dpi=110)
-    pyplot.close(figure)
+    plot.close(figure)
     return True
