@@ -21,7 +21,7 @@ from mavlink.gate import GateParams
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.gimbal import Gimbals, GimbalSample
 from mavlink.modes import is_vehicle, kind_name
-from mavlink.packet import Packet
+from mavlink.packet import Auth, Packet
 from mavlink.positions import LOST_S, Estimate, Fix
 from mavlink.samples import (
     Attitude,
@@ -107,6 +107,8 @@ class Fleet:
         vehicle = self._vehicles.get(packet.system_id)
         if vehicle is None:
             return self._stranger(packet)
+        if packet.auth > Auth.GOOD:
+            return ()
         vehicle.heard(packet)
         sample = decode(packet)
         take = self._take.get(type(sample))

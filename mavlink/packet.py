@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
-__all__ = ["MAGIC_V1", "MAGIC_V2", "Packet"]
+__all__ = ["MAGIC_V1", "MAGIC_V2", "Auth", "Packet"]
 
 MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
+
+
+class Auth(IntEnum):
+    """What a frame's signature says; above ``GOOD`` the frame is recorded and counted, and never believed."""
+
+    OPEN = 0
+    """No key is set for its sender: nothing says who sent it."""
+    GOOD = 1
+    UNSIGNED = 2
+    """A key is set and the frame carries no signature: MAVLink 1, or one that was taken off."""
+    BAD = 3
+    """The signature was not made with the sender's key."""
+    REPLAYED = 4
+    """The signature is right and not newer than the last of its stream, or too old for a new one."""
+    FUTURE = 5
+    """The signature is right and its time too far ahead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +40,10 @@ class Packet:
     """The frame from its magic byte to the last byte of its checksum or signature."""
     link: int = 0
     """Index of the link it came over."""
+    peer: int = 0
+    """Number of the sender's address on that link, from 1; 0 where there is none, as in a log."""
+    auth: Auth = Auth.OPEN
+    """What its signature says."""
 
     @property
     def version(self) -> int:
@@ -52,7 +73,7 @@ class Packet:
 
     @property
     def signed(self) -> bool:
-        """Whether a signature follows the checksum; it is not verified here."""
+        """Whether a signature follows the checksum; ``auth`` says what it is worth."""
         return self.raw[0] == MAGIC_V2 and bool(self.raw[2] & 1)
 
     @property
