@@ -13,7 +13,7 @@ import av
 
 from sim.detections import truth_rows
 from sim.errors import PlayError
-from sim.film import picture, renderer_for
+from sim.film import Film
 from sim.world import World
 
 __all__ = ["TIME_BASE", "VideoSender"]
@@ -33,9 +33,9 @@ class VideoSender:
         self._url = url if "pkt_size=" in url else f"{url}{'&' if '?' in url else '?'}pkt_size={DATAGRAM}"
         self._truth_path = truth_path
         self._truth: IO[str] | None = None
-        self._renderer = renderer_for(world)
+        self._film = Film(world)
         # the first picture of a scene takes longest; it is drawn once before it counts
-        picture(world, self._renderer, 0.0, 0)
+        self._film.picture(0.0, 0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sim-video", daemon=True)
         self._failure: BaseException | None = None
@@ -86,7 +86,7 @@ class VideoSender:
             t = index / scenario.fps
             if self._stop.wait(max(0.0, t - self._now())):
                 return
-            image = picture(self._world, self._renderer, t, index)
+            image = self._film.picture(t, index)
             send(image, round(t / TIME_BASE))
             self.sent += 1
             self._write_truth(t)

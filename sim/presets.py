@@ -27,6 +27,7 @@ def curved_road(seed: int = 2) -> Scenario:
         name="curved-road",
         seed=seed,
         duration_s=32.0,
+        scenery="dressed",
         ground=Ground(kind="curved", vehicles=6, outside=1, speed_mps=3.2, spacing_m=9.0, lanes=3),
         flight=Flight(height_m=40.0, sway_m=0.8),
         gnss=Gnss(white_m=0.3, bias_m=0.6, tau_s=60.0),

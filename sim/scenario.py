@@ -257,6 +257,9 @@ class Scenario:
     latitude_deg: float = 48.1
     longitude_deg: float = 11.6
     altitude_m: float = 550.0
+    scenery: Literal["bare", "dressed"] = "bare"
+    """What video shows beside the vehicles: nothing, or things and trees beside the road, another light, weathered
+    ground and the camera's noise."""
     ground: Ground = field(default_factory=Ground)
     flight: Flight = field(default_factory=Flight)
     camera: Camera = field(default_factory=Camera)

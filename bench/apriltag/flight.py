@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from bench.apriltag.tags import Tag, stick_tags
 from sim.detections import truth_rows
 from sim.exposure import Exposure, expose
-from sim.film import renderer_for
 from sim.presets import nominal
 from sim.render import Renderer
 from sim.scenario import Attitude, Camera, Flight, Gnss, Scenario, Targets
@@ -120,7 +119,7 @@ def _encode(world: World, t: NDArray[np.float64], path: Path) -> None:
 
 
 def _frames(world: World, t: NDArray[np.float64]) -> Iterator[Any]:
-    renderer = renderer_for(world)
+    renderer = Renderer(world.scene, seed=world.scenario.seed)
     for index, now in enumerate(t.tolist()):
         frame = av.VideoFrame.from_ndarray(filmed(world, renderer, now, index), format="bgr24")
         frame.pts, frame.time_base = round((now - float(t[0])) * CLOCK), Fraction(1, CLOCK)
