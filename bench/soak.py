@@ -1,0 +1,168 @@
+"""``gcs fly --headless`` for hours beside a fake fleet: does it grow, does it stall, does it lose anything?
+
+    python -m bench.soak --seconds 1200 --rate 500 [--video sitl_logs/curved-road/video.mp4] [-- --flood 1000 ...]
+
+The flight is the command that a user gives, in a process of its own, and the fleet is ``sim.fleet_process``; what
+stands after ``--`` goes to the fleet. A video is sent round and round as MPEG-TS over UDP. Every ten seconds the whole
+process tree is measured from outside. Writes ``soak.csv``, ``soak.png`` and ``soak.md``, and ends all that it started.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from bench.log_watch import LogWatch
+from bench.process_tree import cost_of
+from bench.soak_report import COLUMNS, Run, draw, report
+from bench.video_loop import VideoLoop
+from sim.fleet_process import system_ids
+
+__all__ = ["main", "soak"]
+
+RESULTS = Path("bench/results")
+SAMPLE_S = 10.0
+START_S, END_S = 60.0, 60.0
+"""Patience with a flight that begins, and with one that seals its recording."""
+FLY = (sys.executable, "-c", "from gcs.cli.app import main; main()", "fly")
+CAMERA = "[camera]\nwidth = 1920\nheight = 1080\nfx = 1200.0\nfy = 1200.0\ncx = 960.0\ncy = 540.0\n"
+
+
+def mission(vehicles: int) -> str:
+    """A mission file for the fleet of ``sim.fleet_process``."""
+    uav, *ugvs = system_ids(vehicles)
+    return f"[uav]\nsystem_id = {uav}\n" + "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs) + CAMERA
+
+
+def soak(
+    seconds: float, rate: float, vehicles: int, video: Path | None, fleet_words: Sequence[str], out: Path
+) -> Run:  # fmt: skip
+    """Fly, measure, and end everything.
+
+    Args:
+        seconds: how long the fleet speaks.
+        rate: its packets a second.
+        vehicles: how many speak.
+        video: sent round and round, None for no camera.
+        fleet_words: further arguments of ``sim.fleet_process``.
+        out: the table, which is written as it grows.
+    """
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
+        (folder / "mission.toml").write_text(mission(vehicles))
+        telemetry, camera = _free_port(), _free_port()
+        words = [*FLY, folder / "mission.toml", "--headless", "--sessions", folder / "sessions",
+                 "-l", f"udpin:127.0.0.1:{telemetry}"]  # fmt: skip
+        words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
+        said = stack.enter_context((folder / "said.txt").open("w+"))
+        flight = subprocess.Popen([*map(str, words)], stdout=said, stderr=subprocess.STDOUT)
+        stack.callback(_end, flight)
+        watch = LogWatch(_session(folder / "sessions", flight, folder / "said.txt"))
+        stack.callback(watch.close)
+        if video:
+            stack.callback(VideoLoop(video, f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
+        fleet = subprocess.Popen(
+            [sys.executable, "-m", "sim.fleet_process", "--to", f"127.0.0.1:{telemetry}", "--duration", str(seconds),
+             "--vehicles", str(vehicles), "--rate", str(rate), *fleet_words],
+            stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        stack.callback(_end, fleet)
+        samples = _sample(flight, fleet, watch, seconds, out)
+        sent = json.loads(fleet.communicate(timeout=END_S)[0])
+        time.sleep(1.0)
+        sealed = _end(flight)
+        watch.read()
+        said.seek(0)
+        return Run(
+            samples=samples, sent=sent, recorded=dict(watch.recorded), stalls=watch.stalls,
+            longest_s=watch.longest_s, exit_code=sealed, said=said.read().strip().split("\n")[-1],
+        )  # fmt: skip
+
+
+def _sample(
+    flight: subprocess.Popen[bytes], fleet: subprocess.Popen[str], watch: LogWatch, seconds: float, out: Path
+) -> list[dict[str, float]]:
+    samples: list[dict[str, float]] = []
+    start = time.monotonic()
+    cpu_s, at_s = cost_of(flight.pid).cpu_s, start
+    with out.open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, COLUMNS)
+        table.writeheader()
+        while fleet.poll() is None and flight.poll() is None and time.monotonic() < start + seconds + END_S:
+            time.sleep(min(SAMPLE_S, seconds / 4))
+            watch.read()
+            cost, now = cost_of(flight.pid), time.monotonic()
+            row = {
+                "t_s": round(now - start, 1), "processes": cost.processes, "rss_mb": round(cost.rss_mb, 2),
+                "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1), "threads": cost.threads,
+                "descriptors": cost.descriptors, "records": sum(watch.recorded.values()),
+                "longest_stall_ms": round(1e3 * watch.take_longest_s()), "stalls": watch.stalls,
+            }  # fmt: skip
+            cpu_s, at_s = cost.cpu_s, now
+            if fleet.poll() is None:
+                samples.append(row)
+                table.writerow(row)
+                file.flush()
+    return samples
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _session(folder: Path, flight: subprocess.Popen[bytes], said: Path) -> Path:
+    until = time.monotonic() + START_S
+    while time.monotonic() < until:
+        if found := list(folder.glob("*/telemetry.tlog")):
+            time.sleep(1.0)
+            return found[0].parent
+        if flight.poll() is not None:
+            break
+        time.sleep(0.1)
+    raise RuntimeError(f"the flight did not begin: {said.read_text()}")
+
+
+def _end(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> int:
+    """As an operator ends it; killed when that does not help."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    try:
+        return process.wait(timeout=END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.soak", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--seconds", type=float, default=1200.0)
+    parser.add_argument("--rate", type=float, default=500.0, help="packets a second")
+    parser.add_argument("--vehicles", type=int, default=20)
+    parser.add_argument("--video", type=Path)
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder")
+    parser.add_argument("--name", default="soak", help="of the files")
+    parser.add_argument("fleet", nargs="*", help="after --: for sim.fleet_process")
+    chosen = parser.parse_args()
+    table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
+    run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table)
+    drawn = draw(table, table.with_suffix(".png"))
+    text = report(run, chosen, picture=f"{chosen.name}.png" if drawn else "")
+    page.write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
