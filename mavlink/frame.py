@@ -2,9 +2,9 @@
 
 A frame is good when its message id is known, its payload is no longer than defined and its checksum is right
 (X.25 CRC, seeded with the definition's CRC extra). A bad frame costs one byte: the search goes on at the byte after its
-magic, because a damaged length must not swallow what follows. A frame with an unknown id cannot be checked; it is
-kept for the record only where it fits in: directly after a good frame, at the start, or directly before a good
-frame, and only when no good frame begins inside it.
+magic, because a damaged length must not swallow what follows. A frame with an unknown id cannot be trusted; it is
+kept for the record only when some CRC extra makes its checksum right (:mod:`mavlink.crc`), where it fits in: directly
+after a good frame, at the start, or directly before a good frame, and only when no good frame begins inside it.
 
 Format: https://mavlink.io/en/guide/serialization.html
 """
@@ -17,6 +17,7 @@ from enum import IntEnum
 
 from fastcrc import crc16
 
+from mavlink.crc import extra_for
 from mavlink.dialect import DEFINITIONS
 from mavlink.packet import MAGIC_V2
 
@@ -39,7 +40,7 @@ class FrameCounts:
     junk_bytes: int = 0
     """Bytes outside of every frame kept: text, noise, damaged frames."""
     unknown: int = 0
-    """Frames of unknown messages, kept but not checked."""
+    """Frames of unknown messages, kept and never trusted."""
 
     def __add__(self, other: FrameCounts) -> FrameCounts:
         """Counts of both."""
@@ -91,11 +92,11 @@ def _look(data: bytes, pos: int) -> tuple[_Verdict, int]:
         return _NOTHING, 0
     if left < length:
         return _MORE, 0
-    if definition is None:
-        return _UNKNOWN, length
     end = pos + header + payload
-    crc = _mcrf4xx(data[pos + 1 : end] + _EXTRA[definition[1]])
-    return (_GOOD if crc == data[end] | data[end + 1] << 8 else _BAD), length
+    sent = data[end] | data[end + 1] << 8
+    if definition is None:
+        return (_UNKNOWN, length) if extra_for(_mcrf4xx(data[pos + 1 : end]), sent) >= 0 else (_NOTHING, 0)
+    return (_GOOD if _mcrf4xx(data[pos + 1 : end] + _EXTRA[definition[1]]) == sent else _BAD), length
 
 
 def _holds_good(data: bytes, start: int, stop: int) -> _Verdict:

@@ -15,7 +15,7 @@ from mavlink.tlog_scan import Bytes, Frames
 __all__ = ["Damage", "describe_gaps", "describe_times"]
 
 _TEXT = frozenset(string.printable.encode())
-_SAMPLE = 4096  # bytes of a gap that are looked at to name it
+_SAMPLE = 4095  # bytes of a gap that are looked at to name it; whole stamps with a byte each
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,8 @@ def _reason(gap: bytes, room: int, step: int, last: bool) -> str:
         return reason
     if last and room < step + 10:
         return "record cut off"
+    if step and len(gap) % (step + 1) == 0 and all(byte in _TEXT for byte in gap[step :: step + 1]):
+        return "text, each byte with a time stamp"
     if all(byte in _TEXT for byte in gap):
         return "text"
     return "no MAVLink frame"
@@ -84,13 +86,5 @@ def describe_gaps(data: Bytes, frames: Frames, there: NDArray[np.bool_], step: i
 
 
 def describe_times(frames: Frames, bad: NDArray[np.bool_], width: int) -> list[Damage]:
-    """Runs of records whose time, ``width`` bytes before the frame, cannot be right."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8))).reshape(-1, 2)
-    return [
-        Damage(
-            int(frames.offset[first]) - width,
-            int(frames.offset[last - 1]),
-            f"impossible time in {last - first} record{'s' if last - first > 1 else ''}",
-        )
-        for first, last in edges
-    ]
+    """Stamps, ``width`` bytes before their frame, whose time cannot be right."""
+    return [Damage(offset - width, offset, "impossible time") for offset in frames.offset[bad].tolist()]

@@ -6,25 +6,17 @@ A record is 8 bytes of time (big-endian Unix µs) and a frame. Old files carry l
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavlink.frame import SIGNATURE_LENGTH
-from mavlink.packet import MAGIC_V2
+from mavlink.packet import MAGIC_V1, MAGIC_V2
 from mavlink.tlog_damage import Damage, describe_gaps, describe_times
-from mavlink.tlog_scan import Bytes, Frames, Ints, find_frames, gather, measure_unknown
+from mavlink.tlog_scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
+from mavlink.tlog_times import TIME_LENGTH, TimeSource, fill, read_times, times_ok
 
 __all__ = ["TIME_LENGTH", "Damage", "TimeSource", "TlogCounts", "TlogIndex", "build_index"]
-
-TIME_LENGTH = 8
-TimeSource = Literal["big-endian", "little-endian", "none"]
-
-_YEAR_US = 366 * 86_400_000_000
-_SPIKE_US = 60_000_000
-_EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 and 2100
-_UNTIMED_STEP_US = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,70 +94,30 @@ def _untangle(frames: Frames, step: int) -> Frames:
     return frames.take(keep)
 
 
-def _unknown_frames(data: Bytes, frames: Frames, step: int) -> Frames:
-    """Frames of unknown messages that directly follow a good frame, the file's start or one another."""
-    place = np.concatenate([[0], frames.end])
-    limit = np.concatenate([frames.offset - step, [data.size]])
-    offsets: list[Ints] = []
-    lengths: list[Ints] = []
-    while True:
-        roomy = limit - place > step + 8
-        place, limit = place[roomy] + step, limit[roomy]
-        length = measure_unknown(data, place)
-        fits = (length > 0) & (place + length <= limit)
-        if not fits.any():
-            break
-        offsets.append(place[fits])
-        lengths.append(length[fits])
-        place, limit = place[fits] + length[fits], limit[fits]
-    empty = [np.empty(0, dtype=np.int64)]
-    return Frames(np.concatenate(offsets or empty), np.concatenate(lengths or empty))
+def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
+    """Frames of unknown messages in the gaps between good ones; in a file without times, those that touch others."""
+    start = np.concatenate([[0], good.end])
+    stop = np.concatenate([good.offset - step, [data.size]])
+    roomy = stop - start > step + 8
+    start, stop = start[roomy], stop[roomy]
+    if not start.size:
+        return Frames(start, start)
+    edges = np.zeros(data.size + 1, dtype=np.int8)
+    edges[start + step], edges[stop] = 1, -1
+    inside = np.cumsum(edges[:-1], dtype=np.int8).view(np.bool_)
+    found = find_unknown(data, np.flatnonzero(inside & ((data == MAGIC_V2) | (data == MAGIC_V1))))
+    gap = np.searchsorted(start, found.offset, side="right") - 1
+    found = found.take(found.end <= stop[gap])
+    if step == 0:
+        ends, starts = np.concatenate([[0], good.end, found.end]), np.concatenate([good.offset, found.offset])
+        found = found.take(np.isin(found.offset, ends) | np.isin(found.end, starts))
+    return _untangle(found, step)
 
 
 def _step(frames: Frames) -> int:
     """Bytes between one frame and the next: 8 of time, or 0 in a file without times."""
     gaps = frames.offset[1:] - frames.end[:-1]
     return 0 if np.count_nonzero(gaps == 0) > np.count_nonzero(gaps == TIME_LENGTH) else TIME_LENGTH
-
-
-def _dated(t_us: Ints) -> int:
-    return int(np.count_nonzero((t_us >= _EARLIEST_US) & (t_us < _LATEST_US)))
-
-
-def _read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], TimeSource]:
-    """Times as stamped, whether each is there at all, and which way round the bytes are."""
-    before = np.concatenate([[0], frames.end[:-1]])
-    there = frames.offset - before >= TIME_LENGTH
-    stamps = np.zeros((frames.offset.size, TIME_LENGTH), dtype=np.uint8)
-    stamps[there] = gather(data, frames.offset[there] - TIME_LENGTH, TIME_LENGTH)
-    big = stamps.view(">u8").ravel().astype(np.int64)
-    little = stamps.view("<u8").ravel().astype(np.int64)
-    if _dated(little) > _dated(big):
-        return little, there, "little-endian"
-    return big, there, "big-endian"
-
-
-def _times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which stamps can be right: within a year of the middle one, and not one alone a minute off its neighbours."""
-    if not there.any():
-        return there
-    middle = int(np.median(t_us[there]))
-    ok = there & (t_us > middle - _YEAR_US) & (t_us < middle + _YEAR_US)
-    rows = np.flatnonzero(ok)
-    t = t_us[rows]
-    if t.size >= 3:
-        alone = (np.abs(t[1:-1] - t[:-2]) > _SPIKE_US) & (np.abs(t[2:] - t[1:-1]) > _SPIKE_US)
-        alone &= np.abs(t[2:] - t[:-2]) <= _SPIKE_US
-        ok[rows[1:-1][alone]] = False
-    return ok
-
-
-def _fill(t_us: Ints, ok: NDArray[np.bool_]) -> Ints:
-    """Bad times become the good one before them; those before the first good one become that one."""
-    if not ok.any():
-        return np.arange(t_us.size, dtype=np.int64) * _UNTIMED_STEP_US
-    source = np.maximum.accumulate(np.where(ok, np.arange(t_us.size), -1))
-    return t_us[np.where(source < 0, int(np.argmax(ok)), source)]
 
 
 def _columns(data: Bytes, frames: Frames) -> dict[str, NDArray[np.generic]]:
@@ -207,15 +159,15 @@ def build_index(data: Bytes) -> TlogIndex:
     t_us, there = np.zeros(order.size, dtype=np.int64), np.zeros(order.size, dtype=np.bool_)
     time_ok = there
     if step:
-        t_us, there, source = _read_times(data, frames)
-        time_ok = _times_ok(t_us, there)
+        t_us, there, source = read_times(data, frames)
+        time_ok = times_ok(t_us, there)
         # what nothing checks must at least have a time that fits; noise does not
         keep = known | time_ok
         frames, known, t_us, there, time_ok = frames.take(keep), known[keep], t_us[keep], there[keep], time_ok[keep]
     damage = describe_gaps(data, frames, there, step)
     if step:
         damage += describe_times(frames, there & ~time_ok, TIME_LENGTH)
-    t_us = _fill(t_us, time_ok)
+    t_us = fill(t_us, time_ok)
     counts = TlogCounts(
         records=known.size,
         unknown=int(np.count_nonzero(~known)),

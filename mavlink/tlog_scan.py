@@ -16,11 +16,12 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink.crc import CRC_TABLE
 from mavlink.dialect import DEFINITIONS
 from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.packet import MAGIC_V1, MAGIC_V2
 
-__all__ = ["Frames", "find_frames", "gather", "measure_unknown"]
+__all__ = ["Frames", "find_frames", "find_unknown", "gather"]
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -58,12 +59,18 @@ def _tables() -> tuple[NDArray[np.int16], NDArray[np.uint8], NDArray[np.uint16],
     for message_id, (length, crc_extra) in DEFINITIONS.items():
         longest[message_id] = length
         extra[message_id] = crc_extra
-    one = np.arange(256, dtype=np.uint16)
-    for _ in range(8):
-        one = np.where(one & 1, (one >> 1) ^ np.uint16(0x8408), one >> 1).astype(np.uint16)
+    one = np.array(CRC_TABLE, dtype=np.uint16)
     word = np.arange(_ID_LIMIT, dtype=np.uint16)
     half = one[word & 0xFF] ^ (word >> 8)
     return longest, extra, one, one[half & 0xFF] ^ (half >> 8)
+
+
+@cache
+def _byte_of() -> NDArray[np.int16]:
+    """(65536,) the byte whose CRC is the row's number, −1 where there is none."""
+    byte = np.full(1 << 16, -1, dtype=np.int16)
+    byte[list(CRC_TABLE)] = np.arange(256)
+    return byte
 
 
 def gather(data: Bytes, at: Ints, width: int) -> Bytes:
@@ -89,10 +96,10 @@ def _headers(data: Bytes, at: Ints, magic: int) -> tuple[Ints, NDArray[np.int64]
     return at[fits], length[fits], ids[fits], head[fits, 1]
 
 
-def _crc_right(data: Bytes, at: Ints, covered: int, extra: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(N,) whether the checksum over ``covered`` bytes after the magic is right."""
+def _crc(data: Bytes, at: Ints, covered: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """(N,) CRC over ``covered`` bytes after the magic, without the extra, and (N,) the checksum that was sent."""
     _, _, one, two = _tables()
-    right = np.empty(at.size, dtype=np.bool_)
+    states, sent = np.empty(at.size, dtype=np.uint16), np.empty(at.size, dtype=np.uint16)
     for block in range(0, at.size, _ROWS):
         part = slice(block, block + _ROWS)
         rows = gather(data, at[part] + 1, covered + 2)
@@ -102,24 +109,32 @@ def _crc_right(data: Bytes, at: Ints, covered: int, extra: NDArray[np.uint8]) ->
         words = np.ascontiguousarray(rows[:, covered % 2 :]).view("<u2").T
         for word in words[:-1]:
             crc = two[crc ^ word]
-        crc = one[(crc ^ extra[part]) & 0xFF] ^ (crc >> 8)
-        right[part] = crc == words[-1]
-    return right
+        states[part], sent[part] = crc, words[-1]
+    return states, sent
+
+
+def _crcs(
+    data: Bytes, at: Ints, payload: NDArray[np.uint8], magic: int
+) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """The same for frames of any length, in groups of equal length."""
+    covered = payload.astype(np.uint16) + np.uint16(9 if magic == MAGIC_V2 else 5)
+    order = np.argsort(covered, kind="stable")
+    states, sent = np.empty(at.size, dtype=np.uint16), np.empty(at.size, dtype=np.uint16)
+    bounds = np.flatnonzero(np.diff(covered[order])) + 1
+    for group in np.split(order, bounds):
+        if group.size:
+            states[group], sent[group] = _crc(data, at[group], int(covered[group[0]]))
+    return states, sent
 
 
 def _good_frames(data: Bytes, at: Ints, magic: int) -> Frames:
     """Those of the candidate places where a good frame begins."""
-    longest, extras, _, _ = _tables()
+    longest, extras, one, _ = _tables()
     at, length, ids, payload = _headers(data, at, magic)
     plausible = payload <= longest[np.minimum(ids, _ID_LIMIT - 1)]
     at, length, ids, payload = at[plausible], length[plausible], ids[plausible], payload[plausible]
-    covered = payload.astype(np.uint16) + np.uint16(9 if magic == MAGIC_V2 else 5)
-    order = np.argsort(covered, kind="stable")
-    right = np.zeros(at.size, dtype=np.bool_)
-    bounds = np.flatnonzero(np.diff(covered[order])) + 1
-    for group in np.split(order, bounds):
-        if group.size:
-            right[group] = _crc_right(data, at[group], int(covered[group[0]]), extras[ids[group]])
+    states, sent = _crcs(data, at, payload, magic)
+    right = one[(states ^ extras[ids]) & 0xFF] ^ (states >> 8) == sent
     return Frames(at[right], length[right])
 
 
@@ -142,15 +157,32 @@ def find_frames(data: Bytes) -> Frames:
     return Frames(offset[order], length[order])
 
 
-def measure_unknown(data: Bytes, at: Ints) -> Ints:
-    """(N,) lengths of the frames with unknown message ids at these places, 0 where there is none."""
+def find_unknown(data: Bytes, at: Ints) -> Frames:
+    """Frames of unknown messages at these places, (n,) in order: those that some CRC extra makes right.
+
+    All frames of one message share their extra: where they disagree, the most frequent one counts.
+    """
     longest = _tables()[0]
-    lengths = np.zeros(at.size, dtype=np.int64)
-    inside = np.flatnonzero(at < data.size)
+    found = [np.empty((0, 3), dtype=np.int64)]
     for magic in (MAGIC_V2, MAGIC_V1):
-        rows = inside[data[at[inside]] == magic]
-        places, length, ids, _ = _headers(data, at[rows], magic)
-        unknown = longest[np.minimum(ids, _ID_LIMIT - 1)] == _UNKNOWN
-        kept = np.isin(at[rows], places[unknown])
-        lengths[rows[kept]] = length[unknown]
-    return lengths
+        places, length, ids, payload = _headers(data, at[data[at] == magic], magic)
+        new = np.flatnonzero(longest[np.minimum(ids, _ID_LIMIT - 1)] == _UNKNOWN)
+        states, sent = _crcs(data, places[new], payload[new], magic)
+        byte = _byte_of()[sent ^ (states >> 8)]
+        fits = byte >= 0
+        key = ids[new] << 8 | (byte ^ (states & 0xFF).astype(np.int16))
+        found.append(np.stack([places[new], length[new], key], axis=1)[fits])
+    rows = np.concatenate(found)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    rows = rows[_most_frequent(rows[:, 2])]
+    return Frames(rows[:, 0], rows[:, 1])
+
+
+def _most_frequent(key: Ints) -> NDArray[np.bool_]:
+    """(N,) whether no other key with the same id (all but the low eight bits) is more frequent."""
+    keys, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
+    most: dict[int, int] = {}
+    for message_id, count in zip((keys >> 8).tolist(), counts.tolist(), strict=True):
+        most[message_id] = max(count, most.get(message_id, 0))
+    best = counts == np.array([most[message_id] for message_id in (keys >> 8).tolist()], dtype=np.int64)
+    return np.asarray(best[inverse], dtype=np.bool_)

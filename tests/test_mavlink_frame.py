@@ -28,9 +28,9 @@ def some_frames(count=200, *, version=2, key=None, system_id=7):
     return frames
 
 
-def unknown_frame(payload=b"\x01\x02\x03", message_id=60_001):
-    header = bytes([0xFD, len(payload), 0, 0, 9, 7, 1]) + message_id.to_bytes(3, "little")
-    return header + payload + b"\x12\x34"
+def unknown_frame(payload=b"\x01\x02\x03", message_id=60_001, extra=77):
+    frame = bytes([0xFD, len(payload), 0, 0, 9, 7, 1]) + message_id.to_bytes(3, "little") + payload
+    return frame + checksum(frame, extra).to_bytes(2, "little")
 
 
 MIXED = some_frames(40) + some_frames(40, version=1) + some_frames(40, key=b"k" * 32)
@@ -127,6 +127,15 @@ def test_unknown_message_is_kept_raw_between_good_ones():
     assert counts == FrameCounts(good=2, unknown=2)
     assert split(unknown_frame())[1] == FrameCounts(unknown=1)
     assert message_name(60_001) == "UNKNOWN_60001"
+
+
+def test_unknown_message_with_a_checksum_that_no_extra_makes_right_is_noise():
+    a, b = some_frames(2)
+    frame = unknown_frame()
+    wrong = [frame[:-2] + crc.to_bytes(2, "little") for crc in range(0, 65_536, 37)]
+    kept = sum(len(split(a + other + b)[0]) == 3 for other in wrong)
+    assert 0 < kept < len(wrong) / 128
+    assert all(len(split(a + unknown_frame(extra=extra) + b)[0]) == 3 for extra in range(256))
 
 
 def test_unknown_message_never_swallows_a_good_frame():

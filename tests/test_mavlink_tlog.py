@@ -1,4 +1,3 @@
-import os
 import random
 import struct
 from pathlib import Path
@@ -10,6 +9,7 @@ from hypothesis import strategies as st
 from pymavlink import mavutil
 
 from mavlink.errors import TlogError
+from mavlink.frame import checksum
 from mavlink.pack import Speaker
 from mavlink.packet import Packet
 from mavlink.tlog import Tlog, TlogWriter
@@ -150,39 +150,6 @@ def test_writer_keeps_the_low_bits_of_the_time(tmp_path):
     assert Tlog.open(path).index.t_us.tolist() == [T0 + i for i in range(4)]
 
 
-def test_short_writes_are_completed(tmp_path, monkeypatch):
-    real = os.write
-    monkeypatch.setattr("mavlink.tlog.os.write", lambda fd, data: real(fd, bytes(data)[:7]))
-    path = tmp_path / "a.tlog"
-    with TlogWriter(path) as writer:
-        for packet in PACKETS[:20]:
-            writer.write(packet)
-    assert path.read_bytes() == b"".join(map(record, PACKETS[:20]))
-
-
-def test_full_disk_leaves_whole_records_and_can_go_on(tmp_path, monkeypatch):
-    real = os.write
-    full = False
-
-    def write(fd, data):
-        if full and len(data) < 20:
-            raise OSError(28, "No space left on device")
-        return real(fd, bytes(data)[:-5] if full else data)
-
-    monkeypatch.setattr("mavlink.tlog.os.write", write)
-    path = tmp_path / "a.tlog"
-    with TlogWriter(path) as writer:
-        writer.write(PACKETS[0])
-        full = True
-        with pytest.raises(TlogError, match="No space left"):
-            writer.write(PACKETS[1])
-        full = False
-        writer.write(PACKETS[2])
-        assert writer.records == 2
-    assert list(Tlog.open(path).packets()) == [PACKETS[0], PACKETS[2]]
-    assert Tlog.open(path).index.damage == ()
-
-
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -284,13 +251,28 @@ def test_any_bytes_are_indexed_without_complaint(data, seed):
     index_of(data)
 
 
+def unknown_frame(message_id=60_001, extra=77):
+    frame = bytes([0xFD, 3, 0, 0, 9, 7, 1]) + message_id.to_bytes(3, "little") + b"abc"
+    return frame + checksum(frame, extra).to_bytes(2, "little")
+
+
 def test_unknown_messages_are_kept_and_marked():
-    unknown = bytes([0xFD, 3, 0, 0, 9, 7, 1]) + (60_001).to_bytes(3, "little") + b"abc\x12\x34"
+    unknown = unknown_frame()
     data = b"".join(record(p) + record(Packet(p.t_us, unknown)) * (i % 7 == 0) for i, p in enumerate(PACKETS[:70]))
     index = index_of(data)
     assert index.counts.unknown == 10 == (~index.known).sum()
     assert index.damage == ()
     assert set(index.message_id[~index.known]) == {60_001}
+
+
+def test_unknown_messages_of_one_id_share_their_crc_extra():
+    odd = {33: unknown_frame(extra=78)}
+    packets = [p if i % 10 else Packet(p.t_us, unknown_frame()) for i, p in enumerate(PACKETS)]
+    packets = [Packet(p.t_us, odd.get(i, p.raw)) for i, p in enumerate(packets)]
+    index = index_of(b"".join(map(record, packets)))
+    assert index.counts.unknown == 30
+    (damage,) = index.damage
+    assert (damage.stop - damage.start, damage.reason) == (8 + 15, "header damaged")
 
 
 def test_frame_that_carries_a_frame_counts_once():
@@ -312,7 +294,32 @@ def test_impossible_times_take_the_one_before():
     assert np.flatnonzero(~index.time_ok).tolist() == [0, 5, 50]
     assert index.t_us[[0, 5, 50]].tolist() == [PACKETS[1].t_us, PACKETS[4].t_us, PACKETS[49].t_us]
     assert index.counts.bad_times == 3
-    assert all("impossible time in 1 record" in d.reason for d in index.damage)
+    assert [d.reason for d in index.damage] == ["impossible time"] * 3
+    assert all(d.stop - d.start == 8 for d in index.damage)
+
+
+def test_a_second_writers_clock_is_believed_too():
+    hour = 3_600_000_000
+    packets = [Packet(p.t_us + hour * (i % 2), p.raw) for i, p in enumerate(PACKETS)]
+    index = index_of(b"".join(map(record, packets)))
+    assert index.t_us.tolist() == [p.t_us for p in packets]
+    assert index.time_ok.all()
+
+
+def test_a_message_after_a_silence_is_believed():
+    minute = 60_000_000
+    packets = [Packet(T0 + [0, 1, 2, 300, 600, 601, 602][i] * minute // 100 * 100, PACKETS[i].raw) for i in range(7)]
+    index = index_of(b"".join(map(record, packets)))
+    assert index.t_us.tolist() == [p.t_us for p in packets]
+    assert index.time_ok.all()
+
+
+def test_two_stamps_with_the_same_flipped_bit_do_not_vouch_for_each_other():
+    packets = list(PACKETS)
+    for i in (60, 200):
+        packets[i] = Packet(packets[i].t_us ^ (1 << 33), packets[i].raw)
+    index = index_of(b"".join(map(record, packets)))
+    assert np.flatnonzero(~index.time_ok).tolist() == [60, 200]
 
 
 def test_a_step_of_the_clock_keeps_the_order():

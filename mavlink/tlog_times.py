@@ -1,0 +1,114 @@
+"""Times of a log's records: which way round they are stamped, which can be right, what the others become."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink.tlog_scan import Bytes, Frames, Ints, gather
+
+__all__ = ["TIME_LENGTH", "TimeSource", "fill", "read_times", "times_ok"]
+
+TIME_LENGTH = 8
+TimeSource = Literal["big-endian", "little-endian", "none"]
+
+_YEAR_US = 366 * 86_400_000_000
+_SPIKE_US = 60_000_000
+_EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 and 2100
+_UNTIMED_STEP_US = 1000
+_NEIGHBOURS = 4
+_BACKING = 2  # neighbours that must agree: a bit that flips in two stamps makes a pair, not a crowd
+_ERA, _ERA_SHARE = 8, 0.01  # so many stamps, and this share of all, are the clock of somebody, not damage
+
+
+def _dated(t_us: Ints) -> NDArray[np.bool_]:
+    return (t_us >= _EARLIEST_US) & (t_us < _LATEST_US)
+
+
+def read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], TimeSource]:
+    """Times as stamped, (N,) whether each is there at all, and which way round the bytes are."""
+    before = np.concatenate([[0], frames.end[:-1]])
+    there = frames.offset - before >= TIME_LENGTH
+    stamps = np.zeros((frames.offset.size, TIME_LENGTH), dtype=np.uint8)
+    stamps[there] = gather(data, frames.offset[there] - TIME_LENGTH, TIME_LENGTH)
+    big = stamps.view(">u8").ravel().astype(np.int64)
+    little = stamps.view("<u8").ravel().astype(np.int64)
+    if np.count_nonzero(_dated(little)) > np.count_nonzero(_dated(big)):
+        return little, there, "little-endian"
+    return big, there, "big-endian"
+
+
+def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(N,) which stamps can be right: within a year of the middle one, and in company.
+
+    A stamp a minute or more off is in company when it agrees with two of the four records on either side, or with many
+    anywhere (another writer's clock), or lies between those around it (a silence). An error of less than a minute
+    cannot be told from traffic that was late.
+    """
+    if not there.any():
+        return there
+    dated = t_us[there & _dated(t_us)]
+    known = dated if dated.size else t_us[there]
+    middle = int(np.partition(known, (known.size - 1) // 2)[(known.size - 1) // 2])
+    ok = there & (t_us > middle - _YEAR_US) & (t_us < middle + _YEAR_US)
+    rows = np.flatnonzero(ok)
+    t = t_us[rows]
+    if t.size >= 3 and np.abs(np.diff(t)).max() > _SPIKE_US:
+        ok[rows[~_in_company(t)]] = False
+    return ok
+
+
+def _in_company(t: Ints) -> NDArray[np.bool_]:
+    """(n,) of stamps in file order, those that something speaks for."""
+    backed = _backing(t) >= min(_BACKING, t.size - 2)
+    if not backed.any():
+        return ~_alone(t)
+    backed |= _in_era(t)
+    loose = np.flatnonzero(~backed)
+    firm = np.flatnonzero(backed)
+    place = np.searchsorted(firm, loose)
+    before = np.where(place > 0, t[firm[np.maximum(place - 1, 0)]], np.iinfo(np.int64).min)
+    after = np.where(place < firm.size, t[firm[np.minimum(place, firm.size - 1)]], np.iinfo(np.int64).max)
+    between = (t[loose] >= before) & (t[loose] <= after)
+    near = np.minimum(np.abs(t[loose] - before), np.abs(after - t[loose])) <= _SPIKE_US
+    company = backed.copy()
+    company[loose] = between | near
+    return company
+
+
+def _backing(t: Ints) -> Ints:
+    """(n,) how many of the records close by agree to a minute."""
+    count = np.zeros(t.size, dtype=np.int64)
+    for shift in range(1, min(_NEIGHBOURS, t.size - 1) + 1):
+        agree = np.abs(t[shift:] - t[:-shift]) <= _SPIKE_US
+        count[shift:] += agree
+        count[:-shift] += agree
+    return count
+
+
+def _in_era(t: Ints) -> NDArray[np.bool_]:
+    """(n,) whether a stamp belongs to a crowd of stamps without a gap of a minute."""
+    order = np.argsort(t, kind="stable")
+    era = np.concatenate([[0], np.cumsum(np.diff(t[order]) > _SPIKE_US)])
+    crowded = np.bincount(era) >= max(_ERA, _ERA_SHARE * t.size)
+    member = np.empty(t.size, dtype=np.bool_)
+    member[order] = crowded[era]
+    return member
+
+
+def _alone(t: Ints) -> NDArray[np.bool_]:
+    """(n,) whether both neighbours agree with each other and not with it."""
+    alone = np.zeros(t.size, dtype=np.bool_)
+    alone[1:-1] = (np.abs(t[1:-1] - t[:-2]) > _SPIKE_US) & (np.abs(t[2:] - t[1:-1]) > _SPIKE_US)
+    alone[1:-1] &= np.abs(t[2:] - t[:-2]) <= _SPIKE_US
+    return alone
+
+
+def fill(t_us: Ints, ok: NDArray[np.bool_]) -> Ints:
+    """Bad times become the good one before them; those before the first good one become that one."""
+    if not ok.any():
+        return np.arange(t_us.size, dtype=np.int64) * _UNTIMED_STEP_US
+    source = np.maximum.accumulate(np.where(ok, np.arange(t_us.size), -1))
+    return t_us[np.where(source < 0, int(np.argmax(ok)), source)]
