@@ -1,84 +1,159 @@
-"""Telemetry logs, written."""
+"""Telemetry logs, written as a flight goes: what was accepted survives the death of the process.
+
+Beside ``telemetry.tlog`` and its further segments stand two tables, each made when there is something to say:
+``refused.csv`` the records that were not believed, and ``clock.csv`` when the wall clock was set.
+"""
 
 from __future__ import annotations
 
-import os
 import struct
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
+from mavlink.append import RAM_BYTES, AppendFile
+from mavlink.caretaker import Caretaker
+from mavlink.clock_watch import ClockWatch
+from mavlink.disk import OS_DISK, Disk
 from mavlink.errors import TlogError
-from mavlink.packet import Packet
+from mavlink.frame import SIGNATURE_LENGTH
+from mavlink.packet import MAGIC_V2, Auth, Packet
+from mavlink.record_state import RecordState
 
-__all__ = ["TlogWriter"]
+__all__ = ["CLOCK_COLUMNS", "REFUSED_COLUMNS", "SYNC_S", "TlogWriter"]
 
+SYNC_S = 0.15
+"""Between syncs: with the sync itself a power cut costs at most 0.2 s on a disk that is well."""
+REFUSED_COLUMNS = ("record", "t_us", "link", "peer", "auth")
+CLOCK_COLUMNS = ("record", "t_us", "offset_us", "step_us")
+_TABLE_RAM_BYTES = 8 << 20
 _TIME = struct.Struct(">Q")
 
 
 class TlogWriter:
-    """Appends packets to a new log, one system call each: what was accepted survives the death of the process.
+    """Appends packets to a new log.
+
+    ``write``, ``write_records`` and ``refuse`` never raise and never wait for a slow disk; ``state`` tells how it goes.
 
     Args:
         path: must not exist; nothing recorded is ever overwritten.
+        ram_bytes: most bytes kept in memory while the disk fails.
+        disk: the operating system, or a test's.
+        clock: tells when the wall clock was set.
 
     Raises:
         TlogError: the file exists or cannot be made.
     """
 
-    def __init__(self, path: Path | str) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        ram_bytes: int = RAM_BYTES,
+        disk: Disk = OS_DISK,
+        clock: ClockWatch | None = None,
+    ) -> None:
         self.path = Path(path)
-        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         try:
-            self._fd = os.open(self.path, flags, 0o644)
+            self._log = AppendFile(self.path, ram_bytes=ram_bytes, disk=disk)
         except FileExistsError:
             raise TlogError(f"{self.path}: exists already, and recordings are never overwritten") from None
         except OSError as error:
             raise TlogError(f"{self.path}: cannot be made: {error.strerror}") from error
-        self.records = 0
-        self._size = 0
+        self._refused = _table(self.path.with_name("refused.csv"), REFUSED_COLUMNS, disk)
+        self._clock_steps = _table(self.path.with_name("clock.csv"), CLOCK_COLUMNS, disk)
+        self._clock = clock or ClockWatch()
+        self._caretaker = Caretaker((self._log, self._refused, self._clock_steps), SYNC_S)
 
-    def write(self, packet: Packet) -> None:
-        """Appends one packet.
+    def write(self, packet: Packet) -> int:
+        """Append one packet, and note it when it is not believed.
 
-        Raises:
-            TlogError: the disk is full or gone; the log still ends with a whole record, and write may be tried again.
+        Returns:
+            Its running number over all segments, from 0.
         """
-        record = _TIME.pack(packet.t_us) + packet.raw
-        try:
-            written = os.write(self._fd, record)
-            while written < len(record):
-                written += os.write(self._fd, record[written:])
-        except OSError as error:
-            self._cut_torn_record()
-            raise TlogError(f"{self.path}: cannot be written: {error.strerror}") from error
-        self._size += len(record)
-        self.records += 1
+        number = self.write_records(_TIME.pack(packet.t_us) + packet.raw, 1)
+        if packet.auth > Auth.GOOD:
+            self.refuse(number, packet)
+        return number
+
+    def write_records(self, data: bytes, count: int) -> int:
+        """Append whole records, each eight bytes of big-endian Unix µs and a frame, with one system call.
+
+        Returns:
+            The running number of the first of them.
+        """
+        before_us = self._clock.stepped()
+        number = self._log.write(data, count)
+        if before_us is not None:
+            self._note_step(before_us, number, data)
+        return number
+
+    def refuse(self, number: int, packet: Packet) -> None:
+        """Note that a record is not to be believed; readers of the session leave it out."""
+        row = f"{number},{packet.t_us},{packet.link},{packet.peer},{packet.auth.name.lower()}\n"
+        self._refused.write(row.encode())
+
+    @property
+    def records(self) -> int:
+        """Records accepted so far."""
+        return self._log.rows
+
+    @property
+    def state(self) -> RecordState:
+        """How the recording is doing; the worst of log and tables."""
+        log = self._log.state
+        for table in (self._refused.state, self._clock_steps.state):
+            if table.failing_s and not log.failing_s:
+                log = replace(log, failing_s=table.failing_s, reason=f"{table.name}: {table.reason}")
+            log = replace(log, lost=log.lost + table.lost, waiting=log.waiting + table.waiting)
+        return log
 
     def sync(self) -> None:
-        """Waits until the disk has everything.
+        """Wait until the disk has everything.
 
         Raises:
             TlogError: the disk says it has not.
         """
         try:
-            os.fsync(self._fd)
+            for file in (self._log, self._refused, self._clock_steps):
+                file.sync()
         except OSError as error:
             raise TlogError(f"{self.path}: not safely on disk: {error.strerror}") from error
 
     def close(self) -> None:
-        """Closes the file; closing twice does nothing."""
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
+        """Write what still waits, sync and close; closing twice does nothing. ``state`` then tells what was lost."""
+        self._caretaker.stop()
+        for file in (self._log, self._refused, self._clock_steps):
+            file.close()
 
-    def _cut_torn_record(self) -> None:
-        try:
-            os.ftruncate(self._fd, self._size)
-        except OSError:
-            return  # a reader skips a torn record; the write's own error is the one to report
+    def _note_step(self, before_us: int, number: int, data: bytes) -> None:
+        """One row: the first record stamped by the clock that was set, its time then, its offset, and by how much."""
+        after_us, now_us = self._clock.offset_us, self._clock.now_us()
+        was_us, is_us = now_us + before_us, now_us + after_us
+        stamped_before = sum(abs(t_us - was_us) < abs(t_us - is_us) for t_us in _times(data))
+        row = f"{number + stamped_before},{is_us},{after_us},{after_us - before_us}\n"
+        self._clock_steps.write(row.encode())
 
     def __enter__(self) -> TlogWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         self.close()
+
+
+def _table(path: Path, columns: tuple[str, ...], disk: Disk) -> AppendFile:
+    header = (",".join(columns) + "\n").encode()
+    return AppendFile(path, header=header, ram_bytes=_TABLE_RAM_BYTES, lazy=True, disk=disk)
+
+
+def _times(data: bytes) -> Iterator[int]:
+    """Stamps of whole records, Unix µs."""
+    place = 0
+    while place + 10 < len(data):
+        yield _TIME.unpack_from(data, place)[0]
+        length = data[place + 9]
+        if data[place + 8] == MAGIC_V2:
+            place += 8 + 12 + length + (SIGNATURE_LENGTH if data[place + 10] & 1 else 0)
+        else:
+            place += 8 + 8 + length

@@ -1,0 +1,319 @@
+"""A file that is only ever appended to, and that outlives full disks, failing disks and the death of the program.
+
+Rows go to the kernel with one system call before they count as accepted: SIGKILL loses none of them. A second thread
+(:class:`mavlink.caretaker.Caretaker`) has them put on the disk and repairs what fails, so that nobody who writes ever
+waits for the disk:
+
+- full, failing or read-only disk: the file is cut back to its last whole row, rows wait in memory and are written in
+  order when there is space again;
+- a failed sync: the kernel forgets what it could not write and says so once, so whatever the sync may have lost is
+  written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
+- a deleted file or folder: it is made anew and filled from the file that is still open.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+import time
+from pathlib import Path
+
+from mavlink.backlog import Backlog, Piece
+from mavlink.disk import OS_DISK, Disk
+from mavlink.record_state import RecordState
+from mavlink.segments import segment_path
+
+__all__ = ["RAM_BYTES", "AppendFile"]
+
+RAM_BYTES = 64 << 20
+"""Rows kept while the disk fails: 60 s of 5,000 packets/s of 220 bytes each."""
+RETRY_S = 1.0
+_COPY_BYTES = 1 << 20
+_SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
+"""After these the same file goes on; after any other a new segment is begun."""
+
+
+class AppendFile:
+    """Whole rows into a new file and, where one file does not do, into further segments of it.
+
+    Args:
+        path: of the first segment.
+        header: begins every segment.
+        ram_bytes: most bytes kept while the disk fails; past it the oldest rows are lost, and counted.
+        lazy: make the file with the first row, not now.
+        disk: the operating system, or a test's.
+
+    Raises:
+        OSError: the file exists or cannot be made. Later faults never raise; ``state`` tells them.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        header: bytes = b"",
+        ram_bytes: int = RAM_BYTES,
+        lazy: bool = False,
+        disk: Disk = OS_DISK,
+    ) -> None:
+        self.path = path
+        self._header = header
+        self._ram_bytes = ram_bytes
+        self._disk = disk
+        self._lock = threading.Lock()  # all that follows; never held while the disk syncs or repairs
+        self._tending = threading.Lock()
+        self._fd = self._deleted_fd = -1
+        self._segment = -1
+        self._size = self._earlier_bytes = self._deleted_size = 0
+        self._torn = self._retire = self._named = self._closed = False
+        self._accepted = self._gone = 0
+        self._reason = ""
+        self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
+        self._waiting = Backlog(ram_bytes)
+        self._unsynced = Backlog(ram_bytes)
+        self._syncing = False
+        if not lazy:
+            self._fd = disk.open(path)
+            self._segment = 0
+            self.write(b"", 0)  # the header
+
+    def write(self, data: bytes, rows: int = 1) -> int:
+        """Accept whole rows.
+
+        Returns:
+            The running number of the first of them, from 0, over all segments.
+        """
+        with self._lock:
+            first = self._accepted
+            self._accepted += rows
+            if self._reason or not self._put(data, rows):
+                self._waiting.append(data, rows)
+        return first
+
+    def tend(self) -> None:
+        """Sync, notice a deleted file, try again what failed; to be called some times a second, not by who writes."""
+        with self._tending:
+            if self._fd >= 0:
+                self._sync()
+                self._look_for_deletion()
+            if self._reason and time.monotonic() >= self._retry_s:
+                self._repair()
+
+    def sync(self) -> None:
+        """Wait until the disk has every row.
+
+        Raises:
+            OSError: it has not.
+        """
+        with self._tending:
+            if self._reason:
+                self._repair()
+            self._sync()
+        if self._reason:
+            raise OSError(errno.EIO, self._reason)
+
+    def close(self) -> RecordState:
+        """Try once more what failed, sync, and let go; what still waits is lost. Closing twice does nothing."""
+        with self._tending:
+            if not self._closed:
+                for _ in range(2):  # again where the last sync failed
+                    if self._reason:
+                        self._repair()
+                    self._sync()
+                with self._lock:
+                    self._closed = True
+                    self._reason = self._reason or "closed"
+                    self._gone += self._waiting.rows
+                    for fd in (self._fd, self._deleted_fd):
+                        if fd >= 0:
+                            self._disk.close(fd)
+                    self._fd = self._deleted_fd = -1
+        return self.state
+
+    @property
+    def rows(self) -> int:
+        """Accepted so far."""
+        return self._accepted
+
+    @property
+    def state(self) -> RecordState:
+        """How it is doing now."""
+        with self._lock:
+            now_s = time.monotonic()
+            failing = bool(self._reason) and not self._closed
+            return RecordState(
+                name=segment_path(self.path, max(self._segment, 0)).name,
+                rows=self._accepted,
+                bytes=self._earlier_bytes + self._size,
+                failing_s=max(now_s - self._failing_since_s, 1e-3) if failing else 0.0,
+                reason=self._reason if failing else "",
+                waiting=0 if self._closed else self._waiting.rows,
+                waiting_bytes=0 if self._closed else self._waiting.bytes,
+                lost=self._waiting.dropped + self._gone,
+                sync_age_s=now_s - self._synced_s if self._unsynced or self._syncing else 0.0,
+            )
+
+    # ---- by who writes and by the caretaker, under the lock
+
+    def _put(self, data: bytes, rows: int) -> bool:
+        """Write rows at once; False: the disk did not take them."""
+        try:
+            if self._fd < 0:
+                self._begin_segment()
+            self._append(data)
+        except OSError as error:
+            self._fail(error)
+            return False
+        self._note_unsynced(data, rows)
+        return True
+
+    def _append(self, data: bytes) -> None:
+        """Hand all bytes to the kernel, or leave the file as it was."""
+        disk, fd = self._disk, self._fd
+        if self._torn:
+            disk.ftruncate(fd, self._size)
+            self._torn = False
+        if not self._size:
+            data = self._header + data
+        try:
+            written = disk.write(fd, data)
+            while written < len(data):
+                more = disk.write(fd, data[written:])
+                if not more:
+                    raise OSError(errno.EIO, os.strerror(errno.EIO))
+                written += more
+        except OSError:
+            self._cut()
+            raise
+        self._size += len(data)
+
+    def _cut(self) -> None:
+        """Back to the last whole row."""
+        try:
+            self._disk.ftruncate(self._fd, self._size)
+        except OSError:
+            self._torn = True  # tried again before the next row; a reader skips a torn one
+
+    def _note_unsynced(self, data: bytes | bytearray, rows: int) -> None:
+        if not self._unsynced and not self._syncing:
+            self._synced_s = time.monotonic()
+        self._unsynced.append(data, rows)
+
+    def _fail(self, error: OSError, *, synced: bool = True) -> None:
+        now_s = time.monotonic()
+        if not self._reason:
+            self._failing_since_s = now_s
+        self._reason = error.strerror or str(error)
+        self._retire = self._fd >= 0 and (
+            not synced or (self._size > len(self._header) and error.errno not in _SPACE_MAY_RETURN)
+        )
+        self._retry_s = now_s if self._retire else now_s + RETRY_S
+
+    def _begin_segment(self) -> None:
+        """Open the first name that is free."""
+        while True:
+            try:
+                self._fd = self._disk.open(segment_path(self.path, self._segment + 1))
+            except FileExistsError:
+                self._segment += 1
+                continue
+            self._segment += 1
+            self._earlier_bytes += self._size
+            self._size, self._torn, self._named = 0, False, False
+            return
+
+    # ---- by the caretaker alone
+
+    def _sync(self) -> None:
+        with self._lock:
+            if not self._unsynced or self._fd < 0:
+                return
+            held, self._unsynced = self._unsynced, Backlog(self._ram_bytes)
+            self._syncing = True
+            began_s = time.monotonic()
+        try:
+            self._disk.fsync(self._fd)
+            if not self._named:
+                self._disk.fsync_folder(self.path.parent)
+                self._named = True
+        except OSError as error:
+            with self._lock:
+                self._syncing = False
+                self._unsynced.put_before(held)
+                self._fail(error, synced=False)
+        else:
+            with self._lock:
+                self._syncing = False
+                self._synced_s = began_s
+
+    def _look_for_deletion(self) -> None:
+        try:
+            if self._disk.links(self._fd):
+                return
+            error = OSError(errno.ENOENT, "deleted while it was written")
+        except OSError as failed:
+            error = failed
+        with self._lock:
+            self._fail(error)
+            if error.errno == errno.ENOENT and self._deleted_fd < 0:
+                self._deleted_fd, self._deleted_size = self._fd, self._size
+                self._fd, self._size, self._retire = -1, 0, False
+                self._segment -= 1  # the same name again
+                self._retry_s = time.monotonic()
+
+    def _repair(self) -> None:
+        """What failed once more: a new segment, the deleted file's content, the rows that wait; then all is well."""
+        try:
+            if self._retire:
+                self._end_segment()
+            if self._fd < 0:
+                segment_path(self.path, self._segment + 1).parent.mkdir(parents=True, exist_ok=True)
+                self._begin_segment()
+            if self._deleted_fd >= 0:
+                self._copy_deleted()
+            while (piece := self._oldest()) is not None:
+                self._write_waiting(piece)
+        except OSError as error:
+            with self._lock:
+                self._fail(error)
+
+    def _end_segment(self) -> None:
+        """Leave a segment that is not to be trusted; what is perhaps not on the disk goes into the next one."""
+        with self._lock:
+            if self._deleted_fd < 0:  # else all is copied again
+                self._waiting.put_before(self._unsynced)
+                self._unsynced = Backlog(self._ram_bytes)
+            self._disk.close(self._fd)
+            self._fd, self._retire = -1, False
+
+    def _copy_deleted(self) -> None:
+        while self._size < self._deleted_size:
+            data = self._disk.read(self._deleted_fd, min(_COPY_BYTES, self._deleted_size - self._size), self._size)
+            if not data:
+                break
+            header, self._header = self._header, b""  # it is in the data
+            try:
+                self._append(data)
+            finally:
+                self._header = header
+        self._disk.close(self._deleted_fd)
+        self._deleted_fd = -1
+
+    def _oldest(self) -> Piece | None:
+        """The rows that have waited longest; None ends the failure: who writes may use the file again."""
+        with self._lock:
+            if self._waiting:
+                return self._waiting.pop()
+            self._reason = ""
+            return None
+
+    def _write_waiting(self, piece: Piece) -> None:
+        try:
+            self._append(bytes(piece.data))
+        except OSError:
+            with self._lock:
+                self._waiting.put_back(piece)
+            raise
+        with self._lock:
+            self._note_unsynced(piece.data, piece.rows)

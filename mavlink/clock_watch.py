@@ -1,0 +1,47 @@
+"""Notices when somebody sets the wall clock."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+__all__ = ["STEP_US", "ClockWatch"]
+
+STEP_US = 50_000
+_READ_NS = 5_000_000
+"""Two clocks read further apart than this say nothing: the thread was held up between them."""
+
+
+class ClockWatch:
+    """Compares the wall clock with the monotonic one, which nobody can set; slewing moves both and is no step.
+
+    Args:
+        wall_ns: Unix ns.
+        monotonic_ns: ns since some fixed moment.
+
+    Attributes:
+        offset_us: wall minus monotonic when last looked at, µs.
+    """
+
+    def __init__(
+        self, wall_ns: Callable[[], int] = time.time_ns, monotonic_ns: Callable[[], int] = time.monotonic_ns
+    ) -> None:
+        self._wall_ns, self._monotonic_ns = wall_ns, monotonic_ns
+        self.offset_us = (wall_ns() - monotonic_ns()) // 1000
+
+    def now_us(self) -> int:
+        """The monotonic clock, µs."""
+        return self._monotonic_ns() // 1000
+
+    def stepped(self) -> int | None:
+        """The offset before, µs, when the clock was set by more than 50 ms since the last look; None: it was not."""
+        before_ns = self._monotonic_ns()
+        offset_us = (self._wall_ns() - before_ns) // 1000
+        moved_us = offset_us - self.offset_us
+        if -STEP_US <= moved_us <= STEP_US:
+            self.offset_us = offset_us
+            return None
+        if self._monotonic_ns() - before_ns > _READ_NS:
+            return None
+        previous_us, self.offset_us = self.offset_us, offset_us
+        return previous_us

@@ -1,0 +1,53 @@
+"""What a recording asks of the operating system, in one place: tests put a failing disk here."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+__all__ = ["OS_DISK", "Disk"]
+
+_NEW = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+
+
+class Disk:
+    """The operating system's files; every method raises OSError as the call below it does."""
+
+    def open(self, path: Path) -> int:
+        """Make a file that must not exist yet, to append to and to read back."""
+        return os.open(path, _NEW, 0o644)
+
+    def write(self, fd: int, data: bytes) -> int:
+        """Hand bytes to the kernel; returns how many it took."""
+        return os.write(fd, data)
+
+    def fsync(self, fd: int) -> None:
+        """Wait until the file's bytes and its length are on the disk."""
+        os.fdatasync(fd)
+
+    def fsync_folder(self, path: Path) -> None:
+        """Wait until the names of a folder's files are on the disk."""
+        fd = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(fd)
+        finally:
+            os.close(fd)
+
+    def ftruncate(self, fd: int, size: int) -> None:
+        """Cut a file to ``size`` bytes."""
+        os.ftruncate(fd, size)
+
+    def links(self, fd: int) -> int:
+        """How many names the file has; 0: it was deleted and goes when it is closed."""
+        return os.fstat(fd).st_nlink
+
+    def read(self, fd: int, size: int, offset: int) -> bytes:
+        """Read bytes back."""
+        return os.pread(fd, size, offset)
+
+    def close(self, fd: int) -> None:
+        """Let go of a file."""
+        os.close(fd)
+
+
+OS_DISK = Disk()
