@@ -1,0 +1,54 @@
+"""Signs the frames that this program makes itself, never anybody else's."""
+
+from __future__ import annotations
+
+from mavlink.dialect import DEFINITIONS
+from mavlink.frame import checksum
+from mavlink.keys import Key, SigningError
+from mavlink.packet import MAGIC_V2
+from mavlink.signing import SIGNED
+from mavlink.signing_streams import ticks_of
+
+__all__ = ["Signer"]
+
+
+class Signer:
+    """One sender's signature, on one stream.
+
+    Its timestamp follows the clock, or a sender that was silent for a minute would be refused, and grows by one with
+    each frame at least.
+
+    Args:
+        key: of the system that sends.
+        link_id: 0..255; every link that is sent on needs its own.
+        newest: the last timestamp of this stream, from :class:`mavlink.signing_streams.Streams`.
+    """
+
+    def __init__(self, key: Key, *, link_id: int = 0, newest: int = 0) -> None:
+        self._key = key
+        self._link_id = link_id
+        self.newest = newest
+
+    def sign(self, frame: bytes, t_us: int) -> bytes:
+        """A frame with its signature.
+
+        Args:
+            frame: unsigned, MAVLink 2, of a known message, made here.
+            t_us: Unix µs now.
+
+        Raises:
+            SigningError: MAVLink 1 cannot be signed; a frame that carries a signature is somebody else's.
+        """
+        if frame[0] != MAGIC_V2:
+            raise SigningError("a MAVLink 1 frame cannot be signed; send MAVLink 2")
+        if frame[2] & SIGNED:
+            raise SigningError("the frame is signed already; frames of others are never signed again")
+        message_id = frame[7] | frame[8] << 8 | frame[9] << 16
+        if message_id not in DEFINITIONS:
+            raise SigningError(f"message {message_id} is unknown, its checksum cannot be made")
+        self.newest = max(ticks_of(t_us), self.newest + 1)
+        # the checksum covers the flag
+        flagged = frame[:2] + bytes([frame[2] | SIGNED]) + frame[3 : 10 + frame[1]]
+        crc = checksum(flagged, DEFINITIONS[message_id][1]).to_bytes(2, "little")
+        covered = flagged + crc + bytes([self._link_id]) + self.newest.to_bytes(6, "little")
+        return covered + self._key.signature(covered)

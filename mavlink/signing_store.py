@@ -1,0 +1,198 @@
+"""The table of signed streams on disk, so that what was heard before a restart cannot be played again after it.
+
+Two files take turns, each with its number and a checksum: whatever happens while one is written, the other is whole.
+They are written every second while a flight runs, by a thread of its own, and at the end.
+
+After a crash the last second is missing in them. Senders follow the clock, so each stream has advanced by no more than
+the time that has gone by since: it is taken as advanced by that, and by a minute at most. Two gaps stay, of a second
+before a crash: a stream first heard in it, and one that had been silent for longer than that.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import struct
+import threading
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from mavlink.keys import SigningError, read_ring
+from mavlink.signing import RADIO_STATUS, Keyless, Verifier
+from mavlink.signing_streams import SECOND, Streams, ticks_of
+
+__all__ = ["SLOTS", "StreamStore", "open_verifier"]
+
+SLOTS = ("streams.0", "streams.1")
+PERIOD_S = 1.0
+_MAGIC = b"RCSTRM1\n"
+_HEAD = struct.Struct("<8sQQQ?I")  # magic, number, saved at, proven, whether at the end, rows
+_ROW = struct.Struct("<BBBQ")
+_SUM = 32
+_MOST_LOST = 60 * SECOND
+
+
+def open_verifier(
+    folder: Path, *, unsigned: Collection[int] = (RADIO_STATUS,), keyless: Keyless = "refused"
+) -> tuple[Verifier, StreamStore]:
+    """Reads the keys of a folder and what is remembered of their streams.
+
+    To be called in the process that checks, once for all links; there, close the store at the end.
+
+    Raises:
+        SigningError: no key in it, or as :func:`mavlink.keys.read_ring`, :class:`Verifier` and :class:`StreamStore` say.
+    """
+    ring = read_ring(folder)
+    if not ring:
+        raise SigningError(f"{folder}: no key in it, so nothing could be refused; make one with gcs keys new")
+    store = StreamStore(folder)
+    try:
+        return Verifier(ring, unsigned=unsigned, keyless=keyless, streams=store.streams), store
+    except SigningError:
+        store.close()
+        raise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Saved:
+    number: int
+    at: int
+    proven: int
+    ended: bool
+    rows: tuple[tuple[int, int, int, int], ...]
+
+
+class StreamStore:
+    """Keeps one table of streams in a folder.
+
+    Args:
+        folder: exists; the keys' own is a good one.
+
+    Raises:
+        SigningError: both files are damaged, the folder cannot be written, or another station keeps its table there.
+    """
+
+    def __init__(self, folder: Path, *, period_s: float = PERIOD_S) -> None:
+        self.folder = folder
+        self.streams = Streams()
+        self.warning = ""
+        """What was wrong with the files at the start; empty: nothing."""
+        self.trouble = ""
+        """Why nothing can be saved now; empty: it can."""
+        self._number = 0
+        self._period_s = period_s
+        self._lock = self._locked()
+        try:
+            self._load()
+            self._save(ended=False)
+        except BaseException:
+            os.close(self._lock)
+            raise
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="signing store", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Saves the last state; closing twice does nothing.
+
+        Raises:
+            SigningError: it could not be saved.
+        """
+        if self._stop.is_set():
+            return
+        self._stop.set()
+        self._thread.join()
+        try:
+            self._save(ended=True)
+        finally:
+            os.close(self._lock)
+
+    def _run(self) -> None:
+        while not self._stop.wait(self._period_s):
+            try:
+                self._save(ended=False)
+                self.trouble = ""
+            except SigningError as error:
+                self.trouble = str(error)
+
+    def _locked(self) -> int:
+        path = self.folder / "streams.lock"
+        try:
+            lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+        except OSError as error:
+            raise SigningError(f"{path}: cannot be made: {error.strerror}; the key folder must be writable") from None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(lock)
+            raise SigningError(
+                f"{self.folder}: another station uses these keys now; end it, or fly with a copy of the folder"
+            ) from None
+        return lock
+
+    def _load(self) -> None:
+        slots = [_read(self.folder / name) for name in SLOTS]
+        whole = [slot for slot in slots if isinstance(slot, _Saved)]
+        damaged = [str(self.folder / name) for name, slot in zip(SLOTS, slots, strict=True) if slot == "damaged"]
+        if damaged and not whole:
+            raise SigningError(
+                f"{' and '.join(damaged)}: damaged, so recorded frames could be replayed; move both away to start anew"
+            )
+        if damaged:
+            self.warning = f"{damaged[0]}: damaged, written anew; its twin was used, which may be a second older"
+        if whole:
+            self._take(max(whole, key=lambda slot: slot.number), sure=not damaged)
+
+    def _take(self, saved: _Saved, *, sure: bool) -> None:
+        lost = 0
+        if not (saved.ended and sure):
+            since = ticks_of(time.time_ns() // 1000) - saved.at
+            lost = since if 0 <= since <= _MOST_LOST else _MOST_LOST
+        for system_id, component_id, link_id, timestamp in saved.rows:
+            self.streams.advance(system_id, component_id, link_id, timestamp + lost)
+        self.streams.proven = saved.proven
+        self._number = saved.number
+
+    def _save(self, *, ended: bool) -> None:
+        self._number += 1
+        path = self.folder / SLOTS[self._number % 2]
+        rows = [_ROW.pack(*row) for row in self.streams.rows()]
+        at = ticks_of(time.time_ns() // 1000)
+        data = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, len(rows)) + b"".join(rows)
+        try:
+            _write(path, data + hashlib.sha256(data).digest())
+        except OSError as error:
+            raise SigningError(
+                f"{path}: cannot be saved: {error.strerror}; after a restart recorded frames could be replayed"
+            ) from None
+
+
+def _write(path: Path, data: bytes) -> None:
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
+    try:
+        while data:
+            data = data[os.write(fd, data) :]
+        os.ftruncate(fd, os.lseek(fd, 0, os.SEEK_CUR))
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+def _read(path: Path) -> _Saved | str:
+    """What a file holds; ``absent``, or ``damaged``."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return "absent"
+    except OSError as error:
+        raise SigningError(f"{path}: cannot be read: {error.strerror}") from None
+    body = data[:-_SUM]
+    if len(body) < _HEAD.size or hashlib.sha256(body).digest() != data[-_SUM:]:
+        return "damaged"
+    magic, number, at, proven, ended, count = _HEAD.unpack_from(body)
+    if magic != _MAGIC or len(body) != _HEAD.size + count * _ROW.size:
+        return "damaged"
+    return _Saved(number=number, at=at, proven=proven, ended=ended, rows=tuple(_ROW.iter_unpack(body[_HEAD.size :])))
