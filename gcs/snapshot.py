@@ -7,13 +7,14 @@ Units and frames: ENU metres, radians, Unix microseconds; image quantities in pi
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Box", "Event", "Health", "Level", "LinkHealth", "Snapshot", "Standing", "VehicleRow"]
+__all__ = ["Alarm", "Box", "Event", "Health", "Level", "LinkHealth", "Snapshot", "Standing", "VehicleRow"]
 
 NAN = float("nan")
 NEVER = float("inf")
@@ -37,6 +38,23 @@ class Event:
     ``operator``."""
     text: str
     """Plain text, possibly from the air: never markup."""
+    system_id: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alarm:
+    """Something that is wrong now, until it is over; it is told once when it comes and once when it goes."""
+
+    key: str
+    """What it is about: the same trouble of the same thing always has the same one."""
+    level: Level
+    kind: str
+    """As an event's."""
+    text: str
+    """What is wrong, and with whom: plain text, possibly with names and reasons from the air."""
+    advice: str
+    """What to do."""
+    since_us: int
     system_id: int = 0
 
 
@@ -70,6 +88,16 @@ class VehicleRow:
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
     """Probability of that identity, NaN without one."""
+    contested: bool = False
+    """Several senders use its system id: none of them is believed."""
+    signed: int = 0
+    """Packets with a right signature."""
+    unsigned: int = 0
+    """Packets without a signature although a key is set: refused."""
+    bad_signature: int = 0
+    """Packets with a wrong, repeated or future signature: refused."""
+    refusals: Mapping[str, int] = field(default_factory=dict)
+    """Positions that were not used, by reason."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,6 +150,9 @@ class LinkHealth:
     dropped: int
     """Datagrams the kernel dropped before we could read them."""
     silent_s: float
+    packets_per_s: float = NAN
+    """Lately, NaN unknown."""
+    bytes_per_s: float = NAN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +176,26 @@ class Health:
     yaw_offset: float = math.nan
     """Estimated error of the camera's reported heading, radians clockwise, and its 1σ; NaN unknown."""
     yaw_offset_std: float = math.nan
+    undecoded: int = 0
+    """Pictures that came and could not be decoded."""
+    keys: int | None = None
+    """Signing keys in use, 0 when nothing that is heard can be authenticated; None where nobody listens."""
+    full_in_s: float = NEVER
+    """Until the disk is full if recording goes on as lately, inf unknown."""
+    write_failing_s: float = 0.0
+    """For how long the recording cannot be written, 0 while it can."""
+    write_reason: str = ""
+    """Why, in the system's words."""
+    write_waiting: int = 0
+    """Packets in memory that wait for the disk."""
+    write_lost: int = 0
+    """Packets that were given up because too many waited."""
+    ingest_restarts: int = 0
+    """Times that the process which receives packets had to be started again."""
+    ring_dropped: int = 0
+    """Packets recorded but not shown because the fold did not take them in time."""
+    clock_step_s: float = 0.0
+    """By how much the wall clock was set since the flight began."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,6 +222,10 @@ class Snapshot:
     """What is known of where the camera was and how it looked."""
     events: tuple[Event, ...] = field(default=())
     """What is new since the snapshot before."""
+    conflicts: frozenset[int] = frozenset()
+    """System ids whose reports contradict the picture."""
+    alarms: tuple[Alarm, ...] = ()
+    """What is wrong now, the worst and newest first."""
 
     def name_of(self, system_id: int) -> str:
         """The vehicle's name; ``UGV-<id>`` for an id that is not in the table, ``unknown`` for 0."""

@@ -1,0 +1,214 @@
+"""What is wrong in one snapshot, and what an operator does about it. Pure.
+
+The table of ``docs/operations.md`` has a line for every kind of finding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
+
+__all__ = ["Finding", "counted", "findings"]
+
+SILENT_S = 3.5
+"""A vehicle, or a link, from which nothing came for so long is lost."""
+LATE_S = 1.0
+CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
+STEP_S = 0.5
+MOST_NAMES = 4
+LOW_BYTES, ALMOST_FULL_BYTES = 2_000_000_000, 200_000_000
+LOW_S, ALMOST_FULL_S = 1800.0, 300.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that is wrong at one moment."""
+
+    key: str
+    level: Level
+    kind: str
+    text: str
+    advice: str
+    system_id: int = 0
+    wait_s: float = 0.0
+    """How long it must last before it is an alarm."""
+    told: bool = False
+    """Somebody else makes the event when it begins."""
+
+
+def findings(snapshot: Snapshot) -> Iterator[Finding]:
+    """All that is wrong now."""
+    for row in snapshot.vehicles:
+        yield from _vehicle(row, row.system_id in snapshot.conflicts)
+    yield from _unheard(snapshot)
+    for link in snapshot.health.links:
+        yield from _link(link)
+    yield from _video(snapshot.health)
+    yield from _clock(snapshot.health)
+    yield from _recording(snapshot.health)
+    if snapshot.health.keys == 0:
+        yield Finding(
+            key="no keys", level="warning", kind="link", text="nothing is authenticated: anybody can pose as a vehicle",
+            advice="make keys with gcs keys and give them to the autopilots, or fly where nobody else transmits",
+        )  # fmt: skip
+
+
+def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
+    """Counters that should stand still: while one grows, its finding is true."""
+    keyed = bool(snapshot.health.keys)
+    for row in snapshot.vehicles:
+        whose, i = row.name, row.system_id
+        yield row.bad_signature, Finding(
+            key=f"signature {i}", level="alarm", kind="link", system_id=i,
+            text=f"{whose}: packets with a wrong signature are refused",
+            advice="somebody poses as it, replays it, or its autopilot has another key: compare with gcs keys",
+        )  # fmt: skip
+        yield row.unsigned if keyed else 0, Finding(
+            key=f"unsigned {i}", level="warning", kind="link", system_id=i,
+            text=f"{whose}: unsigned packets are refused",
+            advice="turn signing on in its autopilot; if it is on, somebody else sends in its name",
+        )  # fmt: skip
+    for link in snapshot.health.links:
+        yield link.dropped, Finding(
+            key=f"dropped {link.name}", level="alarm", kind="link",
+            text=f"{link.name}: the system drops packets before they can be read",
+            advice="free the processor; allow larger receive buffers (net.core.rmem_max)",
+        )  # fmt: skip
+    health = snapshot.health
+    yield health.ingest_restarts, Finding(
+        key="ingest", level="alarm", kind="link", text="the receiving process had to be started again",
+        advice="packets of that moment may be missing; note the time and keep the session for a report",
+    )  # fmt: skip
+    yield health.ring_dropped, Finding(
+        key="ring", level="warning", kind="link", text="packets are recorded but not shown: the program is too slow",
+        advice="free the processor: close other programs, or take a smaller detector",
+    )  # fmt: skip
+    yield health.undecoded, Finding(
+        key="undecoded", level="warning", kind="video", text="pictures cannot be decoded",
+        advice="the video link loses data: lower its bit rate or come closer", wait_s=2.0,
+    )  # fmt: skip
+    yield health.write_lost, Finding(
+        key="lost", level="alarm", kind="recording", text="telemetry could not be recorded and is lost",
+        advice="land; what was flown since is in no file",
+    )  # fmt: skip
+
+
+def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
+    whose, i = row.name, row.system_id
+    if row.contested:
+        yield Finding(
+            key=f"contested {i}", level="alarm", kind="vehicle", system_id=i, told=True,
+            text=f"{whose}: several senders use system id {i}; none is believed",
+            advice="find the second one by the address in the event log; switch it off or give it another id",
+        )  # fmt: skip
+    if conflict:
+        yield Finding(
+            key=f"conflict {i}", level="alarm", kind="identity", system_id=i, told=True,
+            text=f"{whose}: the place it reports contradicts the picture",
+            advice="do not act on its name; compare its position with what you see",
+        )  # fmt: skip
+    if math.isinf(row.heartbeat_age_s):
+        return
+    if row.heartbeat_age_s > SILENT_S:
+        yield Finding(
+            key=f"vehicle {i}", level="alarm", kind="vehicle", system_id=i, text=f"{whose}: no heartbeat",
+            advice="its radio or power is gone, or it is out of range; its last place stays on the map",
+        )  # fmt: skip
+    else:
+        # of a silent vehicle it would be the same trouble twice
+        yield from _position(row)
+
+
+def _position(row: VehicleRow) -> Iterator[Finding]:
+    whose, i, state = row.name, row.system_id, row.position_state
+    if state == "refused":
+        reason = max(row.refusals, key=row.refusals.__getitem__, default="")
+        yield Finding(
+            key=f"vehicle {i}", level="alarm", kind="vehicle", system_id=i, wait_s=1.0,
+            text=f"{whose}: its positions cannot be right" + (f": {reason}" if reason else ""),
+            advice="its receiver fails, is jammed or is spoofed; do not act on its name",
+        )  # fmt: skip
+    elif state in ("lost", "stale"):
+        level: Level = "alarm" if state == "lost" else "warning"
+        yield Finding(
+            key=f"vehicle {i}", level=level, kind="vehicle", system_id=i, wait_s=1.0,
+            text=f"{whose}: position {state}",
+            advice="heartbeats come, positions do not: check its stream rates and its receiver",
+        )  # fmt: skip
+    elif state == "never":
+        yield Finding(
+            key=f"vehicle {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
+            text=f"{whose}: no position yet", advice="wait for its GPS fix; ask for its position stream",
+        )  # fmt: skip
+
+
+def _unheard(snapshot: Snapshot) -> Iterator[Finding]:
+    """One finding for all: at the start of a flight it is everybody."""
+    silent = [row.name for row in snapshot.vehicles if math.isinf(row.heartbeat_age_s)]
+    if silent and len(silent) < len(snapshot.vehicles):
+        names = ", ".join(silent[:MOST_NAMES]) + (f" and {len(silent) - MOST_NAMES} more" * (len(silent) > MOST_NAMES))
+        yield Finding(
+            key="unheard", level="warning", kind="vehicle", wait_s=15.0, text=f"never heard: {names}",
+            advice="switch them on, check their system ids against the mission, or take them out of it",
+        )  # fmt: skip
+
+
+def _link(link: LinkHealth) -> Iterator[Finding]:
+    if not link.silent_s <= SILENT_S:
+        yield Finding(
+            key=f"link {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,
+            text=f"{link.name}: nothing comes", advice="check radio, cable and port; vehicles send nothing until asked",
+        )  # fmt: skip
+
+
+def _video(health: Health) -> Iterator[Finding]:
+    if health.video == "stalled":
+        yield Finding(
+            key="video", level="alarm", kind="video", told=True, text="the video stands still",
+            advice="names are not renewed; it is opened again by itself: check the camera and its link",
+        )  # fmt: skip
+    elif health.video == "ok" and health.lag_s > LATE_S:
+        yield Finding(
+            key="lag", level="warning", kind="video", wait_s=3.0, text="the picture is more than a second late",
+            advice="free the processor, or take a smaller detector or a smaller stream",
+        )  # fmt: skip
+
+
+def _clock(health: Health) -> Iterator[Finding]:
+    if abs(health.time_offset_s) > CLOCK_S and health.time_offset_std_s < CLOCK_SURE_S:
+        yield Finding(
+            key="video clock", level="warning", kind="video", wait_s=5.0,
+            text="the video's clock is more than half a second from the telemetry's",
+            advice='it is corrected while flying; put video_offset_s or "auto" into the mission',
+        )  # fmt: skip
+    if abs(health.clock_step_s) > STEP_S:
+        yield Finding(
+            key="clock step", level="warning", kind="recording", text="this computer's clock was set during the flight",
+            advice="times in the session are told by its own record of the clock; leave the clock alone in flight",
+        )  # fmt: skip
+
+
+def _recording(health: Health) -> Iterator[Finding]:
+    if health.keys is None and not health.links:
+        return  # a replay records nothing
+    if not health.recording:
+        yield Finding(
+            key="recording", level="alarm", kind="recording", wait_s=1.0, text="nothing is recorded",
+            advice="land or fly without a record; look at the event log for the reason",
+        )  # fmt: skip
+    if health.write_failing_s > 0:
+        reason = f": {health.write_reason}" if health.write_reason else ""
+        yield Finding(
+            key="disk", level="alarm", kind="recording", text="the recording cannot be written" + reason,
+            advice="packets wait in memory for a minute at least: free space or bring the disk back",
+        )  # fmt: skip
+    full = health.free_bytes < ALMOST_FULL_BYTES or health.full_in_s < ALMOST_FULL_S
+    if full or health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S:
+        yield Finding(
+            key="disk space", level="alarm" if full else "warning", kind="recording", wait_s=1.0,
+            text="the disk is almost full" if full else "the disk will be full soon",
+            advice="free space; nothing that was recorded is ever deleted by this program",
+        )  # fmt: skip

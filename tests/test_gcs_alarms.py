@@ -1,0 +1,211 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from gcs.alarms import Alarms
+from gcs.quiet import Quiet
+from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
+from gcs.trends import Trends
+from tests.fake_station import START_US, make_snapshot
+
+LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)
+WELL = Health(video="ok", links=(LINK,), recording=True, free_bytes=50_000_000_000, keys=1)
+ROWS = tuple(
+    VehicleRow(system_id=i, name=name, role=role, heartbeat_age_s=0.3, position_age_s=0.2, position_state="ok")
+    for i, name, role in ((1, "UAV", "uav"), (11, "UGV-11", "ugv"), (12, "UGV-12", "ugv"))
+)
+BASE = replace(make_snapshot(), vehicles=ROWS, boxes=(), health=WELL, image=None)
+
+
+class Watch:
+    """Snapshots ten times a second."""
+
+    def __init__(self):
+        self.alarms, self.t_us = Alarms(), START_US
+        self.active, self.events = (), []
+
+    def see(self, seconds, rows=None, health=WELL, **more):
+        for _ in range(round(seconds * 10)):
+            self.t_us += 100_000
+            snapshot = replace(BASE, t_us=self.t_us, vehicles=rows or ROWS, health=health, **more)
+            self.active, events = self.alarms.update(snapshot)
+            self.events += events
+        return {alarm.key: alarm for alarm in self.active}
+
+
+def changed(index, **fields):
+    return tuple(replace(row, **fields) if k == index else row for k, row in enumerate(ROWS))
+
+
+@pytest.fixture
+def watch():
+    return Watch()
+
+
+def test_nothing_wrong_nothing_said(watch):
+    assert watch.see(30) == {} and watch.events == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "key", "level"),
+    [
+        (changed(1, position_state="stale"), "vehicle 11", "warning"),
+        (changed(1, position_state="lost"), "vehicle 11", "alarm"),
+        (changed(1, position_state="refused", refusals={"jump": 3}), "vehicle 11", "alarm"),
+        (changed(1, heartbeat_age_s=4.0, position_state="lost"), "vehicle 11", "alarm"),
+        (changed(2, contested=True), "contested 12", "alarm"),
+        (changed(2, heartbeat_age_s=math.inf, position_state="never"), "unheard", "warning"),
+        (changed(2, position_state="never"), "vehicle 12", "warning"),
+    ],
+)
+def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(watch, rows, key, level):
+    active = watch.see(20, rows)
+    assert {k: alarm.level for k, alarm in active.items()} == {key: level}
+    assert active[key].advice and active[key].text
+    assert watch.see(20) == {}
+    said = [event for event in watch.events if event.level != "info"]
+    assert len(said) == (0 if key.startswith("contested") else 1)
+    assert [event.text[:4] for event in watch.events if event.level == "info"] == ["over"]
+
+
+@pytest.mark.parametrize(
+    ("health", "key", "level"),
+    [
+        (replace(WELL, links=(replace(LINK, silent_s=4.0),)), "link udpin:0.0.0.0:14550", "alarm"),
+        (replace(WELL, links=(replace(LINK, silent_s=math.inf),)), "link udpin:0.0.0.0:14550", "alarm"),
+        (replace(WELL, links=(replace(LINK, silent_s=math.nan),)), "link udpin:0.0.0.0:14550", "alarm"),
+        (replace(WELL, video="stalled"), "video", "alarm"),
+        (replace(WELL, lag_s=1.5), "lag", "warning"),
+        (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
+        (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
+        (replace(WELL, recording=False), "recording", "alarm"),
+        (replace(WELL, write_failing_s=0.4, write_reason="No space left on device"), "disk", "alarm"),
+        (replace(WELL, free_bytes=1_000_000_000), "disk space", "warning"),
+        (replace(WELL, full_in_s=1200.0), "disk space", "warning"),
+        (replace(WELL, full_in_s=200.0), "disk space", "alarm"),
+        (replace(WELL, keys=0), "no keys", "warning"),
+    ],
+)
+def test_every_trouble_of_the_station_is_an_alarm(watch, health, key, level):
+    active = watch.see(12, health=health)
+    assert {k: alarm.level for k, alarm in active.items()} == {key: level}
+    assert watch.see(10) == {}
+
+
+@pytest.mark.parametrize(
+    ("health", "rows", "key"),
+    [
+        (replace(WELL, links=(replace(LINK, dropped=5),)), ROWS, "dropped udpin:0.0.0.0:14550"),
+        (replace(WELL, ingest_restarts=1), ROWS, "ingest"),
+        (replace(WELL, ring_dropped=9), ROWS, "ring"),
+        (replace(WELL, undecoded=9), ROWS, "undecoded"),
+        (replace(WELL, write_lost=9), ROWS, "lost"),
+        (WELL, changed(1, bad_signature=2), "signature 11"),
+        (WELL, changed(1, unsigned=2), "unsigned 11"),
+    ],
+)
+def test_a_counter_that_grew_is_an_alarm_for_a_while(watch, health, rows, key):
+    watch.see(5)
+    assert set(watch.see(9, rows, health)) == {key}
+    assert watch.see(10, rows, health) == {}
+    assert len(watch.events) == 2
+
+
+def test_unsigned_packets_without_keys_are_only_told_as_such(watch):
+    assert set(watch.see(9, changed(1, unsigned=2), replace(WELL, keys=0))) == {"no keys"}
+
+
+def test_conflict_with_the_picture(watch):
+    assert watch.see(1, conflicts=frozenset({12}))["conflict 12"].system_id == 12
+
+
+def test_getting_worse_is_told_and_is_the_same_alarm(watch):
+    first = watch.see(5, changed(1, position_state="stale"))["vehicle 11"]
+    second = watch.see(5, changed(1, position_state="lost"))["vehicle 11"]
+    assert second.since_us == first.since_us and second.level == "alarm"
+    assert [event.level for event in watch.events] == ["warning", "alarm"]
+    watch.see(5, changed(1, heartbeat_age_s=9.0, position_state="lost"))
+    assert len(watch.events) == 2 and watch.active[0].text == "UGV-11: no heartbeat"
+
+
+def test_short_troubles_are_no_alarms(watch):
+    for _ in range(20):
+        watch.see(0.5, changed(1, position_state="stale"))
+        watch.see(0.5)
+    assert watch.events == []
+
+
+def test_coming_and_going_does_not_flap(watch):
+    for _ in range(100):
+        watch.see(2, changed(1, heartbeat_age_s=4.0))
+        watch.see(4)
+    # 100 losses in ten minutes
+    assert 2 <= len(watch.events) <= 12
+    assert watch.see(60) == {}
+
+
+def test_time_that_steps_back_raises_nothing(watch):
+    watch.see(5, changed(1, position_state="lost"))
+    watch.t_us -= 3_600_000_000
+    assert "vehicle 11" in watch.see(5, changed(1, position_state="lost"))
+    assert len(watch.events) == 1
+
+
+def test_the_worst_and_newest_come_first(watch):
+    watch.see(5, changed(1, position_state="stale"))
+    watch.see(5, changed(1, position_state="stale"), replace(WELL, links=(replace(LINK, silent_s=9.0),)))
+    watch.see(5, changed(1, position_state="stale"), replace(WELL, links=(replace(LINK, silent_s=9.0),), keys=0))
+    assert [alarm.key for alarm in watch.active] == ["link udpin:0.0.0.0:14550", "no keys", "vehicle 11"]
+
+
+def said(number, *, hz=1000.0, texts=("a",), start_us=START_US, system_id=11):
+    return [
+        Event(t_us=start_us + round(k / hz * 1e6), level="info", kind="text", text=texts[k % len(texts)],
+              system_id=system_id)
+        for k in range(number)
+    ]  # fmt: skip
+
+
+def test_a_few_words_pass_as_they_are():
+    quiet, words = Quiet(), said(20, hz=10.0, texts=("a", "b", "c"))
+    assert quiet.hear(words) == words and quiet.overdue(START_US + 60_000_000) == []
+
+
+def test_a_flood_is_summed_up_and_every_word_is_counted():
+    quiet = Quiet()
+    told = quiet.hear(said(5000, texts=("x", "x", "y")))
+    told += quiet.overdue(START_US + 60_000_000)
+    assert len(told) <= 20 + 2 * 6 + 6
+    held = sum(int(event.text.split(" more")[0]) for event in told if " more" in event.text)
+    assert held + sum(" more" not in event.text for event in told) == 5000
+    assert any("most often: x × " in event.text for event in told)
+
+
+def test_one_text_over_and_over_says_how_often():
+    quiet = Quiet()
+    told = quiet.hear(said(1020)) + quiet.overdue(START_US + 60_000_000)
+    assert "a × " in told[-1].text
+
+
+def test_one_flooding_vehicle_does_not_silence_another():
+    quiet = Quiet()
+    quiet.hear(said(5000))
+    other = said(3, system_id=12)
+    assert quiet.hear(other) == other
+
+
+def test_rates_and_forecast():
+    trends = Trends()
+    for second in range(90):
+        link = replace(LINK, packets=500 * second, bytes=30_000 * second)
+        health = replace(WELL, links=(link,), recorded_bytes=1_000_000 * second, free_bytes=3_600_000_000)
+        health = trends.of(START_US + second * 1_000_000, health)
+        if second == 0:
+            assert math.isnan(health.links[0].packets_per_s) and math.isinf(health.full_in_s)
+    assert health.links[0].packets_per_s == pytest.approx(500.0)
+    assert health.links[0].bytes_per_s == pytest.approx(30_000.0)
+    assert health.full_in_s == pytest.approx(3600.0)
+    assert trends.of(START_US, replace(WELL, links=())) == replace(WELL, links=())
