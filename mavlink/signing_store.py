@@ -43,7 +43,7 @@ def open_verifier(
     To be called in the process that checks, once for all links; there, close the store at the end.
 
     Raises:
-        SigningError: no key in it, or as :func:`mavlink.keys.read_ring`, :class:`Verifier` and :class:`StreamStore` say.
+        SigningError: no key in it, or what :func:`mavlink.keys.read_ring`, the verifier and the store refuse.
     """
     ring = read_ring(folder)
     if not ring:

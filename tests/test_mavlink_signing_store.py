@@ -1,0 +1,270 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from mavlink.keys import SigningError, write_key
+from mavlink.packet import Auth, Packet
+from mavlink.signing import Verifier
+from mavlink.signing_store import SLOTS, StreamStore, open_verifier
+from mavlink.signing_streams import AHEAD, SECOND, Streams, ticks_of
+from tests.signed_frames import Sender, ring_of, secret_of
+
+
+def now_us():
+    return time.time_ns() // 1000
+
+
+def heard_now(count=2000, system_id=7, ahead=0):
+    """Frames of the last moments, as they came."""
+    t_us = now_us()
+    sender = Sender(system_id, timestamp=ticks_of(t_us) - count + ahead)
+    return [Packet(t_us, sender.frame()) for _ in range(count)]
+
+
+def rows(store):
+    return sorted(store.streams.rows())
+
+
+def judged(checker, packets):
+    verdicts = [checker.check(packet) for packet in packets]
+    return {verdict: verdicts.count(verdict) for verdict in set(verdicts)}
+
+
+def abandon(store):
+    """As if the process had died: nothing more is saved, the lock is gone."""
+    store._stop.set()
+    store._thread.join()
+    os.close(store._lock)
+
+
+def restarted(folder, heard, *, by):
+    """Replays what was heard to a new station."""
+    store = StreamStore(folder, period_s=30)
+    checker = Verifier(ring_of(7, 8), streams=store.streams)
+    assert judged(checker, heard) == {Auth.GOOD: len(heard)}
+    by(store)
+    again = StreamStore(folder, period_s=30)
+    try:
+        later = [Packet(now_us(), packet.raw, link=5) for packet in heard]
+        return judged(Verifier(ring_of(7, 8), streams=again.streams), later)
+    finally:
+        again.close()
+
+
+def test_frames_from_before_a_restart_are_refused(tmp_path):
+    heard = heard_now()
+    assert restarted(tmp_path, heard, by=StreamStore.close) == {Auth.REPLAYED: 2000}
+
+
+def test_frames_from_before_a_crash_are_refused_though_the_last_were_not_saved(tmp_path):
+    old = heard_now(500)
+    store = StreamStore(tmp_path, period_s=30)
+    checker = Verifier(ring_of(7), streams=store.streams)
+    assert judged(checker, old) == {Auth.GOOD: 500}
+    store._save(ended=False)
+    time.sleep(0.05)
+    new = heard_now(2000)  # never saved
+    assert judged(checker, new) == {Auth.GOOD: 2000}
+    abandon(store)
+    again = StreamStore(tmp_path, period_s=30)
+    checker = Verifier(ring_of(7), streams=again.streams)
+    assert judged(checker, old + new) == {Auth.REPLAYED: 2500}
+    # and who is alive goes on at once
+    time.sleep(0.05)
+    assert judged(checker, heard_now(10)) == {Auth.GOOD: 10}
+    again.close()
+
+
+def test_a_vehicle_that_signs_a_minute_ahead_goes_on_after_a_crash(tmp_path):
+    store = StreamStore(tmp_path, period_s=30)
+    checker = Verifier(ring_of(7), streams=store.streams)
+    assert judged(checker, heard_now(100, ahead=5_995_000)) == {Auth.GOOD: 100}
+    store._save(ended=False)
+    abandon(store)
+    time.sleep(0.05)
+    again = StreamStore(tmp_path, period_s=30)
+    time.sleep(0.05)
+    checker = Verifier(ring_of(7), streams=again.streams)
+    assert judged(checker, heard_now(10, ahead=5_995_000)) == {Auth.GOOD: 10}
+    again.close()
+
+
+def test_a_killed_station_has_saved(tmp_path):
+    program = """
+import sys, time
+from pathlib import Path
+from mavlink.signing_store import StreamStore
+store = StreamStore(Path(sys.argv[1]), period_s=0.02)
+for k in range(1, 10**6):
+    store.streams.advance(7, 1, 0, k)
+    time.sleep(0.001)
+    if k == 200:
+        print("ready", flush=True)
+"""
+    child = subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE)
+    assert child.stdout.readline() == b"ready\n"
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    child.stdout.close()
+    store = StreamStore(tmp_path)
+    assert store.streams.newest(7, 1, 0) >= 100
+    assert store.warning == ""
+    store.close()
+
+
+def test_every_stream_and_the_proven_time_come_back(tmp_path):
+    store = StreamStore(tmp_path)
+    for k in range(4096):
+        store.streams.advance(1 + k % 255, k // 255, k % 3, 2**47 + k)
+    before, proven = rows(store), store.streams.proven
+    assert proven == 2**47 + 4095 - AHEAD
+    store.close()
+    store.close()
+    again = StreamStore(tmp_path)
+    assert rows(again) == before
+    assert again.streams.proven == proven
+    again.close()
+
+
+def test_it_is_saved_while_it_runs(tmp_path):
+    store = StreamStore(tmp_path, period_s=0.02)
+    store.streams.advance(7, 1, 0, 12345)
+    end = time.monotonic() + 10
+    found = Streams()
+    while found.newest(7, 1, 0) is None and time.monotonic() < end:
+        time.sleep(0.02)
+        copy = tmp_path / "copy"
+        copy.mkdir(exist_ok=True)
+        for name in SLOTS:
+            if (tmp_path / name).exists():
+                (copy / name).write_bytes((tmp_path / name).read_bytes())
+        try:
+            reader = StreamStore(copy)
+        except SigningError:
+            continue  # copied in the middle of a write
+        found = reader.streams
+        reader.close()
+    assert found.newest(7, 1, 0) is not None
+    assert all((tmp_path / name).exists() for name in SLOTS)
+    assert all((tmp_path / name).stat().st_mode & 0o077 == 0 for name in SLOTS)
+    store.close()
+
+
+def filled(folder):
+    """Both files written, the second one newer by one second of frames."""
+    store = StreamStore(folder, period_s=30)
+    store.streams.advance(7, 1, 0, 1000)
+    store._save(ended=False)
+    store.streams.advance(7, 1, 0, 2000)
+    store.close()
+    newest = max(SLOTS, key=lambda name: (folder / name).stat().st_mtime_ns)
+    return newest, next(name for name in SLOTS if name != newest)
+
+
+def spoilt(data, how):
+    if how == "empty":
+        return b""
+    if how == "cut":
+        return data[:-1]
+    if how == "zeros":
+        return bytes(len(data))
+    if how == "longer":
+        return data + b"\0"
+    flipped = bytearray(data)
+    flipped[len(data) // 2] ^= 1
+    return bytes(flipped)
+
+
+HOW = ("empty", "cut", "zeros", "longer", "flipped")
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_when_one_file_is_damaged_the_other_counts(tmp_path, how):
+    newest, older = filled(tmp_path)
+    path = tmp_path / newest
+    path.write_bytes(spoilt(path.read_bytes(), how))
+    store = StreamStore(tmp_path, period_s=30)
+    # the older one does not know the last frames, which are allowed for
+    assert 1000 < store.streams.newest(7, 1, 0) <= 1000 + 60 * SECOND
+    assert newest in store.warning
+    assert store.trouble == ""
+    store.close()
+    again = StreamStore(tmp_path, period_s=30)
+    assert again.warning == ""
+    assert (tmp_path / older).exists()
+    again.close()
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_when_both_are_damaged_it_says_so_and_stops(tmp_path, how):
+    filled(tmp_path)
+    for name in SLOTS:
+        path = tmp_path / name
+        path.write_bytes(spoilt(path.read_bytes(), how))
+    before = [(tmp_path / name).read_bytes() for name in SLOTS]
+    with pytest.raises(SigningError, match=r"could be replayed; move both away"):
+        StreamStore(tmp_path)
+    assert [(tmp_path / name).read_bytes() for name in SLOTS] == before
+    for name in SLOTS:
+        (tmp_path / name).rename(tmp_path / f"{name}.bad")
+    store = StreamStore(tmp_path)
+    assert rows(store) == []
+    store.close()
+
+
+def test_one_file_damaged_and_the_other_gone(tmp_path):
+    newest, older = filled(tmp_path)
+    (tmp_path / newest).write_bytes(b"?")
+    (tmp_path / older).unlink()
+    with pytest.raises(SigningError, match=newest):
+        StreamStore(tmp_path)
+
+
+def test_two_stations_do_not_share_a_table(tmp_path):
+    store = StreamStore(tmp_path)
+    with pytest.raises(SigningError, match="another station"):
+        StreamStore(tmp_path)
+    store.close()
+    StreamStore(tmp_path).close()
+
+
+def test_a_disk_that_fails_is_told(tmp_path, monkeypatch):
+    store = StreamStore(tmp_path, period_s=0.02)
+
+    def full(fd):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    end = time.monotonic() + 10
+    while not store.trouble and time.monotonic() < end:
+        time.sleep(0.02)
+    assert "No space left" in store.trouble
+    assert "could be replayed" in store.trouble
+    monkeypatch.undo()
+    while store.trouble and time.monotonic() < end:
+        time.sleep(0.02)
+    assert store.trouble == ""
+    store.close()
+
+
+def test_a_verifier_from_a_folder(tmp_path):
+    with pytest.raises(SigningError, match="gcs keys new"):
+        open_verifier(tmp_path / "absent")
+    folder = tmp_path / "keys"
+    folder.mkdir(mode=0o700)
+    with pytest.raises(SigningError, match="no key in it"):
+        open_verifier(folder)
+    write_key(folder, 7, secret_of(7))
+    with pytest.raises(SigningError, match="cannot come unsigned"):
+        open_verifier(folder, unsigned=[33])
+    checker, store = open_verifier(folder)
+    heard = heard_now(50)
+    assert judged(checker, heard) == {Auth.GOOD: 50}
+    store.close()
+    checker, store = open_verifier(folder)
+    assert judged(checker, heard) == {Auth.REPLAYED: 50}
+    store.close()
