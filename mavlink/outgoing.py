@@ -1,0 +1,130 @@
+"""The one way out for whatever the station itself says: only to the UAV, numbered in one row, signed, recorded.
+
+Everything not addressed to the UAV is dropped here and counted, whoever made it, but HEARTBEAT and TIMESYNC, which have
+no address and go only to where the UAV is heard. So nothing is ever sent to a ground vehicle.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from mavlink.dialect import DEFINITIONS, message_name
+from mavlink.errors import LinkError
+from mavlink.frame import checksum
+from mavlink.packet import MAGIC_V2, Auth, Packet
+from mavlink.target import EVERYBODY, target_of
+
+__all__ = ["Outgoing", "only_to_uav"]
+
+_HEARTBEAT, _TIMESYNC, _SETUP_SIGNING = 0, 111, 256
+HEARD_US = 10_000_000
+"""For how long the UAV is spoken to on a link after it was heard there."""
+
+Send = Callable[[int, int, bytes], None]
+
+
+def only_to_uav(raw: bytes, uav: int) -> bool:
+    """Whether a frame may leave: addressed to the UAV, or one of the two broadcasts that carry no order.
+
+    Args:
+        raw: one unsigned frame, MAVLink 2.
+        uav: system id of the UAV, 1..255.
+    """
+    if len(raw) < 12 or raw[0] != MAGIC_V2 or raw[2]:
+        return False
+    message_id = Packet(0, raw).message_id
+    if message_id not in DEFINITIONS or message_id == _SETUP_SIGNING:
+        return False
+    target = target_of(raw)
+    return target[0] == uav if target != EVERYBODY else message_id in (_HEARTBEAT, _TIMESYNC)
+
+
+class Outgoing:
+    """Sends to the UAV, wherever it is heard. Any thread may give frames.
+
+    Args:
+        uav: its system id.
+        send: given link, peer on that link and a frame. A peer is the number of an address on a link, 0 where there is
+            none; a link on which several speak must not pass the frame to the others.
+        sign: makes a signed frame of an unsigned one; None leaves frames unsigned.
+        sent: told the link and every frame that left, as it left.
+    """
+
+    def __init__(
+        self,
+        uav: int,
+        send: Send,
+        *,
+        sign: Callable[[bytes], bytes] | None = None,
+        sent: Callable[[int, bytes], None] = lambda link, raw: None,
+    ) -> None:
+        self._uav = uav
+        self._send = send
+        self._sign = sign
+        self._sent = sent
+        self._lock = threading.Lock()
+        self._seq = 0
+        self._where: dict[int, tuple[int, int]] = {}
+        self._refused: Counter[str] = Counter()
+        self.count = 0
+        """Frames that left."""
+
+    @property
+    def refused(self) -> Mapping[str, int]:
+        """Message name → frames that were not addressed to the UAV and did not leave."""
+        return dict(self._refused)
+
+    @property
+    def links(self) -> list[int]:
+        """Links on which the UAV was heard lately, the latest first."""
+        newest_us = max((t_us for _, t_us in self._where.values()), default=0)
+        fresh = [(t_us, link) for link, (_, t_us) in self._where.items() if newest_us - t_us <= HEARD_US]
+        return [link for _, link in sorted(fresh, reverse=True)]
+
+    def heard(self, packet: Packet) -> None:
+        """Learns where the UAV is, from packets that are believed."""
+        if packet.system_id == self._uav and packet.auth <= Auth.GOOD:
+            self._where[packet.link] = (packet.peer, packet.t_us)
+
+    def give(self, raw: bytes, link: int | None = None) -> bool:
+        """Sends a frame if it may leave.
+
+        Args:
+            raw: unsigned MAVLink 2; its sequence number is replaced by the station's own.
+            link: where to; None is the link on which the UAV was heard last.
+
+        Returns:
+            Whether it left.
+        """
+        if not only_to_uav(raw, self._uav):
+            name = message_name(Packet(0, raw).message_id) if len(raw) >= 12 and raw[0] == MAGIC_V2 else "not MAVLink 2"
+            self._refused[name] += 1
+            return False
+        with self._lock:
+            if link is None:
+                link = next(iter(self.links), None)
+            if link is None or link not in self._where:
+                return False
+            frame = _numbered(raw, self._seq)
+            self._seq = (self._seq + 1) & 0xFF
+            frame = self._sign(frame) if self._sign is not None else frame
+            try:
+                self._send(link, self._where[link][0], frame)
+            except LinkError:
+                return False
+            self.count += 1
+            self._sent(link, frame)
+            return True
+
+    def give_everywhere(self, raw: bytes) -> int:
+        """Sends a frame on every link on which the UAV is heard; on how many it left."""
+        return sum(self.give(raw, link) for link in self.links)
+
+
+def _numbered(raw: bytes, seq: int) -> bytes:
+    """The same frame with another sequence number."""
+    body = raw[:4] + bytes([seq]) + raw[5:]
+    extra = DEFINITIONS[Packet(0, raw).message_id][1]
+    return body[:-2] + checksum(body, extra).to_bytes(2, "little")

@@ -1,0 +1,267 @@
+"""Message rates: wanted against measured, and asked for where that is allowed.
+
+Only the UAV is ever asked; a ground vehicle's rates are measured, and a hint says what to set on it. Each message is
+asked for by SET_MESSAGE_INTERVAL, one at a time because the answer does not say which, and asked again until it is
+measured; what the autopilot refuses is asked for as a stream by the older REQUEST_DATA_STREAM.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.dialect import message_name
+from mavlink.pack import Speaker
+from mavlink.packet import Auth, Packet
+from mavlink.target import target_of
+
+__all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper"]
+
+SYSTEM_TIME, GPS_RAW_INT, ATTITUDE, GLOBAL_POSITION_INT, GIMBAL_ATTITUDE = 2, 24, 30, 33, 285
+UAV_RATES: Mapping[int, float] = {
+    ATTITUDE: 30.0,
+    GLOBAL_POSITION_INT: 10.0,
+    GIMBAL_ATTITUDE: 10.0,
+    GPS_RAW_INT: 1.0,
+    SYSTEM_TIME: 1.0,
+}
+"""message id → Hz that naming vehicles in a picture needs of the UAV."""
+UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
+"""The same for a ground vehicle."""
+
+_STREAMS = {SYSTEM_TIME: 12, GPS_RAW_INT: 2, ATTITUDE: 10, GLOBAL_POSITION_INT: 6, GIMBAL_ATTITUDE: 12}
+_PARAMETERS = {SYSTEM_TIME: "EXTRA3", GPS_RAW_INT: "EXT_STAT", ATTITUDE: "EXTRA1", GLOBAL_POSITION_INT: "POSITION"}
+_SET_MESSAGE_INTERVAL, _COMMAND_ACK, _HEARTBEAT = 511, 77, 0
+_DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
+ENOUGH = 0.7
+"""Share of the wanted rate that is good enough: vehicles round to what their loop can do, and radios lose some."""
+TRIES = 5
+WINDOW_S = 3.0
+ANSWER_S = 1.0
+AGAIN_S = 4.0
+SILENT_S = 3.5
+_REBOOT_MS = 2000
+
+State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rate:
+    """One message of one vehicle on one link."""
+
+    system_id: int
+    link: int
+    message: str
+    wanted_hz: float
+    measured_hz: float
+    state: State
+    hint: str = ""
+    """What an operator can do, empty when nothing is to be done."""
+
+
+class _Stream:
+    """Arrivals of one message, and what was asked for it."""
+
+    def __init__(self) -> None:
+        self.arrivals: deque[float] = deque(maxlen=256)
+        self.again()
+
+    def again(self) -> None:
+        """As if never asked."""
+        self.tries = 0
+        self.due_s = 0.0
+        self.refused = False
+
+    def hz(self, now_s: float) -> float:
+        """Over the last seconds: by the intervals, but no more than by the count, which sees a stream end."""
+        while self.arrivals and self.arrivals[0] < now_s - WINDOW_S:
+            self.arrivals.popleft()
+        count = len(self.arrivals)
+        if count < 2:
+            return count / WINDOW_S
+        by_count = count / max(now_s - self.arrivals[0], 1.0)
+        span_s = self.arrivals[-1] - self.arrivals[0]
+        return min((count - 1) / span_s, by_count) if span_s > 0.0 else by_count
+
+
+class _Peer:
+    """One vehicle on one link."""
+
+    def __init__(self, wanted: Mapping[int, float], now_s: float) -> None:
+        self.since_s = self.heard_s = now_s
+        self.boot_ms = 0
+        self.streams = {message_id: _Stream() for message_id in wanted}
+        self.asking: int | None = None
+        self.asked_s = -math.inf
+
+    def restart(self, now_s: float) -> None:
+        """After a reboot or a silence everything may have to be asked for again."""
+        self.since_s, self.asking = now_s, None
+        for stream in self.streams.values():
+            stream.again()
+
+
+class RateKeeper:
+    """Rates of a fleet.
+
+    Args:
+        speaker: this station; None measures only.
+        own: its system id, which answers to its requests carry.
+        uav: system id of the UAV, the only one that is asked.
+        ground: system ids of the ground vehicles.
+        uav_rates: message id → Hz wanted of the UAV.
+        ugv_rates: the same of ground vehicles.
+    """
+
+    def __init__(
+        self,
+        speaker: Speaker | None,
+        uav: int,
+        ground: Collection[int] = (),
+        *,
+        own: int = 254,
+        uav_rates: Mapping[int, float] = UAV_RATES,
+        ugv_rates: Mapping[int, float] = UGV_RATES,
+    ) -> None:
+        self._speaker = speaker
+        self._own = own
+        self._uav = uav
+        self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
+        self._peers: dict[tuple[int, int], _Peer] = {}
+
+    def take(self, packet: Packet, now_s: float) -> None:
+        """Counts a packet, and reads the UAV's answers.
+
+        Args:
+            packet: of anybody, verified.
+            now_s: monotonic seconds.
+        """
+        wanted = self._wanted.get(packet.system_id)
+        if wanted is None or packet.auth > Auth.GOOD:
+            return
+        peer = self._peers.get((packet.system_id, packet.link))
+        if peer is None:
+            peer = self._peers[packet.system_id, packet.link] = _Peer(wanted, now_s)
+        boot_ms = _boot_ms(packet)
+        if now_s - peer.heard_s > SILENT_S or (boot_ms and boot_ms + _REBOOT_MS < peer.boot_ms):
+            peer.restart(now_s)
+            peer.boot_ms = 0
+        peer.boot_ms, peer.heard_s = max(peer.boot_ms, boot_ms), now_s
+        if (stream := peer.streams.get(packet.message_id)) is not None:
+            stream.arrivals.append(now_s)
+        elif packet.message_id == _COMMAND_ACK and packet.system_id == self._uav:
+            self._answer(peer, packet)
+
+    def poll(self, now_s: float) -> list[tuple[int, bytes]]:
+        """Requests that are due, each with the link it belongs on; only to the UAV, one message at a time and link."""
+        if self._speaker is None:
+            return []
+        due: list[tuple[int, bytes]] = []
+        for (system_id, link), peer in self._peers.items():
+            if system_id == self._uav and now_s - peer.heard_s <= SILENT_S:
+                due += ((link, raw) for raw in self._ask(self._speaker, peer, now_s))
+        return due
+
+    def rates(self, now_s: float) -> tuple[Rate, ...]:
+        """Every wanted message of every vehicle on every link that it was heard on, the UAV's first."""
+        order = sorted(self._peers, key=lambda key: (key[0] != self._uav, *key))
+        return tuple(
+            self._rate(system_id, link, message_id, hz, now_s)
+            for system_id, link in order
+            for message_id, hz in self._wanted[system_id].items()
+        )
+
+    def _ask(self, speaker: Speaker, peer: _Peer, now_s: float) -> list[bytes]:
+        if now_s - peer.since_s < WINDOW_S or (peer.asking is not None and now_s - peer.asked_s < ANSWER_S):
+            return []
+        peer.asking = None
+        for message_id, wanted_hz in self._wanted[self._uav].items():
+            stream = peer.streams[message_id]
+            if stream.hz(now_s) >= ENOUGH * wanted_hz:
+                stream.tries = 0
+                continue
+            if stream.tries >= TRIES or now_s < stream.due_s:
+                continue
+            stream.tries, stream.due_s = stream.tries + 1, now_s + AGAIN_S
+            peer.asked_s = now_s
+            if stream.refused:
+                stream_hz = max(1, math.ceil(wanted_hz))
+                return [speaker.pack(_stream_request(self._uav, _STREAMS[message_id], stream_hz))]
+            peer.asking = message_id
+            return [speaker.pack(_interval_request(self._uav, message_id, wanted_hz))]
+        return []
+
+    def _answer(self, peer: _Peer, packet: Packet) -> None:
+        payload = packet.payload.ljust(10, b"\0")
+        command, result = int.from_bytes(payload[:2], "little"), payload[2]
+        asker, _ = target_of(packet.raw)
+        if command != _SET_MESSAGE_INTERVAL or peer.asking is None or asker not in (0, self._own):
+            return
+        message_id, peer.asking = peer.asking, None
+        if result in (_DENIED, _UNSUPPORTED, _FAILED):
+            stream = peer.streams[message_id]
+            stream.refused, stream.due_s = True, 0.0
+            stream.tries = stream.tries if message_id in _STREAMS else TRIES
+
+    def _rate(self, system_id: int, link: int, message_id: int, wanted_hz: float, now_s: float) -> Rate:
+        peer = self._peers[system_id, link]
+        stream = peer.streams[message_id]
+        measured_hz = stream.hz(now_s)
+        state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._speaker is not None and system_id == self._uav)
+        if state != "ok" and now_s - peer.since_s < WINDOW_S:
+            state, hint = "measuring", ""
+        if state == "too slow":
+            hint = _hint(message_id, wanted_hz, ground=system_id != self._uav)
+        return Rate(
+            system_id=system_id,
+            link=link,
+            message=message_name(message_id),
+            wanted_hz=wanted_hz,
+            measured_hz=measured_hz,
+            state=state,
+            hint=hint,
+        )
+
+
+def _judge(stream: _Stream, measured_hz: float, wanted_hz: float, *, asks: bool) -> tuple[State, str]:
+    if measured_hz >= ENOUGH * wanted_hz:
+        return "ok", ""
+    if not asks:
+        return "too slow", ""
+    if stream.tries < TRIES:
+        return "asked", ""
+    if stream.refused:
+        return "refused", "the autopilot refuses this rate: it may not have the sensor, or the link's budget is used up"
+    return "not reached", f"asked {TRIES} times: the link may be too slow for it, or another station asks for less"
+
+
+def _hint(message_id: int, wanted_hz: float, *, ground: bool) -> str:
+    parameter = _PARAMETERS.get(message_id, "")
+    how = f"set its stream rate (ArduPilot: SRx_{parameter} = {wanted_hz:g} of that serial port)" if parameter else ""
+    if ground:
+        return f"nothing is ever sent to a ground vehicle: {how or 'ask whoever drives it for more'}"
+    return f"the station listens only: --command lets it ask, or {how or 'ask for more elsewhere'}"
+
+
+def _boot_ms(packet: Packet) -> int:
+    """Boot time that a message carries, 0 for those that do not."""
+    if packet.message_id in (ATTITUDE, GLOBAL_POSITION_INT):
+        return int.from_bytes(packet.payload[:4], "little")
+    if packet.message_id == SYSTEM_TIME:
+        return int.from_bytes(packet.payload[8:12], "little")
+    return 0
+
+
+def _interval_request(system_id: int, message_id: int, hz: float) -> ardupilotmega.MAVLink_command_long_message:
+    return ardupilotmega.MAVLink_command_long_message(
+        system_id, 1, _SET_MESSAGE_INTERVAL, 0, message_id, round(1e6 / hz), 0, 0, 0, 0, 0
+    )
+
+
+def _stream_request(system_id: int, stream: int, hz: int) -> ardupilotmega.MAVLink_request_data_stream_message:
+    return ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, stream, hz, 1)
