@@ -7,15 +7,16 @@ radians.
 
 from __future__ import annotations
 
-import difflib
+import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, cast, get_args, get_origin, get_type_hints
+from typing import Any, Literal
 
 import numpy as np
 
+from gcs.config_values import Ranges, build, refuse_unknown
 from gcs.errors import ConfigError
 from vision.errors import CameraError
 from vision.intrinsics import Intrinsics
@@ -23,19 +24,24 @@ from vision.lens_file import read_lens
 
 __all__ = [
     "BUNDLED",
+    "NO_KEYS",
     "Camera",
     "Clock",
     "DetectorChoice",
     "IdentityChoice",
     "Links",
     "Mission",
+    "Signing",
     "Vehicle",
     "load_mission",
     "parse_mission",
+    "user_keys",
 ]
 
 BUNDLED = "bundled"
 """In place of a path: the model that comes with the program."""
+NO_KEYS = "none"
+"""In place of a folder of keys: signatures are not looked at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +146,25 @@ class Links:
 
     telemetry: tuple[str, ...] = ()
     video: str = ""
+    forward: tuple[str, ...] = ()
+    """Links on which packets go out again, as they came, to other programs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signing:
+    """Whose frames are believed."""
+
+    keys: str = ""
+    """Folder of keys, relative to the mission file; empty: the user's own, where there is one; ``none``: no keys."""
+    unsigned: tuple[int, ...] = (109,)
+    """Ids of messages that may come unsigned, 109 is a modem's RADIO_STATUS; none that tells of a vehicle can be."""
+    keyless: Literal["refused", "open"] = "refused"
+    """What happens to systems that have no key while others have."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Where the keys are, None for flights without."""
+        return Path(self.keys) if self.keys not in ("", NO_KEYS) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,6 +179,7 @@ class Mission:
     detector: DetectorChoice = field(default_factory=DetectorChoice)
     identity: IdentityChoice = field(default_factory=IdentityChoice)
     links: Links = field(default_factory=Links)
+    signing: Signing = field(default_factory=Signing)
 
     def __post_init__(self) -> None:
         ids = [self.uav.system_id, *(v.system_id for v in self.ugv)]
@@ -175,7 +201,7 @@ class Mission:
 
 
 # Ranges of numbers, by dataclass and key: (least, most).
-_RANGES: dict[tuple[type, str], tuple[float, float]] = {
+_RANGES: Ranges = {
     (Vehicle, "system_id"): (1, 255),
     (Camera, "width"): (16, 16384),
     (Camera, "height"): (16, 16384),
@@ -193,6 +219,7 @@ _RANGES: dict[tuple[type, str], tuple[float, float]] = {
     (DetectorChoice, "imgsz"): (0, 8192),
     (DetectorChoice, "front_sure"): (0.0, 1.0),
     (IdentityChoice, "threshold"): (0.0, 1.0),
+    (Signing, "unsigned"): (0, 0xFFFFFF),
 }
 _TABLES: dict[str, type] = {
     "uav": Vehicle,
@@ -201,6 +228,7 @@ _TABLES: dict[str, type] = {
     "detector": DetectorChoice,
     "identity": IdentityChoice,
     "links": Links,
+    "signing": Signing,
 }
 # Tables that the recorder adds to session.toml; they describe, they do not steer.
 _NOTES = ("session",)
@@ -222,7 +250,21 @@ def load_mission(path: Path) -> Mission:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
     mission = parse_mission(table, str(path))
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
-    return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera)
+    signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
+    return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera, signing=signing)
+
+
+def user_keys() -> Path:
+    """Where a user's keys are when the mission names no folder."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "rollcall" / "keys"
+
+
+def _keys_folder(text: str, folder: Path) -> str:
+    if text == NO_KEYS:
+        return text
+    if not text:
+        return str(user_keys()) if user_keys().is_dir() else ""
+    return str((folder / Path(text).expanduser()).absolute())
 
 
 def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
@@ -259,78 +301,16 @@ def _check_camera(camera: Camera, where: str) -> None:
 
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     """Check a parsed TOML table and build the mission; ``where`` goes into messages."""
-    _refuse_unknown(table, (*_TABLES, "ugv", *_NOTES), where)
+    refuse_unknown(table, (*_TABLES, "ugv", *_NOTES), where)
     if "uav" not in table or not table.get("ugv"):
         raise ConfigError(f"{where}: needs [uav] and at least one [[ugv]] with a system_id")
     ugvs = table["ugv"]
     if not isinstance(ugvs, list):
         raise ConfigError(f"{where}: write [[ugv]] with two brackets, once for each ground vehicle")
     parts: dict[str, Any] = {
-        name: _build(kind, table[name], f"{where}: [{name}]") for name, kind in _TABLES.items() if name in table
+        name: build(kind, table[name], f"{where}: [{name}]", _RANGES) for name, kind in _TABLES.items() if name in table
     }
     if "camera" in parts:
         _check_camera(parts["camera"], f"{where}: [camera]")
-    parts["ugv"] = tuple(_build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}") for k, ugv in enumerate(ugvs))
+    parts["ugv"] = tuple(build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}", _RANGES) for k, ugv in enumerate(ugvs))
     return Mission(**parts)
-
-
-def _build(kind: type, table: object, where: str) -> Any:  # noqa: ANN401 - one of the dataclasses above
-    if not isinstance(table, Mapping):
-        raise ConfigError(f"{where} must be a table of keys and values")
-    known = {f.name: f for f in fields(kind)}
-    _refuse_unknown(table, tuple(known), where)
-    missing = [n for n, f in known.items() if n not in table and f.default is MISSING and f.default_factory is MISSING]
-    if missing:
-        raise ConfigError(f"{where}: {missing[0]} is missing")
-    return kind(**{name: _value(kind, name, value, where) for name, value in table.items()})
-
-
-def _value(kind: type, name: str, value: object, where: str) -> object:
-    """Check one value against the type that the dataclass declares."""
-    wanted = get_type_hints(kind)[name]
-    choices = [c for option in (wanted, *get_args(wanted)) if get_origin(option) is Literal for c in get_args(option)]
-    if choices and value in choices:
-        return value
-    if wanted is str and isinstance(value, str):
-        return value
-    if wanted == tuple[str, ...] and isinstance(value, list) and all(isinstance(v, str) for v in value):
-        return tuple(value)
-    if wanted == tuple[float, ...] and isinstance(value, list) and len(value) == 5 and all(map(_is_number, value)):
-        return tuple(float(v) for v in value)
-    if (wanted is int or int in get_args(wanted)) and _is_number(value) and int(cast(float, value)) == value:
-        return int(_in_range(kind, name, float(cast(float, value)), where))
-    if (wanted is float or float in get_args(wanted)) and _is_number(value):
-        return _in_range(kind, name, float(cast(float, value)), where)
-    needed = " or ".join(map(repr, choices)) or next(
-        (_NEEDED[kind] for kind in (wanted, *get_args(wanted)) if kind in _NEEDED), "a number"
-    )
-    if choices and float in get_args(wanted):
-        needed = f"a number or {needed}"
-    raise ConfigError(f"{where}: {name} is {value!r}; {needed} is needed")
-
-
-_NEEDED: dict[object, str] = {
-    int: "a whole number",
-    str: "text in quotes",
-    tuple[float, ...]: "a list of 5 numbers (k1 k2 p1 p2 k3)",
-    tuple[str, ...]: "a list of texts",
-}
-
-
-def _in_range(kind: type, name: str, value: float, where: str) -> float:
-    least, most = _RANGES.get((kind, name), (-1e9, 1e9))
-    if not least <= value <= most:
-        raise ConfigError(f"{where}: {name} is {value}; it must lie between {least:g} and {most:g}")
-    return value
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
-
-
-def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-            raise ConfigError(f"{where}: unknown key {key!r}; {hint}")

@@ -2,7 +2,7 @@ import tomllib
 
 import pytest
 
-from gcs.config import BUNDLED, load_mission, parse_mission
+from gcs.config import BUNDLED, load_mission, parse_mission, user_keys
 from gcs.errors import ConfigError
 from gcs.session import mission_table
 
@@ -66,6 +66,7 @@ def test_written_and_read_again_is_the_same():
         (("system_id = 12", "system_id = 1.5"), "a whole number is needed"),
         (('mount = "fixed"', 'mount = "glued"'), "'stabilized' or 'fixed' or 'gimbal' is needed"),
         (("[0, 0, 0, 0, 0]", "[0, 0]"), "a list of 5 numbers"),
+        (("[0, 0, 0, 0, 0]", "3"), "a list of 5 numbers"),
         (('video_offset_s = "auto"', 'video_offset_s = "later"'), "a number or 'auto' is needed"),
         (("[[ugv]]\nsystem_id = 12\n", "[[ugv]]\n"), "[[ugv]] number 2: system_id is missing"),
     ],
@@ -114,3 +115,53 @@ def test_bundled_models_have_no_path(tmp_path):
     assert (load_mission(path).detector.model, load_mission(path).detector.front) == ("", "")
     path.write_text(GOOD + '[detector]\nfront = "bundled"\n')
     assert load_mission(path).detector.front == BUNDLED
+
+
+def test_keys_are_where_the_mission_says(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD)
+    assert load_mission(path).signing.folder is None
+    assert load_mission(path).signing.unsigned == (109,)
+    path.write_text(GOOD + '[signing]\nkeys = "keys"\nunsigned = [109, 166]\nkeyless = "open"\n')
+    signing = load_mission(path).signing
+    assert (signing.folder, signing.unsigned, signing.keyless) == (tmp_path / "keys", (109, 166), "open")
+    # the user's own, where there is one, unless the mission says otherwise
+    (tmp_path / "config" / "rollcall" / "keys").mkdir(parents=True)
+    assert load_mission(path).signing.folder == tmp_path / "keys"
+    path.write_text(GOOD)
+    assert load_mission(path).signing.folder == tmp_path / "config" / "rollcall" / "keys"
+    path.write_text(GOOD + '[signing]\nkeys = "none"\n')
+    assert load_mission(path).signing.folder is None
+
+
+def test_keys_in_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert user_keys() == tmp_path / ".config" / "rollcall" / "keys"
+    path = tmp_path / "m.toml"
+    path.write_text(GOOD + '[signing]\nkeys = "~/mine"\n')
+    assert load_mission(path).signing.folder == tmp_path / "mine"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[signing]\nkey = 'x'\n", "did you mean keys?"),
+        ("[signing]\nunsigned = 109\n", "a list of whole numbers is needed"),
+        ("[signing]\nunsigned = [109.5]\n", "a list of whole numbers is needed"),
+        ("[signing]\nunsigned = [true]\n", "a list of whole numbers is needed"),
+        ("[signing]\nunsigned = [-1]\n", "must lie between 0 and"),
+        ("[signing]\nkeyless = 'maybe'\n", "'refused' or 'open' is needed"),
+        ("[links]\nforward = 'udpout:127.0.0.1:14551'\n", "a list of texts is needed"),
+    ],
+)
+def test_signing_and_forwarding_that_cannot_be(text, message):
+    with pytest.raises(ConfigError) as refused:
+        parse_mission(tomllib.loads(GOOD + text), "m.toml")
+    assert message in str(refused.value)
+
+
+def test_links_to_forward_to():
+    links = parse_mission(tomllib.loads(GOOD + '[links]\nforward = ["udpout:127.0.0.1:14551"]\n'), "m.toml").links
+    assert links.forward == ("udpout:127.0.0.1:14551",)

@@ -1,0 +1,93 @@
+"""Tables of a TOML file into frozen dataclasses: every value checked, an unknown key refused with the nearest name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from types import UnionType
+from typing import Any, Literal, TypeGuard, Union, get_args, get_origin, get_type_hints
+
+from gcs.errors import ConfigError
+
+__all__ = ["Ranges", "build", "refuse_unknown"]
+
+Ranges = Mapping[tuple[type, str], tuple[float, float]]
+"""Least and most of numbers, and of each in a list of them, by dataclass and key."""
+
+
+def build(kind: type, table: object, where: str, ranges: Ranges) -> Any:  # noqa: ANN401 - of the kind given
+    """Check a parsed table and build the dataclass; ``where`` goes into messages.
+
+    Raises:
+        ConfigError: not a table, an unknown or missing key, a value of another type or out of range.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{where} must be a table of keys and values")
+    known = {f.name: f for f in fields(kind)}
+    refuse_unknown(table, tuple(known), where)
+    missing = [n for n, f in known.items() if n not in table and f.default is MISSING and f.default_factory is MISSING]
+    if missing:
+        raise ConfigError(f"{where}: {missing[0]} is missing")
+    return kind(**{name: _value(kind, name, value, where, ranges) for name, value in table.items()})
+
+
+def _value(kind: type, name: str, value: object, where: str, ranges: Ranges) -> object:
+    """Check one value against the type that the dataclass declares."""
+    wanted = get_type_hints(kind)[name]
+    options = get_args(wanted) if get_origin(wanted) in (Union, UnionType) else (wanted,)
+    choices = [choice for option in options if get_origin(option) is Literal for choice in get_args(option)]
+    limits = ranges.get((kind, name), (-1e9, 1e9))
+    if (choices and value in choices) or (str in options and isinstance(value, str)):
+        return value
+    if isinstance(value, list) and tuple[str, ...] in options and all(isinstance(v, str) for v in value):
+        return tuple(value)
+    if isinstance(value, list) and tuple[int, ...] in options and all(map(_is_whole, value)):
+        return tuple(int(_in_range(name, v, limits, where)) for v in value)
+    if isinstance(value, list) and tuple[float, ...] in options and len(value) == 5 and all(map(_is_number, value)):
+        return tuple(float(v) for v in value)
+    if int in options and _is_whole(value):
+        return int(_in_range(name, value, limits, where))
+    if float in options and _is_number(value):
+        return _in_range(name, value, limits, where)
+    needed = " or ".join(map(repr, choices)) or next((_NEEDED[o] for o in options if o in _NEEDED), "a number")
+    if choices and float in options:
+        needed = f"a number or {needed}"
+    raise ConfigError(f"{where}: {name} is {value!r}; {needed} is needed")
+
+
+_NEEDED: dict[object, str] = {
+    int: "a whole number",
+    str: "text in quotes",
+    tuple[float, ...]: "a list of 5 numbers (k1 k2 p1 p2 k3)",
+    tuple[str, ...]: "a list of texts",
+    tuple[int, ...]: "a list of whole numbers",
+}
+
+
+def _in_range(name: str, value: float, limits: tuple[float, float], where: str) -> float:
+    least, most = limits
+    if not least <= value <= most:
+        raise ConfigError(f"{where}: {name} is {float(value)}; it must lie between {least:g} and {most:g}")
+    return float(value)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+def _is_whole(value: object) -> TypeGuard[float]:
+    return _is_number(value) and float(value).is_integer()
+
+
+def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    """Refuse a key that is not known.
+
+    Raises:
+        ConfigError: naming the nearest one.
+    """
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise ConfigError(f"{where}: unknown key {key!r}; {hint}")
