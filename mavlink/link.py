@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol
 
+from mavlink.link_batch import Batch
 from mavlink.link_serial import SerialLink
 from mavlink.link_tally import LinkCounts
 from mavlink.link_tcp import TcpIn, TcpOut
@@ -33,6 +34,19 @@ class Link(Protocol):
         Raises:
             LinkError: nobody is there, or it cannot be sent.
         """
+
+    @property
+    def files(self) -> tuple[int, ...]:
+        """File descriptors to wait for; they change as connections come and go."""
+
+    def take(self) -> Batch:
+        """What is there, without waiting."""
+
+    def tend(self) -> None:
+        """Connects again, adapts filters; to be called every tenth of a second or so by who does not use ``read``."""
+
+    def trust(self, peers: Collection[int], t_us: int) -> None:
+        """These senders have proved who they are."""
 
     def close(self) -> None:
         """Closes the link; closing twice does nothing."""

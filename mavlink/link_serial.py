@@ -3,42 +3,49 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 
 import serial
 
 from mavlink.errors import LinkError
+from mavlink.link_batch import Batch
+from mavlink.link_reader import Reader
+from mavlink.link_stream import Backoff, Stream
 from mavlink.link_tally import LinkCounts, Tally, now_us
-from mavlink.link_tcp import Stream
 from mavlink.link_url import LinkUrl
-from mavlink.packet import Packet
 
 __all__ = ["SerialLink"]
 
 _CHUNK = 4096
-_RETRY_S = 1.0
-_SEND_S = 1.0
 
 
-class SerialLink:
-    """A serial port, taken for this program alone where the system can do that.
+class SerialLink(Reader):
+    """A serial port, taken for this program alone where the system can do that. Nothing here waits.
+
+    Args:
+        url: the link.
+        index: of the link.
+        must: whether the port must be there now; otherwise it is waited for.
 
     Raises:
         LinkError: no such device, no right to it, or in use.
     """
 
-    def __init__(self, url: LinkUrl, index: int) -> None:
-        self.name = url.name
+    def __init__(self, url: LinkUrl, index: int, *, must: bool = True) -> None:
+        super().__init__(url.name, index)
+        self.connections = 0
+        """How often the port was opened."""
         self._device = url.device
         self._baud = url.baud
-        self._index = index
         self._tally = Tally()
-        self._stream = Stream(self._tally, index)
-        self._open = True
-        self._next_try_s = 0.0
+        self._stream = Stream(self._tally, 0)
+        self._backoff = Backoff()
+        self._port: serial.Serial | None = None
         try:
-            self._port: serial.Serial | None = self._connect()
+            self._plug_in()
         except (OSError, ValueError) as error:
-            raise LinkError(f"{self.name}: cannot be opened: {error}; is it plugged in, and free?") from error
+            if must:
+                raise LinkError(f"{self.name}: cannot be opened: {error}; is it plugged in, and free?") from error
 
     @property
     def counts(self) -> LinkCounts:
@@ -50,20 +57,41 @@ class SerialLink:
         """Whether the port is there."""
         return self._port is not None
 
-    def read(self, timeout_s: float) -> list[Packet]:
-        """Waits for bytes; empty after the timeout, while the port is unplugged and when closed."""
-        port = self._port or self._again(timeout_s)
-        if port is None:
-            return []
+    @property
+    def files(self) -> tuple[int, ...]:
+        """What to wait for; nothing while it is unplugged, or where ports cannot be waited for."""
+        port = self._port
         try:
-            port.timeout = timeout_s
-            first = port.read(1)
-            t_us = now_us()
-            data = first + port.read(min(port.in_waiting, _CHUNK)) if first else b""
+            return (port.fileno(),) if port is not None else ()
+        except (OSError, ValueError):
+            return ()
+
+    def take(self) -> Batch:
+        """What is there, without waiting; nothing while the port is unplugged and when closed."""
+        batch, port = Batch(), self._port
+        if port is None:
+            return batch
+        try:
+            waiting = port.in_waiting
+            # a port that can be read and has nothing is one that was unplugged: the read then says so
+            data = port.read(min(max(waiting, 1), _CHUNK))
         except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
             self._lose()
-            return []
-        return self._stream.take(data, t_us) if data else []
+            return batch
+        if data:
+            self._stream.take(data, now_us(), batch)
+        return batch
+
+    def trust(self, peers: Collection[int], t_us: int) -> None:
+        """The device was chosen by whoever wrote the URL; nothing more is to be known."""
+
+    def tend(self) -> None:
+        """Opens the port again when it has come back."""
+        if self._port is None and self._open and self._backoff.due(time.monotonic()):
+            try:
+                self._plug_in()
+            except (OSError, ValueError):
+                return  # not yet
 
     def send(self, data: bytes) -> None:
         """Sends to the other end.
@@ -75,30 +103,22 @@ class SerialLink:
         if port is None:
             raise LinkError(f"{self.name}: unplugged")
         try:
-            port.write(data)
+            taken = port.write(data)
         except OSError as error:
             raise LinkError(f"{self.name}: cannot send: {error}") from error
+        if taken != len(data):
+            raise LinkError(f"{self.name}: cannot send: the port is busy")
 
     def close(self) -> None:
         """Closes the port; a read in another thread comes back empty."""
         self._open = False
         self._lose()
 
-    def _connect(self) -> serial.Serial:
-        return serial.Serial(self._device, self._baud, timeout=0, write_timeout=_SEND_S, exclusive=True)
-
-    def _again(self, timeout_s: float) -> serial.Serial | None:
-        wait_s = self._next_try_s - time.monotonic()
-        if not self._open or wait_s > 0.0:
-            time.sleep(max(0.0, min(wait_s, timeout_s)))
-            return None
-        self._next_try_s = time.monotonic() + _RETRY_S
-        try:
-            self._port = self._connect()
-        except OSError:
-            return None
-        self._stream = Stream(self._tally, self._index)
-        return self._port
+    def _plug_in(self) -> None:
+        self._port = serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
+        self.connections += 1
+        self._stream = Stream(self._tally, self.connections)
+        self._backoff.succeeded()
 
     def _lose(self) -> None:
         port, self._port = self._port, None

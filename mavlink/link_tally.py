@@ -30,6 +30,8 @@ class LinkCounts:
     """Frames of unknown messages among the packets."""
     dropped: int = 0
     """Datagrams that the system threw away because nobody read them in time."""
+    turned_away: int = 0
+    """Datagrams of strangers that were not let in while they came in masses."""
     silent_s: float = math.inf
     """Since the last packet, inf before the first."""
 
@@ -38,7 +40,6 @@ class Tally:
     """Running counts of one link: one thread writes, any thread may read :attr:`counts`."""
 
     def __init__(self) -> None:
-        self.dropped = 0
         self._bytes = self._good = self._bad = self._junk = self._unknown = 0
         self._heard_s: float | None = None
 
@@ -55,6 +56,10 @@ class Tally:
     @property
     def counts(self) -> LinkCounts:
         """The counts now."""
+        return self.told()
+
+    def told(self, dropped: int = 0, turned_away: int = 0) -> LinkCounts:
+        """The counts now, with those that the system keeps."""
         heard_s = self._heard_s
         return LinkCounts(
             packets=self._good + self._unknown,
@@ -62,6 +67,7 @@ class Tally:
             bad=self._bad,
             junk_bytes=self._junk,
             unknown=self._unknown,
-            dropped=self.dropped,
+            dropped=dropped,
+            turned_away=turned_away,
             silent_s=math.inf if heard_s is None else time.monotonic() - heard_s,
         )

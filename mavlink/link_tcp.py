@@ -1,4 +1,7 @@
-"""TCP links: one that connects and connects again, one that others connect to. One parser per connection."""
+"""TCP links: one that connects and connects again, one that others connect to. One parser per connection.
+
+Nothing here waits: a peer that does not answer, or does not take what is sent, never holds up another link.
+"""
 
 from __future__ import annotations
 
@@ -6,74 +9,101 @@ import errno
 import select
 import socket
 import time
+from collections.abc import Collection
+from dataclasses import dataclass
 
 from mavlink.errors import LinkError
-from mavlink.frame import FrameCounts, Framer
+from mavlink.link_batch import Batch
 from mavlink.link_owner import owner_of
+from mavlink.link_reader import Reader
+from mavlink.link_stream import Backoff, Stream
 from mavlink.link_tally import LinkCounts, Tally, now_us
 from mavlink.link_url import LinkUrl
-from mavlink.packet import Packet
 
-__all__ = ["Stream", "TcpIn", "TcpOut"]
+__all__ = ["TcpIn", "TcpOut", "listen_tcp", "resolve_tcp"]
 
 _CHUNK = 65536
 _CLIENTS = 32
-_RETRY_S = 1.0
-_CONNECT_S = 2.0
-_SEND_S = 1.0
+_CONNECT_S = 5.0
+_PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
-class Stream:
-    """Packets out of one byte stream, counted.
+def resolve_tcp(url: LinkUrl) -> tuple[str, int]:
+    """Address of a host.
+
+    Raises:
+        LinkError: no such host.
+    """
+    try:
+        host, port = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4][:2]
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{url.name}: no such host: {error}") from error
+    return str(host), int(port)
+
+
+def listen_tcp(url: LinkUrl) -> socket.socket:
+    """A socket that others connect to.
+
+    Raises:
+        LinkError: the port is in use, or the address is not one of this machine.
+    """
+    server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        # for TCP this only lets a port be taken again at once, never by two at a time
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        server.bind((url.host, url.port))
+        server.listen(_CLIENTS)
+        server.setblocking(False)
+    except (OSError, UnicodeError) as error:
+        server.close()
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            text = f"{url.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
+            raise LinkError(text) from None
+        raise LinkError(f"{url.name}: cannot listen: {error}") from error
+    return server
+
+
+def _receive(sock: socket.socket) -> bytes | None:
+    """Bytes that are there; empty at the end of the connection, None when there is nothing yet."""
+    try:
+        return sock.recv(_CHUNK)
+    except (BlockingIOError, InterruptedError):
+        return None
+    except (OSError, ValueError):
+        return b""
+
+
+def _sent(sock: socket.socket, data: bytes) -> bool:
+    """Whether all of it was taken at once: half a frame spoils what follows."""
+    try:
+        return sock.send(data) == len(data)
+    except OSError:
+        return False
+
+
+class TcpOut(Reader):
+    """Connects to a server, and again soon after the connection was lost or refused.
 
     Args:
-        tally: of the link.
+        url: the link.
         index: of the link.
-    """
-
-    def __init__(self, tally: Tally, index: int) -> None:
-        self._framer = Framer()
-        self._tally = tally
-        self._index = index
-
-    def take(self, data: bytes, t_us: int) -> list[Packet]:
-        """The packets that these bytes complete; empty bytes are the end of the stream."""
-        before = self._framer.counts
-        frames = self._framer.feed(data) if data else self._framer.finish()
-        after = self._framer.counts
-        self._tally.take(
-            len(data),
-            FrameCounts(
-                after.good - before.good,
-                after.bad - before.bad,
-                after.junk_bytes - before.junk_bytes,
-                after.unknown - before.unknown,
-            ),
-        )
-        return [Packet(t_us, frame, self._index) for frame in frames]
-
-
-class TcpOut:
-    """Connects to a server, and again a second after the connection was lost or refused.
+        address: from :func:`resolve_tcp`; None: it is looked up.
 
     Raises:
         LinkError: no such host.
     """
 
-    def __init__(self, url: LinkUrl, index: int) -> None:
-        self.name = url.name
+    def __init__(self, url: LinkUrl, index: int, address: tuple[str, int] | None = None) -> None:
+        super().__init__(url.name, index)
         self.connections = 0
         """How often it connected."""
-        self._index = index
+        self._address = address or resolve_tcp(url)
         self._tally = Tally()
-        self._stream = Stream(self._tally, index)
+        self._stream = Stream(self._tally, 0)
         self._socket: socket.socket | None = None
-        self._open = True
-        self._next_try_s = 0.0
-        try:
-            self._address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4]
-        except (OSError, UnicodeError) as error:
-            raise LinkError(f"{self.name}: no such host: {error}") from error
+        self._calling: socket.socket | None = None
+        self._backoff = Backoff()
+        self._give_up_s = 0.0
 
     @property
     def counts(self) -> LinkCounts:
@@ -85,21 +115,33 @@ class TcpOut:
         """Whether the connection stands, as far as is known."""
         return self._socket is not None
 
-    def read(self, timeout_s: float) -> list[Packet]:
-        """Waits for bytes, connecting first when need be; empty after the timeout, on loss and when closed."""
-        sock = self._socket or self._connect(timeout_s)
-        if sock is None:
-            return []
-        try:
-            if not select.select([sock], [], [], timeout_s)[0]:
-                return []
-            data = sock.recv(_CHUNK)
-        except (OSError, ValueError):
-            data = b""
-        packets = self._stream.take(data, now_us())
+    @property
+    def files(self) -> tuple[int, ...]:
+        """What to wait for; nothing while there is no connection."""
+        sock = self._socket
+        return (sock.fileno(),) if sock is not None else ()
+
+    def take(self) -> Batch:
+        """What is there, without waiting; at the end of the connection what was hidden behind an unfinished frame."""
+        batch, sock = Batch(), self._socket
+        data = _receive(sock) if sock is not None else None
+        if data is None:
+            return batch
+        self._stream.take(data, now_us(), batch)
         if not data:
             self._lose()
-        return packets
+        return batch
+
+    def trust(self, peers: Collection[int], t_us: int) -> None:
+        """The server was chosen by whoever wrote the URL; nothing more is to be known."""
+
+    def tend(self) -> None:
+        """Connects when need be."""
+        now_s = time.monotonic()
+        if self._calling is not None:
+            self._answered(self._calling, now_s)
+        elif self._socket is None and self._open and self._backoff.due(now_s):
+            self._call(now_s)
 
     def send(self, data: bytes) -> None:
         """Sends to the server.
@@ -110,69 +152,79 @@ class TcpOut:
         sock = self._socket
         if sock is None:
             raise LinkError(f"{self.name}: not connected")
-        try:
-            sock.sendall(data)
-        except OSError as error:
-            raise LinkError(f"{self.name}: cannot send: {error.strerror or error}") from error
+        if not _sent(sock, data):
+            self._lose()
+            raise LinkError(f"{self.name}: the connection broke, or does not take what is sent")
 
     def close(self) -> None:
         """Closes the connection; a read in another thread comes back empty."""
         self._open = False
         self._lose()
 
-    def _connect(self, timeout_s: float) -> socket.socket | None:
-        """A connection, or None after waiting until one may be tried again."""
-        wait_s = self._next_try_s - time.monotonic()
-        if not self._open or wait_s > 0.0:
-            time.sleep(max(0.0, min(wait_s, timeout_s)))
-            return None
-        self._next_try_s = time.monotonic() + _RETRY_S
+    def _call(self, now_s: float) -> None:
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
-            sock.settimeout(max(0.05, min(timeout_s, _CONNECT_S)))
-            sock.connect(self._address)
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            sock.settimeout(_SEND_S)
-        except OSError:
+        sock.setblocking(False)
+        code = sock.connect_ex(self._address)
+        if code and code not in _PENDING:
             sock.close()
-            return None
-        self._stream = Stream(self._tally, self._index)
-        self._socket = sock
+            return
+        self._calling, self._give_up_s = sock, now_s + _CONNECT_S
+        self._answered(sock, now_s)
+
+    def _answered(self, sock: socket.socket, now_s: float) -> None:
+        """Looks whether the server has answered."""
+        if not select.select([], [sock], [], 0.0)[1]:
+            if now_s > self._give_up_s:
+                self._hang_up()
+            return
+        if sock.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._hang_up()
+            return
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.connections += 1
-        return sock
+        self._stream = Stream(self._tally, self.connections)
+        self._socket, self._calling = sock, None
+        self._backoff.succeeded()
+
+    def _hang_up(self) -> None:
+        sock, self._calling = self._calling, None
+        if sock is not None:
+            sock.close()
 
     def _lose(self) -> None:
+        self._hang_up()
         sock, self._socket = self._socket, None
         if sock is not None:
             sock.close()
 
 
-class TcpIn:
+@dataclass(slots=True)
+class _Client:
+    stream: Stream
+    heard_s: float
+    known: bool = False
+
+
+class TcpIn(Reader):
     """Lets vehicles or routers connect, each with a parser of its own.
+
+    Args:
+        url: the link.
+        index: of the link.
+        sock: from :func:`listen_tcp`; None: one is made.
+        vouch: whether a right checksum makes a client known; otherwise whoever checks signatures calls :meth:`trust`.
 
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
     """
 
-    def __init__(self, url: LinkUrl, index: int) -> None:
-        self.name = url.name
-        self._index = index
+    def __init__(self, url: LinkUrl, index: int, sock: socket.socket | None = None, *, vouch: bool = True) -> None:
+        super().__init__(url.name, index)
+        self._vouch = vouch
         self._tally = Tally()
-        self._clients: dict[socket.socket, Stream] = {}
-        self._open = True
-        self._server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
-            # for TCP this only lets a port be taken again at once, never by two at a time
-            self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._server.bind((url.host, url.port))
-            self._server.listen(_CLIENTS)
-            self._server.setblocking(False)
-        except (OSError, UnicodeError) as error:
-            self._server.close()
-            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-                text = f"{self.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
-                raise LinkError(text) from None
-            raise LinkError(f"{self.name}: cannot listen: {error}") from error
+        self._clients: dict[socket.socket, _Client] = {}
+        self._accepted = 0
+        self._server = sock or listen_tcp(url)
 
     @property
     def counts(self) -> LinkCounts:
@@ -190,33 +242,37 @@ class TcpIn:
         port: int = self._server.getsockname()[1]
         return port
 
-    def read(self, timeout_s: float) -> list[Packet]:
-        """Waits for bytes on any connection; empty after the timeout and when closed."""
-        try:
-            ready = select.select([self._server, *self._clients], [], [], timeout_s)[0] if self._open else []
-        except (OSError, ValueError):
-            if self._open:
-                raise
-            return []
-        packets: list[Packet] = []
-        for sock in ready:
-            packets += self._accept() if sock is self._server else self._receive(sock)
-        return packets
+    @property
+    def files(self) -> tuple[int, ...]:
+        """What to wait for: the door and every connection."""
+        return tuple(sock.fileno() for sock in [self._server, *self._clients]) if self._open else ()
+
+    def take(self) -> Batch:
+        """What is there on all connections, without waiting."""
+        batch = Batch()
+        if self._open:
+            self._accept()
+            for sock in list(self._clients):
+                self._receive(sock, batch)
+        return batch
+
+    def trust(self, peers: Collection[int], t_us: int) -> None:
+        """These clients have proved who they are: they may be sent to."""
+        for client in self._clients.values():
+            client.known = client.known or client.stream.peer in peers
 
     def send(self, data: bytes) -> None:
-        """Sends to every connection; one that does not take it is closed.
+        """Sends to every client that sent good frames; one that does not take it is closed.
 
         Raises:
             LinkError: nobody is connected.
         """
-        clients = list(self._clients)
-        if not clients:
-            raise LinkError(f"{self.name}: nobody is connected")
-        for sock in clients:
-            try:
-                sock.sendall(data)
-            except OSError:
-                sock.shutdown(socket.SHUT_RDWR)  # the reading thread then sees its end and takes it out
+        known = [sock for sock, client in list(self._clients.items()) if client.known]
+        if not known:
+            raise LinkError(f"{self.name}: nobody is connected who was heard")
+        for sock in known:
+            if not _sent(sock, data):
+                self._drop(sock)
 
     def close(self) -> None:
         """Closes everything; a read in another thread comes back empty."""
@@ -225,28 +281,30 @@ class TcpIn:
             sock.close()
         self._clients.clear()
 
-    def _accept(self) -> list[Packet]:
+    def _accept(self) -> None:
         try:
             sock, _ = self._server.accept()
         except OSError:
-            return []  # gone before it was let in
+            return  # nobody, or gone before it was let in
         if len(self._clients) >= _CLIENTS:
-            sock.close()
-            return []
-        sock.settimeout(_SEND_S)
-        self._clients[sock] = Stream(self._tally, self._index)
-        return []
+            # whoever says nothing makes room, and of those who do the one who has been silent longest
+            order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
+            self._drop(min(order, key=lambda entry: entry[:2])[2])
+        sock.setblocking(False)
+        self._accepted += 1
+        self._clients[sock] = _Client(Stream(self._tally, self._accepted), time.monotonic())
 
-    def _receive(self, sock: socket.socket) -> list[Packet]:
-        try:
-            data = sock.recv(_CHUNK)
-        except OSError:
-            data = b""
-        stream = self._clients.get(sock)
-        if stream is None:
-            return []
-        packets = stream.take(data, now_us())
+    def _receive(self, sock: socket.socket, batch: Batch) -> None:
+        data = _receive(sock)
+        client = self._clients.get(sock)
+        if data is None or client is None:
+            return
+        if client.stream.take(data, now_us(), batch):
+            client.heard_s = time.monotonic()
+            client.known = client.known or self._vouch
         if not data:
-            self._clients.pop(sock, None)
-            sock.close()
-        return packets
+            self._drop(sock)
+
+    def _drop(self, sock: socket.socket) -> None:
+        self._clients.pop(sock, None)
+        sock.close()

@@ -3,32 +3,32 @@
 from __future__ import annotations
 
 import errno
-import select
 import socket
 import struct
 import sys
+import time
+from collections.abc import Collection
 
+from mavlink.dialect import DEFINITIONS
 from mavlink.errors import LinkError
-from mavlink.frame import split
+from mavlink.frame import FrameCounts, split
+from mavlink.link_batch import Batch, is_one_frame, looks_like_one_frame
+from mavlink.link_gate import Gate
+from mavlink.link_mmsg import BATCH, SO_TIMESTAMPNS, STRIDE, Datagrams, available
 from mavlink.link_owner import owner_of
+from mavlink.link_peers import Peers, key_of
+from mavlink.link_reader import Reader
 from mavlink.link_tally import LinkCounts, Tally, now_us
 from mavlink.link_url import LinkUrl
-from mavlink.packet import Packet
+from mavlink.packet import MAGIC_V2, Packet
 
-__all__ = ["UdpIn", "UdpOut"]
+__all__ = ["UdpIn", "UdpOut", "bind_udp", "connect_udp"]
 
 _BUFFER_BYTES = 8 << 20
-_BATCH = 256
-_PEERS = 64
-_PEER_US = 60_000_000
 _LINUX = sys.platform.startswith("linux")
-# Not named by the socket module: Linux's count of datagrams dropped on this socket, and its time of arrival.
-_SO_RXQ_OVFL, _SO_TIMESTAMPNS = 40, 35
-_OVFL, _TIMESPEC = struct.Struct("=I"), struct.Struct("=qq")
+_TIMESPEC = struct.Struct("=qq")
 _ANCILLARY = 128
 _CLOCK_GAP_US = 10_000_000
-
-_Address = tuple[str, int]
 
 
 def _udp_socket() -> socket.socket:
@@ -36,115 +36,230 @@ def _udp_socket() -> socket.socket:
     sock.setblocking(False)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
     if _LINUX:
-        for option in (_SO_RXQ_OVFL, _SO_TIMESTAMPNS):
-            try:
-                sock.setsockopt(socket.SOL_SOCKET, option, 1)
-            except OSError:
-                continue  # an older kernel: drops then go uncounted, arrival is stamped after reading
+        try:
+            sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        except OSError:
+            return sock  # an older kernel: arrival is stamped after reading
     return sock
 
 
-class _Udp:
+def bind_udp(url: LinkUrl) -> socket.socket:
+    """A socket on a port that is its own: two programs on one port would take packets from each other.
+
+    Raises:
+        LinkError: the port is in use, or the address is not one of this machine.
+    """
+    sock = _udp_socket()
+    try:
+        sock.bind((url.host, url.port))
+    except (OSError, UnicodeError) as error:
+        sock.close()
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            text = f"{url.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
+            raise LinkError(text) from None
+        raise LinkError(f"{url.name}: cannot listen: {error}") from error
+    return sock
+
+
+def connect_udp(url: LinkUrl) -> socket.socket:
+    """A socket that hears one address only: the system drops what others send.
+
+    Raises:
+        LinkError: no such host.
+    """
+    sock = _udp_socket()
+    try:
+        sock.connect((url.host, url.port))
+    except (OSError, UnicodeError) as error:
+        sock.close()
+        raise LinkError(f"{url.name}: no such host: {error}") from error
+    return sock
+
+
+class _Udp(Reader):
     """What listening and connected sockets have in common."""
 
-    def __init__(self, url: LinkUrl, index: int) -> None:
-        self.name = url.name
-        self._index = index
+    def __init__(self, url: LinkUrl, index: int, sock: socket.socket, system_ids: Collection[int], vouch: bool) -> None:
+        super().__init__(url.name, index)
+        self.peers = Peers()
+        self.gate = Gate(sock)
+        self._socket = sock
+        self._system_ids = frozenset(system_ids)
+        self._vouch = vouch
         self._tally = Tally()
-        self._socket = _udp_socket()
-        self._buffer = bytearray(65536)
-        self._view = memoryview(self._buffer)
-        self._open = True
+        self._datagrams = Datagrams(sock) if available() else None
+        self._strange = [0, 0]
 
     @property
     def counts(self) -> LinkCounts:
         """What came so far."""
-        return self._tally.counts
+        if self._open:
+            self.gate.count_drops()
+        return self._tally.told(dropped=self.gate.dropped, turned_away=self.gate.turned_away)
 
     @property
     def buffer_bytes(self) -> int:
         """Receive buffer that the system granted."""
         return self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
-    def read(self, timeout_s: float) -> list[Packet]:
-        """Waits for datagrams and drains the socket, up to some hundred of them.
+    @property
+    def files(self) -> tuple[int, ...]:
+        """What to wait for."""
+        return (self._socket.fileno(),) if self._open else ()
 
-        Returns:
-            Packets in order of arrival, empty after the timeout or when closed.
-        """
-        packets: list[Packet] = []
-        if not self._wait(timeout_s):
-            return packets
-        for _ in range(_BATCH):
-            received = self._receive()
-            if received is None:
-                break
-            data, t_us, sender = received
-            frames, counts = split(data)
-            self._tally.take(len(data), counts)
-            if counts.good:
-                self._know(sender, t_us)
-            packets += [Packet(t_us, frame, self._index) for frame in frames]
-        return packets
+    def take(self) -> Batch:
+        """Up to some hundred datagrams that are there, without waiting; empty when there are none or closed."""
+        batch = Batch()
+        if not self._open:
+            return batch
+        self.gate.look()
+        now = now_us()
+        self._strange = [0, 0]
+        try:
+            if self._datagrams:
+                self._take_many(batch, now)
+            else:
+                self._take_each(batch, now)
+        except (OSError, ValueError):
+            if self._open:
+                raise
+            return batch
+        likely, other = self._strange
+        trusted = self.peers.trusted
+        likely += sum(peer not in trusted for peer in batch.peers)
+        if self._vouch and batch.frames:
+            self.trust(self._vouched(batch), now)
+        if self.gate.strangers(likely, other, time.monotonic()):
+            self.adapt(now)
+        return batch
+
+    def trust(self, peers: Collection[int], t_us: int) -> None:
+        """These senders have proved who they are: they always pass, and may be sent to."""
+        self.peers.trust(peers, t_us)
+
+    def tend(self) -> None:
+        """Adapts who is let in; to be called every tenth of a second or so."""
+        if self._open and self.gate.due(time.monotonic()):
+            self.adapt(now_us())
+
+    def adapt(self, t_us: int) -> None:
+        """Lets in as many strangers as can be borne."""
+        self.peers.review(t_us)
+        self.gate.adapt(time.monotonic(), self.peers.senders(), self.peers.changes)
 
     def close(self) -> None:
         """Closes the socket; a read in another thread comes back empty."""
         self._open = False
         self._socket.close()
 
-    def _wait(self, timeout_s: float) -> bool:
-        try:
-            return self._open and bool(select.select([self._socket], [], [], timeout_s)[0])
-        except (OSError, ValueError):
-            if self._open:
-                raise
-            return False  # closed by another thread
+    def _vouched(self, batch: Batch) -> set[int]:
+        """Numbers of those who sent a good frame of a system that is known."""
+        ids = self._system_ids
+        if not ids:
+            return batch.vouched()
+        rows = enumerate(zip(batch.peers, batch.frames, strict=True))
+        heard = ((k, peer, raw[5 if raw[0] == MAGIC_V2 else 3]) for k, (peer, raw) in rows)
+        return {peer for k, peer, system_id in heard if system_id in ids and k not in batch.unchecked}
 
-    def _receive(self) -> tuple[bytes, int, _Address] | None:
-        """One datagram, its arrival in Unix µs and its sender; None when there is none."""
-        try:
-            if not _LINUX:
-                size, sender = self._socket.recvfrom_into(self._buffer)
-                return bytes(self._view[:size]), now_us(), sender
-            size, ancillary, _, sender = self._socket.recvmsg_into([self._buffer], _ANCILLARY)
-        except (BlockingIOError, InterruptedError, ConnectionError):
-            return None  # nothing there, or an earlier datagram of ours found nobody
-        except OSError:
-            if self._open:
-                raise
-            return None
+    def _take_many(self, batch: Batch, now: int) -> None:
+        """One system call's worth of datagrams."""
+        datagrams = self._datagrams
+        assert datagrams is not None
+        count = datagrams.receive()
+        if not count:
+            return
+        lengths = datagrams.lengths(count)
+        view, numbers = datagrams.view, self.peers.numbers
+        add_time, add_frame, add_peer = batch.times_us.append, batch.frames.append, batch.peers.append
+        oldest, at, good = now - _CLOCK_GAP_US, 0, 0
+        for size, (key, _, _, kind, seconds, nanoseconds) in zip(lengths, datagrams.rows(count), strict=True):
+            data = bytes(view[at : at + size])
+            at += STRIDE
+            t_us = seconds * 1_000_000 + nanoseconds // 1000
+            if kind != SO_TIMESTAMPNS or not oldest <= t_us <= now:
+                t_us = now
+            if is_one_frame(data):
+                add_time(t_us)
+                add_frame(data)
+                add_peer(numbers.get(key) or self.peers.number(key))
+                good += 1
+            else:
+                self._search(batch, data, key, t_us)
+        datagrams.reset(count)
+        self._tally.take(sum(lengths), FrameCounts(good=good))
+
+    def _take_each(self, batch: Batch, now: int) -> None:
+        """One datagram a system call, on systems without a better one."""
+        for _ in range(BATCH):
+            try:
+                received = self._receive(now)
+            except (BlockingIOError, InterruptedError, ConnectionError):
+                return  # nothing there, or an earlier datagram of ours found nobody
+            self._tally.take(len(received[0]), FrameCounts())
+            self._search(batch, *received)
+
+    def _receive(self, now: int) -> tuple[bytes, int, int]:
+        """One datagram, its sender and its arrival in Unix µs."""
+        if not _LINUX:
+            data, sender = self._socket.recvfrom(STRIDE)
+            return data, key_of(sender), now_us()
+        data, ancillary, _, sender = self._socket.recvmsg(STRIDE, _ANCILLARY)
         t_us = now_us()
         for level, kind, value in ancillary:
-            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS and len(value) >= _TIMESPEC.size:
+            if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(value) >= _TIMESPEC.size:
                 seconds, nanoseconds = _TIMESPEC.unpack_from(value)
                 arrived_us = seconds * 1_000_000 + nanoseconds // 1000
                 t_us = arrived_us if 0 <= t_us - arrived_us < _CLOCK_GAP_US else t_us
-            elif level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL and len(value) >= _OVFL.size:
-                self._tally.dropped = _OVFL.unpack_from(value)[0]
-        return bytes(self._view[:size]), t_us, sender
+        return data, key_of(sender), t_us
 
-    def _know(self, sender: _Address, t_us: int) -> None:
-        """A sender of good frames was heard."""
+    def _search(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
+        """Finds the frames in a datagram, whatever else is in it."""
+        frames, counts = split(data)
+        self._tally.take(0, counts)
+        if not frames:
+            self._empty(data, key)
+            return
+        number = self.peers.number(key)
+        for frame in frames:
+            if counts.unknown and Packet(0, frame).message_id not in DEFINITIONS:
+                batch.unchecked.add(len(batch))
+            batch.times_us.append(t_us)
+            batch.frames.append(frame)
+            batch.peers.append(number)
+
+    def _empty(self, data: bytes, key: int) -> None:
+        """A datagram with nothing in it: from a stranger, or from somebody who should know better."""
+        number = self.peers.numbers.get(key, 0)
+        if number in self.peers.trusted:
+            self.peers.misbehaved(number)
+        else:
+            self._strange[0 if looks_like_one_frame(data) else 1] += 1
 
 
 class UdpIn(_Udp):
-    """Listens on a port that is its own: two programs on one port would take packets from each other.
+    """Listens on a port that is its own.
+
+    Args:
+        url: the link.
+        index: of the link.
+        sock: from :func:`bind_udp`; None: one is made.
+        system_ids: whose frames make a sender known; empty: anybody's.
+        vouch: whether a right checksum is enough for that; otherwise whoever checks signatures calls :meth:`trust`.
 
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
     """
 
-    def __init__(self, url: LinkUrl, index: int) -> None:
-        super().__init__(url, index)
-        self._peers: dict[_Address, int] = {}
-        try:
-            self._socket.bind((url.host, url.port))
-        except (OSError, UnicodeError) as error:
-            self._socket.close()
-            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-                text = f"{self.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
-                raise LinkError(text) from None
-            raise LinkError(f"{self.name}: cannot listen: {error}") from error
+    def __init__(
+        self,
+        url: LinkUrl,
+        index: int,
+        sock: socket.socket | None = None,
+        *,
+        system_ids: Collection[int] = (),
+        vouch: bool = True,
+    ) -> None:
+        super().__init__(url, index, sock or bind_udp(url), system_ids, vouch)
 
     @property
     def port(self) -> int:
@@ -158,36 +273,35 @@ class UdpIn(_Udp):
         Raises:
             LinkError: nobody was heard yet.
         """
-        since_us = now_us() - _PEER_US
-        peers = [peer for peer, t_us in list(self._peers.items()) if t_us >= since_us]
-        if not peers:
+        self.peers.review(now_us())
+        addresses = self.peers.addresses()
+        if not addresses:
             raise LinkError(f"{self.name}: nobody to send to, nothing was heard in the last minute")
-        for peer in peers:
+        for host, port in addresses:
             try:
-                self._socket.sendto(data, peer)
+                self._socket.sendto(data, (host, port))
             except OSError as error:
-                raise LinkError(f"{self.name}: cannot send to {peer[0]}:{peer[1]}: {error.strerror}") from error
-
-    def _know(self, sender: _Address, t_us: int) -> None:
-        if sender not in self._peers and len(self._peers) >= _PEERS:
-            del self._peers[min(self._peers, key=self._peers.__getitem__)]
-        self._peers[sender] = t_us
+                raise LinkError(f"{self.name}: cannot send to {host}:{port}: {error.strerror}") from error
 
 
 class UdpOut(_Udp):
     """Connected to one address: the system drops what others send. Sends nothing of its own.
 
+    Args:
+        url: the link.
+        index: of the link.
+        sock: from :func:`connect_udp`; None: one is made.
+
     Raises:
         LinkError: no such host.
     """
 
-    def __init__(self, url: LinkUrl, index: int) -> None:
-        super().__init__(url, index)
-        try:
-            self._socket.connect((url.host, url.port))
-        except (OSError, UnicodeError) as error:
-            self._socket.close()
-            raise LinkError(f"{self.name}: no such host: {error}") from error
+    def __init__(self, url: LinkUrl, index: int, sock: socket.socket | None = None) -> None:
+        super().__init__(url, index, sock or connect_udp(url), (), True)
+
+    def adapt(self, t_us: int) -> None:
+        """Strangers do not reach a connected socket."""
+        self.gate.count_drops()
 
     def send(self, data: bytes) -> None:
         """Sends to the address; that nobody listens there is not an error.

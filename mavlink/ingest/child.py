@@ -1,0 +1,213 @@
+"""The ingest process: one thread that waits for all links at once and does nothing that could make it wait elsewhere.
+
+It ends when the station closes the socket between the two, which the system does if the station dies.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import select
+import signal
+import socket
+import struct
+import time
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from mavlink.errors import LinkError, MavlinkError
+from mavlink.ingest.health import IngestHealth, LinkReport, OutputReport
+from mavlink.ingest.plan import Plan
+from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
+from mavlink.ingest.record import open_log
+from mavlink.ingest.shared import Shared, Word
+from mavlink.link import Link
+from mavlink.link_serial import SerialLink
+from mavlink.link_tcp import TcpIn, TcpOut
+from mavlink.link_udp import UdpIn, UdpOut
+from mavlink.link_url import parse_url
+
+__all__ = ["COMMAND", "GO", "main"]
+
+COMMAND = struct.Struct("=HH")
+"""Before each frame to send: link, length."""
+GO = struct.Struct("=Q")
+"""The station's first word, before which nothing is opened: the process's generation."""
+TICK_S = 0.05
+PAUSE_S = 0.003
+"""Datagrams of so long are taken together; when each came the kernel has noted."""
+TELL_S = 0.2
+_ROUNDS = 8
+"""Batches of one link before the others have their turn."""
+
+
+def main(plan: Plan) -> int:
+    """Waits for its turn, then runs until the station closes the control socket.
+
+    Returns:
+        The exit code, 3 when something cannot be opened.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's interrupt is the station's
+    with contextlib.suppress(OSError):
+        os.nice(-5)  # where that is allowed: it takes little, and it must not wait
+    memory = Shared(plan.memory)
+    control = socket.socket(fileno=plan.control)
+    turn = control.recv(GO.size, socket.MSG_WAITALL)
+    if len(turn) < GO.size:
+        return 0  # never needed
+    plan = replace(plan, generation=GO.unpack(turn)[0])
+    try:
+        ingest = _Ingest(plan, memory, control)
+    except MavlinkError as error:
+        memory.tell(IngestHealth(troubles=(str(error),)).to_json())
+        return 3
+    gc.collect()
+    gc.freeze()
+    memory.words[Word.READY] = plan.generation
+    ingest.run()
+    return 0
+
+
+class _Ingest:
+    def __init__(self, plan: Plan, memory: Shared, control: socket.socket) -> None:
+        self._memory = memory
+        self._control = control
+        self._control.setblocking(False)
+        self._commands = b""
+        self._open = True
+        self._told_s = 0.0
+        self._send_trouble = ""
+        self._reports: tuple[LinkReport, ...] = ()
+        self._signatures = Signatures(plan.signing)
+        self._links: list[Link] = [_open_link(plan, k, self._signatures.on) for k in range(len(plan.urls))]
+        self._outputs = open_outputs(plan.outputs, plan.system_ids)
+        self._log = open_log(Path(plan.log), plan.generation, memory)
+        self._receiver = Receiver(self._links, self._log, memory, self._signatures, self._outputs)
+
+    def run(self) -> None:
+        """Everything, until the station closes the control socket."""
+        while self._open:
+            self._memory.words[Word.BEAT] += 1
+            ready = self._wait()
+            for index, link in enumerate(self._links):
+                if ready.intersection(link.files):
+                    self._drain(index, link)
+                link.tend()
+            if self._control.fileno() in ready:
+                self._obey()
+            if self._outputs and ready.intersection(self._outputs.files):
+                self._receiver.forward(())
+            if time.monotonic() - self._told_s >= TELL_S:
+                self._tell()
+        self._close()
+
+    def _wait(self) -> set[int]:
+        """File descriptors that have something."""
+        datagrams = {file for link in self._links if isinstance(link, (UdpIn, UdpOut)) for file in link.files}
+        streams = {file for link in self._links for file in link.files} - datagrams
+        others = streams | {self._control.fileno()} | set(self._outputs.files if self._outputs else ())
+        ready = set(select.select(datagrams | others, [], [], TICK_S)[0])
+        if ready and ready <= datagrams:
+            ready |= set(select.select(others, [], [], PAUSE_S)[0])
+        return ready
+
+    def _drain(self, index: int, link: Link) -> None:
+        """Takes what a link has."""
+        for _ in range(_ROUNDS):
+            batch = link.take()
+            if not batch.frames:
+                return
+            self._receiver.take(index, batch)
+            with contextlib.suppress(OSError):  # it has not read for long: the ring counts what does not fit
+                self._control.send(b".")
+
+    def _obey(self) -> None:
+        """Sends what the station wants sent."""
+        try:
+            data = self._control.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._open = False
+            return
+        self._commands += data
+        while len(self._commands) >= COMMAND.size:
+            link, length = COMMAND.unpack_from(self._commands)
+            stop = COMMAND.size + length
+            if len(self._commands) < stop:
+                return
+            frame, self._commands = self._commands[COMMAND.size : stop], self._commands[stop:]
+            try:
+                self._receiver.send(link, frame)
+                self._send_trouble = ""
+            except LinkError as error:
+                self._send_trouble = str(error)
+
+    def _tell(self) -> None:
+        """How it goes, for the station."""
+        self._told_s = time.monotonic()
+        if self._open or not self._reports:
+            self._reports = tuple(_report(link) for link in self._links)
+        record = self._log.state
+        self._memory.words[Word.WAITING] = record.waiting
+        outputs = self._outputs.counts if self._outputs else ()
+        troubles = [self._send_trouble, self._receiver.output_trouble, *self._signatures.troubles]
+        health = IngestHealth(
+            links=self._reports,
+            outputs=tuple(OutputReport(**asdict(output)) for output in outputs),
+            record=record,
+            refused=self._receiver.refused,
+            packets=self._memory.words[Word.RECORDS],
+            overrun=self._memory.words[Word.OVERRUN],
+            cpu_s=time.process_time(),
+            troubles=tuple(text for text in troubles if text),
+        )
+        self._memory.tell(health.to_json())
+
+    def _close(self) -> None:
+        for index, link in enumerate(self._links):
+            self._drain(index, link)
+        self._reports = ()
+        self._tell()
+        for link in self._links:
+            link.close()
+        if self._outputs:
+            self._outputs.close()
+        self._log.close()
+        with contextlib.suppress(MavlinkError):  # the next start says what could not be saved
+            self._signatures.close()
+        self._tell()
+
+
+def _open_link(plan: Plan, index: int, signed: bool) -> Link:
+    """A link, on the socket that the station has opened where there is one."""
+    url, file = parse_url(plan.urls[index]), plan.sockets[index]
+    sock = socket.socket(fileno=file) if file >= 0 else None
+    if sock is not None:
+        sock.setblocking(False)
+    if url.kind == "udpin":
+        return UdpIn(url, index, sock, system_ids=plan.system_ids, vouch=not signed)
+    if url.kind == "udpout":
+        return UdpOut(url, index, sock)
+    if url.kind == "tcpin":
+        return TcpIn(url, index, sock, vouch=not signed)
+    if url.kind == "tcpout":
+        return TcpOut(url, index)
+    return SerialLink(url, index, must=plan.generation == 1)
+
+
+def _report(link: Link) -> LinkReport:
+    gate = getattr(link, "gate", None)
+    peers = getattr(link, "peers", None)
+    known = len(peers.trusted) if peers is not None else getattr(link, "clients", 0)
+    return LinkReport(
+        name=link.name,
+        counts=link.counts,
+        buffer_bytes=getattr(link, "buffer_bytes", 0),
+        peers=known,
+        connected=getattr(link, "connected", True),
+        narrow=gate is not None and gate.narrow,
+    )

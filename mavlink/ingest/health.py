@@ -1,0 +1,117 @@
+"""How the ingest is doing, told by its process as JSON and read by the station."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from mavlink.link_tally import LinkCounts
+from mavlink.record_state import RecordState
+
+__all__ = ["IngestHealth", "LinkReport", "Notice", "OutputReport"]
+
+
+_NOTHING = RecordState(name="")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Notice:
+    """Something that an operator should know."""
+
+    t_us: int
+    level: str
+    """``info``, ``warning`` or ``alarm``."""
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkReport:
+    """One link."""
+
+    name: str
+    counts: LinkCounts
+    buffer_bytes: int = 0
+    """Receive buffer that the system granted; 0 where there is none to ask for."""
+    peers: int = 0
+    """Senders that are known."""
+    connected: bool = True
+    narrow: bool = False
+    """Whether strangers flood it and most of them are turned away."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputReport:
+    """One output; fields as in :class:`mavlink.forward.OutputCounts`."""
+
+    name: str
+    sent: int = 0
+    dropped: int = 0
+    withheld: int = 0
+    returned: int = 0
+    stopped: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IngestHealth:
+    """How the ingest is doing."""
+
+    links: tuple[LinkReport, ...] = ()
+    outputs: tuple[OutputReport, ...] = ()
+    record: RecordState = _NOTHING
+    refused: int = 0
+    """Packets recorded and not believed."""
+    packets: int = 0
+    """Recorded in all, over restarts."""
+    overrun: int = 0
+    """Packets recorded that the station was too slow to take."""
+    restarts: int = 0
+    gap_s: float = 0.0
+    """For how long nothing was received, over all restarts."""
+    cpu_s: float = math.nan
+    """Processor time of the present process."""
+    troubles: tuple[str, ...] = ()
+    """What does not work at the moment, in plain words."""
+
+    def to_json(self) -> bytes:
+        """As :meth:`from_json` reads it."""
+        return json.dumps(asdict(self)).encode()
+
+    @classmethod
+    def from_json(cls, text: bytes) -> IngestHealth:
+        """What :meth:`to_json` wrote.
+
+        Raises:
+            ValueError: it is not that.
+        """
+        table: dict[str, Any] = json.loads(text)
+        try:
+            table["links"] = tuple(
+                LinkReport(**link | {"counts": LinkCounts(**link["counts"])}) for link in table["links"]
+            )
+            table["outputs"] = tuple(OutputReport(**output) for output in table["outputs"])
+            table["record"] = RecordState(**table["record"])
+            table["troubles"] = tuple(table["troubles"])
+            return cls(**table)
+        except (KeyError, TypeError) as error:
+            raise ValueError(f"no health of an ingest: {error}") from error
+
+    def plus(self, before: tuple[LinkCounts, ...]) -> IngestHealth:
+        """With what processes before this one had counted."""
+        pairs = zip(self.links, before, strict=False)
+        links = tuple(replace(link, counts=_sum(link.counts, old)) for link, old in pairs)
+        return replace(self, links=links + self.links[len(links) :])
+
+
+def _sum(now: LinkCounts, before: LinkCounts) -> LinkCounts:
+    return replace(
+        now,
+        packets=now.packets + before.packets,
+        bytes=now.bytes + before.bytes,
+        bad=now.bad + before.bad,
+        junk_bytes=now.junk_bytes + before.junk_bytes,
+        unknown=now.unknown + before.unknown,
+        dropped=now.dropped + before.dropped,
+        turned_away=now.turned_away + before.turned_away,
+    )

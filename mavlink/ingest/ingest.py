@@ -1,0 +1,318 @@
+"""Telemetry in, by a process of its own that nothing in the station can starve."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mavlink.errors import LinkError, TlogError
+from mavlink.ingest.health import IngestHealth, Notice
+from mavlink.ingest.plan import Outputs, Plan, Signing
+from mavlink.ingest.process import START_S, IngestProcess
+from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
+from mavlink.link_tally import LinkCounts, now_us
+from mavlink.link_tcp import listen_tcp, resolve_tcp
+from mavlink.link_udp import bind_udp, connect_udp
+from mavlink.link_url import LinkUrl, parse_url
+from mavlink.packet import Packet
+
+__all__ = ["Ingest"]
+
+WATCH_S = 0.05
+HUNG_S = 0.7
+"""A process that shows no life for so long is replaced: with the start of the next that is a second."""
+BUFFER_BYTES = 4 << 20
+"""A smaller receive buffer is warned of."""
+_MOST_NOTICES = 200
+_AGAIN_S = 0.3
+_STEP_S = 0.02
+
+
+class Ingest:
+    """All links of a flight: packets are recorded, verified and forwarded by another process, and read here in batches.
+
+    The sockets of UDP links and of TCP servers are opened here and only lent: they outlive a process that dies, with
+    what is in them. One thread reads; any thread may send and look at the health.
+
+    Args:
+        urls: links, as :func:`mavlink.link_url.parse_url` has them.
+        log: of the first segment of the raw log; must not exist.
+        system_ids: whose frames make a sender known, so that it always passes while strangers flood; empty: anybody's.
+        signing: keys.
+        outputs: where packets go on to.
+        ring_bytes: packets wait in so much memory while nobody reads.
+
+    Raises:
+        LinkError: a link or output cannot be opened; the message says what to do.
+        TlogError: the log exists or cannot be made.
+    """
+
+    def __init__(
+        self,
+        urls: Sequence[str],
+        log: Path,
+        *,
+        system_ids: Collection[int] = (),
+        signing: Signing | None = None,
+        outputs: Outputs | None = None,
+        ring_bytes: int = RING_BYTES,
+    ) -> None:
+        links = [parse_url(url) for url in urls]
+        self.names = tuple(link.name for link in links)
+        self._sockets: list[socket.socket | None] = []
+        self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
+        self._before: tuple[LinkCounts, ...] = ()
+        self._refused_before = 0
+        self._restarts, self._gap_s = 0, 0.0
+        self._health = IngestHealth()
+        self._lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._memory_fd = make_memory(ring_bytes)
+        self._memory = Shared(self._memory_fd)
+        self._process: IngestProcess | None = None
+        self._spare: IngestProcess | None = None
+        """Takes over at once when the process is replaced."""
+        try:
+            named = [self._open(link) for link in links]
+            self._plan = Plan(
+                urls=tuple(named),
+                sockets=tuple(-1 if sock is None else sock.fileno() for sock in self._sockets),
+                memory=self._memory_fd,
+                control=-1,
+                log=str(log),
+                system_ids=tuple(system_ids),
+                signing=signing or Signing(),
+                outputs=outputs or Outputs(),
+            )
+            self._process = self._start()
+            self._process.go(1)
+            self._wait_until_ready(self._process)
+        except BaseException:
+            self._let_go()
+            raise
+        self._warn_of_buffers()
+        self._watch = threading.Thread(target=self._guard, name="ingest watch", daemon=True)
+        self._watch.start()
+
+    @property
+    def pid(self) -> int:
+        """Id of the present process."""
+        return self._process.pid if self._process else 0
+
+    def read(self, timeout_s: float) -> list[Packet]:
+        """All packets that have come since the last call, in order, each with what its signature is worth.
+
+        Those with ``auth > Auth.GOOD`` are not to be believed.
+
+        Returns:
+            Empty after the timeout and when stopped.
+        """
+        stop_s = time.monotonic() + timeout_s
+        while not self._stopping.is_set():
+            packets = self._memory.take()
+            left_s = stop_s - time.monotonic()
+            if packets or left_s <= 0.0:
+                return packets
+            self._wait(left_s)
+        return []
+
+    def send(self, link: int, data: bytes) -> None:
+        """Sends a frame to those on the other end of a link who are known; :meth:`health` tells what did not work.
+
+        Raises:
+            LinkError: there is no such link, or the process does not take it.
+        """
+        if not 0 <= link < len(self.names):
+            raise LinkError(f"there is no link {link}; there are {len(self.names)}")
+        with self._lock:
+            if self._process is None or self._stopping.is_set():
+                raise LinkError("the ingest has ended")
+            self._process.send(link, data)
+
+    def health(self) -> IngestHealth:
+        """How it is doing, as told some times a second."""
+        told = self._told()
+        if told is not None:
+            self._health = told
+        total = self._health.plus(self._before)
+        return replace(
+            total,
+            links=tuple(replace(link, name=name) for link, name in zip(total.links, self.names, strict=False)),
+            refused=total.refused + self._refused_before,
+            overrun=self._memory.words[Word.OVERRUN] if not self._stopping.is_set() else total.overrun,
+            restarts=self._restarts,
+            gap_s=self._gap_s,
+        )
+
+    def notices(self) -> list[Notice]:
+        """What an operator should know, each told once."""
+        told = []
+        with contextlib.suppress(IndexError):
+            while True:
+                told.append(self._notices.popleft())
+        return told
+
+    def stop(self) -> None:
+        """Has everything written, ends the process and closes the links; stopping twice does nothing."""
+        if self._stopping.is_set():
+            return
+        self._stopping.set()
+        self._watch.join()
+        with self._lock:
+            if self._process is not None:
+                self._process.stop()
+                self._process = None
+        self.health()
+        self._let_go()
+
+    # ---- opening
+
+    def _open(self, link: LinkUrl) -> str:
+        """Opens what outlives the process; returns the URL that the process gets."""
+        sock = None
+        name = link.name
+        if link.kind == "udpin":
+            sock = bind_udp(link)
+        elif link.kind == "udpout":
+            sock = connect_udp(link)
+        elif link.kind == "tcpin":
+            sock = listen_tcp(link)
+        elif link.kind == "tcpout":
+            host, port = resolve_tcp(link)
+            name = f"tcp:{host}:{port}"
+        self._sockets.append(sock)
+        return name
+
+    def _start(self) -> IngestProcess:
+        files = [sock.fileno() for sock in self._sockets if sock is not None]
+        return IngestProcess(self._plan, self._memory, [*files, self._memory_fd])
+
+    def _wait_until_ready(self, process: IngestProcess) -> None:
+        while not process.ready:
+            if process.dead:
+                told = self._told()
+                text = told.troubles[0] if told and told.troubles else f"the ingest process ended: {process.reason}"
+                raise (TlogError if text.startswith(self._plan.log) else LinkError)(text)
+            if time.monotonic() - process.began_s > START_S:
+                raise LinkError("the ingest process did not start in time; is the machine overloaded?")
+            time.sleep(_STEP_S)
+
+    def _warn_of_buffers(self) -> None:
+        for link, sock in zip(self.names, self._sockets, strict=True):
+            if sock is None or sock.type != socket.SOCK_DGRAM:
+                continue
+            granted = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+            if granted < BUFFER_BYTES:
+                text = f"{link}: the system grants only {granted >> 10} kB of receive buffer; raise net.core.rmem_max"
+                self._notice("warning", f"{text} to 4194304, or packets are lost when the machine is busy")
+
+    # ---- watching
+
+    def _guard(self) -> None:
+        """Replaces a process that has died or hangs."""
+        beat, alive_s = 0, time.monotonic()
+        while not self._stopping.wait(WATCH_S):
+            process, now_s = self._process, time.monotonic()
+            assert process is not None
+            seen = self._memory.words[Word.BEAT]
+            if seen != beat:
+                beat, alive_s = seen, now_s
+            if process.dead or now_s - alive_s > (HUNG_S if process.ready else START_S):
+                self._replace(process, alive_s)
+                alive_s = time.monotonic()
+            elif self._spare is None or self._spare.dead:
+                self._prepare()
+
+    def _prepare(self) -> None:
+        """Starts a process that waits for its turn."""
+        if self._spare is not None:
+            self._spare.kill()
+            self._stopping.wait(_AGAIN_S)
+        try:
+            self._spare = self._start()
+        except LinkError as error:
+            self._spare = None
+            self._notice("warning", f"no second ingest process could be started: {error}")
+            self._stopping.wait(_AGAIN_S)
+
+    def _replace(self, process: IngestProcess, alive_s: float) -> None:
+        """Ends a process and has the next take over."""
+        if time.monotonic() - process.began_s < _AGAIN_S:
+            self._stopping.wait(_AGAIN_S)
+        why = f"died ({process.reason})" if process.dead else f"showed no life for {time.monotonic() - alive_s:.1f} s"
+        if self._spare is None or self._spare.dead:
+            self._prepare()
+        if self._spare is None:
+            return
+        with self._lock:
+            if self._stopping.is_set():
+                return
+            process.kill()
+            self._add_up()
+            self._process, self._spare = self._spare, None
+            self._restarts += 1
+            with contextlib.suppress(LinkError):  # it has died as well: seen in the next round
+                self._process.go(process.generation + 1)
+        self._tell_gap(self._process, alive_s, why)
+
+    def _add_up(self) -> None:
+        """Keeps what the process before had counted."""
+        last = self._told() or self._health
+        self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
+        self._refused_before += last.refused
+        self._health = IngestHealth(record=last.record, packets=last.packets)
+        self._memory.tell(self._health.to_json())
+
+    def _tell_gap(self, process: IngestProcess, alive_s: float, why: str) -> None:
+        """Waits for the new process and tells for how long nobody received."""
+        while not process.ready and not process.dead and not self._stopping.wait(_STEP_S):
+            if time.monotonic() - process.began_s > START_S:
+                break
+        gap_s = time.monotonic() - alive_s
+        self._gap_s += gap_s
+        if process.ready:
+            text = f"receiving {why} and another process took over; nobody received for {gap_s:.1f} s"
+            self._notice("alarm", f"{text}, the system kept the datagrams of that time as far as they fit")
+        else:
+            self._notice("alarm", f"receiving {why} and did not start again ({process.reason}); trying on")
+
+    # ---- between the two
+
+    def _wait(self, timeout_s: float) -> None:
+        """Until the process says that packets have come."""
+        process = self._process
+        try:
+            if process is None or process.dead:
+                time.sleep(min(timeout_s, _STEP_S))
+            elif select.select([process.control], [], [], timeout_s)[0] and not process.control.recv(65536):
+                time.sleep(min(timeout_s, _STEP_S))  # it has closed its end
+        except (OSError, ValueError):
+            time.sleep(min(timeout_s, _STEP_S))  # it is just being replaced
+
+    def _told(self) -> IngestHealth | None:
+        text = self._memory.status()
+        try:
+            return IngestHealth.from_json(text) if text else None
+        except ValueError:
+            return None  # it died while it wrote
+
+    def _notice(self, level: str, text: str) -> None:
+        self._notices.append(Notice(t_us=now_us(), level=level, text=text))
+
+    def _let_go(self) -> None:
+        for process in (self._process, self._spare):
+            if process is not None:
+                process.kill()
+        self._process = self._spare = None
+        for sock in self._sockets:
+            if sock is not None:
+                sock.close()
+        os.close(self._memory_fd)

@@ -1,0 +1,193 @@
+"""What the ingest process does with a batch: record, verify, hand on, forward. Nothing is decoded."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from mavlink.errors import LinkError
+from mavlink.forward import Forwarder
+from mavlink.ingest.plan import Outputs, Signing
+from mavlink.ingest.shared import Shared, Word
+from mavlink.link import Link
+from mavlink.link_batch import Batch
+from mavlink.packet import Auth, Packet
+from mavlink.signing import Verifier, without_secret
+from mavlink.signing_store import StreamStore, open_verifier
+from mavlink.tlog_writer import TlogWriter
+
+__all__ = ["Receiver", "Signatures", "open_outputs"]
+
+_TIME = struct.Struct(">Q")
+_SETUP_SIGNING = b"\x00\x01\x00"
+"""Its message id as it stands in a header."""
+
+
+class Signatures:
+    """Verifies packets, where there are keys.
+
+    Args:
+        signing: where they are.
+
+    Raises:
+        SigningError: they cannot be used.
+    """
+
+    def __init__(self, signing: Signing) -> None:
+        self._verifier: Verifier | None = None
+        self._store: StreamStore | None = None
+        self.trouble = ""
+        """What went wrong last."""
+        if signing.keys:
+            options = {} if signing.unsigned is None else {"unsigned": signing.unsigned}
+            self._verifier, self._store = open_verifier(Path(signing.keys), keyless=signing.keyless, **options)
+
+    @property
+    def on(self) -> bool:
+        """Whether there are keys."""
+        return self._verifier is not None
+
+    @property
+    def troubles(self) -> list[str]:
+        """What does not work now."""
+        store = self._store.trouble or self._store.warning if self._store else ""
+        return [text for text in (self.trouble, store) if text]
+
+    def check(self, packets: Sequence[Packet]) -> list[Auth]:
+        """What the signatures are worth; a packet that cannot be checked is ``BAD``."""
+        verifier = self._verifier
+        assert verifier is not None
+        auths = []
+        for packet in packets:
+            try:
+                auths.append(verifier.check(packet))
+            except Exception as error:  # noqa: BLE001 - no packet may stop the recording of all others
+                self.trouble = f"a signature could not be checked: {error!r}"
+                auths.append(Auth.BAD)
+        return auths
+
+    def close(self) -> None:
+        """Saves what is remembered of the streams."""
+        if self._store:
+            self._store.close()
+
+
+def open_outputs(outputs: Outputs, system_ids: tuple[int, ...]) -> Forwarder | None:
+    """The outputs, None when there are none.
+
+    Raises:
+        LinkError: one cannot be opened.
+    """
+    if not outputs.urls:
+        return None
+    return Forwarder(
+        outputs.urls,
+        write_back=outputs.write_back,
+        refused=outputs.refused,
+        vehicles=system_ids,
+        own=outputs.own,
+    )
+
+
+class Receiver:
+    """Takes the batches of all links.
+
+    Args:
+        links: what a batch came over.
+        log: the raw record.
+        memory: where the station takes packets from.
+        signatures: verifies.
+        outputs: where packets go on to.
+    """
+
+    def __init__(
+        self,
+        links: Sequence[Link],
+        log: TlogWriter,
+        memory: Shared,
+        signatures: Signatures,
+        outputs: Forwarder | None,
+    ) -> None:
+        self._links = links
+        self._log = log
+        self._memory = memory
+        self._signatures = signatures
+        self._outputs = outputs
+        self.refused = 0
+        """Packets recorded and not believed."""
+        self.output_trouble = ""
+
+    def take(self, index: int, batch: Batch) -> None:
+        """One batch of a link."""
+        original = self._hide_secrets(index, batch)
+        number = self._record(batch)
+        auths: list[Auth] | None = None
+        packets: list[Packet] = []
+        if self._signatures.on or self._outputs:
+            packets = batch.packets(index)
+        if self._signatures.on:
+            auths = self._signatures.check([original.get(k, packet) for k, packet in enumerate(packets)])
+            packets = [_judged(packet, auth) for packet, auth in zip(packets, auths, strict=True)]
+            self._judge(index, packets, number)
+        self._memory.put(index, batch.times_us, batch.frames, batch.peers, auths)
+        self.forward(packets)
+
+    def forward(self, packets: Sequence[Packet]) -> None:
+        """Packets go out, and answers go back."""
+        if self._outputs is None:
+            return
+        try:
+            self._outputs.take(packets, self.send)
+        except Exception as error:  # noqa: BLE001 - outputs may never stop the recording
+            self.output_trouble = f"forwarding: {error!r}"
+
+    def send(self, link: int, data: bytes) -> None:
+        """Sends a frame over a link.
+
+        Raises:
+            LinkError: there is no such link, or it does not take it.
+        """
+        if not 0 <= link < len(self._links):
+            raise LinkError(f"there is no link {link}")
+        self._links[link].send(data)
+
+    def _record(self, batch: Batch) -> int:
+        """Into the log, with one system call; returns the first record's number."""
+        words, pack = self._memory.words, _TIME.pack
+        pairs = zip(batch.times_us, batch.frames, strict=True)
+        data = b"".join([piece for t_us, raw in pairs for piece in (pack(t_us), raw)])
+        words[Word.PENDING] = len(batch)
+        number = self._log.write_records(data, len(batch))
+        words[Word.RECORDS] = number + len(batch)
+        words[Word.LOG_BYTES] += len(data)
+        return number
+
+    def _judge(self, index: int, packets: Sequence[Packet], number: int) -> None:
+        """Notes what is not believed, and who has proved who it is."""
+        known = set()
+        for k, packet in enumerate(packets):
+            if packet.auth > Auth.GOOD:
+                self._log.refuse(number + k, packet)
+                self.refused += 1
+            elif packet.auth is Auth.GOOD:
+                known.add(packet.peer)
+        if known:
+            self._links[index].trust(known, time.time_ns() // 1000)
+
+    def _hide_secrets(self, index: int, batch: Batch) -> dict[int, Packet]:
+        """Takes keys out of a batch, before it is recorded; returns those packets as they came, by place."""
+        original: dict[int, Packet] = {}
+        for k, raw in enumerate(batch.frames):
+            if raw[7:10] == _SETUP_SIGNING and raw[0] == 0xFD:
+                packet = Packet(batch.times_us[k], raw, index, batch.peers[k])
+                clean = without_secret(packet)
+                if clean is not None:
+                    original[k] = packet
+                    batch.frames[k] = clean.raw
+        return original
+
+
+def _judged(packet: Packet, auth: Auth) -> Packet:
+    return Packet(packet.t_us, packet.raw, packet.link, packet.peer, auth)

@@ -1,0 +1,68 @@
+"""What a link brings at once, before anything is decoded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from fastcrc import crc16
+
+from mavlink.dialect import DEFINITIONS
+from mavlink.frame import SIGNATURE_LENGTH
+from mavlink.packet import MAGIC_V1, MAGIC_V2, Packet
+
+__all__ = ["Batch", "is_one_frame", "looks_like_one_frame"]
+
+_mcrf4xx = crc16.mcrf4xx
+# message id as it stands in a header → (longest payload, CRC extra)
+_TABLE = {
+    message_id.to_bytes(3, "little"): (length, bytes([extra])) for message_id, (length, extra) in DEFINITIONS.items()
+}
+
+
+@dataclass(slots=True)
+class Batch:
+    """Frames in order of arrival: three lists of one length."""
+
+    times_us: list[int] = field(default_factory=list)
+    frames: list[bytes] = field(default_factory=list)
+    peers: list[int] = field(default_factory=list)
+    """Number of each frame's sender on its link."""
+    unchecked: set[int] = field(default_factory=set)
+    """Indices of frames of unknown messages, which no checksum vouches for."""
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def packets(self, link: int) -> list[Packet]:
+        """The same as packets of one link."""
+        rows = zip(self.times_us, self.frames, self.peers, strict=True)
+        return [Packet(t_us, raw, link, peer) for t_us, raw, peer in rows]
+
+    def vouched(self) -> set[int]:
+        """Numbers of those who sent a frame with a right checksum."""
+        if not self.unchecked:
+            return set(self.peers)
+        return {peer for k, peer in enumerate(self.peers) if k not in self.unchecked}
+
+
+def is_one_frame(data: bytes) -> bool:
+    """Whether a datagram is exactly one good MAVLink 2 frame of a known message; nearly all are.
+
+    What is not may still hold good frames: :func:`mavlink.frame.split` says.
+    """
+    if len(data) < 12 or data[0] != MAGIC_V2 or data[2] > 1:
+        return False
+    definition = _TABLE.get(data[7:10])
+    end = data[1] + 10
+    if definition is None or data[1] > definition[0] or len(data) != end + 2 + SIGNATURE_LENGTH * data[2]:
+        return False
+    return bool(_mcrf4xx(data[1:end] + definition[1]) == data[end] | data[end + 1] << 8)
+
+
+def looks_like_one_frame(data: bytes) -> bool:
+    """Whether a datagram has the size that its MAVLink header says; its checksum may still be wrong."""
+    if len(data) < 8:
+        return False
+    if data[0] == MAGIC_V1:
+        return len(data) == data[1] + 8
+    return data[0] == MAGIC_V2 and data[2] <= 1 and len(data) == data[1] + 12 + SIGNATURE_LENGTH * data[2]

@@ -1,0 +1,125 @@
+"""A socket filter in the kernel: who is known passes, of everybody else a random share.
+
+A datagram that the filter refuses costs no memory and no time of this process, so a flood of them cannot push others
+out of the socket's buffer. Strangers come in two classes: those whose datagram has the size that its MAVLink header
+says, and the rest, which is junk or several frames at once.
+
+Reference: Linux networking/filter.rst (classic BPF, SO_ATTACH_FILTER, SKF_AD_RANDOM).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import socket
+import struct
+from collections.abc import Iterable
+from itertools import groupby
+
+__all__ = ["Address", "attach", "detach", "program"]
+
+Address = tuple[int, int]
+"""IPv4 address and port as numbers."""
+
+_SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
+_INSTRUCTION = struct.Struct("=HBBI")
+_PROGRAM = struct.Struct("@HP")
+_MOST = 4096  # instructions that the kernel takes
+_LOAD, _LOAD_HALF, _LOAD_BYTE, _LOAD_LENGTH = 0x20, 0x28, 0x30, 0x80
+_JUMP, _IF_EQUAL, _IF_MORE, _IF_AT_LEAST = 0x05, 0x15, 0x25, 0x35
+_TIMES, _PLUS_X, _MINUS_X, _TO_X, _RETURN = 0x24, 0x0C, 0x1C, 0x07, 0x06
+_SOURCE_IP = 0xFFF00000 + 12  # SKF_NET_OFF, the address in the IP header
+_RANDOM = 0xFFFFF000 + 56  # SKF_AD_OFF + SKF_AD_RANDOM
+_PASS, _REFUSE = 0xFFFFFFFF, 0
+# Offsets from the UDP header on, which is eight bytes long.
+_SOURCE_PORT, _MAGIC, _PAYLOAD_LENGTH, _FLAGS = 0, 8, 9, 10
+_FIXED_V1, _FIXED_V2, _SIGNATURE = 8 + 8, 8 + 12, 13
+
+_Code = list[tuple[int, int, int, int]]
+
+
+def program(known: Iterable[Address], likely: float, other: float) -> bytes:
+    """The filter's instructions.
+
+    Args:
+        known: senders who always pass.
+        likely: share of strangers' datagrams that pass if they look like one MAVLink frame, 0..1.
+        other: share of strangers' other datagrams that pass, 0..1.
+
+    Raises:
+        ValueError: more instructions than the kernel takes.
+    """
+    code: _Code = []
+    for ip, addresses in groupby(sorted(known), key=lambda address: address[0]):
+        ports = [port for _, port in addresses]
+        # a jump's distance in a condition is one byte, so the way past many ports takes a jump of its own
+        code += [(_LOAD, 0, 0, _SOURCE_IP), (_IF_EQUAL, 1, 0, ip), (_JUMP, 0, 0, 1 + 2 * len(ports))]
+        code += [(_LOAD_HALF, 0, 0, _SOURCE_PORT)]
+        for port in ports:
+            code += [(_IF_EQUAL, 0, 1, port), (_RETURN, 0, 0, _PASS)]
+    code += _strangers(_sieve(likely), _sieve(other))
+    if len(code) > _MOST:
+        raise ValueError(f"{len(code)} instructions are more than the {_MOST} that the kernel takes")
+    return b"".join(_INSTRUCTION.pack(*step) for step in code)
+
+
+def _sieve(share: float) -> _Code:
+    """Lets a random share pass."""
+    below = round(share * 2.0**32)
+    if below > 0xFFFFFFFF:
+        return [(_RETURN, 0, 0, _PASS)]
+    return [(_LOAD, 0, 0, _RANDOM), (_IF_AT_LEAST, 1, 0, below), (_RETURN, 0, 0, _PASS), (_RETURN, 0, 0, _REFUSE)]
+
+
+def _strangers(likely: _Code, other: _Code) -> _Code:
+    """Sorts strangers' datagrams by whether their size is what their header says."""
+    v1: _Code = [
+        (_LOAD_BYTE, 0, 0, _PAYLOAD_LENGTH),
+        (_TO_X, 0, 0, 0),
+        (_LOAD_LENGTH, 0, 0, 0),
+        (_MINUS_X, 0, 0, 0),
+        (_IF_EQUAL, 0, len(likely), _FIXED_V1),
+    ]
+    # datagram − payload − 13 · signed = 20
+    v2: _Code = [
+        (_LOAD_BYTE, 0, 0, _FLAGS),
+        (_IF_MORE, 8 + len(v1) + len(likely), 0, 1),
+        (_TIMES, 0, 0, _SIGNATURE),
+        (_TO_X, 0, 0, 0),
+        (_LOAD_BYTE, 0, 0, _PAYLOAD_LENGTH),
+        (_PLUS_X, 0, 0, 0),
+        (_TO_X, 0, 0, 0),
+        (_LOAD_LENGTH, 0, 0, 0),
+        (_MINUS_X, 0, 0, 0),
+        (_IF_EQUAL, len(v1), len(v1) + len(likely), _FIXED_V2),
+    ]
+    past = len(v2) + len(v1) + len(likely)
+    return [
+        (_LOAD_LENGTH, 0, 0, 0),
+        (_IF_AT_LEAST, 0, 3 + past, _FIXED_V1),
+        (_LOAD_BYTE, 0, 0, _MAGIC),
+        (_IF_EQUAL, 1, 0, 0xFD),
+        (_IF_EQUAL, len(v2), past, 0xFE),
+        *v2,
+        *v1,
+        *likely,
+        *other,
+    ]
+
+
+def attach(sock: socket.socket, code: bytes) -> None:
+    """Puts a filter on a socket, in place of the one before.
+
+    Raises:
+        OSError: the system has no such filters, or does not take this one.
+    """
+    memory = ctypes.create_string_buffer(code, len(code))
+    described = _PROGRAM.pack(len(code) // _INSTRUCTION.size, ctypes.addressof(memory))
+    sock.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, described)
+
+
+def detach(sock: socket.socket) -> None:
+    """Takes the filter off; without one this does nothing."""
+    try:
+        sock.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
+    except OSError:
+        return  # there was none

@@ -1,0 +1,116 @@
+"""Who sends to a UDP port: numbers for all whose frames are kept, and trust for those whose frames were good.
+
+Both tables are bounded. Where trust is full it goes to whoever has sent most: a crowd that comes with one good frame
+each pushes out its own.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+__all__ = ["Peers", "key_of"]
+
+TRUSTED = 256
+NUMBERED = 4096
+QUIET_US = 60_000_000
+"""Trust ends when nothing good was heard for this long."""
+BAD_A_LOOK = 100
+"""Datagrams without a good frame, between two reviews, that cost trust."""
+BARRED_US = 10_000_000
+"""For how long such a sender is not trusted again."""
+_KEY = struct.Struct("=q")
+_SENDER = struct.Struct("=H2s4s")
+
+
+def key_of(address: tuple[str, int]) -> int:
+    """An IPv4 address and port as the first eight bytes of the system's sockaddr_in, in one number."""
+    host, port = address
+    packed = _SENDER.pack(socket.AF_INET, port.to_bytes(2, "big"), socket.inet_aton(host))
+    return int(_KEY.unpack(packed)[0])
+
+
+@dataclass(slots=True)
+class _Trust:
+    heard_us: int
+    frames: int = 0
+
+
+class Peers:
+    """Senders of one port, by the number that their packets carry."""
+
+    def __init__(self) -> None:
+        self.numbers: dict[int, int] = {}
+        """Sender (:func:`key_of`) → number, from 1."""
+        self.trusted: dict[int, _Trust] = {}
+        """Number → since when; look-ups of a number say whether it is trusted."""
+        self.changes = 0
+        """Grows whenever the set of those trusted changes."""
+        self._keys: dict[int, int] = {}
+        self._last = 0
+        self._bad: Counter[int] = Counter()
+        self._barred: dict[int, int] = {}
+
+    def number(self, key: int) -> int:
+        """A sender's number; a new one if it has none."""
+        known = self.numbers.get(key)
+        if known is not None:
+            return known
+        if len(self.numbers) >= NUMBERED:
+            self._forget_one()
+        self._last += 1
+        self.numbers[key] = self._last
+        self._keys[self._last] = key
+        return self._last
+
+    def trust(self, numbers: Iterable[int], t_us: int) -> None:
+        """These have just sent good frames."""
+        for number in numbers:
+            entry = self.trusted.get(number)
+            if entry is None:
+                if number not in self._keys or number in self._barred:
+                    continue  # forgotten meanwhile, or not to be trusted
+                if len(self.trusted) >= TRUSTED:
+                    self._drop(min(self.trusted, key=lambda other: self.trusted[other].frames))
+                entry = self.trusted[number] = _Trust(t_us)
+                self.changes += 1
+            entry.heard_us = max(entry.heard_us, t_us)
+            entry.frames += 1
+
+    def misbehaved(self, number: int) -> None:
+        """One who is trusted sent a datagram without a good frame."""
+        self._bad[number] += 1
+
+    def review(self, t_us: int) -> None:
+        """Ends the trust in those who are silent and in those who send junk in masses."""
+        for number in [n for n, until_us in self._barred.items() if until_us <= t_us]:
+            del self._barred[number]
+        for number, bad in self._bad.items():
+            if bad >= BAD_A_LOOK:
+                self._drop(number)
+                self._barred[number] = t_us + BARRED_US
+        self._bad.clear()
+        for number in [n for n, entry in self.trusted.items() if t_us - entry.heard_us > QUIET_US]:
+            self._drop(number)
+
+    def addresses(self) -> list[tuple[str, int]]:
+        """Of those who are trusted, as sockets take them."""
+        return [(socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders()]
+
+    def senders(self) -> list[tuple[int, int]]:
+        """Addresses and ports of those who are trusted, as numbers."""
+        keys = [self._keys[number] for number in list(self.trusted)]
+        parts = (_SENDER.unpack(_KEY.pack(key)) for key in keys)
+        return [(int.from_bytes(host, "big"), int.from_bytes(port, "big")) for _, port, host in parts]
+
+    def _drop(self, number: int) -> None:
+        if self.trusted.pop(number, None) is not None:
+            self.changes += 1
+
+    def _forget_one(self) -> None:
+        """The oldest who is not trusted; there always is one, as more are numbered than trusted."""
+        key = next(key for key, number in self.numbers.items() if number not in self.trusted)
+        del self._keys[self.numbers.pop(key)]
