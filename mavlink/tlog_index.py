@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.packet import MAGIC_V1, MAGIC_V2
+from mavlink.tlog_carried import carried
 from mavlink.tlog_damage import Damage, describe_gaps, describe_times
 from mavlink.tlog_scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
-from mavlink.tlog_times import TIME_LENGTH, TimeSource, fill, read_times, times_ok
+from mavlink.tlog_times import TIME_LENGTH, TimeSource, fill, read_times, stamped, times_ok
 
 __all__ = ["TIME_LENGTH", "Damage", "TimeSource", "TlogCounts", "TlogIndex", "build_index"]
 
@@ -63,13 +64,17 @@ class TlogIndex:
 
 
 def _whole(data: Bytes, frames: Frames) -> Frames:
-    """Drops signed frames in whose signature another frame begins: they were cut there, which no checksum sees."""
+    """Drops signed frames that were cut in their signature, which no checksum sees: another record begins in it."""
     signed = (data[frames.offset] == MAGIC_V2) & (data[frames.offset + 2] == 1)
     if not signed.any():
         return frames
     starts = np.append(frames.offset, data.size)
     following = starts[np.searchsorted(frames.offset, frames.end - SIGNATURE_LENGTH)]
-    return frames.take(~(signed & (following < frames.end)))
+    cut = signed & (following < frames.end)
+    # so close that the frame behind has no room for its time, unless that began in the signature
+    near = np.flatnonzero(signed & (following >= frames.end) & (following < frames.end + TIME_LENGTH))
+    cut[near] = stamped(data, following[near], frames.offset[near])
+    return frames.take(~cut)
 
 
 def _untangle(frames: Frames, step: int) -> Frames:
@@ -97,9 +102,11 @@ def _untangle(frames: Frames, step: int) -> Frames:
 def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     """Frames of unknown messages in the gaps between good ones; in a file without times, those that touch others."""
     start = np.concatenate([[0], good.end])
-    stop = np.concatenate([good.offset - step, [data.size]])
-    roomy = stop - start > step + 8
+    stop = np.append(good.offset, data.size)
+    roomy = stop - start > 2 * step + 8
     start, stop = start[roomy], stop[roomy]
+    # room for the next record's time, if it has one
+    stop = np.where(stamped(data, stop, stop) & (stop < data.size), stop - step, stop)
     if not start.size:
         return Frames(start, start)
     edges = np.zeros(data.size + 1, dtype=np.int8)
@@ -114,10 +121,13 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     return _untangle(found, step)
 
 
-def _step(frames: Frames) -> int:
+def _step(data: Bytes, frames: Frames) -> int:
     """Bytes between one frame and the next: 8 of time, or 0 in a file without times."""
     gaps = frames.offset[1:] - frames.end[:-1]
-    return 0 if np.count_nonzero(gaps == 0) > np.count_nonzero(gaps == TIME_LENGTH) else TIME_LENGTH
+    touching, spaced = np.count_nonzero(gaps == 0), np.count_nonzero(gaps == TIME_LENGTH)
+    if touching == spaced:
+        spaced += int(stamped(data, frames.offset, frames.offset).any())
+    return TIME_LENGTH if spaced > touching else 0
 
 
 def _columns(data: Bytes, frames: Frames) -> dict[str, NDArray[np.generic]]:
@@ -147,7 +157,7 @@ def build_index(data: Bytes) -> TlogIndex:
         The index; empty when no good frame is in the data.
     """
     found = _whole(data, find_frames(data))
-    step = _step(found)
+    step = _step(data, found)
     good = _untangle(found, step)
     unknown = _unknown_frames(data, good, step) if good.offset.size else good
     order = np.argsort(np.concatenate([good.offset, unknown.offset]), kind="stable")
@@ -162,7 +172,7 @@ def build_index(data: Bytes) -> TlogIndex:
         t_us, there, source = read_times(data, frames)
         time_ok = times_ok(t_us, there)
         # what nothing checks must at least have a time that fits; noise does not
-        keep = known | time_ok
+        keep = (known | time_ok) & ~carried(data, frames, time_ok, step)
         frames, known, t_us, there, time_ok = frames.take(keep), known[keep], t_us[keep], there[keep], time_ok[keep]
     damage = describe_gaps(data, frames, there, step)
     if step:

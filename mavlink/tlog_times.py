@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mavlink.tlog_scan import Bytes, Frames, Ints, gather
 
-__all__ = ["TIME_LENGTH", "TimeSource", "fill", "read_times", "times_ok"]
+__all__ = ["TIME_LENGTH", "TimeSource", "fill", "read_times", "stamped", "times_ok"]
 
 TIME_LENGTH = 8
 TimeSource = Literal["big-endian", "little-endian", "none"]
@@ -18,6 +18,7 @@ _YEAR_US = 366 * 86_400_000_000
 _SPIKE_US = 60_000_000
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 and 2100
 _UNTIMED_STEP_US = 1000
+_FAR_US = 1 << 62
 _NEIGHBOURS = 4
 _BACKING = 2  # neighbours that must agree: a bit that flips in two stamps makes a pair, not a crowd
 _ERA, _ERA_SHARE = 8, 0.01  # so many stamps, and this share of all, are the clock of somebody, not damage
@@ -43,9 +44,9 @@ def read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], Ti
 def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(N,) which stamps can be right: within a year of the middle one, and in company.
 
-    A stamp a minute or more off is in company when it agrees with two of the four records on either side, or with many
-    anywhere (another writer's clock), or lies between those around it (a silence). An error of less than a minute
-    cannot be told from traffic that was late.
+    A stamp a minute or more off is in company when it agrees with the next record or the last, with two of the four on
+    either side, or with many anywhere (another writer's clock), or lies between those around it (a silence). An error
+    of less than a minute cannot be told from traffic that was late.
     """
     if not there.any():
         return there
@@ -60,22 +61,37 @@ def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return ok
 
 
+def stamped(data: Bytes, at: Ints, near: Ints) -> NDArray[np.bool_]:
+    """(n,) whether the eight bytes before each place look like a stamp.
+
+    Big-endian, a year of this century says it; little-endian only the minute of the stamp before ``near`` does, since
+    the bytes that come first may be any.
+    """
+    room = np.flatnonzero((at >= TIME_LENGTH) & (near >= TIME_LENGTH))
+    here, there = (gather(data, place[room] - TIME_LENGTH, TIME_LENGTH) for place in (at, near))
+    little, other = here.view("<u8").ravel().astype(np.int64), there.view("<u8").ravel().astype(np.int64)
+    looks = np.zeros(at.size, dtype=np.bool_)
+    looks[room] = _dated(here.view(">u8").ravel().astype(np.int64))
+    looks[room] |= _dated(little) & (np.abs(little - other) <= _SPIKE_US)
+    return looks
+
+
 def _in_company(t: Ints) -> NDArray[np.bool_]:
     """(n,) of stamps in file order, those that something speaks for."""
-    backed = _backing(t) >= min(_BACKING, t.size - 2)
+    next_to = np.abs(np.diff(t)) <= _SPIKE_US
+    backed = (_backing(t) >= _BACKING) | np.append(next_to, False) | np.append(False, next_to)
     if not backed.any():
         return ~_alone(t)
     backed |= _in_era(t)
     loose = np.flatnonzero(~backed)
     firm = np.flatnonzero(backed)
     place = np.searchsorted(firm, loose)
-    before = np.where(place > 0, t[firm[np.maximum(place - 1, 0)]], np.iinfo(np.int64).min)
-    after = np.where(place < firm.size, t[firm[np.minimum(place, firm.size - 1)]], np.iinfo(np.int64).max)
+    before = np.where(place > 0, t[firm[np.maximum(place - 1, 0)]], -_FAR_US)
+    after = np.where(place < firm.size, t[firm[np.minimum(place, firm.size - 1)]], _FAR_US)
     between = (t[loose] >= before) & (t[loose] <= after)
     near = np.minimum(np.abs(t[loose] - before), np.abs(after - t[loose])) <= _SPIKE_US
-    company = backed.copy()
-    company[loose] = between | near
-    return company
+    backed[loose] = between | near
+    return np.asarray(backed, dtype=np.bool_)
 
 
 def _backing(t: Ints) -> Ints:
