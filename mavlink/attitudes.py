@@ -13,6 +13,8 @@ __all__ = ["ATTITUDE_LOST_S", "Attitudes", "Pose"]
 
 ATTITUDE_LOST_S = 0.5
 _BRACKET_US = 1_000_000
+_FULL = 2.0 * math.pi + 1e-3
+_MOST_RATE = 50.0  # rad/s, faster than anything that carries an autopilot turns
 
 
 class Pose(NamedTuple):
@@ -45,9 +47,14 @@ class Attitudes:
         """Forgets every attitude, for a vehicle that has rebooted."""
         self._history.clear()
 
+    @staticmethod
+    def possible(sample: Attitude) -> bool:
+        """Whether the angles are numbers, and such as angles are sent."""
+        return abs(sample.roll) <= _FULL and abs(sample.pitch) <= _FULL and abs(sample.yaw) <= _FULL
+
     def take(self, boot_us: int, sample: Attitude) -> bool:
-        """Keeps one report, unless it is no number, too late or there already."""
-        if not math.isfinite(sample.roll + sample.pitch + sample.yaw):
+        """Keeps one report, unless it is no attitude, too late or there already."""
+        if not self.possible(sample):
             return False
         return self._history.add(boot_us, _row(sample)) == "added"
 
@@ -74,7 +81,7 @@ def _row(sample: Attitude) -> _Row:
 
     θ̇ = q cos φ − r sin φ,  ψ̇ = (q sin φ + r cos φ) / cos θ,  φ̇ = p + ψ̇ sin θ
     """
-    p, q, r = (v if math.isfinite(v) else 0.0 for v in (sample.roll_rate, sample.pitch_rate, sample.yaw_rate))
+    p, q, r = (v if abs(v) <= _MOST_RATE else 0.0 for v in (sample.roll_rate, sample.pitch_rate, sample.yaw_rate))
     sin_roll, cos_roll = math.sin(sample.roll), math.cos(sample.roll)
     cos_pitch = math.cos(sample.pitch)
     if abs(cos_pitch) < 0.1:  # near straight up or down the angles' rates mean nothing

@@ -18,6 +18,7 @@ __all__ = ["ClockParams", "VehicleClock"]
 _WRAP_US = (1 << 32) * 1000
 _MS = 1000
 _S = 1_000_000
+_LINES, _LINE_US = 4, 5 * _S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +47,18 @@ class ClockParams:
     """A reboot is believed when the new count has run on for this long."""
     reboot_below_us: int = 300 * _S
     """A vehicle that has just rebooted counts less than this."""
+    late_most_us: int = 60 * _S
+    """Copies come no later than this."""
+
+
+@dataclass(slots=True)
+class _Line:
+    """Messages whose boot times fit each other and not the clock."""
+
+    offset_us: int
+    first_us: int
+    last_us: int
+    count: int
 
 
 class VehicleClock:
@@ -59,10 +72,13 @@ class VehicleClock:
         """Changes whenever boot times before and after cannot be compared: a reboot, or a clock given up."""
         self.stray = False
         """Whether the last boot time did not fit: a late copy, another sender, or a reboot not yet believed."""
+        self.late = False
+        """Whether it did not fit because it came late: it is of this count, or of the one before the last reboot."""
         self._frozen = 0
         self._by_arrival = False
         self._steps: deque[int] = deque(maxlen=3)
         self._started = False
+        self._past = (0, 0, 0)  # of the count before: newest boot time, arrival less boot time, arrival of the end
         self._restart(0, 0)
 
     def _restart(self, boot_us: int, arrival_us: int) -> None:
@@ -75,7 +91,8 @@ class VehicleClock:
         self._bin_stop = boot_us + self.params.bin_us
         self._least = (boot_us, arrival_us - boot_us)
         self._delay_us = 20_000.0
-        self._candidate: list[tuple[int, int]] = []
+        self._fitted = False
+        self._lines: list[_Line] = []
         self._astray_us = 0  # arrival of the first message in a row that did not fit
 
     def to_unix_us(self, boot_ms: int, arrival_us: int) -> int:
@@ -99,11 +116,12 @@ class VehicleClock:
         late_us = arrival_us - self.unix_of(boot_us)
         back = boot_us < self._newest - self.params.back_us
         self.stray = back or late_us > self.params.late_us or late_us < -self.params.early_us
+        self.late = self.stray and self._is_late(boot_us, arrival_us, late_us)
         if self.stray:
             self._consider(boot_us, arrival_us)
             boot_us = arrival_us if self._by_arrival else boot_us
         else:
-            self._candidate.clear()
+            self._lines.clear()
             self._astray_us = 0
             self._take(boot_us, arrival_us, late_us)
         return boot_us
@@ -119,8 +137,13 @@ class VehicleClock:
 
     @property
     def drift(self) -> float:
-        """Seconds that Unix time gains on the vehicle's clock per second, minus 0 before it can be told."""
+        """Seconds that Unix time gains on the vehicle's clock per second, 0 before it can be told."""
         return self._drift
+
+    @property
+    def drift_known(self) -> bool:
+        """Whether the drift was measured, and not by a sender without a clock."""
+        return self._fitted and not self._by_arrival
 
     @property
     def uncertainty_s(self) -> float:
@@ -163,36 +186,52 @@ class VehicleClock:
         if points[-1][0] - points[0][0] >= self.params.fit_after_us:
             limit = self.params.max_drift
             self._drift = max(-limit, min(limit, _hull_slope(points)))
+            self._fitted = True
         self._anchor = points[-1][0]
         self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
         if not self._drift:
             # without a drift the old points say less and less: each may be off by the greatest drift since
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
 
+    def _is_late(self, boot_us: int, arrival_us: int, late_us: int) -> bool:
+        if 0 < late_us <= self.params.late_most_us and boot_us <= self._newest:
+            return True
+        newest, offset, end_us = self._past
+        since_us = arrival_us - boot_us - offset
+        recent = 0 <= arrival_us - end_us <= self.params.late_most_us
+        return recent and boot_us <= newest and -self.params.early_us <= since_us <= self.params.late_most_us
+
     def _consider(self, boot_us: int, arrival_us: int) -> None:
-        """Collects messages on another time line, and moves there once it has run alone for long enough."""
-        candidate = self._candidate
-        if candidate:
-            first_boot, first_arrival = candidate[0]
-            shift = (arrival_us - boot_us) - (first_arrival - first_boot)
-            if abs(shift) > _S // 2 or arrival_us < first_arrival:
-                candidate.clear()
+        """Collects messages on other time lines, and moves to one once it has run without ours for long enough."""
         self._astray_us = self._astray_us or arrival_us
         if arrival_us - self._astray_us > 2 * self.params.step_hold_us:
             self.stray = False
             self._give_up(arrival_us)
             return
-        candidate.append((boot_us, arrival_us))
-        del candidate[1:-2]
+        line = self._line_of(boot_us, arrival_us)
         rebooted = boot_us < self._newest - self.params.back_us and boot_us < self.params.reboot_below_us
         hold_us = self.params.reboot_hold_us if rebooted else self.params.step_hold_us
-        if len(candidate) >= 3 and arrival_us - candidate[0][1] >= hold_us:
+        if line.count >= 3 and arrival_us - line.first_us >= hold_us:
             self.reboots += rebooted
+            self._past = (self._newest, round(self._line(self._newest)), arrival_us)
             self.epoch += boot_us < self._newest - self.params.back_us
             self.stray = False
             self._restart(boot_us, arrival_us)
             if not rebooted:
                 self._note_step(arrival_us)
+
+    def _line_of(self, boot_us: int, arrival_us: int) -> _Line:
+        """The other time line that this message is on; late copies may run beside a reboot."""
+        self._lines = [line for line in self._lines if 0 <= arrival_us - line.last_us <= _LINE_US][-_LINES:]
+        offset_us = arrival_us - boot_us
+        for line in self._lines:
+            if abs(offset_us - line.offset_us) <= _S // 2:
+                line.last_us = arrival_us
+                line.count += 1
+                return line
+        line = _Line(offset_us, arrival_us, arrival_us, 1)
+        self._lines.append(line)
+        return line
 
     def _note_step(self, arrival_us: int) -> None:
         steps = self._steps

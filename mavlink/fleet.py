@@ -17,12 +17,13 @@ from mavlink.attitudes import ATTITUDE_LOST_S, Pose
 from mavlink.camera_report import CameraReports, CameraSample
 from mavlink.decode import decode
 from mavlink.dialect import DEFINITIONS
-from mavlink.gate import GateParams
+from mavlink.gate import GateParams, altitude_known
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.gimbal import Gimbals, GimbalSample
+from mavlink.hardware import AUTOPILOT_VERSION
 from mavlink.modes import is_vehicle, kind_name
 from mavlink.packet import Auth, Packet
-from mavlink.positions import LOST_S, Estimate, Fix
+from mavlink.positions import Estimate, Fix
 from mavlink.samples import (
     Attitude,
     CameraFov,
@@ -35,14 +36,17 @@ from mavlink.samples import (
     MountOrientation,
     MountStatus,
     StatusText,
+    SystemTime,
+    TimeSync,
     VideoStreamInformation,
 )
-from mavlink.state import CameraReport, FleetState, Notice, Reports, UavState, VehicleStatus
+from mavlink.state import CameraReport, FleetState, MessageRate, Notice, Reports, UavState, VehicleStatus
 from mavlink.vehicle import Vehicle
 
 __all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState", "VehicleStatus"]
 
-_UAV_SPEED = 80.0
+_UAV_SPEED, _UAV_ACCELERATION = 80.0, 12.0
+_USABLE_S = 2.0  # a position is carried on for no longer
 _ORIGIN_PATIENCE_US = 10_000_000
 _WAITING = 2000  # reports kept until the origin is known
 _REPORTS = 100_000  # reports kept until somebody takes them
@@ -61,6 +65,7 @@ class Fleet:
         camera_id: which of the UAV's cameras, by device id 1-6 or component id; 0: the first that tells its field of
             view.
         gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that speaks.
+        links: names of the links by index, for what is told.
     """
 
     def __init__(
@@ -72,11 +77,14 @@ class Fleet:
         *,
         camera_id: int = 0,
         gimbal_id: int = 0,
+        links: Sequence[str] = (),
     ) -> None:
         self.origin = origin
         self._ids = np.array(ugv_ids, dtype=np.int64)
-        self._uav = Vehicle(uav_id, drives=False, params=GateParams(max_speed=_UAV_SPEED))
-        self._ugvs = [Vehicle(system_id, drives=True, params=params or GateParams()) for system_id in ugv_ids]
+        names, params = tuple(links), params or GateParams()
+        flies = GateParams(max_speed=_UAV_SPEED, max_acceleration=_UAV_ACCELERATION)
+        self._uav = Vehicle(uav_id, drives=False, params=flies, links=names)
+        self._ugvs = [Vehicle(system_id, drives=True, params=params, links=names) for system_id in ugv_ids]
         self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
         self._strangers: set[int] = set()
         self._home_up = math.nan
@@ -86,9 +94,11 @@ class Fleet:
         self._gimbals = Gimbals(gimbal_id)
         self._camera = CameraReports(camera_id)
         self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
-            Heartbeat: lambda vehicle, sample: vehicle.take_heartbeat(sample),
+            Heartbeat: _heartbeat,
             GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample),
             StatusText: lambda vehicle, sample: vehicle.take_text(sample),
+            SystemTime: lambda vehicle, sample: vehicle.take_times(sample),
+            TimeSync: lambda vehicle, sample: vehicle.take_times(sample),
             Attitude: self._attitude,
             GlobalPosition: self._position,
             GimbalAttitude: self._gimbal,
@@ -102,17 +112,21 @@ class Fleet:
 
     def feed(self, packet: Packet) -> tuple[Notice, ...]:
         """Takes one packet, in order of arrival; returns what an operator should know."""
-        if packet.message_id not in DEFINITIONS:
+        message_id = packet.message_id
+        if message_id not in DEFINITIONS:
             return ()  # not checked by anything, so not even its sender is known
         vehicle = self._vehicles.get(packet.system_id)
+        if packet.auth > Auth.GOOD:
+            return vehicle.refuse_packet(packet) if vehicle is not None else ()
         if vehicle is None:
             return self._stranger(packet)
-        if packet.auth > Auth.GOOD:
+        if not vehicle.heard(packet, message_id):
             return ()
-        vehicle.heard(packet)
+        if message_id == AUTOPILOT_VERSION:
+            return self._told(vehicle, vehicle.take_hardware(packet))
         sample = decode(packet)
         take = self._take.get(type(sample))
-        return tuple(take(vehicle, sample)) if take is not None else ()
+        return self._told(vehicle, tuple(take(vehicle, sample))) if take is not None else ()
 
     def at(self, t_us: int) -> FleetState:
         """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last."""
@@ -135,6 +149,12 @@ class Fleet:
             vehicles=(uav_status, *statuses),
         )
 
+    def rates(self, t_us: int) -> tuple[MessageRate, ...]:
+        """How often which message comes from whom over which link, measured; to be asked once a second or so."""
+        return tuple(
+            rate for vehicle in self._vehicles.values() for rate in vehicle.reception.rates(vehicle.system_id, t_us)
+        )
+
     def take_reports(self) -> Reports:
         """Positions of ground vehicles accepted since the last call."""
         taken, self._reports = self._reports, deque(maxlen=_REPORTS)
@@ -147,6 +167,13 @@ class Fleet:
             heading=rows[:, 6],
             std_m=rows[:, 7],
         )
+
+    def _told(self, vehicle: Vehicle, notices: tuple[Notice, ...]) -> tuple[Notice, ...]:
+        """Passes notices on; reports not yet taken of a vehicle that turns out to have two senders are dropped."""
+        if notices and self._reports and vehicle.contested(notices[-1].t_us):
+            kept = (report for report in self._reports if report[0] is not vehicle)
+            self._reports = deque(kept, maxlen=_REPORTS)
+        return notices
 
     def _stranger(self, packet: Packet) -> tuple[Notice, ...]:
         """Says once that a vehicle is on the air that is not in the mission."""
@@ -172,7 +199,7 @@ class Fleet:
         boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
         reason = vehicle.nonsense(sample)
         if reason:
-            return notices + tuple(vehicle.refuse(sample.t_us, reason))
+            return notices + vehicle.refuse(sample.t_us, reason)
         if self.origin is None and not self._found_origin(vehicle, boot_us, sample):
             return notices
         return notices + self._place(vehicle, boot_us, sample)
@@ -192,7 +219,7 @@ class Fleet:
         return True
 
     def _learn_home(self, sample: GlobalPosition) -> None:
-        if self.origin is not None:
+        if self.origin is not None and altitude_known(sample.relative_alt_m):
             self._home_up = sample.alt_m - sample.relative_alt_m - self.origin.alt_m
 
     def _place(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> tuple[Notice, ...]:
@@ -205,7 +232,7 @@ class Fleet:
         return notices
 
     def _gimbal(self, vehicle: Vehicle, sample: GimbalSample) -> tuple[Notice, ...]:
-        if vehicle is not self._uav:
+        if vehicle is not self._uav or vehicle.reception.late:
             return ()
         # stamped on arrival: gimbals of their own have a clock of their own
         boot_us = vehicle.clock.boot_of(sample.t_us)
@@ -250,14 +277,23 @@ class Fleet:
             position_age_s=status.position_age_s,
             attitude_age_s=status.attitude_age_s,
             position_valid=_usable(estimate, status),
-            attitude_valid=pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S),
+            attitude_valid=_fresh(pose) and not status.contested,
             camera=self._camera.report,
         )
         return state, status
 
 
+def _heartbeat(vehicle: Vehicle, sample: Heartbeat) -> Iterable[Notice]:
+    """Gimbals, cameras and relayed stations beat too, and are no vehicles."""
+    return vehicle.take_heartbeat(sample) if is_vehicle(sample.type, sample.autopilot) else ()
+
+
+def _fresh(pose: Pose | None) -> bool:
+    return pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
+
+
 def _usable(estimate: Estimate | None, status: VehicleStatus) -> bool:
-    """Whether a position may be used: heard in the last seconds, and by one sender only."""
+    """Whether a position may be used: heard in the last two seconds, and from one sender only."""
     if estimate is None or status.contested:
         return False
-    return estimate.bracketed or estimate.age_s <= LOST_S
+    return estimate.bracketed or estimate.age_s <= _USABLE_S

@@ -8,7 +8,16 @@ from dataclasses import dataclass
 from mavlink.geodesy import wrap_pi
 from mavlink.samples import GlobalPosition, GpsRaw
 
-__all__ = ["GateParams", "altitude_known", "course_gap", "nonsense", "position_std", "too_far"]
+__all__ = [
+    "GateParams",
+    "altitude_known",
+    "climbs_too_fast",
+    "course_gap",
+    "nonsense",
+    "position_std",
+    "speed_possible",
+    "too_far",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +38,12 @@ class GateParams:
     """m/s; slower, the course says nothing."""
     default_std_m: float = 2.0
     """1σ when the receiver says nothing."""
+    max_acceleration: float = 4.0
+    """m/s²; what two radios of one vehicle may differ by between their reports. Raise for agile vehicles."""
+    max_climb: float = 20.0
+    """m/s; an aircraft whose height changes faster has jumped."""
+    climb_margin_m: float = 20.0
+    """Beyond what the climb allows."""
 
 
 _NEAR_ZERO_DEG = 1e-3  # autopilots without a fix report 0/0, or a few units of 1e-7° around it
@@ -59,6 +74,16 @@ def nonsense(position: GlobalPosition, gps: GpsRaw | None) -> str:
 def altitude_known(alt_m: float) -> bool:
     """Whether an altitude above sea level is possible at all; the wire's sentinels are not."""
     return -1000.0 < alt_m < 20_000.0
+
+
+def speed_possible(position: GlobalPosition, params: GateParams) -> bool:
+    """Whether a reported velocity is one that this vehicle can have; True when none is given."""
+    return not math.hypot(position.v_east, position.v_north) > params.max_speed
+
+
+def climbs_too_fast(gap_m: float, dt_s: float, params: GateParams) -> bool:
+    """Whether nothing that flies gets this far up or down in this time."""
+    return abs(gap_m) > params.max_climb * max(dt_s, 0.0) + params.climb_margin_m
 
 
 def too_far(gap_m: float, dt_s: float, std_m: float, params: GateParams) -> bool:

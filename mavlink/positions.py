@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
-from mavlink.gate import GateParams, course_gap, too_far
+from mavlink.gate import GateParams, climbs_too_fast, course_gap, too_far
 from mavlink.geodesy import wrap_pi
 from mavlink.history import History
 from mavlink.samples import GlobalPosition
 
 __all__ = ["LOST_S", "Estimate", "Fix", "Positions", "Verdict"]
 
-Verdict = Literal["new", "standing", "moved", "frozen", "duplicate", "late", "jump"]
-"""new: usable; standing: usable, says nothing new; moved: usable after a jump; the others are not used."""
+Verdict = Literal["new", "standing", "moved", "frozen", "duplicate", "late", "jump", "leap"]
+"""new: usable; standing: usable, says nothing new; moved: usable after a jump; the others are not used (jump: too far,
+leap: too high)."""
 
 LOST_S = 3.0
 _EXTRAPOLATE_S = 2.0
@@ -23,7 +24,6 @@ _STANDING_SPEED = 0.3
 _STANDING_REPORT_US = 1_000_000
 _YAW_GAP = math.radians(20.0)
 _COURSE_DISTRUST, _COURSE_WORST = 5, 10
-_CONTEST_COUNT, _CONTEST_US = 3, 5_000_000
 
 
 class Fix(NamedTuple):
@@ -63,14 +63,10 @@ class Positions:
     def __init__(self, params: GateParams, *, drives: bool) -> None:
         self.period_s = math.nan
         """Usual time between reports."""
-        self.contested_us = 0
-        """Boot time until which two senders fight over this vehicle's place, 0 never."""
         self._params = params
         self._drives = drives
         self._history: History[Fix] = History()
         self._elsewhere: list[tuple[int, Fix]] = []
-        self._contests = 0
-        self._contest_us = 0
         self._course_badness = 0
         self._heading_trusted = True
         self._place = (math.nan, math.nan)
@@ -131,12 +127,14 @@ class Positions:
         last = self._history.last
         if last is not None and self._is_jump(boot_us, fix, last):
             return self._jump(boot_us, fix, place)
+        if last is not None and self._is_leap(boot_us, fix, last):
+            return "leap" if self._jump(boot_us, fix, place) == "jump" else "moved"
         repeated = place == self._place
         if repeated and math.hypot(fix.v_east, fix.v_north) > _STANDING_SPEED:
             return "frozen"
         if self._history.add(boot_us, fix) != "added":
             return "late"
-        self._note_contest(boot_us)
+        self._elsewhere.clear()
         self._learn_period(boot_us, last)
         if repeated and boot_us - self._reported_us < _STANDING_REPORT_US:
             return "standing"
@@ -161,9 +159,19 @@ class Positions:
         gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north)
         return too_far(gap_m, abs(boot_us - last[0]) * 1e-6, max(fix.std_m, last[1].std_m), self._params)
 
+    def _is_leap(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:
+        """A ground vehicle's height is that of the ground and never judged here."""
+        if self._drives:
+            return False
+        return climbs_too_fast(fix.up - last[1].up, abs(boot_us - last[0]) * 1e-6, self._params)
+
     def _jump(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
         elsewhere = self._elsewhere
-        if elsewhere and (boot_us <= elsewhere[-1][0] or self._is_jump(boot_us, fix, elsewhere[-1])):
+        if elsewhere and (
+            boot_us <= elsewhere[-1][0]
+            or self._is_jump(boot_us, fix, elsewhere[-1])
+            or self._is_leap(boot_us, fix, elsewhere[-1])
+        ):
             elsewhere.clear()
         elsewhere.append((boot_us, fix))
         del elsewhere[1:-2]
@@ -173,17 +181,6 @@ class Positions:
         self._history.add(boot_us, fix)
         self._place, self._reported_us = place, boot_us
         return "moved"
-
-    def _note_contest(self, boot_us: int) -> None:
-        """Good reports between refused ones: somebody else uses this system id, or the receiver flickers."""
-        if boot_us - self._contest_us > _CONTEST_US:
-            self._contests = 0
-        if self._elsewhere:
-            self._elsewhere.clear()
-            self._contests += 1
-            self._contest_us = boot_us
-            if self._contests >= _CONTEST_COUNT:
-                self.contested_us = boot_us + _CONTEST_US
 
     def _learn_period(self, boot_us: int, last: tuple[int, Fix] | None) -> None:
         if last is None or boot_us <= last[0]:

@@ -9,11 +9,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CameraReport", "FleetState", "Level", "Notice", "PositionState", "Reports", "UavState", "VehicleStatus"]
+__all__ = [
+    "CameraReport",
+    "ChannelStatus",
+    "FleetState",
+    "Level",
+    "MessageRate",
+    "Notice",
+    "PositionState",
+    "Reports",
+    "UavState",
+    "VehicleStatus",
+]
 
 Array = NDArray[np.float64]
 Level = Literal["info", "warning", "alarm"]
-PositionState = Literal["ok", "stale", "lost", "never", "refused"]
+PositionState = Literal["ok", "stale", "lost", "never", "refused", "contested"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +87,37 @@ class UavState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelStatus:
+    """How one vehicle is heard from one address on one link."""
+
+    link: int
+    """Index of the link."""
+    peer: int
+    """Number of the address on that link, 0 where there is none."""
+    packets: int
+    rate_hz: float
+    """Packets a second lately, copies of those of other channels included."""
+    loss: float
+    """Share of packets missing by sequence number, lately, 0..1."""
+    age_s: float
+    """Since its last packet."""
+    late_s: float
+    """How far its copies came behind another channel, 0 when it was first or has no copies."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MessageRate:
+    """How often one message comes from one vehicle over one link."""
+
+    system_id: int
+    link: int
+    message_id: int
+    hz: float
+    age_s: float
+    """Since the last."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleStatus:
     """How one vehicle and its link are doing."""
 
@@ -101,6 +143,28 @@ class VehicleStatus:
     last_text: str
     contested: bool = False
     """Two senders use this system id: its reports are not used."""
+    refusals: tuple[tuple[str, int], ...] = ()
+    """What was left out, by reason: positions, and single values of positions that were used without them."""
+    copies: int = 0
+    """Packets that had come before, over another link or twice over one."""
+    signed: int = 0
+    """Packets with a signature that was verified."""
+    unsigned: int = 0
+    """Packets without one that was verified, refused where a key is set."""
+    bad_signature: int = 0
+    """Packets refused for their signature: another key, a replay, from the future."""
+    link: int = -1
+    """Index of the link that was heard last, -1 before any."""
+    channels: tuple[ChannelStatus, ...] = ()
+    """The ways it is heard, in order of first use."""
+    drift_ppm: float = math.nan
+    """By how much Unix time runs faster than the vehicle's clock, NaN until that can be told."""
+    round_trip_s: float = math.nan
+    """Of TIMESYNC there and back, the least lately; NaN while nobody asks."""
+    clock_error_s: float = math.nan
+    """The vehicle's own idea of Unix time minus ours; NaN before it has one. Told, never used."""
+    hardware: str = ""
+    """Hardware id in hexadecimal, empty until AUTOPILOT_VERSION was heard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,9 +186,14 @@ class FleetState:
     std_m: Array
     """(n,) 1σ of the horizontal position; grows while nothing is heard."""
     valid: NDArray[np.bool_]
-    """(n,) position may be used: state ``ok`` or ``stale``, and not contested."""
+    """(n,) position may be used: heard within two seconds, and not contested."""
     vehicles: tuple[VehicleStatus, ...]
     """The UAV first, then the ground vehicles."""
+
+    @property
+    def contested(self) -> frozenset[int]:
+        """System ids with two senders: no track may carry one of these names, and the UAV's puts all in doubt."""
+        return frozenset(status.system_id for status in self.vehicles if status.contested)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,21 +7,24 @@ from collections.abc import Iterator
 
 from mavlink.attitudes import Attitudes, Pose
 from mavlink.clock import VehicleClock
-from mavlink.gate import GateParams, altitude_known, nonsense, position_std
+from mavlink.gate import GateParams, altitude_known, nonsense, position_std, speed_possible
 from mavlink.geodesy import LocalFrame
-from mavlink.modes import fix_name, is_vehicle, kind_name, mode_name
+from mavlink.modes import fix_name, kind_name, mode_name
 from mavlink.packet import Packet
 from mavlink.positions import LOST_S, Estimate, Fix, Positions
-from mavlink.samples import Attitude, GlobalPosition, GpsRaw, Heartbeat, StatusText
-from mavlink.sequence import SequenceLoss
+from mavlink.reception import Reception, Speaker
+from mavlink.refusals import Refusals
+from mavlink.samples import Attitude, GlobalPosition, GpsRaw, Heartbeat, StatusText, SystemTime, TimeSync
+from mavlink.senders import Senders
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
+from mavlink.texts import Texts
+from mavlink.timekeeping import Timekeeping
 
 __all__ = ["Vehicle"]
 
 _GPS_FRESH_US = 5_000_000
-_REPEATED_TEXT_US = 5_000_000
-_REPEATED_REFUSAL_US = 30_000_000
-_STRANGERS, _STRANGER_US = 5, 10_000_000
+_REFUSED_VERDICTS = {"jump": "farther than it can have driven", "leap": "higher or lower than it can have flown"}
+_QUIET_VERDICTS = {"late": "out of order, seconds late", "frozen": "moving, and at the same place as before"}
 
 
 class Vehicle:
@@ -31,53 +34,66 @@ class Vehicle:
         system_id: whose packets :meth:`heard` and the others get.
         drives: a ground vehicle: its course fits its heading, its altitude may be wrong.
         params: limits of what it can do.
+        links: names of the links, by index, for what is told.
     """
 
-    def __init__(self, system_id: int, *, drives: bool, params: GateParams) -> None:
+    def __init__(self, system_id: int, *, drives: bool, params: GateParams, links: tuple[str, ...] = ()) -> None:
         self.system_id = system_id
         self.clock = VehicleClock()
         self.positions = Positions(params, drives=drives)
         self.attitudes = Attitudes()
-        self.refused = 0
+        self.reception = Reception()
+        self.refusals = Refusals()
+        self.senders = Senders(params, links)
         self._drives = drives
         self._params = params
-        self._loss = SequenceLoss()
+        self._times = Timekeeping()
         self._heartbeat: Heartbeat | None = None
         self._component = 0  # whose positions and attitudes count; 0 until somebody speaks
         self._gps: GpsRaw | None = None
-        self._refusal = ""
-        self._refused_us = 0
-        self._refusals_told: dict[str, int] = {}
-        self._text = ""
-        self._text_us = 0
-        self._pieces: dict[tuple[int, int], str] = {}
-        self._strangers = 0
-        self._stranger_us = 0
-        self._contested_told = False
+        self._texts = Texts()
 
-    def heard(self, packet: Packet) -> None:
-        """Counts a packet of a known message, whatever it says."""
-        self._loss.take(packet.link, packet.component_id, packet.seq)
+    def heard(self, packet: Packet, message_id: int) -> bool:
+        """Counts a packet of a known message; False for a copy of one that was heard before."""
+        if not self.reception.take(packet, message_id):
+            return False
+        if packet.component_id == self._component:
+            self.senders.speaks(self.reception.speaker, packet.t_us)
+        return True
+
+    def refuse_packet(self, packet: Packet) -> tuple[Notice, ...]:
+        """Counts a packet that must not be believed for its signature."""
+        text = self.reception.refuse(packet)
+        if not text:
+            return ()
+        where = self.senders.where(Speaker(packet.link, packet.peer, 0))
+        return (self._notice(packet.t_us, "alarm", f"system {self.system_id}: {text} ({where})"),)
 
     def take_heartbeat(self, sample: Heartbeat) -> Iterator[Notice]:
-        """HEARTBEAT; those of gimbals, cameras and relayed stations are none of the vehicle's."""
-        if not is_vehicle(sample.type, sample.autopilot):
-            return
-        before, self._heartbeat = self._heartbeat, sample
+        """HEARTBEAT of the autopilot; other components' are none of the vehicle's."""
+        before = self._heartbeat
+        alive = before is not None and abs(sample.t_us - before.t_us) < LOST_S * 1e6
+        if before is not None and alive and sample.component_id != before.component_id:
+            return  # a companion that says it is an autopilot, while the autopilot speaks
+        kinds = self.senders.heartbeat(sample, self.reception.speaker)
+        self._heartbeat = sample
         self._component = sample.component_id
         if before is None:
             yield self._notice(sample.t_us, "info", f"{self.kind} {self.system_id} is there, {self.mode}")
-            return
-        if before.type != sample.type and kind_name(before.type) != self.kind:
-            text = f"system {self.system_id} was a {kind_name(before.type)} and says it is a {self.kind}"
-            yield self._notice(sample.t_us, "warning", text)
-        if before.armed != sample.armed:
-            yield self._notice(sample.t_us, "info", "armed" if sample.armed else "disarmed")
-        if before.custom_mode != sample.custom_mode:
-            yield self._notice(sample.t_us, "info", f"mode {self.mode}")
+        elif not self.contested(sample.t_us):
+            if kinds and self.senders.told.due("kind", sample.t_us):
+                text = f"system {self.system_id} was a {kinds[0]} and says it is a {kinds[1]}"
+                yield self._notice(sample.t_us, "warning", text)
+            if before.armed != sample.armed:
+                yield self._notice(sample.t_us, "info", "armed" if sample.armed else "disarmed")
+            if before.custom_mode != sample.custom_mode:
+                yield self._notice(sample.t_us, "info", f"mode {self.mode}")
+        yield from self.contest_notices(sample.t_us)
 
     def take_gps(self, sample: GpsRaw) -> Iterator[Notice]:
         """GPS_RAW_INT."""
+        if self.reception.late:
+            return
         before, self._gps = self._gps, sample
         if before is not None and fix_name(before.fix_type) != fix_name(sample.fix_type):
             worse = sample.fix_type < min(before.fix_type, 3)
@@ -86,46 +102,65 @@ class Vehicle:
 
     def take_text(self, sample: StatusText) -> Iterator[Notice]:
         """STATUSTEXT; pieces of long texts are put together, repetitions within seconds are left out."""
-        text = sample.text
-        if sample.text_id:
-            text = self._joined(sample)
-        if not text or (text == self._text and sample.t_us - self._text_us < _REPEATED_TEXT_US):
-            return
-        self._text, self._text_us = text, sample.t_us
-        level: Level = "alarm" if sample.severity <= 3 else "warning" if sample.severity == 4 else "info"
-        yield Notice(t_us=sample.t_us, level=level, kind="text", text=text, system_id=self.system_id)
+        text = self._texts.take(sample)
+        if text:
+            level: Level = "alarm" if sample.severity <= 3 else "warning" if sample.severity == 4 else "info"
+            yield Notice(t_us=sample.t_us, level=level, kind="text", text=text, system_id=self.system_id)
+
+    def take_times(self, sample: SystemTime | TimeSync) -> Iterator[Notice]:
+        """SYSTEM_TIME and TIMESYNC: only ever told, no position depends on them."""
+        for text in self._times.take(sample, self.clock):
+            yield self._notice(sample.t_us, "warning", f"system {self.system_id}: {text}")
+
+    def take_hardware(self, packet: Packet) -> tuple[Notice, ...]:
+        """AUTOPILOT_VERSION."""
+        text = self.senders.hardware(packet, self.reception.speaker, self.clock.epoch)
+        told = (self._notice(packet.t_us, "warning", f"system {self.system_id}: {text}"),) if text else ()
+        return told + self.contest_notices(packet.t_us)
 
     def learn_time(self, boot_ms: int, sample: Attitude | GlobalPosition) -> tuple[int, tuple[Notice, ...]]:
         """Boot time in µs of a sample, and what the clock noticed."""
-        epoch, reboots, was_stray = self.clock.epoch, self.clock.reboots, self.clock.stray
-        boot_us = self.clock.learn(boot_ms, sample.t_us)
-        if self.clock.epoch != epoch:
+        clock = self.clock
+        epoch, reboots = clock.epoch, clock.reboots
+        boot_us = clock.learn(boot_ms, sample.t_us)
+        if clock.epoch != epoch:
             self.positions.clear()
             self.attitudes.clear()
-        if self.clock.reboots != reboots:
+            self._times.restart()
+        if clock.reboots != reboots:
             return boot_us, (self._notice(sample.t_us, "warning", f"system {self.system_id} has rebooted"),)
-        if self.clock.stray and not was_stray and not self.positions.has(boot_us):
-            self._note_stranger(sample.t_us)
-        return boot_us, self._contest_notice(sample.t_us)
+        if clock.stray:
+            if not clock.late and not self.positions.has(boot_us):
+                gap_s = (sample.t_us - clock.unix_of(boot_us)) * 1e-6
+                self.senders.other_clock(sample.t_us, self.reception.speaker, gap_s)
+        else:
+            self.senders.usual_clock(sample.t_us, self.reception.speaker)
+        return boot_us, self.contest_notices(sample.t_us)
 
     def counts(self, component_id: int) -> bool:
-        """Whether positions and attitudes of this component are the vehicle's: its autopilot's, once that is known."""
+        """Whether positions and attitudes of this packet are the vehicle's now: its autopilot's and not late."""
         self._component = self._component or component_id
-        return component_id == self._component
+        if component_id != self._component:
+            return False
+        if self.reception.late:
+            self.refusals.count("over a link that is seconds late")
+            return False
+        return True
 
     def take_attitude(self, boot_us: int, sample: Attitude) -> None:
         """ATTITUDE or ATTITUDE_QUATERNION."""
-        if not self.clock.stray:
-            self.attitudes.take(boot_us, sample)
+        if self.clock.stray:
+            return
+        if self.senders.several(sample.t_us):
+            self.senders.attitude(boot_us, sample, self.reception.speaker)
+        if not self.attitudes.take(boot_us, sample) and not self.attitudes.possible(sample):
+            self.refusals.count("attitude that is none")
 
-    def refuse(self, t_us: int, reason: str) -> Iterator[Notice]:
+    def refuse(self, t_us: int, reason: str) -> tuple[Notice, ...]:
         """Counts a position that is not used; says so when the reason is new or was not given for a while."""
-        self.refused += 1
-        self._refused_us = t_us
-        self._refusal = reason
-        if abs(t_us - self._refusals_told.get(reason, -_REPEATED_REFUSAL_US)) >= _REPEATED_REFUSAL_US:
-            self._refusals_told[reason] = t_us
-            yield self._notice(t_us, "warning", f"position not used: {reason}")
+        if self.refusals.position(t_us, reason):
+            return (self._notice(t_us, "warning", f"position not used: {reason}"),)
+        return ()
 
     def nonsense(self, sample: GlobalPosition) -> str:
         """Why a report is no place at all, empty when it may be one."""
@@ -147,23 +182,43 @@ class Vehicle:
         """
         fix = self._fix(boot_us, sample, frame, home_up)
         if not math.isfinite(fix.up):
-            return None, tuple(self.refuse(sample.t_us, "altitude unknown"))
+            return None, self.refuse(sample.t_us, "altitude unknown")
+        t_us, speaker = sample.t_us, self.reception.speaker
         if self.clock.stray:
+            if self.clock.late:
+                self.senders.late_place(t_us, speaker, fix, self.positions.at(boot_us))
+            self.refusals.count("seconds late" if self.clock.late else "of another clock")
             return None, ()
+        if self.senders.several(t_us):
+            self.senders.place(boot_us, t_us, fix, speaker)
         verdict = self.positions.take(boot_us, fix, (sample.lat_deg, sample.lon_deg))
-        if verdict == "jump":
-            return None, tuple(self.refuse(sample.t_us, "farther than it can have driven"))
+        if verdict in _REFUSED_VERDICTS:
+            self.senders.jump(t_us, speaker, fix, self.positions.last)
+            return None, self.refuse(t_us, _REFUSED_VERDICTS[verdict])
         if verdict == "moved":
-            self._refusal = ""
-            return fix, (self._notice(sample.t_us, "warning", "position jumped and stayed there: accepted"),)
-        if verdict in ("new", "standing"):
-            self._refusal = ""
-        return (fix if verdict == "new" and not self.contested(boot_us) else None), ()
+            self.refusals.reason = ""
+            return self._evidence(t_us, fix), (
+                self._notice(t_us, "warning", "position jumped and stayed there: accepted"),
+            )
+        if verdict == "new" or verdict == "standing":
+            self.senders.no_jump(t_us, speaker)
+            self.refusals.reason = ""
+            return self._evidence(t_us, fix) if verdict == "new" else None, ()
+        if verdict in _QUIET_VERDICTS:
+            self.refusals.count(_QUIET_VERDICTS[verdict])
+        return None, ()
 
-    def contested(self, boot_us: int) -> bool:
-        """Whether two senders use this system id now."""
-        strangers = self._strangers >= _STRANGERS and self.clock.unix_of(boot_us) < self._stranger_us + _STRANGER_US
-        return strangers or boot_us < self.positions.contested_us
+    def _evidence(self, t_us: int, fix: Fix) -> Fix | None:
+        return None if self.contested(t_us) else fix
+
+    def contested(self, t_us: int) -> bool:
+        """Whether two senders use this system id at a Unix time."""
+        return self.senders.contested(t_us)
+
+    def contest_notices(self, t_us: int) -> tuple[Notice, ...]:
+        """What to say when a second sender was found, or is gone again."""
+        level, text = self.senders.news(t_us, self.system_id)
+        return (self._notice(t_us, level, text),) if text else ()
 
     @property
     def kind(self) -> str:
@@ -178,7 +233,7 @@ class Vehicle:
 
     def status(self, t_us: int, estimate: Estimate | None, pose: Pose | None) -> VehicleStatus:
         """One line of the fleet table, for a time and what was estimated for it."""
-        beat, gps = self._heartbeat, self._fresh_gps(t_us)
+        beat, gps, air = self._heartbeat, self._fresh_gps(t_us), self.reception
         return VehicleStatus(
             system_id=self.system_id,
             kind=self.kind,
@@ -191,21 +246,34 @@ class Vehicle:
             attitude_age_s=pose.age_s if pose else math.inf,
             position_state=self.position_state(t_us, estimate),
             period_s=self.positions.period_s,
-            loss=self._loss.share,
-            refused=self.refused,
-            last_text=self._text,
-            contested=self.contested(self.clock.boot_of(t_us)),
+            loss=air.loss,
+            refused=self.refusals.positions,
+            last_text=self._texts.last,
+            contested=self.contested(t_us),
+            refusals=self.refusals.counts,
+            copies=air.copies,
+            signed=air.signed,
+            unsigned=air.unsigned,
+            bad_signature=air.bad_signature,
+            link=air.freshest(),
+            channels=air.channels(t_us),
+            drift_ppm=self._times.drift_ppm(self.clock),
+            round_trip_s=self._times.round_trip_s,
+            clock_error_s=self._times.error_s,
+            hardware=self.senders.hardware_text,
         )
 
     def position_state(self, t_us: int, estimate: Estimate | None) -> PositionState:
         """How far the position may be relied on: stale after twice its own period, lost after three seconds."""
-        refused = self._refused_us > 0 and t_us - self._refused_us < LOST_S * 1e6
+        if self.contested(t_us):
+            return "contested"
+        refused = self.refusals.last_us > 0 and t_us - self.refusals.last_us < LOST_S * 1e6
         if estimate is None:
             return "refused" if refused else "never"
         period_s = self.positions.period_s
         if estimate.bracketed or estimate.age_s <= (1.0 if math.isnan(period_s) else 2.0 * period_s):
             return "ok"
-        if refused and self._refusal:
+        if refused and self.refusals.reason:
             return "refused"
         return "stale" if estimate.age_s <= LOST_S else "lost"
 
@@ -218,51 +286,23 @@ class Vehicle:
             up = math.nan
         if self._drives and not abs(up - home_up) <= self._params.height_gap_m:
             # rovers report sea level as their altitude until their filter has started, and more after
+            if math.isfinite(home_up):
+                self.refusals.count("altitude, far from the ground")
             up = home_up if math.isfinite(home_up) else up if math.isfinite(up) else 0.0
         v_east, v_north = sample.v_east, sample.v_north
-        if math.hypot(v_east, v_north) > self._params.max_speed:
+        if not speed_possible(sample, self._params):
+            self.refusals.count("faster than it can be")
             v_east = v_north = math.nan
         pose = self.attitudes.at(boot_us)
-        yaw = pose.yaw if pose is not None and pose.age_s < 0.5 else math.nan
-        return Fix(
-            east,
-            north,
-            up,
-            v_east,
-            v_north,
-            -sample.v_down,
-            self.positions.judged_heading(sample, yaw),
-            position_std(self._fresh_gps(sample.t_us), self._params),
-            sample.relative_alt_m,
-        )
+        heading = self.positions.judged_heading(sample, pose.yaw if pose is not None and pose.age_s < 0.5 else math.nan)
+        if math.isnan(heading) and not math.isnan(sample.heading):
+            self.refusals.count("heading, against course or attitude")
+        std_m = position_std(self._fresh_gps(sample.t_us), self._params)
+        height_m = sample.relative_alt_m if altitude_known(sample.relative_alt_m) else math.nan
+        return Fix(east, north, up, v_east, v_north, -sample.v_down, heading, std_m, height_m)
 
     def _fresh_gps(self, t_us: int) -> GpsRaw | None:
         return self._gps if self._gps is not None and t_us - self._gps.t_us < _GPS_FRESH_US else None
-
-    def _joined(self, sample: StatusText) -> str:
-        """A long text once its last piece is there (a piece shorter than full), empty before."""
-        key = (sample.component_id, sample.text_id)
-        text = self._pieces.pop(key, "") + sample.text
-        if len(sample.text.encode()) >= 50 and len(text) < 1000:
-            while len(self._pieces) >= 8:
-                del self._pieces[next(iter(self._pieces))]
-            self._pieces[key] = text
-            return ""
-        return text
-
-    def _note_stranger(self, t_us: int) -> None:
-        if t_us - self._stranger_us > _STRANGER_US:
-            self._strangers = 0
-        self._strangers += 1
-        self._stranger_us = t_us
-
-    def _contest_notice(self, t_us: int) -> tuple[Notice, ...]:
-        contested = self.contested(self.clock.boot_of(t_us))
-        told, self._contested_told = self._contested_told, contested
-        if contested and not told:
-            text = f"two senders use system id {self.system_id}: its positions are not used"
-            return (self._notice(t_us, "alarm", text),)
-        return ()
 
     def _notice(self, t_us: int, level: Level, text: str) -> Notice:
         return Notice(t_us=t_us, level=level, kind="vehicle", text=text, system_id=self.system_id)

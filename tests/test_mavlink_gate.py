@@ -176,14 +176,21 @@ def test_long_silence_allows_a_long_way():
     assert drive(positions, 1, start=30_000, east=600.0) == ["new"]
 
 
-def test_two_senders_at_two_places_are_contested():
+def test_two_senders_at_two_places_do_not_mix():
     positions = Positions(PARAMS, drives=True)
     for i in range(20):
         t_us = i * 200 * MS
         positions.take(t_us, fix_at(i * 0.5), (i * 0.5, 0))
-        positions.take(t_us + 100 * MS, fix_at(300.0 + i * 0.5), (300.0 + i * 0.5, 0))
-    assert positions.contested_us > t_us
+        far = positions.take(t_us + 100 * MS, fix_at(300.0 + i * 0.5), (300.0 + i * 0.5, 0))
+        assert far == "jump"
     assert positions.at(t_us).fix.east < 20.0
+
+
+def test_an_aircraft_does_not_leap_and_a_new_height_that_stays_is_believed():
+    positions = Positions(PARAMS, drives=False)
+    heights = [40.0] * 10 + [640.0] + [40.0] * 5 + [640.0] * 10
+    verdicts = [positions.take(i * 200 * MS, fix_at(0.0)._replace(up=up), (0.0, i)) for i, up in enumerate(heights)]
+    assert verdicts == ["new"] * 10 + ["leap"] + ["new"] * 5 + ["leap"] * 5 + ["moved"] + ["new"] * 4
 
 
 def test_repeated_place_while_moving_is_no_evidence():

@@ -1,0 +1,171 @@
+"""How one vehicle is heard: over which channels, how often, with which signatures, and which packets are copies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from mavlink.copies import Copies
+from mavlink.packet import Auth, Packet
+from mavlink.rate import Rate
+from mavlink.sequence import SequenceLoss, SequenceRuns
+from mavlink.state import ChannelStatus, MessageRate
+
+__all__ = ["Reception", "Speaker"]
+
+_CHANNELS = 16
+_MESSAGES = 128
+_LATE_US = 2_000_000  # copies over a channel that come this long after the first make it a late one
+_LATE_KNOWN_US = 60_000_000
+_ALARM_AFTER = 3
+_ALARM_EVERY_US = 30_000_000
+_REFUSED_AS = {Auth.UNSIGNED: "no signature", Auth.BAD: "bad signature", Auth.REPLAYED: "replayed signature"}
+
+
+class Speaker(NamedTuple):
+    """Who sent a packet, as far as the way it came tells."""
+
+    link: int
+    peer: int
+    run: int
+    """Of its sequence numbers on that channel."""
+
+
+class _Channel:
+    """One address on one link."""
+
+    __slots__ = ("late_at_us", "late_us", "loss", "messages", "packets", "rate", "runs")
+
+    def __init__(self) -> None:
+        self.packets = 0
+        self.rate = Rate()
+        self.messages: dict[int, Rate] = {}
+        self.loss = SequenceLoss()
+        self.runs: dict[int, SequenceRuns] = {}
+        self.late_us = 0
+        self.late_at_us = 0
+
+    def take(self, packet: Packet, message_id: int) -> int:
+        """Counts a packet and returns the run of its sequence number."""
+        t_us, component_id, seq = packet.t_us, packet.component_id, packet.seq
+        self.packets += 1
+        self.rate.take(t_us)
+        message = self.messages.get(message_id)
+        if message is None and len(self.messages) < _MESSAGES:
+            message = self.messages[message_id] = Rate()
+        if message is not None:
+            message.take(t_us)
+        self.loss.take(0, component_id, seq)
+        runs = self.runs.get(component_id)
+        if runs is None:
+            runs = self.runs[component_id] = SequenceRuns()
+        return runs.take(seq, t_us)
+
+
+class Reception:
+    """Counts and sorts one vehicle's packets before anything in them is believed."""
+
+    def __init__(self) -> None:
+        self.copies = 0
+        """Packets that had come before."""
+        self.signed = 0
+        """With a signature that was verified."""
+        self.unsigned = 0
+        """Without: no key is set, or one is and the packet was refused."""
+        self.bad_signature = 0
+        """Refused: made with another key, replayed, or from the future."""
+        self.speaker = Speaker(0, 0, 0)
+        """Of the packet taken last."""
+        self._channels: dict[tuple[int, int], _Channel] = {}
+        self._channel = _Channel()
+        self._copies = Copies()
+        self._refused = 0
+        self._alarm_us = -_ALARM_EVERY_US
+
+    def take(self, packet: Packet, message_id: int) -> bool:
+        """Counts a packet that may be believed; False for a copy of one that came before."""
+        first = self._copies.first(packet)
+        channel = self._channel = self._channel_of(packet.link, packet.peer)
+        run = channel.take(packet, message_id)
+        if first is not None:
+            self.copies += 1
+            if first[1:] != (packet.link, packet.peer):
+                channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
+            return False
+        self._copies.add(packet)
+        self.speaker = Speaker(packet.link, packet.peer, run)
+        if packet.auth is Auth.GOOD:
+            self.signed += 1
+        else:
+            self.unsigned += 1
+        return True
+
+    def refuse(self, packet: Packet) -> str:
+        """Counts a packet whose signature forbids to believe it; says why when an operator should know."""
+        if packet.auth is Auth.REPLAYED and self._copies.first(packet) is not None:
+            self.copies += 1  # the same packet over a second link
+            return ""
+        if packet.auth is Auth.UNSIGNED:
+            self.unsigned += 1
+        else:
+            self.bad_signature += 1
+        self._refused += 1
+        if self._refused < _ALARM_AFTER or abs(packet.t_us - self._alarm_us) < _ALARM_EVERY_US:
+            return ""
+        self._alarm_us = packet.t_us
+        return f"{self._refused} packets refused, {_REFUSED_AS.get(packet.auth, 'signature from the future')}"
+
+    @property
+    def late(self) -> bool:
+        """Whether the packet taken last came over a channel that is seconds behind another."""
+        channel = self._channel
+        return channel.late_us > _LATE_US and abs(channel.rate.last_us - channel.late_at_us) < _LATE_KNOWN_US
+
+    @property
+    def loss(self) -> float:
+        """Share of packets lost lately, all channels together."""
+        expected = sum(channel.loss.expected for channel in self._channels.values())
+        received = sum(channel.loss.received for channel in self._channels.values())
+        return max(0.0, 1.0 - received / expected) if expected > 0.0 else 0.0
+
+    def freshest(self) -> int:
+        """Index of the link that was heard last, -1 before any."""
+        if not self._channels:
+            return -1
+        return max(self._channels, key=lambda key: self._channels[key].rate.last_us)[0]
+
+    def channels(self, t_us: int) -> tuple[ChannelStatus, ...]:
+        """Every channel at a Unix time in µs, in order of first use."""
+        return tuple(
+            ChannelStatus(
+                link=link,
+                peer=peer,
+                packets=channel.packets,
+                rate_hz=channel.rate.hz(t_us),
+                loss=channel.loss.share,
+                age_s=max(0.0, (t_us - channel.rate.last_us) * 1e-6),
+                late_s=max(0, channel.late_us) * 1e-6,
+            )
+            for (link, peer), channel in self._channels.items()
+        )
+
+    def rates(self, system_id: int, t_us: int) -> tuple[MessageRate, ...]:
+        """Measured rates of all messages, by link and message id; addresses of one link together."""
+        found: dict[tuple[int, int], tuple[float, int]] = {}
+        for (link, _), channel in self._channels.items():
+            for message_id, rate in channel.messages.items():
+                hz, last_us = found.get((link, message_id), (0.0, 0))
+                found[link, message_id] = hz + rate.hz(t_us), max(last_us, rate.last_us)
+        return tuple(
+            MessageRate(
+                system_id=system_id, link=link, message_id=message_id, hz=hz, age_s=max(0.0, (t_us - last_us) * 1e-6)
+            )
+            for (link, message_id), (hz, last_us) in sorted(found.items())
+        )
+
+    def _channel_of(self, link: int, peer: int) -> _Channel:
+        channel = self._channels.get((link, peer))
+        if channel is None:
+            if len(self._channels) >= _CHANNELS:
+                del self._channels[min(self._channels, key=lambda key: self._channels[key].rate.last_us)]
+            channel = self._channels[link, peer] = _Channel()
+        return channel

@@ -1,0 +1,168 @@
+"""Who speaks under one system id: turns what is heard into contradictions, and those into words."""
+
+from __future__ import annotations
+
+import math
+
+from mavlink.contest import Claim, Conflict, Contest
+from mavlink.gate import GateParams
+from mavlink.hardware import Hardware, hardware_of
+from mavlink.modes import kind_name
+from mavlink.packet import Packet
+from mavlink.positions import Estimate, Fix
+from mavlink.reception import Speaker
+from mavlink.refusals import Told
+from mavlink.samples import Attitude, Heartbeat
+from mavlink.state import Level
+from mavlink.tracks import AttitudeTracks, PlaceTracks
+
+__all__ = ["Senders"]
+
+_SEVERAL_US = 3_000_000
+_LATE_PLACE_M = 10.0
+_USUAL, _OTHER = "usual", "other"
+
+
+class Senders:
+    """The senders of one system id.
+
+    Args:
+        params: what the vehicle can do.
+        links: names of the links by index, for what is told.
+    """
+
+    def __init__(self, params: GateParams, links: tuple[str, ...] = ()) -> None:
+        self.told = Told()
+        self.hardware_text = ""
+        """Hardware id in hexadecimal, empty until told."""
+        self._links = links
+        self._contest = Contest()
+        self._contested = False
+        self._places = PlaceTracks(params)
+        self._attitudes = AttitudeTracks()
+        self._kinds: dict[tuple[int, int], tuple[int, Speaker]] = {}
+        self._kind: tuple[int, int] | None = None
+        self._board: tuple[Hardware, int, Speaker] | None = None
+        self._speaker = Speaker(-1, 0, 0)
+        self._changed_us = 0
+        self._clock_speaker = self._place_speaker = self._speaker
+
+    def speaks(self, speaker: Speaker, t_us: int) -> None:
+        """Somebody said something."""
+        if speaker != self._speaker:
+            self._changed_us = t_us if self._speaker.link >= 0 else 0
+            self._speaker = speaker
+
+    def several(self, t_us: int) -> bool:
+        """Whether more than one speaker was heard in the last seconds: two radios, or two vehicles."""
+        return abs(t_us - self._changed_us) < _SEVERAL_US
+
+    def contested(self, t_us: int) -> bool:
+        """Whether two senders contradict each other."""
+        return self._contest.contested(t_us)
+
+    def heartbeat(self, sample: Heartbeat, speaker: Speaker) -> tuple[str, str] | None:
+        """Compares the kind of vehicle with what was said before; both in words when it is a new one."""
+        kind, before = (sample.type, sample.autopilot), self._kind
+        self._kind = kind
+        self._kinds[kind] = (sample.t_us, speaker)
+        if len(self._kinds) > 1:
+            self._compare_kinds(kind, speaker, sample.t_us)
+        if before is None or kind_name(before[0]) == kind_name(kind[0]):
+            return None
+        return kind_name(before[0]), kind_name(kind[0])
+
+    def other_clock(self, t_us: int, speaker: Speaker, gap_s: float) -> None:
+        """A boot time that is not of this vehicle's count, nor of the one before its reboot."""
+        detail = f"two clocks, {abs(gap_s):.0f} s apart"
+        self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
+
+    def usual_clock(self, t_us: int, speaker: Speaker) -> None:
+        """A boot time that fits."""
+        self._clock_speaker = speaker
+        if self._contest.disputed("clock", t_us):
+            self._contest.take("clock", _USUAL, speaker, t_us, "two clocks")
+
+    def place(self, boot_us: int, t_us: int, fix: Fix, speaker: Speaker) -> None:
+        """A place, while several speak: compared with what the others said lately."""
+        dissent = self._places.take(speaker, boot_us, t_us, fix)
+        if dissent:
+            detail = f"two places, {dissent.gap:.0f} m apart"
+            self._contest.take("place", speaker, speaker, t_us, detail, dissent.other)
+
+    def late_place(self, t_us: int, speaker: Speaker, fix: Fix, then: Estimate | None) -> None:
+        """A place that came late: the vehicle's own word is known to the one that it gave then."""
+        if then is None or not then.bracketed:
+            return
+        gap_m = math.hypot(fix.east - then.fix.east, fix.north - then.fix.north)
+        if gap_m > _LATE_PLACE_M + 4.0 * then.fix.std_m:
+            detail = f"two clocks and two places, {gap_m:.0f} m apart"
+            self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
+
+    def jump(self, t_us: int, speaker: Speaker, fix: Fix, last: tuple[int, Fix] | None) -> None:
+        """A place that cannot be reached from the last."""
+        gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north) if last else math.nan
+        detail = f"two places, {gap_m:.0f} m apart"
+        self._contest.take("jump", _OTHER, speaker, t_us, detail, self._place_speaker)
+
+    def no_jump(self, t_us: int, speaker: Speaker) -> None:
+        """A place that can."""
+        self._place_speaker = speaker
+        if self._contest.disputed("jump", t_us):
+            self._contest.take("jump", _USUAL, speaker, t_us, "two places")
+
+    def attitude(self, boot_us: int, sample: Attitude, speaker: Speaker) -> None:
+        """An attitude, while several speak."""
+        dissent = self._attitudes.take(speaker, boot_us, sample)
+        if dissent:
+            detail = f"two attitudes, {math.degrees(dissent.gap):.0f}° apart"
+            self._contest.take("attitude", speaker, speaker, sample.t_us, detail, dissent.other)
+
+    def hardware(self, packet: Packet, speaker: Speaker, epoch: int) -> str:
+        """Hardware id, compared with the one before; says so when the board was changed."""
+        board, known = hardware_of(packet), self._board
+        if not board.text:
+            return ""
+        if known is None or not known[0].differs(board):
+            self._board = (board, epoch, speaker)
+            self.hardware_text = board.text
+            return ""
+        if known[1] != epoch:
+            self._board, self.hardware_text = (board, epoch, speaker), board.text
+            return f"is another autopilot since it has rebooted (hardware id {board.text})"
+        detail = f"two autopilots, hardware id {known[0].text} and {board.text}"
+        self._contest.declare("uid", detail, speaker, known[2], packet.t_us)
+        return ""
+
+    def news(self, t_us: int, system_id: int) -> tuple[Level, str]:
+        """What to tell since the last call; an empty text for nothing."""
+        contested = self._contest.contested(t_us)
+        if contested == self._contested:
+            return "info", ""
+        self._contested = contested
+        if not contested:
+            return "info", f"system id {system_id} has one sender again ({self.where(self._speaker)}): it is used"
+        conflict = self._contest.conflict
+        assert conflict is not None
+        return "alarm", f"two senders use system id {system_id}: {self._words(conflict)}; it is not used"
+
+    def where(self, speaker: Speaker) -> str:
+        """A channel in words."""
+        name = self._links[speaker.link] if 0 <= speaker.link < len(self._links) else f"link {speaker.link}"
+        return f"{name} address {speaker.peer}" if speaker.peer else name
+
+    def _words(self, conflict: Conflict) -> str:
+        one, other = self.where(conflict.other), self.where(conflict.one)
+        return f"{conflict.detail} ({one} and {other})" if one != other else f"{conflict.detail} (both on {one})"
+
+    def _compare_kinds(self, kind: tuple[int, int], speaker: Speaker, t_us: int) -> None:
+        claim: Claim = "kind"
+        for other in list(self._kinds):
+            seen_us, other_speaker = self._kinds[other]
+            if not abs(t_us - seen_us) < _SEVERAL_US:
+                del self._kinds[other]
+            elif other != kind:
+                names = f"a {kind_name(other[0])} and a {kind_name(kind[0])}"
+                if kind_name(other[0]) == kind_name(kind[0]):
+                    names = f"type {other[0]} autopilot {other[1]} and type {kind[0]} autopilot {kind[1]}"
+                self._contest.take(claim, kind, speaker, t_us, names, other_speaker)
