@@ -23,7 +23,7 @@ _COMMANDS: dict[str, dict[str, Any]] = {
     "fly": {}, "replay": {}, "identify": {}, "export": {}, "score": {}, "calibrate": {}, "sim": {}, "demo": {},
     "eval-detector": {}, "bench": {"context_settings": _PASSED_ON},
 }  # fmt: skip
-_GROUPS = ("tlog",)
+_GROUPS = ("tlog", "keys")
 
 
 class _Commands(TyperGroup):

@@ -1,0 +1,191 @@
+"""``gcs keys``: the keys that vehicles sign with."""
+
+from __future__ import annotations
+
+import getpass
+import secrets
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import note, say
+from gcs.config import user_keys
+from gcs.errors import ConfigError
+from mavlink.keys import FLEET, KEY_LENGTH, KeyRing, SigningError, key_path, passphrase_secret, read_ring, write_key
+from mavlink.packet import Auth
+from mavlink.signing import RADIO_STATUS, Verifier
+from mavlink.tlog import Tlog
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Make, list and check the keys that vehicles sign with.", no_args_is_help=True,
+                  add_completion=False, rich_markup_mode=None)  # fmt: skip
+SHORT = 16
+_Who = Annotated[str, typer.Argument(help="System id of the vehicle, 1 to 255, or fleet: all without their own.")]
+_Folder = Annotated[
+    Path | None, typer.Option("--keys", help="Folder of the keys; else ~/.config/rollcall/keys.", show_default=False)
+]
+
+
+@app.command("new")
+def new(
+    who: _Who,
+    keys: _Folder = None,
+    show: Annotated[bool, typer.Option("--show", help="Print the passphrase that gives this key, once.")] = False,
+) -> None:
+    """Make a random key."""
+    folder, system_id = keys or user_keys(), _system_id(who)
+    # other ground stations take passphrases, not keys: a random one of 256 bits makes the key
+    passphrase = secrets.token_urlsafe(KEY_LENGTH)
+    say(_put(folder, system_id, passphrase_secret(passphrase)))
+    if show:
+        say(f"Passphrase: {passphrase}")
+        say("It is shown this once. Put it into the vehicle over a cable, never over the air, with MAVProxy:")
+        say("  signing setup PASSPHRASE")
+        say("or with Mission Planner or QGroundControl. docs/signing.md says how.")
+    else:
+        say("Put it into the vehicle over a cable, never over the air: docs/signing.md says how.")
+
+
+@app.command("add")
+def add(
+    who: _Who,
+    keys: _Folder = None,
+    file: Annotated[Path | None, typer.Option("--file", help="Read it from the first line of a file.")] = None,
+    is_hex: Annotated[bool, typer.Option("--hex", help="It is the key itself, 64 hexadecimal digits.")] = False,
+) -> None:
+    """Take the passphrase a vehicle already has.
+
+    It is asked for where there is a terminal, else read from standard input; or from a file with --file.
+    """
+    folder, system_id = keys or user_keys(), _system_id(who)
+    if key_path(folder, system_id).exists():
+        raise SigningError(f"{key_path(folder, system_id)}: exists already, and keys are never overwritten")
+    text = _read_file(file) if file else _ask("Key: " if is_hex else "Passphrase: ")
+    if not text:
+        raise SigningError(f"nothing given{f' in {file}' if file else ''}; a passphrase cannot be empty")
+    if not is_hex and len(text) < SHORT:
+        note(f"who records one frame can try passphrases; {SHORT} characters or more are hard to guess")
+    secret = _from_hex(text) if is_hex else passphrase_secret(text)
+    del text
+    say(_put(folder, system_id, secret))
+
+
+@app.command("list")
+def list_(keys: _Folder = None) -> None:
+    """Whose keys there are, and what tells them apart."""
+    folder = keys or user_keys()
+    ring = read_ring(folder)
+    say(f"{folder}: {_count(ring)}")
+    for system_id, fingerprint in _fingerprints(ring):
+        say(f"  {_name(system_id):<10} {fingerprint}")
+
+
+@app.command("check")
+def check(
+    keys: _Folder = None,
+    log: Annotated[list[Path] | None, typer.Option("--log", help="Telemetry log to verify; may be repeated.")] = None,
+) -> None:
+    """Whether a folder is fit to fly with.
+
+    With --log: how many frames of a recording would be believed, and what is wrong with the others.
+    """
+    folder = keys or user_keys()
+    ring = read_ring(folder)
+    if not ring:
+        raise SigningError(f"{folder}: no key in it; make one with gcs keys new")
+    say(f"{folder}: {_count(ring)}, readable by their owner only")
+    for shared in _shared(ring):
+        note(f"{' and '.join(map(_name, shared))} have the same key: one of them, stolen, can pose as the others")
+    checker = Verifier(ring, steady_ns=lambda: 0)
+    for path in log or []:
+        say("")
+        say(log_text(path, verdicts(checker, path)))
+
+
+def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth]]:
+    """How often each verdict was given to each system of a log, at the times of its records."""
+    return Counter((packet.system_id, checker.check(packet)) for packet in Tlog.open(path).packets())
+
+
+def log_text(path: Path, counts: Counter[tuple[int, Auth]]) -> str:
+    """The verdicts as a table, ending without a newline."""
+    systems = sorted({system_id for system_id, _ in counts})
+    good = sum(count for (_, verdict), count in counts.items() if verdict is Auth.GOOD)
+    lines = [f"{path}: {good} of {counts.total()} frames would be believed"]
+    shown = [verdict for verdict in Auth if verdict is not Auth.OPEN or any((s, Auth.OPEN) in counts for s in systems)]
+    lines.append(f"{'system':>6}" + "".join(f"{verdict.name.lower():>10}" for verdict in shown))
+    lines += [f"{s:>6}" + "".join(f"{counts[s, verdict]:>10}" for verdict in shown) for s in systems]
+    if Auth.OPEN in shown:
+        lines.append(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
+    return "\n".join(lines)
+
+
+def _system_id(who: str) -> int:
+    if who == "fleet":
+        return FLEET
+    if who.isascii() and who.isdigit() and 1 <= int(who) <= 255:
+        return int(who)
+    raise ConfigError(f"whose key? {who!r} is neither a system id, 1 to 255, nor fleet")
+
+
+def _put(folder: Path, system_id: int, secret: bytes) -> str:
+    path, key = write_key(folder, system_id, secret)
+    return f"Key of {_name(system_id)}, fingerprint {key.fingerprint}, in {path}"
+
+
+def _ask(prompt: str) -> str:
+    """A line from the terminal, unseen, or from standard input where there is none."""
+    if not sys.stdin.isatty():
+        return sys.stdin.buffer.readline().decode("utf-8", "surrogateescape").rstrip("\r\n")
+    try:
+        text = getpass.getpass(prompt)
+        same = text == getpass.getpass("Again: ")
+    except EOFError:
+        raise SigningError("nothing given; nothing was written") from None
+    if not same:
+        del text
+        raise SigningError("the two are not the same; nothing was written")
+    return text
+
+
+def _read_file(path: Path) -> str:
+    try:
+        with path.open(encoding="utf-8", errors="surrogateescape") as file:
+            return file.readline().rstrip("\r\n")
+    except OSError as error:
+        raise SigningError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _from_hex(text: str) -> bytes:
+    try:
+        return bytes.fromhex(text)
+    except ValueError:
+        del text
+        raise SigningError(f"not a key: {2 * KEY_LENGTH} hexadecimal digits are needed with --hex") from None
+
+
+def _name(system_id: int) -> str:
+    return "the fleet" if system_id == FLEET else f"system {system_id}"
+
+
+def _count(ring: KeyRing) -> str:
+    count = len(ring.keys) + (ring.default is not None)
+    return "1 key" if count == 1 else f"{count} keys"
+
+
+def _fingerprints(ring: KeyRing) -> Sequence[tuple[int, str]]:
+    default = [(FLEET, ring.default.fingerprint)] if ring.default else []
+    return [*sorted((system_id, key.fingerprint) for system_id, key in ring.keys.items()), *default]
+
+
+def _shared(ring: KeyRing) -> list[list[int]]:
+    """Those who have one key together."""
+    by_key: dict[str, list[int]] = {}
+    for system_id, fingerprint in _fingerprints(ring):
+        by_key.setdefault(fingerprint, []).append(system_id)
+    return [systems for systems in by_key.values() if len(systems) > 1]
