@@ -17,11 +17,11 @@ from gcs.config import Mission, Vehicle
 from gcs.errors import SessionError
 from gcs.pipeline import Pipeline
 from gcs.session import FrameDetections, Session, read_detections, read_times
+from gcs.sessionlog import SessionLog
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.decode import Heartbeat, decode
 from mavlink.modes import is_aircraft, is_ground_vehicle
 from mavlink.packet import Packet
-from mavlink.tlog import Tlog
 from vision.detections import Detections
 from vision.intrinsics import resized
 
@@ -37,22 +37,22 @@ Image = NDArray[np.uint8]
 BARE_FPS = 5.0
 
 
-def discover(tlog: Tlog) -> Mission:
+def discover(log: SessionLog) -> Mission:
     """Who flies and who drives, from the heartbeats of a log.
 
     Raises:
         SessionError: no aircraft or no ground vehicle speaks in it.
     """
     kinds: dict[int, int] = {}
-    for row in tlog.select(message_ids=(0,)).tolist():
-        sample = decode(tlog.packet(row))
+    for packet in log.believed(0):
+        sample = decode(packet)
         if isinstance(sample, Heartbeat):
             kinds.setdefault(sample.system_id, sample.type)
     aircraft = sorted(i for i, kind in kinds.items() if is_aircraft(kind))
     ground = sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))
     if not aircraft or not ground:
         missing = "aircraft" if not aircraft else "ground vehicle"
-        raise SessionError(f"{tlog.path}: no {missing} heartbeat in it; name the vehicles with --mission")
+        raise SessionError(f"{log.path}: no {missing} heartbeat in it; name the vehicles with --mission")
     return Mission(uav=Vehicle(system_id=aircraft[0]), ugv=tuple(Vehicle(system_id=i) for i in ground))
 
 
@@ -71,9 +71,11 @@ class Analysis:
             CameraError: the mission's camera cannot have taken the video.
         """
         self.session = session
-        self._tlog = Tlog.open(session.tlog)
-        self.mission = session.mission or discover(self._tlog)
+        self._log = SessionLog(session.tlog)
+        self.mission = session.mission or discover(self._log)
         times, self._bad_times = read_times(session.frames) if session.frames else (None, 0)
+        if times is not None:
+            times = self._log.steps.of_pictures(times, self._log.start_us)
         self.video = self._open_video(session.video, times)
         self._boxes = self._open_detections(redetect)
         self.times_us = self._frame_times(times)
@@ -84,7 +86,7 @@ class Analysis:
             return None
         from vision.video import VideoFile
 
-        start_us = int(self._tlog.index.t_us.min()) + round(self.session.video_start_s * 1e6)
+        start_us = self._log.start_us + round(self.session.video_start_s * 1e6)
         video = VideoFile.open(path, times, start_us=start_us)
         camera = self.mission.camera.intrinsics if self.mission.camera else None
         if camera is not None:
@@ -108,13 +110,11 @@ class Analysis:
             return self.video.times_us
         if times is not None:
             return times
-        first, last = int(self._tlog.index.t_us.min()), int(self._tlog.index.t_us.max())
+        first, last = self._log.start_us, self._log.stop_us
         return np.arange(first, last + 1, int(1e6 / BARE_FPS), dtype=np.int64)
 
     def _complaints(self) -> Iterator[str]:
-        if self._tlog.index.damage:
-            size = sum(d.stop - d.start for d in self._tlog.index.damage)
-            yield f"{self.session.tlog.name}: {len(self._tlog.index.damage)} damaged places, {size} bytes skipped"
+        yield from self._log.warnings
         if self._boxes is not None and self._boxes.skipped:
             yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
         if self._bad_times:
@@ -139,7 +139,7 @@ class Analysis:
         pipeline = Pipeline(self.mission)
         for text in self.warnings:
             pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
-        packets = _Ahead(self._tlog.packets())
+        packets = _Ahead(self._log.packets())
         for index, t_us, image, boxes in self._looked(images):
             for packet in packets.until(t_us):
                 pipeline.feed(packet)
@@ -152,7 +152,7 @@ class Analysis:
         if detector is not None and self.video is not None:
             from vision.lookahead import look_ahead
 
-            scale = _Scale(self.mission, _Ahead(self._tlog.packets()))
+            scale = _Scale(self.mission, _Ahead(self._log.packets()))
             with closing(look_ahead(self.video.frames(), detector, scale.gsd_m)) as looked:
                 for frame, boxes in looked:
                     yield frame.index, frame.t_us, frame.image, boxes

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self, TextIO
+from typing import Protocol, Self, TextIO
 
 from gcs.errors import SessionError
+from gcs.segmented import read_segments
 from gcs.snapshot import Box, Event, Snapshot
-from gcs.tables import Table, read_table
+from gcs.tables import Table
 
-__all__ = ["COLUMNS", "EventLog", "IdentityLog", "open_new", "read_identity"]
+__all__ = ["COLUMNS", "EventLog", "IdentityLog", "Lines", "open_new", "read_identity"]
 
 COLUMNS = (
     "time_us",
@@ -38,11 +39,26 @@ COLUMNS = (
 _JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
 
 
-def open_new(path: Path) -> TextIO:
-    """Open a file for writing that must not exist yet."""
+class Lines(Protocol):
+    """A text file that takes whole lines."""
+
+    def write(self, text: str, /) -> object:
+        """Append lines."""
+
+    def flush(self) -> None:
+        """Hand them to the system."""
+
+    def close(self) -> None:
+        """Let go of the file."""
+
+
+def open_new(path: Path, header: str = "") -> TextIO:
+    """Open a file for writing that must not exist yet; an error ends who writes, as in a job without a flight."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        return path.open("x", encoding="utf-8", newline="\n")
+        file = path.open("x", encoding="utf-8", newline="\n")
+        file.write(header)
+        return file
     except FileExistsError:
         raise SessionError(f"{path}: exists already and is never overwritten; choose another place") from None
     except OSError as error:
@@ -50,16 +66,20 @@ def open_new(path: Path) -> TextIO:
 
 
 class IdentityLog:
-    """Writes ``identity.csv`` and ``identity.jsonl`` into a folder."""
+    """Writes ``identity.csv`` and ``identity.jsonl`` into a folder.
 
-    def __init__(self, folder: Path) -> None:
-        self._csv = open_new(folder / "identity.csv")
+    Args:
+        folder: where to.
+        open_file: makes a file from path and header; a flight's outlives a failing disk (``gcs.linefile``).
+    """
+
+    def __init__(self, folder: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
+        self._csv = open_file(folder / "identity.csv", ",".join(COLUMNS) + "\n")
         try:
-            self._jsonl = open_new(folder / "identity.jsonl")
+            self._jsonl = open_file(folder / "identity.jsonl", "")
         except SessionError:
             self._csv.close()
             raise
-        self._csv.write(",".join(COLUMNS) + "\n")
 
     def write(self, snapshot: Snapshot) -> None:
         """Append the boxes seen in this frame; coasting ones were not seen."""
@@ -86,8 +106,8 @@ class IdentityLog:
 class EventLog:
     """Writes ``events.jsonl``: links, alarms, operator actions, identity changes."""
 
-    def __init__(self, path: Path) -> None:
-        self._file = open_new(path)
+    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
+        self._file = open_file(path, "")
 
     def write(self, events: Sequence[Event]) -> None:
         """Append events, one JSON object a line."""
@@ -162,4 +182,4 @@ def _text(value: float, digits: int) -> str:
 def read_identity(path: Path) -> Table:
     """Read an identity log; ``system_id`` and ``track_id`` are NaN where unknown."""
     required = ("time_us", "frame", "cx", "cy", "w", "h", "angle")
-    return read_table(path, required, ("track_id", "system_id", "confidence", "heading", "lat", "lon"))
+    return read_segments(path, required, ("track_id", "system_id", "confidence", "heading", "lat", "lon"))

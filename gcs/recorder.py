@@ -1,83 +1,98 @@
-"""Everything a flight leaves behind, written as it happens: each file is valid whenever the program dies."""
+"""Everything a flight leaves behind, written as it happens: each file is valid whenever the program dies.
+
+No fault of the disk stops a flight or raises here once the files are made: what cannot be written waits in memory, and
+``check`` tells the operator.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import shutil
-import threading
-from datetime import UTC, datetime
-from importlib.metadata import version
+import time
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from gcs.config import Mission
-from gcs.identitylog import EventLog, IdentityLog, open_new
-from gcs.session import create_folder, mission_table
+from gcs.identitylog import EventLog, IdentityLog
+from gcs.linefile import LineFile
+from gcs.recordwatch import RecordWatch
+from gcs.session import create_folder
+from gcs.sessionfile import SessionFile
 from gcs.snapshot import Event, Snapshot
+from gcs.space import SpaceForecast
+from mavlink.caretaker import Caretaker
+from mavlink.disk import OS_DISK, Disk
 from mavlink.packet import Packet
-from mavlink.tlog import TlogWriter
+from mavlink.record_state import RecordState
+from mavlink.tlog_writer import TlogWriter
 from vision.detections import Detections
 
 __all__ = ["Recorder"]
 
-DETECTION_COLUMNS = "frame,cx,cy,w,h,angle,score,heading"
+FRAME_COLUMNS = "frame,time_us\n"
+DETECTION_COLUMNS = "frame,cx,cy,w,h,angle,score,heading\n"
+SYNC_S = 0.5
 
 
 class Recorder:
-    """One session folder, open for writing.
+    """One session folder, open for writing; its methods may be called from any thread.
 
-    ``packet`` and ``frame_time`` come from the links' and the video's threads, the rest from the fold's.
+    Args:
+        parent: where the folder is made.
+        mission: what flies.
+        video: whether there is a camera.
+        telemetry: write ``telemetry.tlog`` here, by ``packet``; False: the links' own process does, into ``tlog_path``.
+        disk: the operating system, or a test's.
+
+    Raises:
+        SessionError, TlogError: the folder or a file cannot be made.
     """
 
-    def __init__(self, parent: Path, mission: Mission, *, video: bool) -> None:
-        """Make the folder and all files in it.
-
-        Raises:
-            SessionError: the folder or a file cannot be made.
-        """
+    def __init__(
+        self, parent: Path, mission: Mission, *, video: bool, telemetry: bool = True, disk: Disk = OS_DISK
+    ) -> None:
         self.folder = create_folder(parent)
         self.video_path = self.folder / "video.mkv" if video else None
-        self._mission = mission
-        self._notes: dict[str, Any] = {
-            "format": 1,
-            "program": f"rollcall-gcs {version('rollcall-gcs')}",
-            "started": datetime.now(UTC),
-        }
-        with open_new(self.folder / "session.toml") as file:
-            file.write(mission_table(mission, self._notes))
-        self._tlog = TlogWriter(self.folder / "telemetry.tlog")
-        self._tlog_lock = threading.Lock()
-        self._identity = IdentityLog(self.folder)
-        self._events = EventLog(self.folder / "events.jsonl")
-        self._frames = open_new(self.folder / "frames.csv") if video else None
-        self._detections = open_new(self.folder / "detections.csv") if video else None
-        if self._frames and self._detections:
-            self._frames.write("frame,time_us\n")
-            self._frames.flush()
-            self._detections.write(DETECTION_COLUMNS + "\n")
-        self._packets = 0
+        self.tlog_path = self.folder / "telemetry.tlog"
+        self.minutes_left = float("inf")
+        self._session = SessionFile(self.folder, mission)
+        self._files: list[LineFile] = []
+        make = partial(self._make, disk)
+        self._identity = IdentityLog(self.folder, make)
+        self._events = EventLog(self.folder / "events.jsonl", make)
+        self._frames = make(self.folder / "frames.csv", FRAME_COLUMNS) if video else None
+        self._detections = make(self.folder / "detections.csv", DETECTION_COLUMNS) if video else None
+        self._tlog = TlogWriter(self.tlog_path, disk=disk) if telemetry else None
+        self._caretaker = Caretaker([file.file for file in self._files], SYNC_S)
+        self._watch = RecordWatch()
+        self._space = SpaceForecast()
+        self._free_bytes = shutil.disk_usage(self.folder).free
+
+    def _make(self, disk: Disk, path: Path, header: str) -> LineFile:
+        file = LineFile(path, header, disk=disk)
+        self._files.append(file)
+        return file
 
     def packet(self, packet: Packet) -> None:
         """Append a raw packet, before anybody decodes it."""
-        with self._tlog_lock:
-            self._tlog.write(packet)
-            self._packets += 1
+        assert self._tlog is not None, "the links' own process records the telemetry"
+        self._tlog.write(packet)
 
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
         if self._frames:
             self._frames.write(f"{index},{t_us}\n")
-            self._frames.flush()
 
     def detections(self, frame: int, detections: Detections) -> None:
         """Append what the detector saw in a frame."""
         if not self._detections:
             return
-        d = detections
+        d, rows = detections, []
         for k in range(len(d)):
             heading = "" if d.heading[k] != d.heading[k] else f"{d.heading[k]:.4f}"
             box = f"{d.cx[k]:.2f},{d.cy[k]:.2f},{d.w[k]:.2f},{d.h[k]:.2f},{d.angle[k]:.4f}"
-            self._detections.write(f"{frame},{box},{d.score[k]:.3f},{heading}\n")
-        self._detections.flush()
+            rows.append(f"{frame},{box},{d.score[k]:.3f},{heading}\n")
+        self._detections.write("".join(rows))
 
     def snapshot(self, snapshot: Snapshot) -> None:
         """Append a frame's identities and events."""
@@ -88,25 +103,57 @@ class Recorder:
         """Append events of a moment without a frame."""
         self._events.write(events)
 
+    def check(self, telemetry: RecordState | None = None) -> tuple[Event, ...]:
+        """What there is to be told of files and disk since the last call; to be called once a second or more often.
+
+        Args:
+            telemetry: state of the log when the links' own process writes it.
+        """
+        self._session.restore()
+        with contextlib.suppress(OSError):  # a folder that was deleted is being made anew
+            self._free_bytes = shutil.disk_usage(self.folder).free
+        t_us = time.time_ns() // 1000
+        told = self._watch.update(t_us, self.states(telemetry))
+        told += self._space.update(time.monotonic(), t_us, self._free_bytes, self.bytes)
+        self.minutes_left = self._space.minutes_left
+        return told
+
+    def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:
+        """How each file is doing, by its name."""
+        found = {file.file.path.name: file.state for file in self._files}
+        if telemetry is None and self._tlog is not None:
+            telemetry = self._tlog.state
+        return found if telemetry is None else {self.tlog_path.name: telemetry} | found
+
     @property
     def free_bytes(self) -> int:
-        """Space left on the disk."""
-        return shutil.disk_usage(self.folder).free
+        """Space left on the disk at the last check."""
+        return self._free_bytes
 
     @property
     def bytes(self) -> int:
-        """Written so far."""
-        return sum(path.stat().st_size for path in self.folder.iterdir())
+        """Size of the session so far."""
+        size = 0
+        with contextlib.suppress(OSError):
+            size = sum(path.stat().st_size for path in self.folder.iterdir())
+        return size
 
-    def close(self) -> None:
-        """Seal the session: its end goes into ``session.toml``, which is replaced in one step."""
-        self._tlog.close()
+    def close(self, telemetry: RecordState | None = None) -> tuple[str, ...]:
+        """Write what still waits and seal the session; returns what was lost, a line each.
+
+        Args:
+            telemetry: state of the log when the links' own process wrote it, after it ended.
+        """
+        self._caretaker.stop()
+        if self._tlog is not None:
+            self._tlog.close()
         self._identity.close()
         self._events.close()
         for file in (self._frames, self._detections):
             if file:
                 file.close()
-        self._notes |= {"ended": datetime.now(UTC), "packets": self._packets}
-        sealed = self.folder / "session.toml.new"
-        sealed.write_text(mission_table(self._mission, self._notes), encoding="utf-8")
-        sealed.replace(self.folder / "session.toml")
+        states = self.states(telemetry)
+        lost = {name: state.lost for name, state in states.items() if state.lost}
+        log = states.get(self.tlog_path.name, RecordState(name=""))
+        self._session.close({"packets": log.rows} | ({"lost": lost} if lost else {}))
+        return tuple(f"{name}: {rows} rows lost: {states[name].reason}" for name, rows in lost.items())

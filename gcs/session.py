@@ -3,7 +3,8 @@
 ``session.toml`` what flew, ``telemetry.tlog`` the raw packets, ``video.*`` the untouched stream, ``frames.csv`` when
 each frame was taken, ``detections.csv`` what the detector saw, ``truth.csv`` (simulated or annotated),
 ``identity.csv`` and ``identity.jsonl`` who is who, ``events.jsonl`` what happened. Only the first is needed beside the
-telemetry.
+telemetry. A disk that failed leaves further segments of a file beside it (``telemetry.1.tlog``, ``frames.1.csv``);
+they are read as one.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from numpy.typing import NDArray
 
 from gcs.config import Mission, load_mission
 from gcs.errors import SessionError
-from gcs.tables import Table, read_table
+from gcs.segmented import read_segments
+from gcs.tables import Table
+from mavlink.segments import segments
 from vision.detections import Detections
 
 __all__ = [
@@ -77,7 +80,7 @@ def open_session(
     if path.is_file():
         return Session(path=path, mission=chosen, tlog=path, video=video, video_start_s=video_start_s)
     tlog = path / "telemetry.tlog"
-    if not tlog.is_file():
+    if not segments(tlog):
         raise SessionError(f"{path}: no telemetry.tlog in this folder; a session needs one")
     toml = path / "session.toml"
     if chosen is None and toml.is_file():
@@ -97,7 +100,7 @@ def open_session(
 
 
 def _existing(path: Path) -> Path | None:
-    return path if path.is_file() else None
+    return path if segments(path) else None
 
 
 def read_times(path: Path) -> tuple[NDArray[np.int64], int]:
@@ -105,7 +108,7 @@ def read_times(path: Path) -> tuple[NDArray[np.int64], int]:
 
     A frame whose row is damaged gets the time between its neighbours, so that later frames keep their places.
     """
-    table = read_table(path, ("frame", "time_us"))
+    table = read_segments(path, ("frame", "time_us"))
     if not len(table):
         raise SessionError(f"{path}: no frame in it; delete the file if the video has its own time stamps")
     frame, first = np.unique(table["frame"].astype(np.int64), return_index=True)
@@ -137,7 +140,7 @@ class FrameDetections:
 
 def read_detections(path: Path) -> FrameDetections:
     """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown."""
-    return FrameDetections(read_table(path, ("frame", "cx", "cy", "w", "h", "angle", "score"), ("heading",)))
+    return FrameDetections(read_segments(path, ("frame", "cx", "cy", "w", "h", "angle", "score"), ("heading",)))
 
 
 def create_folder(parent: Path, now: datetime | None = None) -> Path:

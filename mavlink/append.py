@@ -67,8 +67,8 @@ class AppendFile:
         self._segment = -1
         self._size = self._earlier_bytes = self._deleted_size = 0
         self._torn = self._retire = self._named = self._closed = False
-        self._accepted = self._gone = 0
-        self._reason = ""
+        self._accepted = self._gone = self._faults = 0
+        self._reason = self._last_reason = ""
         self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
         self._waiting = Backlog(ram_bytes)
         self._unsynced = Backlog(ram_bytes)
@@ -147,7 +147,8 @@ class AppendFile:
                 rows=self._accepted,
                 bytes=self._earlier_bytes + self._size,
                 failing_s=max(now_s - self._failing_since_s, 1e-3) if failing else 0.0,
-                reason=self._reason if failing else "",
+                reason=self._last_reason,
+                faults=self._faults,
                 waiting=0 if self._closed else self._waiting.rows,
                 waiting_bytes=0 if self._closed else self._waiting.bytes,
                 lost=self._waiting.dropped + self._gone,
@@ -204,7 +205,8 @@ class AppendFile:
         now_s = time.monotonic()
         if not self._reason:
             self._failing_since_s = now_s
-        self._reason = error.strerror or str(error)
+            self._faults += 1
+        self._reason = self._last_reason = error.strerror or str(error)
         self._retire = self._fd >= 0 and (
             not synced or (self._size > len(self._header) and error.errno not in _SPACE_MAY_RETURN)
         )

@@ -20,7 +20,9 @@ class RecordState:
     failing_s: float = 0.0
     """For how long writing has failed; 0: it is writing."""
     reason: str = ""
-    """Why it fails, in the system's words."""
+    """Why it fails or last failed, in the system's words."""
+    faults: int = 0
+    """How often it began to fail, repaired since or not."""
     waiting: int = 0
     """Rows in memory that wait for the disk."""
     waiting_bytes: int = 0

@@ -91,7 +91,7 @@ class TlogWriter:
 
     def refuse(self, number: int, packet: Packet) -> None:
         """Note that a record is not to be believed; readers of the session leave it out."""
-        row = f"{number},{packet.t_us},{packet.link},{packet.peer},{packet.auth.name.lower()}\n"
+        row = f"{number},{packet.t_us},{packet.link},{packet.peer},{int(packet.auth)}\n"
         self._refused.write(row.encode())
 
     @property
@@ -106,7 +106,13 @@ class TlogWriter:
         for table in (self._refused.state, self._clock_steps.state):
             if table.failing_s and not log.failing_s:
                 log = replace(log, failing_s=table.failing_s, reason=f"{table.name}: {table.reason}")
-            log = replace(log, lost=log.lost + table.lost, waiting=log.waiting + table.waiting)
+            log = replace(
+                log,
+                lost=log.lost + table.lost,
+                waiting=log.waiting + table.waiting,
+                waiting_bytes=log.waiting_bytes + table.waiting_bytes,
+                faults=log.faults + table.faults,
+            )
         return log
 
     def sync(self) -> None:

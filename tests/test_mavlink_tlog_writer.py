@@ -301,7 +301,7 @@ def test_refused_records_are_kept_and_noted(writer, path):
     writer.write(packet(3, auth=Auth.REPLAYED))
     assert path.read_bytes() == expected(4)
     assert path.with_name("refused.csv").read_text() == (
-        f"record,t_us,link,peer,auth\n1,{T0 + 1},2,7,bad\n3,{T0 + 3},0,0,replayed\n"
+        f"record,t_us,link,peer,auth\n1,{T0 + 1},2,7,3\n3,{T0 + 3},0,0,4\n"
     )
 
 

@@ -1,0 +1,51 @@
+"""What an operator is told about the recording: each fault once, and its end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from gcs.snapshot import Event, Level
+from mavlink.record_state import RecordState
+
+__all__ = ["RecordWatch"]
+
+SLOW_S = 2.0
+"""A disk that has not confirmed for so long is slow."""
+LOST_EVERY = 2.0
+"""A loss that grows is told again when it has doubled."""
+
+
+class RecordWatch:
+    """Compares the states of some files with those before."""
+
+    def __init__(self) -> None:
+        self._before: dict[str, RecordState] = {}
+        self._slow: set[str] = set()
+        self._told_lost: dict[str, int] = {}
+
+    def update(self, t_us: int, states: Mapping[str, RecordState]) -> tuple[Event, ...]:
+        """Events since the last call; ``states`` by what the operator calls the files."""
+        events = []
+        for name, state in states.items():
+            before = self._before.get(name, RecordState(name=state.name))
+            for level, text in self._changes(name, before, state):
+                events.append(Event(t_us=t_us, level=level, kind="recording", text=f"{name}: {text}"))
+            self._before[name] = state
+        return tuple(events)
+
+    def _changes(self, name: str, before: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
+        if state.faults > before.faults or (state.failing_s and state.reason != before.reason):
+            yield "alarm", f"cannot be written: {state.reason}; kept in memory until it can"
+        if state.failing_s == 0 and (before.failing_s > 0 or state.faults > before.faults):
+            goes_on = f", goes on in {state.name}" if state.name != before.name else ""
+            yield "info", f"written again{goes_on}"
+        if state.lost and state.lost >= self._told_lost.get(name, 0) * LOST_EVERY:
+            self._told_lost[name] = state.lost
+            yield "alarm", f"{state.lost} rows lost: {state.reason}"
+        slow = state.sync_age_s > SLOW_S
+        if slow != (name in self._slow):
+            self._slow ^= {name}
+            if slow:
+                yield "warning", f"disk is slow: the last {state.sync_age_s:.0f} s would not survive a power cut"
+            else:
+                yield "info", "disk keeps up again"

@@ -1,0 +1,149 @@
+"""The telemetry of a session as one log: its segments joined, on one time line, with what was not believed marked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.clocksteps import Steps
+from gcs.segmented import read_segments
+from mavlink.errors import TlogError
+from mavlink.packet import Auth, Packet
+from mavlink.segments import segments
+from mavlink.tlog import Tlog
+
+__all__ = ["SessionLog"]
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+RECORDED = "telemetry.tlog"
+"""A log of this name is one that we recorded, and may have segments and tables beside it."""
+
+
+class SessionLog:
+    """Every record once, in the order of arrival.
+
+    Attributes:
+        path: of the first segment.
+        steps: when the wall clock was set.
+        warnings: what an analyst should know, one line each.
+
+    Raises:
+        TlogError: there is no segment that can be read.
+        SessionError: a table beside it that is no table.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        recorded = path.name == RECORDED
+        self._logs, troubles = _open(segments(path) if recorded else [path], path)
+        self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
+        parts = [log.index.t_us[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
+        stamped_us: Ints = np.concatenate(parts)
+        self.steps = Steps.read(path.with_name("clock.csv")) if recorded else Steps.none()
+        self._t_us = self.steps.of_records(stamped_us)
+        refused = path.with_name("refused.csv")
+        has_refused = recorded and bool(segments(refused))
+        self._auth = _refused(refused, stamped_us) if has_refused else np.zeros(len(stamped_us), dtype=np.uint8)
+        self.warnings = (*troubles, *self._complaints())
+
+    def __len__(self) -> int:
+        return len(self._t_us)
+
+    @property
+    def start_us(self) -> int:
+        """Earliest record."""
+        return int(self._t_us.min())
+
+    @property
+    def stop_us(self) -> int:
+        """Latest record."""
+        return int(self._t_us.max())
+
+    def packets(self) -> Iterator[Packet]:
+        """All records; those that were not believed carry the reason."""
+        start = 0
+        for log, keep in zip(self._logs, self._keep, strict=True):
+            stop = start + int(np.count_nonzero(keep))
+            kept = (packet for packet, wanted in zip(log.packets(), keep.tolist(), strict=True) if wanted)
+            times, auths = self._t_us[start:stop].tolist(), self._auth[start:stop].tolist()
+            for packet, t_us, auth in zip(kept, times, auths, strict=True):
+                if auth or t_us != packet.t_us:
+                    yield Packet(t_us, packet.raw, auth=Auth(auth))
+                else:
+                    yield packet
+            start = stop
+
+    def believed(self, message_id: int) -> Iterator[Packet]:
+        """Records of one kind that were not refused."""
+        start = 0
+        for log, keep in zip(self._logs, self._keep, strict=True):
+            place = start + np.cumsum(keep) - 1
+            rows = log.select(message_ids=(message_id,))
+            good = keep[rows] & (self._auth[place[rows]] <= Auth.GOOD)
+            yield from (log.packet(row) for row in rows[good].tolist())
+            start += int(np.count_nonzero(keep))
+
+    def _complaints(self) -> Iterator[str]:
+        for log in self._logs:
+            if log.index.damage:
+                size = sum(d.stop - d.start for d in log.index.damage)
+                yield f"{log.path.name}: {len(log.index.damage)} damaged places, {size} bytes skipped"
+        refused = int(np.count_nonzero(self._auth > Auth.GOOD))
+        if refused:
+            yield f"refused.csv: {refused} records were not believed in flight and are left out"
+        if len(self.steps):
+            yield f"clock.csv: the clock was set {len(self.steps)} times; all times are those of the first setting"
+
+
+def _open(paths: list[Path], first: Path) -> tuple[list[Tlog], list[str]]:
+    """The segments that can be read, and why others cannot."""
+    if len(paths) <= 1:
+        return [Tlog.open(paths[0] if paths else first)], []
+    logs, troubles = [], []
+    for path in paths:
+        try:
+            logs.append(Tlog.open(path))
+        except TlogError as error:
+            troubles.append(str(error))
+    if not logs:
+        raise TlogError(troubles[0])
+    return logs, troubles
+
+
+def _again(log: Tlog, later: Sequence[Tlog]) -> Flags:
+    """(n,) which records of a segment stand in a later one too, where a failed sync had them written again."""
+    again = np.zeros(len(log.index), dtype=np.bool_)
+    for other in later:
+        rows = np.flatnonzero(np.isin(other.index.t_us, log.index.t_us))
+        written = {(packet.t_us, packet.raw) for packet in map(other.packet, rows.tolist())}
+        for row in np.flatnonzero(np.isin(log.index.t_us, other.index.t_us)).tolist():
+            packet = log.packet(row)
+            again[row] |= (packet.t_us, packet.raw) in written
+    return again
+
+
+def _refused(path: Path, t_us: Ints) -> NDArray[np.uint8]:
+    """(n,) what ``refused.csv`` says of each record.
+
+    A record is found by its number. Where numbers and times do not agree, because records were lost, every record of
+    the same time is refused: rather a good one left out than a forged one believed.
+    """
+    table = read_segments(path, ("record", "t_us", "auth"))
+    number, time_us = table["record"].astype(np.int64), table["t_us"].astype(np.int64)
+    said = np.clip(table["auth"], Auth.UNSIGNED, Auth.FUTURE).astype(np.uint8)
+    auth = np.zeros(len(t_us), dtype=np.uint8)
+    inside = (number >= 0) & (number < len(t_us))
+    if inside.all() and (t_us[number] == time_us).all():
+        auth[number] = said
+        return auth
+    order = np.argsort(time_us, kind="stable")
+    place = np.clip(np.searchsorted(time_us[order], t_us), 0, max(len(order) - 1, 0))
+    if len(order):
+        same = time_us[order][place] == t_us
+        auth[same] = said[order][place][same]
+    return auth
