@@ -1,0 +1,50 @@
+"""What the autopilot said to a command, in its own words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega
+
+__all__ = ["ACCEPTED", "Answer"]
+
+ACCEPTED, UNSUPPORTED, FAILED, INT_ONLY = 0, 3, 4, 8
+_NOT_KNOWN = (UNSUPPORTED, FAILED, INT_ONLY)
+"""Results of autopilots that do not have a command; ArduPilot says FAILED where UNSUPPORTED is meant."""
+_NO_PROGRESS = 255
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The end of one command."""
+
+    result: int | None
+    """MAV_RESULT, None when nothing came."""
+    progress: int = _NO_PROGRESS
+    """Percent it had come to, 255 for none told."""
+    texts: tuple[str, ...] = ()
+    """STATUSTEXT while it was carried out: text from the air, never markup."""
+    reason: str = "no answer"
+    """Why there is no result."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the autopilot does it."""
+        return self.result == ACCEPTED
+
+    @property
+    def not_known(self) -> bool:
+        """Whether another way to the same end is worth a try."""
+        return self.result in _NOT_KNOWN
+
+    @property
+    def words(self) -> str:
+        """``accepted``, ``refused (DENIED): requires position``, ``no answer``."""
+        said = "; ".join(dict.fromkeys(self.texts))
+        if self.result is None:
+            return self.reason + (f": {said}" if said else "")
+        entry = ardupilotmega.enums["MAV_RESULT"].get(self.result)
+        name = str(entry.name).removeprefix("MAV_RESULT_") if entry is not None else f"result {self.result}"
+        at = f" at {self.progress} %" if 0 < self.progress <= 100 and not self.accepted else ""
+        head = "accepted" if self.accepted else f"refused ({name}{at})"
+        return f"{head}: {said}" if said and not self.accepted else head

@@ -1,0 +1,168 @@
+"""The command desk: orders in, frames to the UAV out, what became of them as events.
+
+Orders are carried out in a thread with an event loop of its own, so that no screen and no fold ever waits. What the
+station says of its own accord - heartbeat, clock questions, rate requests - is driven by whoever calls
+:meth:`CommandDesk.poll`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+
+from gcs.command.jobs import Jobs, Rules
+from gcs.command.orders import Order, order_of, orders_about
+from gcs.command.sdk import Sdk
+from gcs.command.uav import Uav
+from gcs.command.wire import Place
+from gcs.snapshot import Event, Level
+from mavlink.heartbeat import Heartbeat, TimeSyncer
+from mavlink.outgoing import Outgoing
+from mavlink.pack import Speaker
+from mavlink.packet import Auth, Packet
+from mavlink.rates import Rate, RateKeeper
+
+__all__ = ["CommandDesk"]
+
+SYSTEM_ID, COMPONENT_ID = 254, 190
+_STOP_S = 5.0
+
+
+class CommandDesk:
+    """Commands the UAV, and nobody else.
+
+    Args:
+        uav: system id of the UAV.
+        ground: system ids of the ground vehicles, by name.
+        uav_name: what operators call the UAV.
+        outgoing: the way out, which lets nothing pass that is not for the UAV.
+        where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
+        tell: given events, in the desk's thread.
+        own: system and component id that the station speaks as.
+        rules: how orders are carried out.
+    """
+
+    def __init__(
+        self,
+        *,
+        uav: int,
+        ground: Mapping[int, str],
+        uav_name: str,
+        outgoing: Outgoing,
+        where: Callable[[int], Place | None],
+        tell: Callable[[Event], None],
+        own: tuple[int, int] = (SYSTEM_ID, COMPONENT_ID),
+        rules: Rules | None = None,
+    ) -> None:
+        self._uav_id, self._uav_name, self._ground = uav, uav_name, dict(ground)
+        self._outgoing, self._tell = outgoing, tell
+        speaker = Speaker(*own)
+        self._heartbeat, self._timesync = Heartbeat(speaker), TimeSyncer(speaker)
+        self._rates = RateKeeper(speaker, uav, tuple(ground), own=own[0])
+        self._uav = Uav()
+        self._sdk = Sdk(uav, own, outgoing.give)
+        self._jobs = Jobs(self._sdk, self._uav, where, own=own, rules=rules or Rules())
+        self._running: dict[str, tuple[Order, asyncio.Task[None]]] = {}
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="commands", daemon=True)
+        self._thread.start()
+
+    def take(self, packet: Packet) -> None:
+        """Every packet that came, of anybody; what is not believed is left out."""
+        if packet.auth > Auth.GOOD:
+            return
+        self._rates.take(packet, time.monotonic())
+        if packet.system_id != self._uav_id:
+            return
+        self._outgoing.heard(packet)
+        self._uav.take(packet)
+        self._sdk.feed(packet)
+
+    def poll(self) -> None:
+        """Says what is due, to be called a few times a second by the loop whose life the heartbeat stands for."""
+        now_s = time.monotonic()
+        for raw in (self._heartbeat.poll(now_s), self._timesync.poll(now_s, time.time_ns())):
+            if raw is not None:
+                self._outgoing.give_everywhere(raw)
+        for link, raw in self._rates.poll(now_s):
+            self._outgoing.give(raw, link)
+
+    def rates(self) -> Sequence[Rate]:
+        """Message rates, wanted and measured."""
+        return self._rates.rates(time.monotonic())
+
+    @property
+    def withheld(self) -> Mapping[str, int]:
+        """Message name → frames that were not for the UAV and did not leave."""
+        return self._outgoing.refused
+
+    def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
+        """What may be ordered about a selected vehicle: keys and words."""
+        about = system_id in self._ground
+        return [(order.key, self._said(order, system_id)) for order in orders_about(ugv=about)]
+
+    def give(self, key: str, system_id: int) -> None:
+        """Carries an order out; returns at once, what becomes of it comes as events.
+
+        Args:
+            key: of the order.
+            system_id: the selected vehicle; 0 for none.
+
+        Raises:
+            KeyError: no such order.
+            ValueError: it needs a ground vehicle.
+        """
+        order = order_of(key)
+        if order.about == "ugv" and system_id not in self._ground:
+            raise ValueError(f"{key}: needs one of the mission's ground vehicles")
+        self._loop.call_soon_threadsafe(self._begin, order, system_id)
+
+    def close(self) -> None:
+        """Ends what runs and takes MAVSDK down; closing twice does nothing."""
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            self._thread.join(_STOP_S)
+
+    def _said(self, order: Order, system_id: int) -> str:
+        return order.said(self._uav_name, self._ground.get(system_id, "the vehicle"))
+
+    def _begin(self, order: Order, system_id: int) -> None:
+        if order.job and (before := self._running.pop(order.job, None)) is not None and not before[1].done():
+            before[1].cancel()
+        task = self._loop.create_task(self._carry_out(order, system_id))
+        self._running[order.job or order.key] = (order, task)
+
+    async def _carry_out(self, order: Order, system_id: int) -> None:
+        words = self._said(order, system_id)
+
+        def tell(level: Level, text: str) -> None:
+            about = system_id if order.about == "ugv" else self._uav_id
+            self._tell(
+                Event(
+                    t_us=time.time_ns() // 1000, level=level, kind="operator", text=f"{words}: {text}", system_id=about
+                )
+            )
+
+        tell("info", "ordered")
+        try:
+            await self._jobs.carry_out(order.key, system_id, tell)
+        except asyncio.CancelledError:
+            tell("info", "ended by another order")
+            raise
+        except Exception as error:  # noqa: BLE001 - one order fails, the station flies on
+            tell("alarm", f"failed: {error}")
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_forever()
+            for _, task in self._running.values():
+                task.cancel()
+            self._loop.run_until_complete(asyncio.gather(*asyncio.all_tasks(self._loop), return_exceptions=True))
+            # a command under way is waited for: MAVSDK must not be taken down beneath it
+            self._loop.run_until_complete(self._loop.shutdown_default_executor())
+        finally:
+            self._sdk.close()
+            self._loop.close()

@@ -1,0 +1,99 @@
+"""MAVSDK, in one file: it hears only the UAV, and what it says goes through our own way out.
+
+Its `raw://` connection leaves sockets, recording and signing to us. By itself it beats and asks every system it hears
+for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the station's
+loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from typing import Any
+
+from gcs.command.answer import Answer
+from gcs.command.wire import Command
+from mavlink.frame import split
+from mavlink.packet import Packet
+
+__all__ = ["Sdk"]
+
+_HEARTBEAT = 0
+_REASONS = {"TIMEOUT": "no answer", "NO_SYSTEM": "not heard", "CONNECTION_ERROR": "no link to it"}
+
+
+class Sdk:
+    """Commands to one system, one answer each.
+
+    Args:
+        uav: its system id.
+        own: system and component id that we speak as.
+        out: given every frame that MAVSDK wants to send but its heartbeats, in a thread of its own.
+    """
+
+    def __init__(self, uav: int, own: tuple[int, int], out: Callable[[bytes], object]) -> None:
+        # slow to import, and needed only by a station that commands
+        from mavsdk import logging
+        from mavsdk.mavsdk import Configuration, Mavsdk
+
+        logging.log_subscribe(lambda level, text, file, line: True)  # it would write over the screen
+        self._uav = uav
+        self._own = own
+        self._out = out
+        self._direct: Any = None
+        self._configuration = Configuration.create_manual(*own, False)
+        self._mavsdk = Mavsdk(self._configuration)
+        self._mavsdk.add_any_connection("raw://")
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(self._say)
+
+    def feed(self, packet: Packet) -> None:
+        """A packet of the UAV that is believed; others are left out."""
+        if packet.system_id == self._uav:
+            self._mavsdk.pass_received_raw_bytes(packet.raw)
+
+    async def ask(self, command: Command) -> Answer:
+        """Sends a command, again while nothing comes, and waits for its end."""
+        from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectError, MavlinkMessage
+
+        direct = self._direct_to_uav()
+        if direct is None:
+            return Answer(result=None, reason="not heard")
+        message = MavlinkMessage(
+            command.message, *self._own, self._uav, command.component, command.fields(self._uav)
+        )  # fmt: skip
+        try:
+            ack = await direct.send_command(message)
+        except MavlinkDirectError as error:
+            name = str(error.result.name)
+            return Answer(result=None, reason=_REASONS.get(name, name.lower().replace("_", " ")))
+        return Answer(result=int(json.loads(ack.fields_json)["result"]))
+
+    async def connected(self, timeout_s: float) -> bool:
+        """Waits until MAVSDK knows the UAV."""
+        for _ in range(max(1, round(timeout_s / 0.05))):
+            if self._direct_to_uav() is not None:
+                return True
+            await asyncio.sleep(0.05)
+        return False
+
+    def close(self) -> None:
+        """Ends it; no command may be under way."""
+        if self._direct is not None:
+            self._direct.destroy()
+        self._mavsdk.destroy()
+        self._configuration.destroy()
+
+    def _direct_to_uav(self) -> Any:  # noqa: ANN401  (MAVSDK's classes carry no types)
+        from mavsdk.asyncio import System
+        from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectAsync
+
+        if self._direct is None:
+            systems = [each for each in self._mavsdk.get_systems() if each.get_system_id() == self._uav]
+            self._direct = MavlinkDirectAsync(System(systems[0])) if systems else None
+        return self._direct
+
+    def _say(self, data: bytes) -> None:
+        for raw in split(data)[0]:
+            if Packet(0, raw).message_id != _HEARTBEAT:
+                self._out(raw)

@@ -1,0 +1,100 @@
+"""What commands need to know of the UAV, by its own packets."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+
+from mavlink.decode import decode
+from mavlink.modes import is_vehicle, kind_name, mode_name
+from mavlink.packet import Packet
+from mavlink.samples import GlobalPosition, Heartbeat, StatusText
+
+__all__ = ["Uav"]
+
+_ACK, _GIMBAL_MANAGERS = 77, (280, 281)
+_IN_PROGRESS = 5
+_CAMERA_TYPE = 30
+_FRESH_S = 3.0
+_TEXTS = 40
+
+
+class Uav:
+    """The newest state of one vehicle. One thread takes packets, another reads."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._beat: Heartbeat | None = None
+        self._position: tuple[float, GlobalPosition] | None = None
+        self._texts: deque[tuple[float, str]] = deque(maxlen=_TEXTS)
+        self._progress: dict[int, int] = {}
+        self.camera_component = 1
+        """Component of the first camera that beats, the autopilot's without one."""
+        self.gimbal_component = 1
+        """Component of the gimbal manager that speaks, the autopilot's without one."""
+
+    def take(self, packet: Packet) -> None:
+        """A packet of the UAV that is believed."""
+        if packet.message_id == _ACK:
+            payload = packet.payload.ljust(4, b"\0")
+            if payload[2] == _IN_PROGRESS:
+                self._progress[int.from_bytes(payload[:2], "little")] = payload[3]
+            return
+        if packet.message_id in _GIMBAL_MANAGERS:
+            self.gimbal_component = packet.component_id
+            return
+        sample = decode(packet)
+        if isinstance(sample, Heartbeat):
+            if is_vehicle(sample.type, sample.autopilot):
+                self._beat = sample
+            elif sample.type == _CAMERA_TYPE and self.camera_component == 1:
+                self.camera_component = packet.component_id
+        elif isinstance(sample, GlobalPosition) and packet.component_id == 1:
+            self._position = (self._clock(), sample)
+        elif isinstance(sample, StatusText):
+            self._texts.append((self._clock(), sample.text))
+
+    @property
+    def kind(self) -> str:
+        """Vehicle type in a word, empty before the first heartbeat."""
+        return kind_name(self._beat.type) if self._beat is not None else ""
+
+    @property
+    def autopilot(self) -> int:
+        """MAV_AUTOPILOT, 0 before the first heartbeat."""
+        return self._beat.autopilot if self._beat is not None else 0
+
+    @property
+    def mode(self) -> str:
+        """Flight mode in a word, empty before the first heartbeat."""
+        beat = self._beat
+        return mode_name(beat.type, beat.autopilot, beat.base_mode, beat.custom_mode) if beat is not None else ""
+
+    @property
+    def alt_m(self) -> float:
+        """Height above sea level now, NaN when unknown or old."""
+        sample = self._fresh
+        return sample.alt_m if sample is not None else math.nan
+
+    @property
+    def ground_m(self) -> float:
+        """Height above sea level of the ground at its home, NaN when unknown or old."""
+        sample = self._fresh
+        return sample.alt_m - sample.relative_alt_m if sample is not None else math.nan
+
+    @property
+    def _fresh(self) -> GlobalPosition | None:
+        held = self._position
+        if held is None or self._clock() - held[0] > _FRESH_S or not (held[1].lat_deg or held[1].lon_deg):
+            return None
+        return held[1]
+
+    def texts_since(self, since_s: float) -> tuple[str, ...]:
+        """What it said since a moment of the clock."""
+        return tuple(text for at_s, text in list(self._texts) if at_s >= since_s)
+
+    def take_progress(self, command: int) -> int:
+        """Percent that the last answer "in progress" to a command told, 255 for none; told once."""
+        return self._progress.pop(command, 255)
