@@ -99,23 +99,20 @@ class Verifier:
             return Auth.BAD
         if not compare_digest(key.signature(raw[:-6]), raw[-6:]):
             return Auth.BAD
-        component_id, link_id = raw[6], raw[-13]
         timestamp = int.from_bytes(raw[-12:-6], "little")
         now = self._now(t_us)
         if timestamp > now + AHEAD:
             return Auth.FUTURE
-        newest = self.streams.newest(system_id, component_id, link_id)
-        if timestamp <= newest if newest is not None else timestamp < now - BEHIND:
-            return Auth.REPLAYED
-        self.streams.advance(system_id, component_id, link_id, timestamp)
-        return Auth.GOOD
+        newer = self.streams.admit(system_id, raw[6], raw[-13], timestamp, now - BEHIND)
+        return Auth.GOOD if newer else Auth.REPLAYED
 
     def _now(self, t_us: int) -> int:
         """Ticks when a packet came: max(computer's clock, latest time known before + steady clock since)."""
-        steady = self._steady_ns() // 10_000
-        now = max(ticks_of(t_us), steady + self._offset)
-        self._offset = now - steady
-        return now
+        wall, steady = ticks_of(t_us), self._steady_ns() // 10_000 + self._offset
+        if wall <= steady:
+            return steady
+        self._offset += wall - steady
+        return wall
 
 
 def without_secret(packet: Packet) -> Packet | None:

@@ -152,7 +152,7 @@ class StreamStore:
             since = ticks_of(time.time_ns() // 1000) - saved.at
             lost = since if 0 <= since <= _MOST_LOST else _MOST_LOST
         for system_id, component_id, link_id, timestamp in saved.rows:
-            self.streams.advance(system_id, component_id, link_id, timestamp + lost)
+            self.streams.admit(system_id, component_id, link_id, timestamp + lost)
         self.streams.proven = saved.proven
         self._number = saved.number
 

@@ -44,15 +44,27 @@ class Streams:
         """The last timestamp of a stream, None for one never heard."""
         return self._of[system_id].get(component_id << 8 | link_id)
 
-    def advance(self, system_id: int, component_id: int, link_id: int, timestamp: int) -> None:
-        """Keeps the timestamp of a frame that was accepted."""
+    def admit(self, system_id: int, component_id: int, link_id: int, timestamp: int, oldest: int = 0) -> bool:
+        """Keeps the timestamp of a verified frame, if it is newer than the last of its stream.
+
+        Args:
+            system_id, component_id, link_id: of the stream.
+            timestamp: of the frame.
+            oldest: the least that a stream never heard before may have.
+        """
         streams, stream = self._of[system_id], component_id << 8 | link_id
-        if stream not in streams:
+        newest = streams.get(stream)
+        if newest is None:
+            if timestamp < oldest:
+                return False
             self._make_room()
             self._count += 1
+        elif timestamp <= newest:
+            return False
         streams[stream] = timestamp
         if timestamp > self.proven + AHEAD:
             self.proven = timestamp - AHEAD
+        return True
 
     def rows(self) -> Iterator[tuple[int, int, int, int]]:
         """System id, component id, link id and timestamp of every stream."""

@@ -282,10 +282,10 @@ def test_four_thousand_streams_and_more():
 
 def test_who_fills_the_table_pays_for_it():
     streams = Streams()
-    streams.advance(1, 1, 0, 100)
+    streams.admit(1, 1, 0, 100)
     for k in range(3 * MOST_STREAMS):
-        streams.advance(9, k >> 8 & 0xFF, k & 0xFF, 200 + k)
-    streams.advance(2, 1, 0, 300)
+        streams.admit(9, k >> 8 & 0xFF, k & 0xFF, 200 + k)
+    streams.admit(2, 1, 0, 300)
     assert len(streams) == MOST_STREAMS
     assert len(list(streams.rows())) == MOST_STREAMS
     assert (streams.newest(1, 1, 0), streams.newest(2, 1, 0)) == (100, 300)

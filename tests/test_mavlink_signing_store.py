@@ -100,7 +100,7 @@ from pathlib import Path
 from mavlink.signing_store import StreamStore
 store = StreamStore(Path(sys.argv[1]), period_s=0.02)
 for k in range(1, 10**6):
-    store.streams.advance(7, 1, 0, k)
+    store.streams.admit(7, 1, 0, k)
     time.sleep(0.001)
     if k == 200:
         print("ready", flush=True)
@@ -119,7 +119,7 @@ for k in range(1, 10**6):
 def test_every_stream_and_the_proven_time_come_back(tmp_path):
     store = StreamStore(tmp_path)
     for k in range(4096):
-        store.streams.advance(1 + k % 255, k // 255, k % 3, 2**47 + k)
+        store.streams.admit(1 + k % 255, k // 255, k % 3, 2**47 + k)
     before, proven = rows(store), store.streams.proven
     assert proven == 2**47 + 4095 - AHEAD
     store.close()
@@ -132,7 +132,7 @@ def test_every_stream_and_the_proven_time_come_back(tmp_path):
 
 def test_it_is_saved_while_it_runs(tmp_path):
     store = StreamStore(tmp_path, period_s=0.02)
-    store.streams.advance(7, 1, 0, 12345)
+    store.streams.admit(7, 1, 0, 12345)
     end = time.monotonic() + 10
     found = Streams()
     while found.newest(7, 1, 0) is None and time.monotonic() < end:
@@ -157,9 +157,9 @@ def test_it_is_saved_while_it_runs(tmp_path):
 def filled(folder):
     """Both files written, the second one newer by one second of frames."""
     store = StreamStore(folder, period_s=30)
-    store.streams.advance(7, 1, 0, 1000)
+    store.streams.admit(7, 1, 0, 1000)
     store._save(ended=False)
-    store.streams.advance(7, 1, 0, 2000)
+    store.streams.admit(7, 1, 0, 2000)
     store.close()
     newest = max(SLOTS, key=lambda name: (folder / name).stat().st_mtime_ns)
     return newest, next(name for name in SLOTS if name != newest)
