@@ -39,12 +39,12 @@ def frames(count: int) -> tuple[list[Packet], list[Packet], list[Packet]]:
     keys = ring().keys
     streams = [(1 + k % VEHICLES, 1 + k // VEHICLES % 16, k // (VEHICLES * 16)) for k in range(STREAMS)]
     plain = {(s, c): Speaker(s, c).attitude(5, 0.1, 0.2, 0.3, (0.0, 0.0, 0.4)) for s, c, _ in streams}
-    signers = {stream: Signer(keys[stream[0]], link_id=stream[2]) for stream in streams}
+    signers = {system_id: Signer(key) for system_id, key in keys.items()}
     unsigned, signed, forged = [], [], []
     for k in range(count):
         stream = streams[k % STREAMS]
         t_us, frame = T0 + k * 10, plain[stream[:2]]
-        raw = signers[stream].sign(frame, t_us)
+        raw = signers[stream[0]].sign(frame, t_us, stream[2])
         unsigned.append(Packet(t_us, frame))
         signed.append(Packet(t_us, raw))
         forged.append(Packet(t_us, raw[:-1] + bytes([raw[-1] ^ 1])))

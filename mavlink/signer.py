@@ -13,28 +13,27 @@ __all__ = ["Signer"]
 
 
 class Signer:
-    """One sender's signature, on one stream.
+    """Signatures for one receiver. An autopilot knows one key, its own, and wants what is sent to it signed with that.
 
-    Its timestamp follows the clock, or a sender that was silent for a minute would be refused, and grows by one with
+    The timestamp follows the clock, or a sender that was silent for a minute would be refused, and grows by one with
     each frame at least.
 
     Args:
-        key: of the system that sends.
-        link_id: 0..255; every link that is sent on needs its own.
-        newest: the last timestamp of this stream, from :class:`mavlink.signing_streams.Streams`.
+        key: of the vehicle that is spoken to.
+        newest: the last timestamp used before, in ticks; 0: only the clock counts.
     """
 
-    def __init__(self, key: Key, *, link_id: int = 0, newest: int = 0) -> None:
+    def __init__(self, key: Key, *, newest: int = 0) -> None:
         self._key = key
-        self._link_id = link_id
         self.newest = newest
 
-    def sign(self, frame: bytes, t_us: int) -> bytes:
+    def sign(self, frame: bytes, t_us: int, link_id: int = 0) -> bytes:
         """A frame with its signature.
 
         Args:
             frame: unsigned, MAVLink 2, of a known message, made here.
             t_us: Unix µs now.
+            link_id: 0..255, one for each link that is sent on: frames overtake each other between links.
 
         Raises:
             SigningError: MAVLink 1 cannot be signed; a frame that carries a signature is somebody else's.
@@ -50,5 +49,5 @@ class Signer:
         # the checksum covers the flag
         flagged = frame[:2] + bytes([frame[2] | SIGNED]) + frame[3 : 10 + frame[1]]
         crc = checksum(flagged, DEFINITIONS[message_id][1]).to_bytes(2, "little")
-        covered = flagged + crc + bytes([self._link_id]) + self.newest.to_bytes(6, "little")
+        covered = flagged + crc + bytes([link_id]) + self.newest.to_bytes(6, "little")
         return covered + self._key.signature(covered)

@@ -60,9 +60,10 @@ class Verifier:
         streams: Streams | None = None,
         steady_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        for message_id in TELLING.intersection(unsigned):
+        telling = min(TELLING.intersection(unsigned), default=None)
+        if telling is not None:
             raise SigningError(
-                f"{message_name(message_id)} ({message_id}) says who or where a vehicle is and cannot come unsigned; "
+                f"{message_name(telling)} ({telling}) says who or where a vehicle is and cannot come unsigned; "
                 "take it out of [signing] unsigned"
             )
         self.ring = ring

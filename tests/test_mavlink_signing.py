@@ -36,7 +36,7 @@ def test_what_pymavlink_signs_is_good():
 
 
 def test_pymavlink_believes_what_we_sign():
-    signer = Signer(Key(secret_of(7)), link_id=3)
+    signer = Signer(Key(secret_of(7)))
     parser = ardupilotmega.MAVLink(None)
     parser.signing.secret_key = secret_of(7)
     parser.signing.timestamp = NOW
@@ -47,7 +47,7 @@ def test_pymavlink_believes_what_we_sign():
         ardupilotmega.MAVLink_statustext_message(6, b"zeros are cut off"),
     ]
     for k in range(300):
-        frame = signer.sign(plain.frame(messages[k % 3]), T0)
+        frame = signer.sign(plain.frame(messages[k % 3]), T0, link_id=3)
         assert split(frame) == ([frame], FrameCounts(good=1))
         (message,) = parser.parse_buffer(frame)
         assert message.get_type() == messages[k % 3].get_type()
