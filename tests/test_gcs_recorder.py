@@ -1,0 +1,231 @@
+import errno
+import json
+import shutil
+import time
+import tomllib
+
+import numpy as np
+import pytest
+
+from gcs.config import Mission, Vehicle
+from gcs.errors import SessionError
+from gcs.linefile import LineFile
+from gcs.recorder import Recorder
+from gcs.recordwatch import RecordWatch
+from gcs.segmented import read_segments
+from gcs.session import open_session, read_detections, read_times
+from gcs.snapshot import Box, Event, Health, Snapshot
+from mavlink.packet import Packet
+from mavlink.record_state import RecordState
+from mavlink.segments import segments
+from tests.faulty_disk import FaultyDisk
+from tests.test_mavlink_tlog_writer import FRAMES, T0, expected, packet, until
+from vision.detections import Detections
+
+MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
+TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv")
+
+
+def boxes(frame):
+    column = np.full(2, 0.5)
+    names = ("cx", "cy", "w", "h", "angle", "score", "heading")
+    return Detections(**{name: column + k + frame for k, name in enumerate(names)})
+
+
+def snapshot(frame):
+    place = {"cx": 10.0 + frame, "cy": 20.0, "w": 30.0, "h": 15.0, "angle": 0.5, "heading": 2.0, "score": 0.9}
+    t_us = T0 + 100_000 * frame
+    return Snapshot(
+        t_us=t_us,
+        frame=frame,
+        width=64,
+        height=48,
+        image=None,
+        vehicles=(),
+        boxes=(Box(track_id=1, system_id=2, confidence=0.98, **place),),
+        footprint_enu=None,
+        uav_enu=np.zeros(3),
+        uav_heading=0.0,
+        health=Health(),
+        events=(Event(t_us=t_us, level="info", kind="text", text=f"frame {frame}"),),
+    )
+
+
+def fly(recorder, frames):
+    """One packet, picture, two boxes, an identity and an event for each frame."""
+    for frame in frames:
+        recorder.packet(packet(frame))
+        recorder.frame_time(frame, T0 + 100_000 * frame)
+        recorder.detections(frame, boxes(frame))
+        recorder.snapshot(snapshot(frame))
+
+
+def complete(folder, frames):
+    """Everything of every frame can be read, and once only."""
+    assert read_times(folder / "frames.csv")[0].tolist() == [T0 + 100_000 * k for k in range(frames)]
+    seen = read_detections(folder / "detections.csv")
+    assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
+    table = read_segments(folder / "identity.csv", ("time_us", "frame"))
+    assert table["frame"].tolist() == list(range(frames))
+    for name, key in (("events.jsonl", "text"), ("identity.jsonl", "frame")):
+        rows = [json.loads(line) for part in segments(folder / name) for line in part.read_text().splitlines()]
+        assert len({row[key] for row in rows}) == frames
+
+
+@pytest.fixture
+def disk():
+    return FaultyDisk()
+
+
+@pytest.fixture
+def recorder(tmp_path, disk):
+    recorder = Recorder(tmp_path, MISSION, video=True, disk=disk)
+    yield recorder
+    recorder.close()
+
+
+def alarms(recorder):
+    return [event.text for event in recorder.check() if event.level == "alarm"]
+
+
+def notes(recorder):
+    return tomllib.loads((recorder.folder / "session.toml").read_text())["session"]
+
+
+def test_a_flight_without_faults(recorder):
+    fly(recorder, range(20))
+    assert recorder.check() == ()
+    assert recorder.bytes > 1000
+    assert "ended" not in notes(recorder)
+    assert recorder.close() == ()
+    complete(recorder.folder, 20)
+    assert notes(recorder)["packets"] == 20
+    assert "ended" in notes(recorder)
+    session = open_session(recorder.folder)
+    assert (session.frames, session.detections) == (recorder.folder / "frames.csv", recorder.folder / "detections.csv")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
+def test_a_full_disk_never_stops_the_flight_and_costs_nothing(recorder, disk, code):
+    fly(recorder, range(10))
+    disk.room, disk.write_error = 25, code
+    fly(recorder, range(10, 400))
+    told = alarms(recorder)
+    for name in ("telemetry.tlog", *TEXTS):
+        assert any(text.startswith(f"{name}: cannot be written: ") for text in told)
+        lines = (recorder.folder / name).read_bytes()
+        assert name == "telemetry.tlog" or lines.endswith(b"\n"), "whole lines only"
+    assert alarms(recorder) == [], "told once"
+    disk.room, disk.write_error = None, 0
+    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert [event.level for event in recorder.check()] == ["info"] * 6
+    fly(recorder, range(400, 410))
+    assert recorder.close() == ()
+    complete(recorder.folder, 410)
+
+
+def test_a_failing_disk_leaves_segments_that_read_as_one(recorder, disk):
+    fly(recorder, range(10))
+    disk.sync_error = errno.EIO
+    until(lambda: all(state.faults for state in recorder.states().values()))
+    fly(recorder, range(10, 20))
+    disk.sync_error = 0
+    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert any("Input/output error" in text for text in alarms(recorder))
+    fly(recorder, range(20, 30))
+    disk.room, disk.write_error = 0, errno.EIO
+    fly(recorder, range(30, 40))
+    disk.room, disk.write_error = None, 0
+    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert recorder.close() == ()
+    assert (recorder.folder / "detections.1.csv").read_text().startswith("frame,cx,cy,w,h,angle,score,heading\n")
+    complete(recorder.folder, 40)
+
+
+def test_a_deleted_session_is_made_anew(recorder):
+    fly(recorder, range(10))
+    shutil.rmtree(recorder.folder)
+    fly(recorder, range(10, 20))
+    until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
+    assert sum("deleted while it was written" in text for text in alarms(recorder)) == 6
+    fly(recorder, range(20, 30))
+    assert recorder.close() == ()
+    complete(recorder.folder, 30)
+    assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
+    assert notes(recorder)["packets"] == 30
+
+
+def test_what_is_lost_at_the_end_is_said_and_kept_in_the_session(recorder, disk):
+    fly(recorder, range(10))
+    disk.room = 0
+    fly(recorder, range(10, 15))
+    lost = recorder.close()
+    assert "telemetry.tlog: 5 rows lost: No space left on device" in lost
+    assert notes(recorder)["lost"]["telemetry.tlog"] == 5
+    assert notes(recorder)["lost"]["detections.csv"] == 10
+
+
+def test_telemetry_may_be_another_processs_business(tmp_path):
+    recorder = Recorder(tmp_path, MISSION, video=False, telemetry=False)
+    assert not recorder.tlog_path.exists()
+    state = RecordState(name="telemetry.tlog", rows=77, failing_s=0.3, reason="No space left on device", faults=1)
+    told = recorder.check(state)
+    assert [event.text for event in told if event.level == "alarm"] == [
+        "telemetry.tlog: cannot be written: No space left on device; kept in memory until it can"
+    ]
+    recorder.close(RecordState(name="telemetry.tlog", rows=78))
+    assert notes(recorder)["packets"] == 78
+
+
+def test_no_file_is_ever_overwritten(tmp_path):
+    LineFile(tmp_path / "a.csv").close()
+    with pytest.raises(SessionError, match="File exists"):
+        LineFile(tmp_path / "a.csv")
+
+
+def test_hostile_text_is_recorded_and_stops_nothing(tmp_path):
+    file = LineFile(tmp_path / "a.jsonl")
+    file.write("\ud800\n")
+    file.write("")
+    file.close()
+    assert (tmp_path / "a.jsonl").read_text() == "?\n"
+
+
+def state(**values):
+    return {"a.csv": RecordState(name=values.pop("name", "a.csv"), **values)}
+
+
+def test_every_fault_is_told_once_with_its_end():
+    watch = RecordWatch()
+    full = {"failing_s": 0.1, "reason": "full", "faults": 1}
+    story = [
+        (state(), []),
+        (state(**full), [("alarm", "a.csv: cannot be written: full; kept in memory until it can")]),
+        (state(**full | {"failing_s": 1.1}), []),
+        (state(**full, lost=3), [("alarm", "a.csv: 3 rows lost: full")]),
+        (state(**full, lost=4), []),
+        (state(**full, lost=6), [("alarm", "a.csv: 6 rows lost: full")]),
+        (state(reason="full", faults=1, lost=6), [("info", "a.csv: written again")]),
+        (state(reason="full", faults=1, lost=6, sync_age_s=2.5), [("warning", None)]),
+        (state(reason="full", faults=1, lost=6, sync_age_s=9.5), []),
+        (state(reason="full", faults=1, lost=6), [("info", "a.csv: disk keeps up again")]),
+        (
+            state(reason="bad", faults=2, lost=6, name="a.1.csv"),
+            [
+                ("alarm", "a.csv: cannot be written: bad; kept in memory until it can"),
+                ("info", "a.csv: written again, goes on in a.1.csv"),
+            ],
+        ),
+    ]
+    for now, told in story:
+        events = watch.update(T0, now)
+        assert [event.level for event in events] == [level for level, _ in told]
+        assert [event.text for event, (_, text) in zip(events, told, strict=True) if text] == [t for _, t in told if t]
+
+
+def test_a_kept_packet_keeps_its_time(tmp_path):
+    recorder = Recorder(tmp_path, MISSION, video=False)
+    recorder.packet(Packet(time.time_ns() // 1000, FRAMES[0]))
+    recorder.close()
+    assert not (recorder.folder / "clock.csv").exists()
+    assert not (recorder.folder / "refused.csv").exists()
