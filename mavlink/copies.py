@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from mavlink.packet import Packet
 
-__all__ = ["Copies"]
+__all__ = ["UNTIMED", "Copies"]
 
 _MEMORY_US = 12_000_000  # links that are ten seconds late exist
 _MOST = 50_000
 # HEARTBEAT, BATTERY_STATUS, MOUNT_STATUS, STATUSTEXT, VIDEO_STREAM_INFORMATION say no time: with a sequence number that
 # has come round again, the same bytes may be a new message.
-_UNTIMED = frozenset({0, 109, 147, 158, 166, 253, 269})
+UNTIMED = frozenset({0, 109, 147, 158, 166, 253, 269})
 
 
 class Copies:
@@ -27,7 +27,7 @@ class Copies:
         """When and where the same packet came first, as (t_us, link, peer); None for a new one."""
         key = hash(packet.raw)
         seen = self._now.get(key) or self._before.get(key)
-        if seen is None or (packet.message_id in _UNTIMED and seen[1:] == (packet.link, packet.peer)):
+        if seen is None or (packet.message_id in UNTIMED and seen[1:] == (packet.link, packet.peer)):
             return None
         return seen
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mavlink.copies import Copies
+from mavlink.copies import UNTIMED, Copies
 from mavlink.packet import Auth, Packet
 from mavlink.rate import Rate
 from mavlink.sequence import SequenceLoss, SequenceRuns
@@ -88,7 +88,7 @@ class Reception:
         run = channel.take(packet, message_id)
         if first is not None:
             self.copies += 1
-            if first[1:] != (packet.link, packet.peer):
+            if first[1:] != (packet.link, packet.peer) and message_id not in UNTIMED:
                 channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
             return False
         self._copies.add(packet)

@@ -1,0 +1,297 @@
+"""Two senders of one system id, and all that only looks like it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.fleet import Fleet
+from mavlink.pack import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.packet import Auth, Packet
+from tests.mavlink_flight import FIELD, T0, S
+
+UAV, UGV = 1, 11
+STEP_US = 50_000
+
+
+@dataclass
+class Sender:
+    """Somebody who speaks under a system id: the real one, or another."""
+
+    system_id: int = UGV
+    link: int = 0
+    peer: int = 1
+    kind: int = ROVER
+    autopilot: int = ARDUPILOT
+    booted_us: int = T0 - 60 * S
+    shift: tuple = (0.0, 0.0)
+    up: float = 0.0
+    rate_hz: float = 5.0
+    phase_us: int = 0
+    seq: int = 0
+    auth: Auth = Auth.OPEN
+    yaw: float = 0.0
+    speed: float = 4.0
+    loss: float = 0.0
+    delay_us: int = 0
+    places: bool = True
+    beats: bool = True
+    starts_us: int = T0
+    ends_us: int = T0 + 10_000 * S
+
+    def __post_init__(self):
+        self.speaker = Speaker(self.system_id)
+        self.speaker._mav.seq = self.seq
+        self.rng = np.random.default_rng(self.peer)
+
+    def place(self, t_us):
+        east, north = self.shift
+        return np.array([east, north + self.speed * (t_us - T0) * 1e-6, self.up])
+
+    def frames(self, t_us):
+        """Frames sent in the step that begins at a time."""
+        if not self.starts_us <= t_us < self.ends_us:
+            return
+        boot_ms = (t_us - self.booted_us) // 1000 % (1 << 32)
+        every_us = round(S / self.rate_hz)
+        if self.beats and (t_us - self.phase_us - T0) % S == 0:
+            yield self.speaker.heartbeat(self.kind, autopilot=self.autopilot, custom_mode=10)
+        if self.places and (t_us - self.phase_us - T0) % every_us == 0:
+            lat, lon, alt = (float(x) for x in FIELD.to_geodetic(self.place(t_us)))
+            yield self.speaker.global_position_int(boot_ms, lat, lon, alt, self.up, (self.speed, 0, 0), self.yaw)
+            yield self.speaker.attitude(boot_ms, 0.0, 0.0, self.yaw)
+
+
+class Air:
+    """Everybody on the air, and the fleet that listens."""
+
+    def __init__(self, *senders):
+        self.fleet = Fleet(UAV, [UGV, 12], origin=FIELD, links=("udp", "radio"))
+        quiet = Sender(12, peer=9, shift=(30.0, 0.0), booted_us=T0 - 90 * S)
+        self.senders = [Sender(UAV, peer=8, kind=COPTER, up=40.0, speed=0.0), quiet, *senders]
+        self.notices, self.reports = [], []
+        self.now_us = T0
+        self.contested_us = 0
+        self.waiting = []
+
+    def run(self, seconds):
+        end_us = self.now_us + int(seconds * S)
+        while self.now_us < end_us:
+            for sender in self.senders:
+                for raw in sender.frames(self.now_us):
+                    if sender.rng.random() >= sender.loss:
+                        self.waiting.append((self.now_us + sender.delay_us, raw, sender))
+            due = sorted((w for w in self.waiting if w[0] <= self.now_us), key=lambda w: w[0])
+            self.waiting = [w for w in self.waiting if w[0] > self.now_us]
+            for t_us, raw, sender in due:
+                self.notices += self.fleet.feed(Packet(t_us, raw, sender.link, sender.peer, sender.auth))
+            self.now_us += STEP_US
+            if not self.contested_us and self.status().contested:
+                self.contested_us = self.now_us
+            reports = self.fleet.take_reports()
+            if self.status().contested:
+                self.reports += reports.system_id[reports.system_id == UGV].tolist()
+        return self
+
+    def status(self, system_id=UGV):
+        return next(v for v in self.fleet.at(self.now_us).vehicles if v.system_id == system_id)
+
+    @property
+    def alarms(self):
+        return [n.text for n in self.notices if n.level == "alarm"]
+
+
+BEGIN = T0 + 5 * S
+
+IMPOSTORS = {
+    "another address, another place": Sender(peer=2, shift=(-80.0, 0.0), starts_us=BEGIN, phase_us=100_000),
+    "another address, ten metres beside": Sender(peer=2, shift=(10.0, 0.0), starts_us=BEGIN, phase_us=100_000),
+    "another link, fifteen metres ahead": Sender(link=1, peer=2, shift=(0.0, 15.0), starts_us=BEGIN, phase_us=50_000),
+    "another kind": Sender(peer=2, kind=COPTER, starts_us=BEGIN, phase_us=400_000, places=False),
+    "another autopilot": Sender(peer=2, autopilot=12, starts_us=BEGIN, phase_us=400_000, places=False),
+    "another boot time": Sender(peer=2, booted_us=T0 - 3000 * S, starts_us=BEGIN, phase_us=50_000),
+    "four seconds behind, elsewhere": Sender(
+        peer=2, booted_us=T0 - 56 * S, shift=(50.0, 0.0), starts_us=BEGIN, phase_us=50_000
+    ),
+    "same address, another count of packets, beside": Sender(
+        seq=130, shift=(12.0, 0.0), starts_us=BEGIN, phase_us=100_000
+    ),
+    "a log without addresses, elsewhere": Sender(seq=77, shift=(300.0, 0.0), starts_us=BEGIN, phase_us=100_000),
+    "same place, turned away": Sender(peer=2, yaw=2.0, starts_us=BEGIN, phase_us=0),
+    "once a second, elsewhere": Sender(peer=2, shift=(-80.0, 0.0), starts_us=BEGIN, phase_us=500_000, rate_hz=1),
+    "once a second, another boot time": Sender(
+        peer=2, booted_us=T0 - 999 * S, starts_us=BEGIN, phase_us=500_000, rate_hz=1
+    ),
+    "with a tenth of all lost": Sender(peer=2, shift=(20.0, 5.0), starts_us=BEGIN, phase_us=100_000, loss=0.1),
+}
+
+
+@pytest.mark.parametrize("name", IMPOSTORS)
+@pytest.mark.parametrize("rate_hz", [5.0, 1.0])
+def test_an_impostor_is_found_within_two_seconds_and_both_are_quarantined(name, rate_hz):
+    impostor = Sender(**{k: v for k, v in vars(IMPOSTORS[name]).items() if k not in ("speaker", "rng")})
+    if name == "same place, turned away" and rate_hz < 4:
+        pytest.skip("attitudes once a second are too far apart to be compared")
+    air = Air(Sender(rate_hz=rate_hz), impostor).run(4.9)
+    assert not air.alarms and air.fleet.at(air.now_us).valid.all()
+    air.run(4.1)
+    first_us = BEGIN + impostor.phase_us
+    assert air.contested_us, "never found"
+    assert air.contested_us - first_us <= 2 * S
+    state = air.fleet.at(air.now_us)
+    assert state.valid.tolist() == [False, True]
+    assert air.status().position_state == "contested" and state.contested == {UGV}
+    assert air.reports == []
+    assert len(air.alarms) == 1 and air.alarms[0].startswith("two senders use system id 11: ")
+    assert "udp address 1" in air.alarms[0] or "both on udp" in air.alarms[0]
+    if impostor.peer == 2:
+        assert ("radio address 2" if impostor.link else "udp address 2") in air.alarms[0]
+
+
+def test_released_when_it_has_been_alone_for_ten_seconds():
+    air = Air(Sender(), Sender(peer=2, shift=(-80.0, 0.0), phase_us=100_000, starts_us=BEGIN, ends_us=BEGIN + 5 * S))
+    air.run(10)
+    assert air.status().contested
+    air.run(9)
+    assert air.status().contested
+    air.run(2)
+    assert not air.status().contested and air.status().position_state == "ok"
+    assert [n.text for n in air.notices if "one sender again" in n.text] == [
+        "system id 11 has one sender again (udp address 1): it is used"
+    ]
+    assert air.fleet.at(air.now_us).p_enu[0, :2] == pytest.approx(air.senders[2].place(air.now_us)[:2], abs=0.5)
+    air.run(2)
+    assert len(air.alarms) == 1
+
+
+def test_an_impostor_of_the_aircraft_takes_its_camera_away():
+    air = Air(Sender(UAV, peer=2, kind=COPTER, up=40.0, speed=0.0, yaw=2.0, starts_us=BEGIN, beats=False))
+    air.run(8)
+    uav = air.fleet.at(air.now_us).uav
+    assert not uav.position_valid and not uav.attitude_valid
+    assert len(air.alarms) == 1
+
+
+def version(speaker, uid=0, uid2=b""):
+    zeros = [0] * 8
+    message = ardupilotmega.MAVLink_autopilot_version_message(
+        0, 0, 0, 0, 0, zeros, zeros, zeros, 0, 0, uid, list(uid2.ljust(18, b"\0"))
+    )
+    return speaker.pack(message)
+
+
+def test_another_hardware_id_is_found_at_once():
+    air = Air(Sender()).run(5)
+    real, other = air.senders[2].speaker, Speaker(UGV)
+    air.fleet.feed(Packet(air.now_us, version(real, uid=0xAB), 0, 1))
+    assert air.fleet.feed(Packet(air.now_us, version(real, uid=0xAB, uid2=b"\x12\x34"), 0, 1)) == ()
+    (alarm,) = air.fleet.feed(Packet(air.now_us, version(other, uid=0xCD, uid2=b"\x56\x78"), 0, 2))
+    assert alarm.level == "alarm" and "hardware id 1234 and 5678 (udp address 1 and udp address 2)" in alarm.text
+    assert air.run(30).status().contested
+    assert not air.run(35).status().contested
+
+
+def test_another_board_after_a_reboot_is_told_and_believed():
+    air = Air(Sender(ends_us=BEGIN), Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + 2 * S)).run(5)
+    air.fleet.feed(Packet(air.now_us, version(Speaker(UGV), uid=1), 0, 1))
+    air.run(4)
+    said = air.fleet.feed(Packet(air.now_us, version(Speaker(UGV), uid=2), 0, 2))
+    assert [n.level for n in said] == ["warning"] and "another autopilot since it has rebooted" in said[0].text
+    assert not air.status().contested and air.status().hardware == "2"
+
+
+HARMLESS = {
+    "a reboot with a new source port": [
+        Sender(ends_us=BEGIN), Sender(peer=2, booted_us=BEGIN + S, starts_us=BEGIN + int(1.3 * S)),
+    ],
+    "a reboot with a second link half a second behind": [
+        Sender(ends_us=BEGIN), Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + 500_000),
+        Sender(link=1, ends_us=BEGIN, delay_us=500_000, seq=99),
+    ],
+    "two radios with counts of their own": [Sender(), Sender(link=1, peer=1, seq=140, phase_us=50_000)],
+    "two radios into one port": [Sender(), Sender(peer=2, seq=140, phase_us=100_000)],
+    "two radios, one 300 ms behind": [Sender(), Sender(link=1, peer=2, seq=9, phase_us=100_000, delay_us=300_000)],
+    "the same bytes over two links": [Sender(), Sender(link=1, delay_us=50_000)],
+    "the same bytes ten seconds late": [Sender(), Sender(link=1, delay_us=10 * S)],
+    "first-hand news ten seconds late": [Sender(loss=0.3), Sender(link=1, delay_us=10 * S, loss=0.1)],
+    "ten seconds late across a reboot": [
+        Sender(ends_us=BEGIN, loss=0.2), Sender(link=1, ends_us=BEGIN, delay_us=10 * S),
+        Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + S),
+    ],
+    "a new address after roaming": [Sender(ends_us=BEGIN), Sender(peer=2, seq=100, starts_us=BEGIN)],
+    "two addresses for a second while roaming": [
+        Sender(ends_us=BEGIN + S), Sender(peer=2, seq=100, starts_us=BEGIN, phase_us=100_000),
+    ],
+    "a lossy link": [Sender(loss=0.7)],
+    "the wrap of the boot clock": [Sender(booted_us=T0 + 7 * S - (1 << 32) * 1000)],
+    "the wrap of the boot clock on two links": [
+        Sender(booted_us=T0 + 7 * S - (1 << 32) * 1000),
+        Sender(booted_us=T0 + 7 * S - (1 << 32) * 1000, link=1, seq=50, phase_us=100_000),
+    ],
+    "a station relayed by everybody": [
+        Sender(), *(Sender(255, peer=p, kind=GCS, autopilot=NO_AUTOPILOT, places=False) for p in (1, 2, 3, 4)),
+    ],
+    "a signed vehicle and an unsigned impostor": [
+        Sender(auth=Auth.GOOD), Sender(peer=2, shift=(-80.0, 0.0), kind=COPTER, auth=Auth.UNSIGNED, seq=9),
+    ],
+    "a signed vehicle and one with another key": [
+        Sender(auth=Auth.GOOD), Sender(peer=2, shift=(-80.0, 0.0), auth=Auth.BAD, seq=9),
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", HARMLESS)
+def test_nobody_else_is_taken_for_an_impostor(name):
+    senders = [Sender(**{k: v for k, v in vars(s).items() if k not in ("speaker", "rng")}) for s in HARMLESS[name]]
+    air = Air(*senders).run(22)
+    assert not air.contested_us
+    assert not any("two senders" in n.text for n in air.notices)
+    state = air.fleet.at(air.now_us)
+    assert state.valid[0] and state.p_enu[0, :2] == pytest.approx(senders[0].place(air.now_us)[:2], abs=2.0)
+
+
+def test_signatures_are_counted_and_forgeries_told():
+    air = Air(Sender(auth=Auth.GOOD), Sender(peer=2, shift=(-80.0, 0.0), auth=Auth.BAD, seq=9)).run(20)
+    status = air.status()
+    assert status.signed > 200 and status.unsigned == 0 and status.bad_signature > 200
+    assert air.alarms == ["system 11: 3 packets refused, bad signature (udp address 2)"]
+    air.run(12)
+    assert len(air.alarms) == 2
+    assert air.status(12).unsigned > 0 and air.status(12).signed == 0
+
+
+def test_the_second_copy_of_a_signed_packet_is_no_replay():
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    for i in range(10):
+        raw = speaker.heartbeat()
+        fleet.feed(Packet(T0 + i * S, raw, 0, 1, Auth.GOOD))
+        assert fleet.feed(Packet(T0 + i * S + 5000, raw, 1, 1, Auth.REPLAYED)) == ()
+    status = fleet.at(T0 + 10 * S).vehicles[1]
+    assert (status.signed, status.bad_signature, status.copies) == (10, 0, 10)
+
+
+def test_loss_rate_and_freshness_are_told_for_each_link():
+    air = Air(Sender(), Sender(link=1, peer=3, seq=140, phase_us=50_000, loss=0.5, rate_hz=1)).run(15)
+    status = air.status()
+    first, second = status.channels
+    assert (first.link, first.peer, second.link, second.peer) == (0, 1, 1, 3)
+    assert first.loss == 0.0 and second.loss == pytest.approx(0.5, abs=0.2)
+    assert first.rate_hz == pytest.approx(11.0, rel=0.15) and second.rate_hz == pytest.approx(1.5, rel=0.5)
+    assert status.link in (0, 1) and first.age_s < 0.3
+    rates = {(r.link, r.message_id): r.hz for r in air.fleet.rates(air.now_us) if r.system_id == UGV}
+    assert rates[0, 33] == pytest.approx(5.0, rel=0.1) and rates[0, 0] == pytest.approx(1.0, rel=0.1)
+    air.senders[2].ends_us = air.now_us
+    air.run(10)
+    assert air.status().link == 1
+    rates = {(r.link, r.message_id): r.hz for r in air.fleet.rates(air.now_us) if r.system_id == UGV}
+    assert rates[0, 33] < 0.6
+
+
+def test_thousands_of_addresses_stay_bounded():
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV)
+    for peer in range(5000):
+        fleet.feed(Packet(T0 + peer * 1000, speaker.heartbeat(), 0, peer))
+    assert len(fleet.at(T0 + 5 * S).vehicles[1].channels) <= 16
+    assert math.isfinite(fleet.at(T0 + 5 * S).vehicles[1].loss)
