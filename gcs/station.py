@@ -7,7 +7,21 @@ from typing import Protocol
 
 from gcs.snapshot import Event, Snapshot
 
-__all__ = ["Station", "Timeline"]
+__all__ = ["Commands", "Station", "Timeline"]
+
+
+class Commands(Protocol):
+    """What an operator may order of the UAV; both methods may be called from the screen's thread and return at once."""
+
+    def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
+        """Orders that make sense while a vehicle is selected, 0 for none: a key for each, and words that name whom."""
+
+    def give(self, key: str, system_id: int) -> None:
+        """Carry an order out, which the operator has confirmed; what becomes of it comes as events.
+
+        Raises:
+            KeyError, ValueError: no such order, or not about this vehicle.
+        """
 
 
 class Timeline(Protocol):
@@ -59,6 +73,10 @@ class Station(Protocol):
     @property
     def timeline(self) -> Timeline | None:
         """None when live."""
+
+    @property
+    def commands(self) -> Commands | None:
+        """None for a station that listens only, and for a recording."""
 
     @property
     def error(self) -> BaseException | None:

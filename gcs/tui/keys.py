@@ -6,7 +6,7 @@ from typing import Final
 
 from textual.binding import Binding
 
-__all__ = ["BINDINGS", "GROUPS", "LIVE_HINTS", "REPLAY_ACTIONS", "REPLAY_HINTS"]
+__all__ = ["BINDINGS", "COMMAND_HINTS", "GROUPS", "LIVE_HINTS", "REPLAY_ACTIONS", "REPLAY_HINTS"]
 
 
 def _key(keys: str, action: str, said: str, tooltip: str, *, shown: str | None = None, id: str) -> Binding:
@@ -51,6 +51,13 @@ LOOK: Final = (
     _key("l", "level", "level", "Event log: all, warnings, alarms", id="events.level"),
 )
 STATION: Final = (
+    _key(
+        "u",
+        "command",
+        "command",
+        "Command the UAV, about the selected vehicle (gcs fly --command)",
+        id="station.command",
+    ),
     _key("s", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
     _key("question_mark", "help", "help", "All keys", id="station.help", shown="?"),
     _key("q,ctrl+q", "leave", "quit", "Quit and seal the recording", id="station.quit", shown="q"),
@@ -65,6 +72,8 @@ LIVE_HINTS: Final = (
     ("l", "level"), ("+-0", "map"), ("c", "follow"), ("s", "save"),
 )  # fmt: skip
 """Keys and a word for the last row, the most needed first."""
+COMMAND_HINTS: Final = (*LIVE_HINTS[:2], ("u", "command"), *LIVE_HINTS[2:])
+"""The same for a station that may command."""
 REPLAY_HINTS: Final = (
     ("q", "quit"), ("?", "help"), ("space", "play"), ("←→", "5 s"), ("[]", "speed"), ("g", "go to"), ("n", "event"),
     ("↑↓", "vehicle"), ("z", "zoom"), (",.", "frame"), ("123", "layout"), ("vmfie", "panes"), ("l", "level"),

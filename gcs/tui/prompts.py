@@ -1,4 +1,4 @@
-"""A question in one line: a time to go to, a file to save to."""
+"""A question in one line: a time to go to, a file to save to, an order to confirm."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from textual.widgets import Input, Static
 from gcs.tui.palette import ACCENT, ALARM, FAINT, ink
 from gcs.tui.wording import plain
 
-__all__ = ["Ask"]
+__all__ = ["Ask", "Confirm"]
 
 Answer = TypeVar("Answer")
 
@@ -60,3 +60,36 @@ class Ask(ModalScreen[Answer | None]):
     def action_cancel(self) -> None:
         """No answer."""
         self.dismiss(None)
+
+
+class Confirm(ModalScreen[bool]):
+    """Yes by its own key only: the key that chose must not confirm as well."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("y", "answer(True)", "Yes", id="confirm.yes", tooltip="Do it"),
+        Binding("n,escape,q", "answer(False)", "No", id="confirm.no", tooltip="Leave it"),
+    ]
+    DEFAULT_CSS = """
+    Confirm { align: center middle; background: #06080c 60%; }
+    Confirm > Vertical { width: 64; max-width: 100%; height: auto; padding: 1 2; background: #1c222e; }
+    Confirm Static { background: #1c222e; }
+    """
+
+    def __init__(self, question: str) -> None:
+        """Ask for a yes.
+
+        Args:
+            question: One line, plain text.
+        """
+        super().__init__()
+        self._question = question
+
+    def compose(self) -> ComposeResult:
+        """Question and keys."""
+        with Vertical():
+            yield Static(Text(f"{plain(self._question)}?", ink(ACCENT, bold=True)), markup=False)
+            yield Static(Text("y yes   n no", ink(FAINT)), markup=False)
+
+    def action_answer(self, yes: bool) -> None:
+        """Hand the answer over."""
+        self.dismiss(yes)
