@@ -10,12 +10,14 @@ clock off by more, or a route that gets slower for good, shows as times that are
 
 from __future__ import annotations
 
-__all__ = ["JUMP_S", "ArrivalClock"]
+__all__ = ["BACK_S", "JUMP_S", "ArrivalClock"]
 
 CREEP = 200e-6
 """s/s"""
 JUMP_S = 5.0
 """A time stamp this far from where arrival puts it is a new time base, not a delay."""
+BACK_S = 0.2
+"""So is one this far before the last in decoding order."""
 
 
 class ArrivalClock:
@@ -24,6 +26,11 @@ class ArrivalClock:
     def __init__(self) -> None:
         self._offset_s: float | None = None
         self._arrival_s = 0.0
+
+    @property
+    def known(self) -> bool:
+        """Whether a packet was seen."""
+        return self._offset_s is not None
 
     def see(self, stamp_s: float, arrival_s: float) -> None:
         """A packet with time stamp ``stamp_s`` (s, any zero) arrived at Unix ``arrival_s``."""

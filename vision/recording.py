@@ -1,7 +1,9 @@
-"""Untouched video packets into a Matroska file that can be played at every moment, also after the process was killed.
+"""Untouched video packets into Matroska files that can be played at every moment, also after the process was killed.
 
-Clusters are closed every half second and handed to the system at once, so at most that much is lost. Numbers and times
-of the pictures are those that a reader of the file will find: display order, counted from the first key picture.
+Every picture is a cluster of its own and handed to the system at once, so at most the last one is lost. A recording is
+a row of files, ``video.mkv``, ``video.1.mkv``, …: the next begins where the stream cannot go on in the last one
+(another codec or size, a disk that failed for a while, a process that died), always at a key picture. Each says in its
+header which picture of the recording its first one is (``FIRST_FRAME``) and when that was taken (``START_US``).
 """
 
 from __future__ import annotations
@@ -17,49 +19,89 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
 
-__all__ = ["PictureOrder", "Recording"]
+__all__ = ["FIRST_FRAME", "START_US", "PictureOrder", "Recording", "require_new", "segment_path"]
 
-OPTIONS = {"cluster_time_limit": "500", "flush_packets": "1"}
+FIRST_FRAME, START_US = "FIRST_FRAME", "START_US"
+OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"}
 TICK = Fraction(1, 1000)
 """Matroska's, s."""
+RETRY_S, LONGEST_RETRY_S = 2.0, 60.0
+"""After a failed write, before a new file is tried; doubles as long as it goes on failing."""
+MOST_SEGMENTS = 10_000
 
 
-class Recording:
-    """A file that packets are appended to.
+def require_new(path: Path) -> None:
+    """Refuse a place that cannot be recorded to.
 
     Raises:
         VideoError: the file exists already, or its folder does not.
     """
+    if path.exists():
+        raise VideoError(f"recording {path}: the file exists already and is not overwritten; name another")
+    if not path.parent.is_dir():
+        raise VideoError(f"recording {path}: the folder does not exist; create it")
 
-    def __init__(self, path: Path) -> None:
-        if path.exists():
-            raise VideoError(f"recording {path}: the file exists already and is not overwritten; name another")
-        if not path.parent.is_dir():
-            raise VideoError(f"recording {path}: the folder does not exist; create it")
+
+def segment_path(path: Path, k: int) -> Path:
+    """The ``k``-th file of a recording."""
+    return path.with_name(f"{path.stem}.{k}{path.suffix}") if k else path
+
+
+class Recording:
+    """Files that packets are appended to, one after the other.
+
+    Attributes:
+        segment: number of the file being written, -1 before the first.
+        error: what went wrong last, empty once a later file is being written.
+    """
+
+    def __init__(self, path: Path, segment: int = -1) -> None:
         self.path = path
+        self.segment = segment
         self.error = ""
-        """Why it broke off, empty while all is well."""
         self._container: OutputContainer | None = None
         self._stream: CodedStream | None = None
-        self._codec = ""
+        self._format: tuple[str, int, int] | None = None
         self._last_dts = -1
+        self._start_s = 0.0
+        self._retry_s = 0.0
+        self._pause_s = RETRY_S
 
-    def write(self, packet: Packet[CodedStream], stream: CodedStream, time_s: float) -> None:
-        """Append a packet of ``stream`` whose picture is shown ``time_s`` after the start of the recording.
+    def wants_segment(self, stream: CodedStream, unix_s: float) -> bool:
+        """Whether a key picture of ``stream`` has to begin a new file."""
+        if self._container is None:
+            return unix_s >= self._retry_s
+        return self._format != _format(stream)
 
-        A failure (disk full, another codec after a reconnection) ends the recording and is told in ``error``.
-        """
-        if self.error:
-            return
+    def begin(self, stream: CodedStream, first_frame: int, unix_s: float) -> None:
+        """Start the next file with the picture ``first_frame`` taken at ``unix_s``."""
+        self.close()
         try:
-            if self._container is None or self._stream is None:
-                self._container, self._stream = self._create(stream)
-            elif self._codec != stream.codec_context.name:
-                raise VideoError(f"the stream changed to {stream.codec_context.name}; start a new recording")
-            self._mux(packet, time_s)
-        except (av.FFmpegError, OSError, ValueError, VideoError) as error:
-            self.error = f"recording {self.path}: broken off, {error}"
-            self.close()
+            container = self._create(first_frame, unix_s)
+            self._stream = container.add_stream_from_template(stream)
+            self._container = container
+        except (av.FFmpegError, OSError, ValueError) as error:
+            self._fail(error, unix_s)
+            return
+        self._format, self._start_s, self._last_dts = _format(stream), unix_s, -1
+
+    def write(self, packet: Packet[CodedStream], unix_s: float) -> None:
+        """Append a packet whose picture was taken at ``unix_s``; a failure ends the file and is told in ``error``."""
+        if self._container is None or self._stream is None or packet.pts is None:
+            return
+        before = packet.pts, packet.dts, packet.time_base
+        step = float((packet.time_base or TICK) / TICK)
+        pts = max(round((unix_s - self._start_s) / TICK), 0)
+        dts = pts if packet.dts is None else pts - round((packet.pts - packet.dts) * step)
+        # decoding times must rise, also across a reconnection
+        self._last_dts = dts = max(dts, self._last_dts + 1)
+        packet.time_base, packet.pts, packet.dts, packet.stream = TICK, max(pts, dts), dts, self._stream
+        try:
+            self._container.mux(packet)
+            self.error, self._pause_s = "", RETRY_S
+        except (av.FFmpegError, OSError, ValueError) as error:
+            self._fail(error, unix_s)
+        packet.pts, packet.dts, packet.time_base = before
 
     def close(self) -> None:
         """Write the end of the file."""
@@ -71,23 +113,25 @@ class Recording:
         except (av.FFmpegError, OSError) as error:
             self.error = self.error or f"recording {self.path}: its end could not be written, {error}"
 
-    def _create(self, stream: CodedStream) -> tuple[OutputContainer, CodedStream]:
-        self._codec = stream.codec_context.name
-        container: OutputContainer = av.open(str(self.path), "w", format="matroska", options=OPTIONS)
-        return container, container.add_stream_from_template(stream)
+    def _create(self, first_frame: int, unix_s: float) -> OutputContainer:
+        while self.segment < MOST_SEGMENTS:
+            self.segment += 1
+            path = segment_path(self.path, self.segment)
+            if not path.exists():
+                break
+        container: OutputContainer = av.open(str(path), "w", format="matroska", options=OPTIONS)
+        container.metadata.update({FIRST_FRAME: str(first_frame), START_US: str(round(unix_s * 1e6))})
+        return container
 
-    def _mux(self, packet: Packet[CodedStream], time_s: float) -> None:
-        if self._container is None or self._stream is None or packet.pts is None:
-            return
-        before = packet.pts, packet.dts, packet.time_base, packet.stream
-        step = float((packet.time_base or TICK) / TICK)
-        pts = round(time_s / TICK)
-        dts = pts if packet.dts is None else pts - round((packet.pts - packet.dts) * step)
-        # decoding times must rise, also across a reconnection
-        self._last_dts = dts = max(dts, self._last_dts + 1)
-        packet.time_base, packet.pts, packet.dts, packet.stream = TICK, max(pts, dts), dts, self._stream
-        self._container.mux(packet)
-        packet.pts, packet.dts, packet.time_base, packet.stream = before
+    def _fail(self, error: Exception, unix_s: float) -> None:
+        self.error = f"recording {segment_path(self.path, max(self.segment, 0))}: broken off, {error}"
+        self._retry_s, self._pause_s = unix_s + self._pause_s, min(2 * self._pause_s, LONGEST_RETRY_S)
+        self.close()
+
+
+def _format(stream: CodedStream) -> tuple[str, int, int]:
+    context = stream.codec_context
+    return context.name, context.width, context.height
 
 
 class PictureOrder:
@@ -99,8 +143,8 @@ class PictureOrder:
         [[(0, 0)], [], [(1, 2)], [(2, 3)]]
     """
 
-    def __init__(self) -> None:
-        self.count = 0
+    def __init__(self, count: int = 0) -> None:
+        self.count = count
         """Pictures given out so far, and so the index of the next."""
         self._waiting: list[int] = []
         self._last = -(1 << 62)

@@ -1,7 +1,9 @@
-"""Video files, frame by frame: which picture is the i-th shown, when it was taken, and exactly that one on demand.
+"""Recorded video, frame by frame: which picture is the i-th shown, when it was taken, and exactly that one on demand.
 
 A file is read through once at opening, without decoding, for the time stamp of every picture; after that index and
-time are known of each, also when the frame rate varies. Times are Unix microseconds, pictures BGR.
+time are known of each, also when the frame rate varies. Times are Unix microseconds, pictures BGR. A recording that was
+broken off and went on in further files (``vision.recording``) is one video: what lies between them are pictures that
+have an index and a time, and no image.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import VideoError
-from vision.pictures import PictureIndex, PictureReader, read_index
+from vision.parts import Part, read_parts
 
 __all__ = ["Frame", "VideoFile"]
 
@@ -37,29 +39,30 @@ class VideoFile:
     """A recorded video.
 
     Attributes:
-        path: the file.
-        n: pictures that have both an image and a time.
+        path: the file, the first when there are several.
+        n: pictures that have a time, up to the last one with an image.
         width: px.
         height: px.
         fps: mean pictures per second, NaN for a single picture.
         times_us: (n,) int64 Unix µs of each picture in display order, read-only.
-        mismatch: how many more times were given than the file has pictures; negative when fewer, 0 when they agree.
+        mismatch: how many more times were given than there are pictures; negative when fewer, 0 when they agree.
+        missing: pictures between two files of which there is no image.
     """
 
-    def __init__(self, path: Path, index: PictureIndex, times_us: NDArray[np.int64], mismatch: int) -> None:
+    def __init__(self, path: Path, parts: tuple[Part, ...], times_us: NDArray[np.int64], mismatch: int) -> None:
         self.path = path
         self.n = len(times_us)
-        self.width, self.height = index.width, index.height
+        self.width, self.height = parts[0].index.width, parts[0].index.height
         span_s = (times_us[-1] - times_us[0]) / 1e6 if self.n > 1 else 0.0
         self.fps = float((self.n - 1) / span_s) if span_s > 0 else float("nan")
         self.times_us = times_us
         self.mismatch = mismatch
-        self._index = index
-        self._reader: PictureReader | None = None
+        self.missing = max(parts[-1].end - sum(part.n for part in parts), 0)
+        self._parts = parts
 
     @classmethod
     def open(cls, path: Path | str, times_us: ArrayLike | None = None, *, start_us: int = 0) -> VideoFile:
-        """Open a file and learn the time stamp of every picture.
+        """Open a file, and those in which its recording went on, and learn the time stamp of every picture.
 
         Args:
             path: any container and codec that FFmpeg reads; a file that ends early plays what is there.
@@ -70,54 +73,53 @@ class VideoFile:
             VideoError: no such file, not a video, no picture in it.
         """
         path = Path(path)
-        index = read_index(path)
-        if times_us is None:
-            elapsed_us = np.array([round((pts - index.pts[0]) * index.tick_us) for pts in index.pts], dtype=np.int64)
-            times = start_us + elapsed_us
-        else:
-            times = np.array(times_us, dtype=np.int64).reshape(-1)
-        mismatch = 0 if times_us is None else len(times) - len(index.pts)
-        times = times[: len(index.pts)].copy()
+        parts = read_parts(path)
+        end = parts[-1].end
+        given = _elapsed_us(parts) + start_us if times_us is None else times_us
+        times = np.array(given, dtype=np.int64).reshape(-1)
+        mismatch = len(times) - end
+        times = times[:end].copy()
         if not len(times):
             raise VideoError(f"video {path}: the list of frame times is empty; leave it out to use the file's own")
         times.flags.writeable = False
-        return cls(path, index, times, mismatch)
+        return cls(path, parts, times, mismatch)
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
         """Pictures in display order from ``start`` on; a picture that cannot be decoded is left out.
 
         Closing the iterator releases the file. Several iterators may run at once.
         """
-        if start >= self.n:
-            return
-        with closing(PictureReader(self.path, self._index)) as reader:
-            reader.go(max(start, 0))
-            for index, image in reader.pictures():
-                if index >= self.n:
-                    return
-                yield self._frame(index, image)
+        for part in self._parts:
+            if part.first >= self.n or start >= part.end:
+                continue
+            with closing(part.reader()) as reader:
+                reader.go(max(start - part.first, 0))
+                for index, image in reader.pictures():
+                    if index >= part.n or part.first + index >= self.n:
+                        break
+                    yield self._frame(part.first + index, image)
 
     def read(self, index: int) -> Frame:
         """Exactly the ``index``-th picture.
 
         Raises:
             IndexError: outside 0..n-1.
-            VideoError: the picture is damaged and cannot be decoded.
+            VideoError: the picture is damaged or was never recorded.
         """
         if not 0 <= index < self.n:
             raise IndexError(f"video {self.path}: no frame {index}, it has 0 to {self.n - 1}")
-        if self._reader is None:
-            self._reader = PictureReader(self.path, self._index)
-        image = self._reader.read(index)
-        if image is None:
-            raise VideoError(f"video {self.path}: frame {index} is damaged and cannot be decoded")
-        return self._frame(index, image)
+        for part in self._parts:
+            if part.first <= index < part.end:
+                image = part.read(index - part.first)
+                if image is None:
+                    raise VideoError(f"video {part.path}: frame {index} is damaged and cannot be decoded")
+                return self._frame(index, image)
+        raise VideoError(f"video {self.path}: frame {index} was seen but not recorded")
 
     def close(self) -> None:
-        """Release the file; iterators that still run keep theirs until they are closed."""
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
+        """Release the files; iterators that still run keep theirs until they are closed."""
+        for part in self._parts:
+            part.close()
 
     def __enter__(self) -> VideoFile:
         return self
@@ -127,3 +129,12 @@ class VideoFile:
 
     def _frame(self, index: int, image: NDArray[np.uint8]) -> Frame:
         return Frame(index=index, t_us=int(self.times_us[index]), image=image)
+
+
+def _elapsed_us(parts: tuple[Part, ...]) -> NDArray[np.int64]:
+    """Time of every picture after the first, by the files' own time stamps; what is missing lies evenly between."""
+    begin_us = parts[0].start_us
+    known = np.concatenate([np.arange(part.first, part.end) for part in parts])
+    elapsed = np.concatenate([part.start_us - begin_us + part.elapsed_us() for part in parts])
+    every: NDArray[np.int64] = np.round(np.interp(np.arange(parts[-1].end), known, elapsed)).astype(np.int64)
+    return every

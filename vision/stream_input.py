@@ -1,0 +1,202 @@
+"""One connection to a source, opened: coded packets, whatever brings them.
+
+Datagrams come from a port of ours (``vision.stream_port``), all else is opened by FFmpeg, with limits to its patience.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TypeAlias, cast
+
+import av
+import av.logging
+from av.container import InputContainer
+from av.packet import Packet
+from av.video.stream import VideoStream as CodedStream
+
+from vision.errors import VideoError
+from vision.pictures import reason
+from vision.stream_port import Port
+from vision.stream_rtp import MPEG_TS, TICK_HZ, Depacketizer, Unit, parse
+from vision.stream_source import Source
+
+__all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "open_input"]
+
+OPEN_TIMEOUT_S = 3.0
+READ_TIMEOUT_S = 2.0
+SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
+"""For key pictures that are far apart; a stream that tells its size at once is opened at once."""
+READ_BYTES = 32768
+REORDERED = 2
+"""Pictures that a stream with B-frames holds back, where no decoding times tell."""
+
+Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Input:
+    """Packets of a connection and what decodes them."""
+
+    stream: CodedStream
+    tick_s: float
+    """Unit of the packets' time stamps."""
+    packets: Packets
+    container: InputContainer
+    drains: bool = False
+    """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
+
+
+def open_input(source: Source) -> Input:
+    """Connect by FFmpeg.
+
+    Raises:
+        VideoError: nothing there, no answer within the time, no video in it.
+    """
+    av.logging.set_level(av.logging.PANIC)
+    try:
+        container = _open(source)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        raise VideoError(f"video {source.text}: cannot be opened ({reason(error)}); is it being sent?") from error
+    return _input(source, container)
+
+
+def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
+    """The next connection on a port, waited for without end; None when it is time to stop.
+
+    Raises:
+        VideoError: what comes is no video that is known here.
+    """
+    av.logging.set_level(av.logging.PANIC)
+    first = port.wait()
+    if not first:
+        return None
+    packet = parse(first)
+    if source.codec == "mpegts" or (source.codec == "" and _is_mpegts(first)):
+        return _mpegts(source, _Bytes(port, lambda data: 0))
+    if packet is not None and packet.kind == MPEG_TS:
+        return _mpegts(source, _Bytes(port, _rtp_header))
+    return _rtp(source, port, go_on)
+
+
+def _open(source: Source) -> InputContainer:
+    timeout = (OPEN_TIMEOUT_S, READ_TIMEOUT_S)
+    container: InputContainer
+    if source.kind == "camera":
+        # what the camera compresses itself is recorded as it is; raw pictures only where it offers nothing else
+        formats = [source.options] if "input_format" in source.options else []
+        formats = formats or [dict(source.options) | {"input_format": name} for name in ("h264", "mjpeg", "yuyv422")]
+        for last, options in enumerate(formats, 1 - len(formats)):
+            try:
+                container = av.open(source.address, format="video4linux2", options=dict(options), timeout=timeout)
+            except (FileNotFoundError, PermissionError):
+                raise
+            except (av.FFmpegError, OSError, ValueError):
+                if last == 0:
+                    raise
+            else:
+                return container
+    options = dict(source.options)
+    if source.kind == "session":
+        options |= {"protocol_whitelist": "file,udp,rtp,data"}
+        container = av.open(source.address, format="sdp", options=options, timeout=timeout)
+    else:
+        container = av.open(source.address, options=options, timeout=timeout)
+    return container
+
+
+def _input(source: Source, container: InputContainer) -> Input:
+    if not container.streams.video:
+        container.close()
+        raise VideoError(f"video {source.text}: no video stream in it")
+    stream = container.streams.video[0]
+    # slices only: threads over frames would hold pictures back
+    stream.thread_type = "SLICE"
+    tick_s = float(stream.time_base or 1e-6)
+    drains = source.kind == "datagrams"
+    return Input(stream=stream, tick_s=tick_s, packets=container.demux(stream), container=container, drains=drains)
+
+
+class _Bytes:
+    """What FFmpeg reads from: the datagrams of one connection behind their headers."""
+
+    def __init__(self, port: Port, header: Callable[[bytes], int]) -> None:
+        self._port = port
+        self._header = header
+        self._rest = b""
+
+    def read(self, size: int) -> bytes:
+        """At most ``size`` bytes, none at the end."""
+        while not self._rest:
+            data = self._port.read()
+            if not data:
+                return b""
+            self._rest = data[self._header(data) :]
+        piece, self._rest = self._rest[:size], self._rest[size:]
+        return piece
+
+
+def _is_mpegts(data: bytes) -> bool:
+    return data[0] == 0x47 and len(data) % 188 == 0
+
+
+def _rtp_header(data: bytes) -> int:
+    packet = parse(data)
+    return len(data) if packet is None else len(data) - len(packet.payload)
+
+
+def _mpegts(source: Source, file: _Bytes) -> Input:
+    try:
+        container = av.open(file, format="mpegts", options=dict(SEARCH), buffer_size=READ_BYTES)
+    except (av.FFmpegError, OSError, ValueError) as error:
+        raise VideoError(f"video {source.text}: what comes cannot be read ({reason(error)})") from error
+    return _input(source, container)
+
+
+def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
+    """Open at the first picture that decoding can begin with."""
+    depacketizer = Depacketizer("" if source.codec == "mpegts" else source.codec)
+    units = _units(port, depacketizer)
+    for unit in units:
+        if not (unit.key and unit.whole):
+            continue
+        try:
+            probe = av.open(io.BytesIO(unit.data), format=depacketizer.codec, options={"fpsprobesize": "0"})
+            opened = _input(source, probe)
+        except (av.FFmpegError, OSError, ValueError):
+            continue
+        if opened.stream.codec_context.width:
+            packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
+            return replace(opened, tick_s=1 / TICK_HZ, packets=packets)
+        opened.container.close()
+    if not go_on():
+        return None
+    raise VideoError(
+        f"video {source.text}: what comes is neither MPEG-TS nor RTP with H.264 or H.265 that can be decoded"
+    )
+
+
+def _units(port: Port, depacketizer: Depacketizer) -> Iterator[Unit]:
+    while data := port.read():
+        datagram = parse(data)
+        if datagram is not None:
+            yield from depacketizer.feed(datagram)
+
+
+def _packets(first: Unit, units: Iterator[Unit], reordered: bool) -> Packets:
+    """Access units as FFmpeg's packets; RTP tells when a picture is shown, not when it is decoded."""
+    shown: list[int] = []
+    yield _packet(first, shown, reordered)
+    for unit in units:
+        yield _packet(unit, shown, reordered)
+
+
+def _packet(unit: Unit, shown: list[int], reordered: bool) -> Packet[CodedStream]:
+    packet = cast("Packet[CodedStream]", Packet(unit.data))
+    pts = unit.time
+    shown[:] = [*shown, pts][-(REORDERED + 1 if reordered else 1) :]
+    packet.pts, packet.dts, packet.time_base = pts, min(shown), Fraction(1, TICK_HZ)
+    packet.is_keyframe, packet.is_corrupt = unit.key, not unit.whole
+    return packet

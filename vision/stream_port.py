@@ -1,0 +1,140 @@
+"""A UDP port that is bound once and stays bound: nothing that is sent to it between two connections is lost.
+
+The station binds it and hands it to the video's process, so that it outlives that, too. Only one sender is listened to
+at a time. Another one is taken once the first has been silent for half a second, and then begins a connection of its
+own; until then its datagrams are counted and dropped.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import struct
+import time
+from collections.abc import Callable
+
+from vision.errors import VideoError
+
+__all__ = ["Port", "bind"]
+
+ANY = "0.0.0.0"
+BUFFER_BYTES = 4 << 20
+LARGEST = 65536
+SLICE_S = 0.2
+"""Longest wait between two looks at whether to go on."""
+TAKEOVER_S = 0.5
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A UDP socket for a source's host and port.
+
+    Args:
+        host: empty for any address, one of ours, a multicast group, or the one sender to listen to.
+        port: to bind.
+
+    Raises:
+        VideoError: the port cannot be had.
+    """
+    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        _bind(bound, host, port)
+    except OSError as error:
+        bound.close()
+        raise VideoError(
+            f"video udp port {host or '*'}:{port}: cannot be bound ({(error.strerror or str(error)).lower()}); "
+            "is another program listening there?"
+        ) from error
+    return bound
+
+
+def _bind(bound: socket.socket, host: str, port: int) -> None:
+    address = socket.gethostbyname(host) if host else ANY
+    try:
+        bound.bind((address, port))
+    except OSError as error:
+        if error.errno != errno.EADDRNOTAVAIL:
+            raise
+        bound.bind((ANY, port))
+    if 224 <= int(address.partition(".")[0]) <= 239:
+        membership = struct.pack("=4s4s", socket.inet_aton(address), socket.inet_aton(ANY))
+        bound.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+
+
+class Port:
+    """Datagrams of one sender after the other.
+
+    Args:
+        bound: from ``bind``.
+        host: what it was bound for.
+        go_on: asked at least every 0.2 s; False ends every wait.
+        silence_s: a connection without datagrams for so long is over.
+
+    Attributes:
+        strangers: datagrams dropped because another sender was being listened to.
+    """
+
+    def __init__(self, bound: socket.socket, host: str, go_on: Callable[[], bool], silence_s: float) -> None:
+        self.strangers = 0
+        self._go_on = go_on
+        self._silence_s = silence_s
+        self._socket = bound
+        # bound to all addresses although one was named: that one is the sender's
+        self._only = socket.gethostbyname(host) if host and bound.getsockname()[0] == ANY else ""
+        self._socket.setblocking(False)
+        self._peer: tuple[str, int] | None = None
+        self._open = False
+        self._heard_s = 0.0
+        self._held: tuple[bytes, tuple[str, int]] | None = None
+
+    def wait(self) -> bytes:
+        """The first datagram of the next connection, left to be read; empty when it is time to end."""
+        self._peer, self._open = None, False
+        while self._held is None and self._go_on():
+            self._held = self._receive()
+        self._open = self._held is not None
+        return self._held[0] if self._held else b""
+
+    def read(self) -> bytes:
+        """The next datagram of this connection, empty at its end and from then on until ``wait``."""
+        data = self._next() if self._open else b""
+        self._open = bool(data)
+        return data
+
+    def _next(self) -> bytes:
+        if self._peer is None and self._held is not None:
+            (data, self._peer), self._held = self._held, None
+            self._heard_s = time.monotonic()
+            return data
+        while self._go_on():
+            found = self._receive()
+            now = time.monotonic()
+            if found is not None and found[1] == self._peer:
+                self._heard_s = now
+                return found[0]
+            if found is not None and now - self._heard_s > TAKEOVER_S:
+                self._held = found
+                return b""
+            self.strangers += found is not None
+            if now - self._heard_s > self._silence_s:
+                return b""
+        return b""
+
+    def close(self) -> None:
+        """Give the port back."""
+        self._socket.close()
+
+    def _receive(self) -> tuple[bytes, tuple[str, int]] | None:
+        try:
+            if not select.select([self._socket], [], [], SLICE_S)[0]:
+                return None
+            data, peer = self._socket.recvfrom(LARGEST)
+        except OSError:
+            # a refused answer or a lost interface is silence; the socket stays
+            time.sleep(0.01)
+            return None
+        if not data or (self._only and peer[0] != self._only):
+            self.strangers += bool(data)
+            return None
+        return data, (peer[0], peer[1])
