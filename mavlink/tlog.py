@@ -40,9 +40,18 @@ class Tlog:
         self.index = index
         self._data = data
 
+    @property
+    def data(self) -> Bytes:
+        """(size,) the file's bytes, not to be written."""
+        return self._data
+
     @classmethod
-    def open(cls, path: Path | str) -> Tlog:
+    def open(cls, path: Path | str, *, any_file: bool = False) -> Tlog:
         """Reads and checks the whole file; damage is listed in ``index.damage``.
+
+        Args:
+            path: the log.
+            any_file: a file without a single good frame is opened too, with an empty index.
 
         Raises:
             TlogError: no such file, not readable, empty, or without a single good frame.
@@ -50,7 +59,7 @@ class Tlog:
         path = Path(path)
         data = _map(path)
         index = build_index(data)
-        if len(index) == 0:
+        if len(index) == 0 and not any_file:
             raise TlogError(f"{path}: no MAVLink frame found in {data.size} bytes; is it a telemetry log?")
         return cls(path, data, index)
 

@@ -1,4 +1,7 @@
-"""``gcs tlog``: look into telemetry logs and cut them."""
+"""``gcs tlog``: look into telemetry logs, check, repair and cut them.
+
+``check`` ends with 0 when a log is whole and with 5 when anything in it is damaged.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +12,21 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import say
+from gcs.cli.tlog_report import check_json, check_text, repair_text
+from mavlink.errors import TlogError
 from mavlink.tlog import Tlog
+from mavlink.tlog_check import check as examine
 from mavlink.tlog_info import TlogInfo
 from mavlink.tlog_info import info as summarise
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Look into telemetry logs and cut them.", no_args_is_help=True, add_completion=False,
-                  rich_markup_mode=None)  # fmt: skip
+app = typer.Typer(help="Look into telemetry logs, check, repair and cut them.", no_args_is_help=True,
+                  add_completion=False, rich_markup_mode=None)  # fmt: skip
 # Damaged places listed one by one; a badly damaged log has thousands.
 MOST_DAMAGE = 20
+DAMAGED = 5
+"""Exit code of a log that is not whole."""
 
 
 @app.command("info")
@@ -52,6 +60,32 @@ def info_text(path: Path, found: TlogInfo) -> str:
     if len(found.damage) > MOST_DAMAGE:
         lines.append(f"  and {len(found.damage) - MOST_DAMAGE} more")
     return "\n".join(lines)
+
+
+@app.command("check")
+def check(
+    log: Annotated[Path, typer.Argument(help="Telemetry log.")],
+    as_json: Annotated[bool, typer.Option("--json", help="For machines, all damage listed.")] = False,
+    most: Annotated[int, typer.Option("--most", min=0, help="Damaged places listed.")] = MOST_DAMAGE,
+) -> None:
+    """Whether a log is whole, and what is to be known of it. Exit code 0 whole, 5 damaged."""
+    found = examine(Tlog.open(log, any_file=True))
+    say(check_json(log, found) if as_json else check_text(log, found, most))
+    if not found.whole:
+        raise typer.Exit(DAMAGED)
+
+
+@app.command("repair")
+def repair(
+    log: Annotated[Path, typer.Argument(help="Telemetry log; it stays as it is.")],
+    out: Annotated[Path, typer.Argument(help="New log; must not exist.")],
+) -> None:
+    """Copy all whole records into a new log, with their times as recovered."""
+    opened = Tlog.open(log)
+    found = examine(opened)
+    if opened.cut(out) != len(opened.index):
+        raise TlogError(f"{out}: not all records were written")
+    say(repair_text(out, found))
 
 
 @app.command("cut")

@@ -1,0 +1,61 @@
+"""Command line of the fuzzers."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from pathlib import Path
+
+from bench.fuzz.datagrams import BLOCK, DatagramScore, fuzz_datagrams
+from bench.fuzz.logs import Score, fuzz_logs
+from bench.fuzz.missions import GOOD, fuzz_missions
+from bench.fuzz.report import datagrams_text, logs_text, missions_text, streams_text, write_section
+
+_COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "missions": 10_000}
+_STEP = 200
+
+
+def _logs(first: int, count: int) -> str:
+    scores: dict[str, Score] = {}
+    for seed in range(first, first + count, _STEP):
+        for kind, score in fuzz_logs(range(seed, min(seed + _STEP, first + count))).items():
+            scores.setdefault(kind, Score()).add(score)
+        _say(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
+    return logs_text(scores)
+
+
+def _datagrams(first: int, count: int) -> str:
+    score = DatagramScore()
+    for start in range(0, count, BLOCK):
+        score.add(fuzz_datagrams(first + start // BLOCK, min(BLOCK, count - start)))
+        _say(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
+    return datagrams_text(score)
+
+
+def _say(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.fuzz", description=__doc__)
+    parser.add_argument("what", choices=list(_COUNTS))
+    parser.add_argument("--count", type=int, help="cases; " + ", ".join(f"{k} {v}" for k, v in _COUNTS.items()))
+    parser.add_argument("--seed", type=int, default=0, help="the first seed")
+    parser.add_argument("--out", type=Path, default=Path("bench/results/fuzz.md"))
+    options = parser.parse_args()
+    count = options.count or _COUNTS[options.what]
+    if options.what == "logs":
+        text = _logs(options.seed, count)
+    elif options.what == "datagrams":
+        text = _datagrams(options.seed, count)
+    elif options.what == "streams":
+        text = streams_text(count)
+    else:
+        text = missions_text(fuzz_missions(range(options.seed, options.seed + count), tomllib.loads(GOOD)))
+    print(text)
+    write_section(options.out, options.what.capitalize(), text)
+
+
+if __name__ == "__main__":
+    main()

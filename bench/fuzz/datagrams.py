@@ -1,0 +1,140 @@
+"""Hostile datagrams through the whole live path: split, decode, the fleet's state.
+
+Half of them carry frames with right checksums and wild contents, so that what lies behind the checksum is tried too.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+from bench.fuzz.frames import frame_pool
+from mavlink.decode import decode
+from mavlink.dialect import DEFINITIONS
+from mavlink.fleet import Fleet
+from mavlink.frame import checksum, split
+from mavlink.packet import Packet
+
+__all__ = ["BLOCK", "DatagramScore", "Listener", "draw_datagram", "fuzz_datagrams", "wild_frame"]
+
+BLOCK = 10_000
+"""Datagrams to one fleet."""
+_T0_US = 1_790_000_000_000_000
+_UAV, _UGVS = 1, (2, 3, 4, 5, 6)
+_UNDERSTOOD = (0, 2, 24, 30, 31, 33, 109, 111, 148, 158, 166, 253, 259, 260, 265, 269, 271, 285)
+_WORDS = (
+    b"\0\0\0\0",
+    b"\xff\xff\xff\xff",
+    b"\xff\xff\xff\x7f",
+    b"\0\0\0\x80",
+    b"\0\0\xc0\x7f",
+    b"\0\0\x80\x7f",
+    b"[/]\x1b",
+)
+
+
+@dataclass(slots=True)
+class DatagramScore:
+    """Sums over datagrams."""
+
+    datagrams: int = 0
+    frames: int = 0
+    notices: int = 0
+    slowest_ms: float = 0.0
+    failures: list[str] = field(default_factory=list)
+
+    def add(self, other: DatagramScore) -> None:
+        self.datagrams += other.datagrams
+        self.frames += other.frames
+        self.notices += other.notices
+        self.slowest_ms = max(self.slowest_ms, other.slowest_ms)
+        self.failures += other.failures
+
+
+def _wild_payload(size: int, rng: random.Random) -> bytes:
+    if rng.random() < 0.5:
+        return rng.randbytes(size)
+    return b"".join(rng.choice(_WORDS) for _ in range(size // 4 + 1))[:size]
+
+
+def wild_frame(rng: random.Random) -> bytes:
+    """A frame that every checksum lets through, with any contents."""
+    message_id = rng.choice(_UNDERSTOOD) if rng.random() < 0.8 else rng.choice(tuple(DEFINITIONS))
+    longest, extra = DEFINITIONS[message_id]
+    payload = _wild_payload(rng.choice((longest, longest, rng.randrange(longest + 1))), rng)
+    sender = bytes([rng.randrange(256), rng.choice((_UAV, *_UGVS, rng.randrange(256))), rng.choice((0, 1, 100, 154))])
+    if message_id < 256 and rng.random() < 0.3:
+        frame = bytes([0xFE, len(payload)]) + sender + bytes([message_id]) + payload
+        return frame + checksum(frame, extra).to_bytes(2, "little")
+    signed = rng.random() < 0.1
+    frame = (
+        bytes([0xFD, len(payload), signed, rng.randrange(256)]) + sender + message_id.to_bytes(3, "little") + payload
+    )
+    return frame + checksum(frame, extra).to_bytes(2, "little") + (rng.randbytes(13) if signed else b"")
+
+
+def draw_datagram(rng: random.Random) -> bytes:
+    """One or several frames, damaged or not, or noise."""
+    kind = rng.randrange(8)
+    if kind == 0:
+        return rng.randbytes(rng.randrange(1, 300))
+    source = frame_pool()
+    frames = [rng.choice(source) if rng.random() < 0.3 else wild_frame(rng) for _ in range(rng.choice((1, 1, 1, 2, 8)))]
+    data = bytearray(b"".join(frames))
+    if kind < 4:
+        for _ in range(rng.randrange(1, 4)):
+            data[rng.randrange(len(data))] ^= rng.randrange(1, 256)
+    elif kind == 4:
+        data = data[: rng.randrange(len(data)) + 1]
+    elif kind == 5:
+        at = rng.randrange(len(data))
+        data[at:at] = rng.choice((rng.randbytes(rng.randrange(1, 30)), b"\xfd\xff\x00", b"\xfe" * 20, b"\xfd\x00" * 10))
+    return bytes(data)
+
+
+class Listener:
+    """The live path from a datagram to the fleet's state."""
+
+    def __init__(self) -> None:
+        self.fleet = Fleet(_UAV, _UGVS)
+        self.t_us = _T0_US
+        self.taken = 0
+
+    def hear(self, data: bytes, step_us: int = 500) -> tuple[int, int]:
+        """Counts of frames and of notices that a datagram brings."""
+        self.t_us += step_us
+        self.taken += 1
+        frames, _ = split(data)
+        notices = 0
+        for raw in frames:
+            packet = Packet(self.t_us, raw)
+            if packet.message_id in DEFINITIONS:
+                decode(packet)
+            notices += len(self.fleet.feed(packet))
+        if self.taken % 50 == 0:
+            self.fleet.at(self.t_us)
+        return len(frames), notices
+
+
+def fuzz_datagrams(seed: int, count: int = BLOCK) -> DatagramScore:
+    """One block of datagrams to one fleet; the same for the same seed."""
+    rng = random.Random(seed)
+    listener, score = Listener(), DatagramScore()
+    recent: deque[bytes] = deque(maxlen=3)
+    for i in range(count):
+        data = draw_datagram(rng)
+        recent.append(data)
+        step_us = rng.choice((500, 500, 500, 0, 2_000_000, -3_000_000)) if i % 20 == 0 else 500
+        start = time.process_time()
+        try:
+            frames, notices = listener.hear(data, step_us)
+        except Exception as error:  # noqa: BLE001  (that there is none is what is being measured)
+            score.failures.append(f"{seed}/{i}: {error!r}: {data.hex()}")
+            frames = notices = 0
+        score.slowest_ms = max(score.slowest_ms, (time.process_time() - start) * 1e3)
+        score.datagrams += 1
+        score.frames += frames
+        score.notices += notices
+    return score
