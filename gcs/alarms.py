@@ -101,7 +101,7 @@ class Alarms:
             state.raised_us = now_us
             state.raises.append(now_us)
             return [] if finding.told else [_event(finding, now_us, finding.level, finding.text)]
-        if state.finding.level != before.level:
+        if state.finding.level != before.level and not finding.told:
             return [_event(finding, now_us, finding.level, finding.text)]
         return []
 
@@ -117,6 +117,8 @@ class Alarms:
             return []
         lasted_s = (state.seen_us - state.raised_us) * 1e-6
         state.raised_us = 0
+        if state.finding.told:
+            return []
         return [_event(state.finding, now_us, "info", f"over after {lasted_s:.0f} s: {state.finding.text}")]
 
 

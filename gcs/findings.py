@@ -18,9 +18,10 @@ SILENT_S = 3.5
 LATE_S = 1.0
 CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
 STEP_S = 0.5
+CLOCK_ERROR_S, DRIFT_PPM = 30.0, 500.0
 MOST_NAMES = 4
 LOW_BYTES, ALMOST_FULL_BYTES = 2_000_000_000, 200_000_000
-LOW_S, ALMOST_FULL_S = 1800.0, 300.0
+LOW_S, ALMOST_FULL_S = 600.0, 120.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +37,7 @@ class Finding:
     wait_s: float = 0.0
     """How long it must last before it is an alarm."""
     told: bool = False
-    """Somebody else makes the event when it begins."""
+    """Somebody else makes the events of it."""
 
 
 def findings(snapshot: Snapshot) -> Iterator[Finding]:
@@ -91,7 +92,7 @@ def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
         advice="the video link loses data: lower its bit rate or come closer", wait_s=2.0,
     )  # fmt: skip
     yield health.write_lost, Finding(
-        key="lost", level="alarm", kind="recording", text="telemetry could not be recorded and is lost",
+        key="lost", level="alarm", kind="recording", told=True, text="telemetry could not be recorded and is lost",
         advice="land; what was flown since is in no file",
     )  # fmt: skip
 
@@ -106,7 +107,7 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
         )  # fmt: skip
     if conflict:
         yield Finding(
-            key=f"conflict {i}", level="alarm", kind="identity", system_id=i, told=True,
+            key=f"conflict {i}", level="alarm", kind="identity", system_id=i,
             text=f"{whose}: the place it reports contradicts the picture",
             advice="do not act on its name; compare its position with what you see",
         )  # fmt: skip
@@ -120,6 +121,11 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
     else:
         # of a silent vehicle it would be the same trouble twice
         yield from _position(row)
+    if abs(row.clock_error_s) > CLOCK_ERROR_S or abs(row.drift_ppm) > DRIFT_PPM:
+        yield Finding(
+            key=f"clock {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
+            text=f"{whose}: its clock is wrong", advice="positions are dated by arrival instead; check its GPS time",
+        )  # fmt: skip
 
 
 def _position(row: VehicleRow) -> Iterator[Finding]:
@@ -202,13 +208,14 @@ def _recording(health: Health) -> Iterator[Finding]:
     if health.write_failing_s > 0:
         reason = f": {health.write_reason}" if health.write_reason else ""
         yield Finding(
-            key="disk", level="alarm", kind="recording", text="the recording cannot be written" + reason,
+            key="disk", level="alarm", kind="recording", told=True,
+            text="the recording cannot be written" + reason,
             advice="packets wait in memory for a minute at least: free space or bring the disk back",
         )  # fmt: skip
     full = health.free_bytes < ALMOST_FULL_BYTES or health.full_in_s < ALMOST_FULL_S
     if full or health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S:
         yield Finding(
-            key="disk space", level="alarm" if full else "warning", kind="recording", wait_s=1.0,
+            key="disk space", level="alarm" if full else "warning", kind="recording", told=True,
             text="the disk is almost full" if full else "the disk will be full soon",
             advice="free space; nothing that was recorded is ever deleted by this program",
         )  # fmt: skip

@@ -144,6 +144,13 @@ def vehicle_rows(
                 standing=_standing(status, box, in_view),
                 track_id=box.track_id if box else 0,
                 confidence=box.confidence if box else float("nan"),
+                contested=status.contested,
+                signed=status.signed,
+                unsigned=status.unsigned,
+                bad_signature=status.bad_signature,
+                refusals=dict(status.refusals),
+                drift_ppm=status.drift_ppm,
+                clock_error_s=status.clock_error_s,
             )
         )
     return tuple(rows)
@@ -158,6 +165,6 @@ def _standing(status: VehicleStatus, box: Box | None, in_view: bool | None) -> S
         if box.coasting:
             return "coasting"
         return "confirmed" if box.confidence >= CONFIRMED else "tentative"
-    if status.position_state in ("never", "lost", "refused"):
+    if status.position_state in ("never", "lost", "refused", "contested"):
         return "no position"
     return "out of view" if in_view is False else "unidentified"

@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 
 from assoc.ground import OFFSET, YAW
 from assoc.identifier import CameraState, Identifier, IdentifierParams, Identities
+from gcs.alarms import Alarms
 from gcs.config import Mission
 from gcs.evidence import camera_of, reports_of, sighting_of
 from gcs.optics import Optics
 from gcs.picture import View, boxes_of, mount_of, vehicle_rows
+from gcs.quarantine import quarantined
+from gcs.quiet import Quiet
 from gcs.snapshot import Event, Health, Level, Snapshot
+from gcs.trends import Trends
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.packet import Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
@@ -55,10 +59,14 @@ class Pipeline:
         self._conflict: frozenset[int] = frozenset()
         self._mount_doubted = False
         self._events: list[Event] = []
+        self._quiet = Quiet()
+        self._trends = Trends()
+        self._alarms = Alarms()
 
     def feed(self, packet: Packet) -> None:
         """Take in one telemetry packet."""
-        self._events += [_event(notice) for notice in self.fleet.feed(packet)]
+        if notices := self.fleet.feed(packet):
+            self._events += self._quiet.hear(map(_event, notices))
 
     def note(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
@@ -98,7 +106,7 @@ class Pipeline:
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
-        identities = self._identify(t_us, detections, tracks, view)
+        identities = quarantined(self._identify(t_us, detections, tracks, view), state)
         self._tell(t_us, identities)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
@@ -177,7 +185,7 @@ class Pipeline:
     def _tell(self, t_us: int, identities: Identities | None) -> None:
         """Events for names that came, went or changed, and for vehicles whose reports contradict the picture."""
         if identities is None:
-            self._name_of_track = {}
+            self._name_of_track, self._conflict = {}, frozenset()
             return
         named = {int(t): int(s) for t, s in zip(identities.track_id, identities.system_id, strict=True) if s}
         sure = dict(zip(identities.track_id.tolist(), identities.confidence.tolist(), strict=True))
@@ -192,11 +200,7 @@ class Pipeline:
             if track in sure and track not in named:
                 text = f"track {track} is no longer {self.mission.name_of(vehicle)}: the evidence does not suffice"
                 self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
-        conflict = frozenset(identities.conflict)
-        for vehicle in sorted(conflict - self._conflict):
-            text = f"{self.mission.name_of(vehicle)} reports a place that contradicts the picture: check its position"
-            self._events.append(Event(t_us=t_us, level="alarm", kind="identity", text=text, system_id=vehicle))
-        self._name_of_track, self._conflict = named, conflict
+        self._name_of_track, self._conflict = named, frozenset(identities.conflict)
 
     def _believed(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""
@@ -218,11 +222,10 @@ class Pipeline:
         identities: Identities | None,
         health: Health | None,
     ) -> Snapshot:
-        events, self._events = tuple(self._events), []
         uv = self._projected(state, view)
         boxes = boxes_of(detections, tracks, identities, uv, view, self.fleet.origin)
         width, height = self._size(image) or (0, 0)
-        return Snapshot(
+        snapshot = Snapshot(
             t_us=t_us,
             frame=index,
             width=width,
@@ -233,10 +236,14 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=self._believed(health or Health()),
+            health=self._believed(self._trends.of(t_us, health or Health())),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
-            events=events,
+            conflicts=self._conflict,
         )
+        alarms, changes = self._alarms.update(snapshot)
+        events = (*self._events, *self._quiet.overdue(t_us), *changes)
+        self._events = []
+        return replace(snapshot, alarms=alarms, events=events)
 
 
 _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU

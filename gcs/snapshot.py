@@ -73,7 +73,7 @@ class VehicleRow:
     heartbeat_age_s: float = NEVER
     position_age_s: float = NEVER
     position_state: str = "never"
-    """``ok``, ``stale``, ``lost``, ``never`` or ``refused``."""
+    """``ok``, ``stale``, ``lost``, ``never``, ``refused`` or ``contested``."""
     loss: float = NAN
     """Share of packets missing by sequence number, 0..1."""
     p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
@@ -98,6 +98,10 @@ class VehicleRow:
     """Packets with a wrong, repeated or future signature: refused."""
     refusals: Mapping[str, int] = field(default_factory=dict)
     """Positions that were not used, by reason."""
+    drift_ppm: float = NAN
+    """By how much Unix time runs faster than its clock, NaN unknown."""
+    clock_error_s: float = NAN
+    """Its own idea of Unix time minus ours, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

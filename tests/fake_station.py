@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.snapshot import Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
+from gcs.snapshot import Alarm, Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
 
 START_US = 1_795_170_792_000_000  # 2026-11-20 10:33:12 UTC
 STOP_US = START_US + 754_000_000
@@ -23,6 +23,12 @@ HOSTILE = (
     "[bold red]x[/bold red] [link=http://x]",
     "\ufffd\ud800 \U0001f916 漢字 e\u0301",
     "{}%s{0}$(x)`x`\\",
+    "\x1b]52;c;cm0gLXJmIH4=\x07\x1bPq#0~\x1b\\",
+    "zero\u200bwidth\u200d\u2060\ufeff\u00ad\u034f \ue000\U0010ffff\U000e0041",
+    "\U0001f468\u200d\U0001f469\u200d\U0001f467 \U0001f1e9\U0001f1ea a" + "\u0300" * 60,
+    "W" * 100_000,
+    "\u2028\u2029\x85\x0b\x0c\x1c",
+    "",
 )
 WIDTH, HEIGHT = 1280, 720
 NAN = math.nan
@@ -183,12 +189,24 @@ def hostile_station(text: str) -> FakeStation:
     """Every string that may come from the air is ``text``."""
     station = FakeStation(live=True)
     base = make_snapshot(live=True)
-    rows = tuple(replace(row, name=text, kind=text, mode=text, fix=text, position_state=text) for row in base.vehicles)
-    health = replace(base.health, video=text, links=tuple(replace(link, name=text) for link in base.health.links))
+    rows = tuple(
+        replace(
+            row, name=text, kind=text, mode=text, fix=text, position_state=text, refusals={text: 3}, bad_signature=1
+        )
+        for row in base.vehicles
+    )
+    health = replace(
+        base.health, video=text, keys=0, write_reason=text, undecoded=2,
+        links=tuple(replace(link, name=text) for link in base.health.links),
+    )  # fmt: skip
+    alarms = tuple(
+        Alarm(key=text, level=level, kind=text, text=text, advice=text, since_us=START_US, system_id=11)
+        for level in ("alarm", "warning", "info")
+    )  # fmt: skip
     station.title = text
     station.said = [
         Event(t_us=START_US, level=level, kind=kind, text=text, system_id=11)
         for level in ("info", "warning", "alarm") for kind in ("text", text)
     ]  # fmt: skip
-    station.snapshot = replace(base, vehicles=rows, health=health, events=tuple(station.said))
+    station.snapshot = replace(base, vehicles=rows, health=health, events=tuple(station.said), alarms=alarms)
     return station

@@ -59,6 +59,8 @@ def test_nothing_wrong_nothing_said(watch):
         (changed(2, contested=True), "contested 12", "alarm"),
         (changed(2, heartbeat_age_s=math.inf, position_state="never"), "unheard", "warning"),
         (changed(2, position_state="never"), "vehicle 12", "warning"),
+        (changed(2, clock_error_s=-1024 * 604800.0), "clock 12", "warning"),
+        (changed(2, drift_ppm=900.0), "clock 12", "warning"),
     ],
 )
 def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(watch, rows, key, level):
@@ -68,7 +70,7 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
     assert watch.see(20) == {}
     said = [event for event in watch.events if event.level != "info"]
     assert len(said) == (0 if key.startswith("contested") else 1)
-    assert [event.text[:4] for event in watch.events if event.level == "info"] == ["over"]
+    assert [event.text[:4] for event in watch.events if event.level == "info"] == ["over"] * len(said)
 
 
 @pytest.mark.parametrize(
@@ -84,8 +86,8 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, recording=False), "recording", "alarm"),
         (replace(WELL, write_failing_s=0.4, write_reason="No space left on device"), "disk", "alarm"),
         (replace(WELL, free_bytes=1_000_000_000), "disk space", "warning"),
-        (replace(WELL, full_in_s=1200.0), "disk space", "warning"),
-        (replace(WELL, full_in_s=200.0), "disk space", "alarm"),
+        (replace(WELL, full_in_s=500.0), "disk space", "warning"),
+        (replace(WELL, full_in_s=100.0), "disk space", "alarm"),
         (replace(WELL, keys=0), "no keys", "warning"),
     ],
 )
@@ -111,7 +113,7 @@ def test_a_counter_that_grew_is_an_alarm_for_a_while(watch, health, rows, key):
     watch.see(5)
     assert set(watch.see(9, rows, health)) == {key}
     assert watch.see(10, rows, health) == {}
-    assert len(watch.events) == 2
+    assert len(watch.events) == (0 if key == "lost" else 2)
 
 
 def test_unsigned_packets_without_keys_are_only_told_as_such(watch):

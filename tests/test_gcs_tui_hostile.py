@@ -24,13 +24,26 @@ async def test_text_from_the_air_is_only_text(text, capsys):
     async with app.run_test(size=(120, 36)) as pilot:
         station.error = RuntimeError(text)
         app.notify(text, markup=False)
-        for keys in (["down", "down"], ["3"], ["f", "z"], ["e"], ["m"], ["v", "question_mark"]):
+        for keys in (
+            ["down", "down"],
+            ["3"],
+            ["f", "z"],
+            ["e"],
+            ["m"],
+            ["a", "down", "enter"],
+            ["f", "z", "z"],
+            ["i"],
+            ["2"],
+            ["1"],
+            ["A"],
+            ["v", "question_mark"],
+        ):
             await pilot.press(*keys)
             app._poll()
             await pilot.pause()
             said = letters_on(app)
             assert not any(ord(letter) < 32 or 0x7F <= ord(letter) < 0xA0 for letter in said)
-            assert not set(said) & set("\u202e\u2066\ud800\u200b")
+            assert not set(said) & set("\u202e\u2066\ud800\u200b\u200d\ufeff\u2028\u2029\ue000")
         assert app.is_running
         await pilot.press("escape", "q")
     assert app.return_code == 1

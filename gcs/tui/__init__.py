@@ -14,12 +14,13 @@ from gcs.tui.pixels import Graphics
 __all__ = ["RollcallApp", "run"]
 
 
-def run(station: Station, graphics: Graphics = "auto") -> int:
+def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False) -> int:
     """Show a station until the operator quits, then stop it.
 
     Args:
         station: A running flight or replay.
         graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, ``blocks`` never asks it.
+        bell: ring the terminal's bell at every new alarm.
 
     Returns:
         0 after a quit, 1 when the station had stopped with an error or the screens broke.
@@ -28,7 +29,7 @@ def run(station: Station, graphics: Graphics = "auto") -> int:
     gc.collect()
     gc.freeze()
     try:
-        app = RollcallApp(station, graphics=graphics)
+        app = RollcallApp(station, graphics=graphics, bell=bell)
         app.run()
     finally:
         station.stop()

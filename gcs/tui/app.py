@@ -15,6 +15,7 @@ from textual.reactive import reactive
 from gcs.snapshot import Snapshot
 from gcs.station import Station
 from gcs.tui import playback
+from gcs.tui.alarms import ALARM_KEYS, AlarmPane, token, unseen
 from gcs.tui.alert import AlertLine
 from gcs.tui.deck import Deck
 from gcs.tui.event_log import EventPane, heard
@@ -55,19 +56,22 @@ class RollcallApp(App[None]):
     ENABLE_COMMAND_PALETTE = False
     ALLOW_SELECT = False
     AUTO_FOCUS = None
-    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS]
+    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS, *ALARM_KEYS]
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
 
-    def __init__(self, station: Station, *, graphics: Graphics = "auto") -> None:
+    def __init__(self, station: Station, *, graphics: Graphics = "auto", bell: bool = False) -> None:
         """Show a station.
 
         Args:
             station: A running flight or replay; it is stopped by whoever started it.
             graphics: ``pixels`` and ``auto`` ask the terminal for real pixels and fall back to half blocks.
+            bell: ring the terminal's bell at every new alarm.
         """
         super().__init__()
+        self._bell = bell
+        self._rung: frozenset[tuple[str, int, str]] = frozenset()
         self._station = station
         self._newest_at = time.monotonic()
         # held, not queried: a query looks at the screen on top, which may be a question
@@ -75,12 +79,14 @@ class RollcallApp(App[None]):
         self._alert_line = AlertLine(id="alert")
         self._map = MapPane(id="map")
         self._events = EventPane(id="events", live=station.timeline is None)
+        self._alarms = AlarmPane(id="alarms")
         self._deck = Deck(
             [
                 VideoPane(id="video", pixels=pixel_images(graphics)),
                 self._map,
                 FleetPane(id="fleet"),
                 IdentityPane(id="identity"),
+                self._alarms,
                 self._events,
             ],
             id="deck",
@@ -97,7 +103,7 @@ class RollcallApp(App[None]):
         yield self._deck
         if self._timeline is not None:
             yield self._timeline
-        yield HintLine(LIVE_HINTS if live else REPLAY_HINTS, id="hints")
+        yield HintLine((*LIVE_HINTS[:2], ("a", "alarms"), *LIVE_HINTS[2:]) if live else REPLAY_HINTS, id="hints")
 
     def on_mount(self) -> None:
         """Start to poll."""
@@ -121,6 +127,14 @@ class RollcallApp(App[None]):
         if self._station.timeline is not None and self._timeline is not None:
             self._timeline.show(self._station.timeline, said)
         self._alert_line.text = self._alert()
+        self._ring()
+
+    def _ring(self) -> None:
+        """Once for every new alarm, if at all."""
+        loud = frozenset(token(alarm) for alarm in self._alarms.alarms if alarm.level == "alarm")
+        if self._bell and loud - self._rung:
+            self.bell()
+        self._rung = loud
 
     def _alert(self) -> str:
         if self._station.error is not None:
@@ -128,6 +142,10 @@ class RollcallApp(App[None]):
         silent_s = time.monotonic() - self._newest_at
         if self._station.timeline is None and self.snapshot is not None and silent_s > SILENT_S:
             return f"nothing new for {age(float(int(silent_s)))}: the screen shows the past"
+        fresh = [alarm for alarm in unseen(self._alarms.alarms, self._alarms.seen) if alarm.level == "alarm"]
+        if fresh:
+            more = f" (and {len(fresh) - 1} more)" if len(fresh) > 1 else ""
+            return f"{clock(fresh[0].since_us)} {plain(fresh[0].text)}{more} — a: what to do, A: seen"
         now_us = 0 if self.snapshot is None else self.snapshot.t_us
         recent = [event for event in self._events.said if event.level == "alarm"
                   and 0 <= now_us - event.t_us < ALARM_SHOWN_US]  # fmt: skip
@@ -184,6 +202,10 @@ class RollcallApp(App[None]):
     def action_pane(self, pane: str) -> None:
         """Show, focus or hide a pane."""
         self._deck.toggle(pane)
+
+    def action_acknowledge(self) -> None:
+        """Every alarm that is on now has been seen."""
+        self._alarms.seen = frozenset(token(alarm) for alarm in self._alarms.alarms)
 
     def action_layout(self, layout: int) -> None:
         """One of three layouts."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["PANES", "Rect", "Wish", "arranged", "default_panes"]
+__all__ = ["ON_DEMAND", "PANES", "Rect", "Wish", "arranged", "default_panes"]
 
 Rect = tuple[int, int, int, int]
 """Left, top, width, height in cells."""
 
 PANES = ("video", "map", "fleet", "identity", "events")
+ON_DEMAND = ("alarms",)
+"""Panes that no layout shows unless they are asked for."""
 FLEET_WIDTHS = (31, 40, 50, 59, 64, 70, 77)
 """Widths at which one more column of the fleet table fits."""
 IDENTITY_ROWS = 13
@@ -30,6 +32,7 @@ class Wish:
     maximised: str = ""
     """A pane that takes everything, empty for none."""
     fleet_rows: int = 8
+    alarm_rows: int = 1
     aspect: float = 16 / 9
     """Of the picture, width over height."""
 
@@ -66,7 +69,7 @@ def arranged(width: int, height: int, wish: Wish) -> Mapping[str, Rect]:
 def _main(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
     """A large view with the log below; table, identity and the other view in a column on the right."""
     views = [pane for pane in (("video", "map") if wish.layout == 1 else ("map", "video")) if pane in shown]
-    left = [*views[:1], *(["events"] if "events" in shown else [])]
+    left = [*views[:1], *(pane for pane in ("alarms", "events") if pane in shown)]
     right = [pane for pane in ("fleet", "identity") if pane in shown] + views[1:]
     if not left or not right:
         return _column(left or right, (0, 0, width, height), wish)
@@ -82,7 +85,7 @@ def _main(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[st
 def _beside(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
     """Both views beside each other above the whole table."""
     views = [pane for pane in ("video", "map") if pane in shown]
-    below = [pane for pane in ("fleet", "identity", "events") if pane in shown]
+    below = [pane for pane in ("fleet", "alarms", "identity", "events") if pane in shown]
     if not views or not below:
         return _column(views or below, (0, 0, width, height), wish)
     table = wish.fleet_rows + 1
@@ -98,7 +101,7 @@ def _beside(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[
         return rects | _column(below, rest, wish)
     table_width = round(0.62 * width)
     beside = (table_width + 1, top, width - table_width - 1, height - top)
-    under = ["events"] if "events" in below and "identity" in below else []
+    under = [pane for pane in ("alarms", "events") if pane in below] if "identity" in below else []
     return (
         rects
         | _column(["fleet", *under], (0, top, table_width, height - top), wish)
@@ -124,18 +127,20 @@ def _heights(panes: list[str], width: int, height: int, wish: Wish) -> dict[str,
         "fleet": min(wish.fleet_rows + 1, max(4, height // 2)),
         "identity": 6,
         "events": EVENT_ROWS,
+        "alarms": min(wish.alarm_rows + 1, max(EVENT_ROWS, height // 3)),
     }
     for spare in ("identity", "events", "map", "video"):
         if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
             panes.remove(spare)
     natural = {**least, "video": _picture_rows(width, wish), "fleet": wish.fleet_rows + 1, "identity": IDENTITY_ROWS}
+    natural["alarms"] = wish.alarm_rows + 1
     rows = {pane: least[pane] for pane in panes}
-    for pane in ("fleet", "video", "identity"):
+    for pane in ("fleet", "alarms", "video", "identity"):
         if pane in rows:
             free = height - sum(rows.values())
             rows[pane] += max(0, min(free, natural[pane] - rows[pane]))
     # what is left goes to the pane that uses it best
-    for pane in ("map", "events", "video", "identity", "fleet"):
+    for pane in ("map", "events", "video", "identity", "fleet", "alarms"):
         if pane in rows:
             rows[pane] += height - sum(rows.values())
             break

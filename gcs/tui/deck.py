@@ -12,6 +12,7 @@ from textual.layout import Layout, WidgetPlacement
 from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
+from gcs.tui.alarms import ROWS_EACH
 from gcs.tui.arrange import Rect, Wish, arranged
 from gcs.tui.pane import Pane
 
@@ -67,7 +68,10 @@ class Deck(Widget):
     def fit_to(self, snapshot: Snapshot) -> None:
         """Follow the number of vehicles and the shape of the picture."""
         aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.wish.aspect
-        self.change(replace(self.wish, fleet_rows=max(1, len(snapshot.vehicles)), aspect=min(max(aspect, 0.3), 4.0)))
+        alarm_rows = max(1, ROWS_EACH * len(snapshot.alarms))
+        fleet_rows = max(1, len(snapshot.vehicles))
+        aspect = min(max(aspect, 0.3), 4.0)
+        self.change(replace(self.wish, fleet_rows=fleet_rows, alarm_rows=alarm_rows, aspect=aspect))
 
     def choose(self, layout: int) -> None:
         """One of the three layouts, as it comes."""

@@ -30,6 +30,22 @@ def heard(said: Sequence[Event], least: Level) -> list[Event]:
     return [event for event in said if _rank(event.level) >= rank]
 
 
+def grouped(said: Sequence[Event]) -> list[tuple[Event, int]]:
+    """Runs of events that say the same, each as its newest and their number."""
+    rows: list[tuple[Event, int]] = []
+    for event in said:
+        before, times = rows[-1] if rows else (None, 0)
+        if before is not None and _same(before, event):
+            rows[-1] = (event, times + 1)
+        else:
+            rows.append((event, 1))
+    return rows
+
+
+def _same(a: Event, b: Event) -> bool:
+    return a.text == b.text and a.system_id == b.system_id and a.kind == b.kind and a.level == b.level
+
+
 def _rank(level: str) -> int:
     return FILTERS.index(level) if level in FILTERS else 0
 
@@ -65,7 +81,7 @@ class EventPane(Pane):
 
     def action_scroll_by(self, rows: int) -> None:
         """Older (positive) or newer."""
-        room = max(0, len(self.shown()) - (self.size.height - 1))
+        room = max(0, len(grouped(self.shown())) - (self.size.height - 1))
         self._back = min(max(self._back + rows, 0), room)
         self.redraw()
 
@@ -100,11 +116,11 @@ class EventPane(Pane):
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The newest events that fit, oldest first."""
-        shown = self.shown()
+        shown = grouped(self.shown())
         if not shown:
             return [line([(" nothing yet", ink(FAINT))], width)]
         stop = len(shown) - min(self._back, max(0, len(shown) - height))
-        return [self._row(event, width) for event in shown[max(0, stop - height) : stop]]
+        return [self._row(event, times, width) for event, times in shown[max(0, stop - height) : stop]]
 
     def _said_by(self, event: Event) -> str:
         """Whose text it is, when the text does not say so."""
@@ -113,7 +129,7 @@ class EventPane(Pane):
         name = self.snapshot.name_of(event.system_id)
         return "" if event.text.startswith(name) else f"{name}: "
 
-    def _row(self, event: Event, width: int) -> Strip:
+    def _row(self, event: Event, times: int, width: int) -> Strip:
         colour = level_colour(event.level)
         ours = bool(self.selected) and event.system_id == self.selected
         parts: list[Part] = [
@@ -123,5 +139,7 @@ class EventPane(Pane):
         if width >= 76:
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = width - sum(len(text) for text, _ in parts) - 1
-        parts.append((fitted(plain(self._said_by(event) + event.text), room).rstrip(), ink(BRIGHT if ours else colour)))
+        often = f" × {times}" if times > 1 else ""
+        text = fitted(plain(self._said_by(event) + event.text), max(0, room - len(often))).rstrip()
+        parts.append((text + often, ink(BRIGHT if ours else colour)))
         return line(parts, width)

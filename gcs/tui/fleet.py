@@ -85,6 +85,28 @@ def _loss(row: VehicleRow) -> Cell:
     return percent(row.loss), WARN if row.loss > 0.1 else FAINT
 
 
+def _auth(row: VehicleRow) -> Cell:
+    """The worst first: refused for its signature, refused for want of one, verified, nothing to verify with."""
+    if row.bad_signature:
+        return f"bad {_many(row.bad_signature)}", ALARM
+    if row.unsigned:
+        return f"open {_many(row.unsigned)}", WARN
+    return ("signed", INK) if row.signed else ("–", FAINT)
+
+
+def _refusals(row: VehicleRow) -> Cell:
+    """The most frequent reason, and all together."""
+    if not row.refusals:
+        return "–", FAINT
+    reason = max(row.refusals, key=row.refusals.__getitem__)
+    return f"{_many(sum(row.refusals.values()))} {plain(reason)}", WARN
+
+
+def _many(count: int) -> str:
+    """At most four letters."""
+    return str(count) if count < 10_000 else f"{count // 1000}k" if count < 1_000_000 else f"{count // 1_000_000}M"
+
+
 def _identity(row: VehicleRow) -> Cell:
     return f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip(), standing_colour(row.standing)
 
@@ -111,19 +133,27 @@ COLUMNS = (
     Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),
     Column(title=IDENTITY, width=13, rank=2, cell=_identity),
 )
+AUTH = Column(title="AUTH", width=8, rank=3, cell=_auth)
+REFUSED = Column(title="REFUSED", width=14, rank=8, cell=_refusals)
 
 
-def columns_for(width: int) -> tuple[Column, ...]:
-    """Columns that fit ``width`` cells, in their order on screen; name, position and identity always."""
+def columns_for(width: int, rows: Sequence[VehicleRow] = ()) -> tuple[Column, ...]:
+    """Columns that fit ``width`` cells, in their order on screen; name, position and identity always.
+
+    Signatures and refusals have a column once there are any.
+    """
+    signing = any(row.signed or row.unsigned or row.bad_signature for row in rows)
+    refusing = any(row.refusals for row in rows)
+    order = (*COLUMNS[:-1], *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
     kept: list[Column] = []
     # the mark before the first column and the gap before each other one cost a cell each
     room = width
-    for column in sorted(COLUMNS, key=lambda column: column.rank):
+    for column in sorted(order, key=lambda column: column.rank):
         if column.rank > 2 and room < column.width + 1:
             break
         kept.append(column)
         room -= column.width + 1
-    return tuple(column for column in COLUMNS if column in kept)
+    return tuple(column for column in order if column in kept)
 
 
 class FleetPane(Pane):
@@ -138,7 +168,8 @@ class FleetPane(Pane):
     def heading(self, width: int) -> Strip:
         """Column names are the heading, so that no row is lost."""
         style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
-        titles = [fitted(column.title, column.width, column.align) for column in columns_for(width)]
+        rows = () if self.snapshot is None else self.snapshot.vehicles
+        titles = [fitted(column.title, column.width, column.align) for column in columns_for(width, rows)]
         return line([("▌" if self.has_focus else " ", ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
 
     def body(self, width: int, height: int) -> list[Strip]:
@@ -148,7 +179,7 @@ class FleetPane(Pane):
         rows = self.snapshot.vehicles
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
-        columns = columns_for(width)
+        columns = columns_for(width, rows)
         return [self._row(row, rows, columns, width) for row in rows[self._first : self._first + height]]
 
     def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:

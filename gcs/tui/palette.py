@@ -58,7 +58,9 @@ def standing_colour(standing: Standing) -> Rgb:
 
 def position_colour(state: str) -> Rgb:
     """Colour of a position's state; an unknown word is shown as a warning."""
-    return {"ok": INK, "stale": WARN, "lost": ALARM, "never": FAINT, "refused": ALARM}.get(state, WARN)
+    return {"ok": INK, "stale": WARN, "lost": ALARM, "never": FAINT, "refused": ALARM, "contested": ALARM}.get(
+        state, WARN
+    )
 
 
 def level_colour(level: Level) -> Rgb:

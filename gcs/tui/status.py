@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,6 +13,7 @@ from textual.widget import Widget
 
 from gcs.overlay import named_count
 from gcs.snapshot import Health, LinkHealth, Snapshot
+from gcs.tui.alarms import alarm_counts, count_parts
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, WARN, ink
 from gcs.tui.strips import Part, split_line, width_of
 from gcs.tui.wording import age, bytes_text, clock, duration, plain
@@ -21,6 +23,9 @@ __all__ = ["StatusBar"]
 LAG_SHOWN_S = 0.05
 LINK_SILENT_S = 3.5
 DISK_LOW_BYTES = 2_000_000_000
+DISK_LOW_S = 600.0
+FORECAST_S = 86_400.0
+"""A disk that lasts longer lasts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,12 +60,11 @@ class StatusBar(Widget):
         width = self.size.width
         name = "ROLLCALL" if self._live else "REPLAY"
         left: list[Part] = [(f" {name} ", ink(BRIGHT, HEAD, bold=True))]
-        items = sorted(self._items(), key=lambda item: item.rank)
-        while items and width_of(left) + sum(width_of(item.parts) + 2 for item in items) > width:
-            items.pop()
-        kept = [item for item in self._items() if any(item.rank == other.rank for other in items)]
+        items = self._items()
+        while items and width_of(left) + sum(width_of(item.parts) + 2 for item in items) > width - 2:
+            items.remove(max(items, key=lambda item: item.rank))
         right: list[Part] = []
-        for item in kept:
+        for item in items:
             right += [("  ", ink(FAINT, HEAD)), *item.parts]
         room = width - width_of(left) - width_of(right) - 2
         title = plain(self.said)
@@ -76,9 +80,13 @@ class StatusBar(Widget):
         items = [_item(3, f"{named}/{total} confirmed", GOOD if named == total and total else INK)]
         if self._live:
             size = _item(5, bytes_text(health.recorded_bytes), INK)
-            items = [self._recording(health), size, *items, _links(health), *_links_named(health), _disk(health)]
-            items.append(_item(1, clock(self.snapshot.t_us), INK))
+            items = [self._recording(health), *_open(health), size, *items, _links(health), *_links_named(health)]
+            items.append(_disk(health))
+            items.append(_item(2, clock(self.snapshot.t_us), INK))
         items.append(_video(health))
+        if self.snapshot.alarms:
+            parts = count_parts(*alarm_counts(self.snapshot.alarms))
+            items.insert(0, Item(rank=1, parts=(*parts[:-1], (parts[-1][0].rstrip(), parts[-1][1]))))
         return items
 
     def _recording(self, health: Health) -> Item:
@@ -91,6 +99,13 @@ class StatusBar(Widget):
 
 def _item(rank: int, text: str, colour: tuple[int, int, int]) -> Item:
     return Item(rank=rank, parts=((text, ink(colour, HEAD)),))
+
+
+def _open(health: Health) -> list[Item]:
+    """Said for as long as anybody can pose as a vehicle."""
+    if health.keys:
+        return [_item(6, f"{health.keys} key{'s' if health.keys > 1 else ''}", FAINT)]
+    return [_item(1, "NOTHING IS AUTHENTICATED", WARN)] if health.keys == 0 else []
 
 
 def _silent(link: LinkHealth) -> bool:
@@ -111,13 +126,18 @@ def _links_named(health: Health) -> list[Item]:
     for link in health.links:
         parts.append((f"{plain(link.name)} ", ink(ALARM if _silent(link) else FAINT, HEAD)))
         lost = f" {link.bad} bad" * bool(link.bad) + f" {link.dropped} dropped" * bool(link.dropped)
-        parts.append((f"{link.packets}{lost} ", ink(WARN if link.dropped else FAINT, HEAD)))
+        rate = f"{link.packets_per_s:.0f}/s" if math.isfinite(link.packets_per_s) else str(link.packets)
+        parts.append((f"{rate}{lost} ", ink(WARN if link.dropped else FAINT, HEAD)))
     return [Item(rank=7, parts=tuple(parts))] if parts else []
 
 
 def _disk(health: Health) -> Item:
-    low = health.free_bytes < DISK_LOW_BYTES
+    low = health.free_bytes < DISK_LOW_BYTES or health.full_in_s < DISK_LOW_S
     free = bytes_text(health.free_bytes)
+    if health.write_failing_s > 0:
+        return _item(1, f"DISK FAILS {age(health.write_failing_s)}", ALARM)
+    if health.full_in_s < FORECAST_S:
+        free += f", full in {age(health.full_in_s)}"
     return _item(2, f"disk LOW {free}", ALARM) if low else _item(6, f"disk {free} free", FAINT)
 
 
@@ -125,5 +145,7 @@ def _video(health: Health) -> Item:
     if health.video != "ok":
         calm = health.video in ("none", "waiting", "ended")
         return _item(4, f"video {plain(health.video)}", FAINT if calm else ALARM)
-    late = health.lag_s > 0.5
-    return _item(4, "video ok" + f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S), WARN if late else FAINT)
+    late = health.lag_s > 0.5 or health.undecoded > 0
+    said = f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S)
+    said += f" {health.undecoded} undecoded" * (health.undecoded > 0)
+    return _item(4, f"video ok{said}", WARN if late else FAINT)

@@ -56,6 +56,7 @@ class VideoPane(Pane):
             late = WARN if health.lag_s > 0.5 else FAINT
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
             parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
+            parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))]
 
     def body(self, width: int, height: int) -> list[Strip]:

@@ -48,12 +48,13 @@ def age(seconds: float) -> str:
 
 
 def position(state: str, age_s: float) -> str:
-    """``0.2s`` while good, else the state in a word, with the age where one is known: ``stale 1s``, ``never``."""
+    """``0.2s`` while good, else the state in a word, with the age where one is known: ``stale 1s``, ``never``;
+    ``several`` send it."""
     if state == "ok":
         return age(age_s)
     if state in ("stale", "lost") and math.isfinite(age_s):
         return f"{state} {age(age_s) if age_s >= 9.95 else f'{age_s:.0f}s'}"
-    return plain(state)
+    return "several" if state == "contested" else plain(state)
 
 
 def standing_word(standing: Standing) -> str:
