@@ -7,6 +7,7 @@ No fault of the disk stops a flight or raises here once the files are made: what
 from __future__ import annotations
 
 import contextlib
+import math
 import shutil
 import time
 from functools import partial
@@ -44,6 +45,10 @@ class Recorder:
         telemetry: write ``telemetry.tlog`` here, by ``packet``; False: the links' own process does, into ``tlog_path``.
         disk: the operating system, or a test's.
 
+    Attributes:
+        folder, tlog_path, video_path: where it all goes; no video_path without a camera.
+        full_in_s: until the disk is full if it fills up as in the last minute, inf unknown.
+
     Raises:
         SessionError, TlogError: the folder or a file cannot be made.
     """
@@ -54,7 +59,7 @@ class Recorder:
         self.folder = create_folder(parent)
         self.video_path = self.folder / "video.mkv" if video else None
         self.tlog_path = self.folder / "telemetry.tlog"
-        self.minutes_left = float("inf")
+        self.full_in_s = math.inf
         self._session = SessionFile(self.folder, mission)
         self._files: list[LineFile] = []
         make = partial(self._make, disk)
@@ -115,7 +120,7 @@ class Recorder:
         t_us = time.time_ns() // 1000
         told = self._watch.update(t_us, self.states(telemetry))
         told += self._space.update(time.monotonic(), t_us, self._free_bytes, self.bytes)
-        self.minutes_left = self._space.minutes_left
+        self.full_in_s = self._space.minutes_left * 60
         return told
 
     def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:

@@ -41,7 +41,8 @@ class AppendFile:
         path: of the first segment.
         header: begins every segment.
         ram_bytes: most bytes kept while the disk fails; past it the oldest rows are lost, and counted.
-        lazy: make the file with the first row, not now.
+        first: running number of the first row.
+        lazy: make the file with the first row, not now; rows may go into a further segment of files that exist.
         disk: the operating system, or a test's.
 
     Raises:
@@ -54,6 +55,7 @@ class AppendFile:
         *,
         header: bytes = b"",
         ram_bytes: int = RAM_BYTES,
+        first: int = 0,
         lazy: bool = False,
         disk: Disk = OS_DISK,
     ) -> None:
@@ -67,7 +69,8 @@ class AppendFile:
         self._segment = -1
         self._size = self._earlier_bytes = self._deleted_size = 0
         self._torn = self._retire = self._named = self._closed = False
-        self._accepted = self._gone = self._faults = 0
+        self._accepted = first
+        self._gone = self._faults = 0
         self._reason = self._last_reason = ""
         self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
         self._waiting = Backlog(ram_bytes)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-__all__ = ["RecordState"]
+__all__ = ["RecordState", "overall"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,3 +31,31 @@ class RecordState:
     """Rows given up because too many waited."""
     sync_age_s: float = 0.0
     """Age of the oldest row that is perhaps not on the disk; 0: all are."""
+    clock_step_s: float = 0.0
+    """By how much the wall clock was set since the recording began."""
+
+
+def overall(states: Iterable[RecordState]) -> RecordState:
+    """Several files as one: the longest failure with its reason, the oldest unsynced row, all else summed up.
+
+    Name and rows are those of the first.
+    """
+    first, *rest = states
+    every = (first, *rest)
+    worst = max(every, key=lambda state: state.failing_s)
+    reason = first.reason
+    if worst.failing_s:
+        reason = worst.reason if worst is first else f"{worst.name}: {worst.reason}"
+    return RecordState(
+        name=first.name,
+        rows=first.rows,
+        bytes=sum(state.bytes for state in every),
+        failing_s=worst.failing_s,
+        reason=reason,
+        faults=sum(state.faults for state in every),
+        waiting=sum(state.waiting for state in every),
+        waiting_bytes=sum(state.waiting_bytes for state in every),
+        lost=sum(state.lost for state in every),
+        sync_age_s=max(state.sync_age_s for state in every),
+        clock_step_s=first.clock_step_s,
+    )

@@ -19,7 +19,7 @@ from mavlink.disk import OS_DISK, Disk
 from mavlink.errors import TlogError
 from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.packet import MAGIC_V2, Auth, Packet
-from mavlink.record_state import RecordState
+from mavlink.record_state import RecordState, overall
 
 __all__ = ["CLOCK_COLUMNS", "REFUSED_COLUMNS", "SYNC_S", "TlogWriter"]
 
@@ -38,6 +38,8 @@ class TlogWriter:
 
     Args:
         path: must not exist; nothing recorded is ever overwritten.
+        resume_after: how many records the log has already, of a process that died; it is gone on with in its next
+            segment.
         ram_bytes: most bytes kept in memory while the disk fails.
         disk: the operating system, or a test's.
         clock: tells when the wall clock was set.
@@ -46,17 +48,22 @@ class TlogWriter:
         TlogError: the file exists or cannot be made.
     """
 
+    _stepped_us = 0
+
     def __init__(
         self,
         path: Path | str,
         *,
+        resume_after: int | None = None,
         ram_bytes: int = RAM_BYTES,
         disk: Disk = OS_DISK,
         clock: ClockWatch | None = None,
     ) -> None:
         self.path = Path(path)
         try:
-            self._log = AppendFile(self.path, ram_bytes=ram_bytes, disk=disk)
+            self._log = AppendFile(
+                self.path, ram_bytes=ram_bytes, first=resume_after or 0, lazy=resume_after is not None, disk=disk
+            )
         except FileExistsError:
             raise TlogError(f"{self.path}: exists already, and recordings are never overwritten") from None
         except OSError as error:
@@ -101,19 +108,9 @@ class TlogWriter:
 
     @property
     def state(self) -> RecordState:
-        """How the recording is doing; the worst of log and tables."""
-        log = self._log.state
-        for table in (self._refused.state, self._clock_steps.state):
-            if table.failing_s and not log.failing_s:
-                log = replace(log, failing_s=table.failing_s, reason=f"{table.name}: {table.reason}")
-            log = replace(
-                log,
-                lost=log.lost + table.lost,
-                waiting=log.waiting + table.waiting,
-                waiting_bytes=log.waiting_bytes + table.waiting_bytes,
-                faults=log.faults + table.faults,
-            )
-        return log
+        """How log and tables are doing."""
+        state = overall((self._log.state, self._refused.state, self._clock_steps.state))
+        return replace(state, clock_step_s=self._stepped_us * 1e-6)
 
     def sync(self) -> None:
         """Wait until the disk has everything.
@@ -140,6 +137,7 @@ class TlogWriter:
         stamped_before = sum(abs(t_us - was_us) < abs(t_us - is_us) for t_us in _times(data))
         row = f"{number + stamped_before},{is_us},{after_us},{after_us - before_us}\n"
         self._clock_steps.write(row.encode())
+        self._stepped_us += after_us - before_us
 
     def __enter__(self) -> TlogWriter:
         return self

@@ -18,6 +18,7 @@ from mavlink.clock_watch import ClockWatch
 from mavlink.errors import TlogError
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
+from mavlink.record_state import RecordState, overall
 from mavlink.segments import segments
 from mavlink.tlog_writer import TlogWriter
 from tests.faulty_disk import FaultyDisk
@@ -305,6 +306,28 @@ def test_refused_records_are_kept_and_noted(writer, path):
     )
 
 
+def test_a_process_goes_on_where_one_before_it_died(writer, path):
+    for k in range(10):
+        writer.write(packet(k))
+    with TlogWriter(path, resume_after=10) as second:
+        assert second.write(packet(10, auth=Auth.BAD)) == 10
+    with TlogWriter(path, resume_after=11) as third:
+        assert third.write(packet(11, auth=Auth.BAD)) == 11
+        assert third.records == 12
+    assert [part.read_bytes() for part in segments(path)] == [expected(10), expected(11, 10), expected(12, 11)]
+    refused = [part.read_text().splitlines()[1:] for part in segments(path.with_name("refused.csv"))]
+    assert refused == [[f"{k},{T0 + k},0,0,3"] for k in (10, 11)]
+
+
+def test_states_of_several_files_are_told_as_one():
+    log = RecordState(name="telemetry.tlog", rows=7, waiting=1, clock_step_s=2.0, reason="old")
+    table = RecordState(name="a.csv", rows=3, failing_s=2.0, reason="full", waiting=5, lost=4, sync_age_s=1.5)
+    both = overall((log, table))
+    assert (both.name, both.rows, both.failing_s, both.reason) == ("telemetry.tlog", 7, 2.0, "a.csv: full")
+    assert (both.waiting, both.lost, both.sync_age_s, both.clock_step_s) == (6, 4, 1.5, 2.0)
+    assert overall((log,)) == log
+
+
 class Clocks:
     """A wall clock that can be set, over a monotonic one that cannot."""
 
@@ -340,6 +363,7 @@ def test_a_clock_that_is_set_is_noted_with_the_first_record_it_stamped(tmp_path,
     clocks.offset_us += 40_000
     writer.write(stamped())
     writer.close()
+    assert writer.state.clock_step_s == pytest.approx(step_us * 1e-6)
     assert (tmp_path / "clock.csv").read_text() == (
         f"record,t_us,offset_us,step_us\n5,{clocks.wall_us - 40_100},{clocks.offset_us - 40_000},{step_us}\n"
     )
