@@ -13,16 +13,26 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from pymavlink.dialects.v20 import ardupilotmega
-
 from mavlink.dialect import message_name
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
-from mavlink.target import target_of
+from mavlink.rate_requests import (
+    ATTITUDE,
+    COMMAND_ACK,
+    GIMBAL_ATTITUDE,
+    GLOBAL_POSITION_INT,
+    GPS_RAW_INT,
+    PARAMETERS,
+    STREAMS,
+    SYSTEM_TIME,
+    boot_ms,
+    interval_answer,
+    interval_request,
+    stream_request,
+)
 
 __all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper"]
 
-SYSTEM_TIME, GPS_RAW_INT, ATTITUDE, GLOBAL_POSITION_INT, GIMBAL_ATTITUDE = 2, 24, 30, 33, 285
 UAV_RATES: Mapping[int, float] = {
     ATTITUDE: 30.0,
     GLOBAL_POSITION_INT: 10.0,
@@ -34,9 +44,6 @@ UAV_RATES: Mapping[int, float] = {
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
 """The same for a ground vehicle."""
 
-_STREAMS = {SYSTEM_TIME: 12, GPS_RAW_INT: 2, ATTITUDE: 10, GLOBAL_POSITION_INT: 6, GIMBAL_ATTITUDE: 12}
-_PARAMETERS = {SYSTEM_TIME: "EXTRA3", GPS_RAW_INT: "EXT_STAT", ATTITUDE: "EXTRA1", GLOBAL_POSITION_INT: "POSITION"}
-_SET_MESSAGE_INTERVAL, _COMMAND_ACK, _HEARTBEAT = 511, 77, 0
 _DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
 ENOUGH = 0.7
 """Share of the wanted rate that is good enough: vehicles round to what their loop can do, and radios lose some."""
@@ -62,6 +69,11 @@ class Rate:
     state: State
     hint: str = ""
     """What an operator can do, empty when nothing is to be done."""
+
+    @property
+    def words(self) -> str:
+        """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: nothing is ever sent to a ground vehicle: ...``."""
+        return f"{self.message} comes at {self.measured_hz:.1f} of {self.wanted_hz:g} Hz: {self.hint}"
 
 
 class _Stream:
@@ -133,6 +145,7 @@ class RateKeeper:
         self._uav = uav
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
         self._peers: dict[tuple[int, int], _Peer] = {}
+        self._told: frozenset[tuple[int, int, str]] = frozenset()
 
     def take(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
@@ -147,14 +160,14 @@ class RateKeeper:
         peer = self._peers.get((packet.system_id, packet.link))
         if peer is None:
             peer = self._peers[packet.system_id, packet.link] = _Peer(wanted, now_s)
-        boot_ms = _boot_ms(packet)
-        if now_s - peer.heard_s > SILENT_S or (boot_ms and boot_ms + _REBOOT_MS < peer.boot_ms):
+        booted_ms = boot_ms(packet)
+        if now_s - peer.heard_s > SILENT_S or (booted_ms and booted_ms + _REBOOT_MS < peer.boot_ms):
             peer.restart(now_s)
             peer.boot_ms = 0
-        peer.boot_ms, peer.heard_s = max(peer.boot_ms, boot_ms), now_s
+        peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
-        elif packet.message_id == _COMMAND_ACK and packet.system_id == self._uav:
+        elif packet.message_id == COMMAND_ACK and packet.system_id == self._uav:
             self._answer(peer, packet)
 
     def poll(self, now_s: float) -> list[tuple[int, bytes]]:
@@ -176,6 +189,13 @@ class RateKeeper:
             for message_id, hz in self._wanted[system_id].items()
         )
 
+    def troubles(self, now_s: float) -> list[Rate]:
+        """Rates that an operator can do something about, each told once while it lasts."""
+        bad = {(rate.system_id, rate.link, rate.message): rate for rate in self.rates(now_s) if rate.hint}
+        fresh = [rate for key, rate in bad.items() if key not in self._told]
+        self._told = frozenset(bad)
+        return fresh
+
     def _ask(self, speaker: Speaker, peer: _Peer, now_s: float) -> list[bytes]:
         if now_s - peer.since_s < WINDOW_S or (peer.asking is not None and now_s - peer.asked_s < ANSWER_S):
             return []
@@ -190,23 +210,20 @@ class RateKeeper:
             stream.tries, stream.due_s = stream.tries + 1, now_s + AGAIN_S
             peer.asked_s = now_s
             if stream.refused:
-                stream_hz = max(1, math.ceil(wanted_hz))
-                return [speaker.pack(_stream_request(self._uav, _STREAMS[message_id], stream_hz))]
+                return [stream_request(speaker, self._uav, message_id, wanted_hz)]
             peer.asking = message_id
-            return [speaker.pack(_interval_request(self._uav, message_id, wanted_hz))]
+            return [interval_request(speaker, self._uav, message_id, wanted_hz)]
         return []
 
     def _answer(self, peer: _Peer, packet: Packet) -> None:
-        payload = packet.payload.ljust(10, b"\0")
-        command, result = int.from_bytes(payload[:2], "little"), payload[2]
-        asker, _ = target_of(packet.raw)
-        if command != _SET_MESSAGE_INTERVAL or peer.asking is None or asker not in (0, self._own):
+        result = interval_answer(packet, self._own)
+        if result is None or peer.asking is None:
             return
         message_id, peer.asking = peer.asking, None
         if result in (_DENIED, _UNSUPPORTED, _FAILED):
             stream = peer.streams[message_id]
             stream.refused, stream.due_s = True, 0.0
-            stream.tries = stream.tries if message_id in _STREAMS else TRIES
+            stream.tries = stream.tries if message_id in STREAMS else TRIES
 
     def _rate(self, system_id: int, link: int, message_id: int, wanted_hz: float, now_s: float) -> Rate:
         peer = self._peers[system_id, link]
@@ -241,27 +258,8 @@ def _judge(stream: _Stream, measured_hz: float, wanted_hz: float, *, asks: bool)
 
 
 def _hint(message_id: int, wanted_hz: float, *, ground: bool) -> str:
-    parameter = _PARAMETERS.get(message_id, "")
+    parameter = PARAMETERS.get(message_id, "")
     how = f"set its stream rate (ArduPilot: SRx_{parameter} = {wanted_hz:g} of that serial port)" if parameter else ""
     if ground:
         return f"nothing is ever sent to a ground vehicle: {how or 'ask whoever drives it for more'}"
     return f"the station listens only: --command lets it ask, or {how or 'ask for more elsewhere'}"
-
-
-def _boot_ms(packet: Packet) -> int:
-    """Boot time that a message carries, 0 for those that do not."""
-    if packet.message_id in (ATTITUDE, GLOBAL_POSITION_INT):
-        return int.from_bytes(packet.payload[:4], "little")
-    if packet.message_id == SYSTEM_TIME:
-        return int.from_bytes(packet.payload[8:12], "little")
-    return 0
-
-
-def _interval_request(system_id: int, message_id: int, hz: float) -> ardupilotmega.MAVLink_command_long_message:
-    return ardupilotmega.MAVLink_command_long_message(
-        system_id, 1, _SET_MESSAGE_INTERVAL, 0, message_id, round(1e6 / hz), 0, 0, 0, 0, 0
-    )
-
-
-def _stream_request(system_id: int, stream: int, hz: int) -> ardupilotmega.MAVLink_request_data_stream_message:
-    return ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, stream, hz, 1)

@@ -28,6 +28,7 @@ __all__ = ["CommandDesk"]
 
 SYSTEM_ID, COMPONENT_ID = 254, 190
 _STOP_S = 5.0
+LOOK_S = 1.0
 
 
 class CommandDesk:
@@ -39,7 +40,7 @@ class CommandDesk:
         uav_name: what operators call the UAV.
         outgoing: the way out, which lets nothing pass that is not for the UAV.
         where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
-        tell: given events, in the desk's thread.
+        tell: given events, in the desk's thread or in the one that polls.
         own: system and component id that the station speaks as.
         rules: how orders are carried out.
     """
@@ -61,6 +62,7 @@ class CommandDesk:
         speaker = Speaker(*own)
         self._heartbeat, self._timesync = Heartbeat(speaker), TimeSyncer(speaker)
         self._rates = RateKeeper(speaker, uav, tuple(ground), own=own[0])
+        self._look_s = 0.0
         self._uav = Uav()
         self._sdk = Sdk(uav, own, outgoing.give)
         self._jobs = Jobs(self._sdk, self._uav, where, own=own, rules=rules or Rules())
@@ -88,6 +90,10 @@ class CommandDesk:
                 self._outgoing.give_everywhere(raw)
         for link, raw in self._rates.poll(now_s):
             self._outgoing.give(raw, link)
+        if now_s >= self._look_s:
+            self._look_s = now_s + LOOK_S
+            for rate in self._rates.troubles(now_s):
+                self._note("warning", "link", rate.words, rate.system_id)
 
     def rates(self) -> Sequence[Rate]:
         """Message rates, wanted and measured."""
@@ -139,11 +145,7 @@ class CommandDesk:
 
         def tell(level: Level, text: str) -> None:
             about = system_id if order.about == "ugv" else self._uav_id
-            self._tell(
-                Event(
-                    t_us=time.time_ns() // 1000, level=level, kind="operator", text=f"{words}: {text}", system_id=about
-                )
-            )
+            self._note(level, "operator", f"{words}: {text}", about)
 
         tell("info", "ordered")
         try:
@@ -153,6 +155,10 @@ class CommandDesk:
             raise
         except Exception as error:  # noqa: BLE001 - one order fails, the station flies on
             tell("alarm", f"failed: {error}")
+
+    def _note(self, level: Level, kind: str, text: str, system_id: int) -> None:
+        now_us = time.time_ns() // 1000
+        self._tell(Event(t_us=now_us, level=level, kind=kind, text=text, system_id=system_id))
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
