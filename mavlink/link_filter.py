@@ -13,7 +13,6 @@ import ctypes
 import socket
 import struct
 from collections.abc import Iterable
-from itertools import groupby
 
 __all__ = ["Address", "attach", "detach", "program"]
 
@@ -24,6 +23,8 @@ _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _INSTRUCTION = struct.Struct("=HBBI")
 _PROGRAM = struct.Struct("@HP")
 _MOST = 4096  # instructions that the kernel takes
+_BLOCK = 200  # a condition jumps over 255 instructions at most
+_ODD = 0x9E3779B1
 _LOAD, _LOAD_HALF, _LOAD_BYTE, _LOAD_LENGTH = 0x20, 0x28, 0x30, 0x80
 _JUMP, _IF_EQUAL, _IF_MORE, _IF_AT_LEAST = 0x05, 0x15, 0x25, 0x35
 _TIMES, _PLUS_X, _MINUS_X, _TO_X, _RETURN = 0x24, 0x0C, 0x1C, 0x07, 0x06
@@ -48,18 +49,32 @@ def program(known: Iterable[Address], likely: float, other: float) -> bytes:
     Raises:
         ValueError: more instructions than the kernel takes.
     """
-    code: _Code = []
-    for ip, addresses in groupby(sorted(known), key=lambda address: address[0]):
-        ports = [port for _, port in addresses]
-        # a jump's distance in a condition is one byte, so the way past many ports takes a jump of its own
-        code += [(_LOAD, 0, 0, _SOURCE_IP), (_IF_EQUAL, 1, 0, ip), (_JUMP, 0, 0, 1 + 2 * len(ports))]
-        code += [(_LOAD_HALF, 0, 0, _SOURCE_PORT)]
-        for port in ports:
-            code += [(_IF_EQUAL, 0, 1, port), (_RETURN, 0, 0, _PASS)]
+    code = _known(sorted({_mixed(ip, port) for ip, port in known}))
     code += _strangers(_sieve(likely), _sieve(other))
     if len(code) > _MOST:
         raise ValueError(f"{len(code)} instructions are more than the {_MOST} that the kernel takes")
     return b"".join(_INSTRUCTION.pack(*step) for step in code)
+
+
+def _mixed(ip: int, port: int) -> int:
+    """An address and a port in 32 bits: ip · odd + port. Who could send from an equal one could as well send as it."""
+    return (ip * _ODD + port) & 0xFFFFFFFF
+
+
+def _known(keys: list[int]) -> _Code:
+    """Lets those with one of these keys pass."""
+    code: _Code = [
+        (_LOAD_HALF, 0, 0, _SOURCE_PORT),
+        (_TO_X, 0, 0, 0),
+        (_LOAD, 0, 0, _SOURCE_IP),
+        (_TIMES, 0, 0, _ODD),
+        (_PLUS_X, 0, 0, 0),
+    ]
+    for start in range(0, len(keys), _BLOCK):
+        block = keys[start : start + _BLOCK]
+        code += [(_IF_EQUAL, len(block) - k, 0, key) for k, key in enumerate(block)]
+        code += [(_JUMP, 0, 0, 1), (_RETURN, 0, 0, _PASS)]
+    return code
 
 
 def _sieve(share: float) -> _Code:

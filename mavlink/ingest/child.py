@@ -35,9 +35,10 @@ COMMAND = struct.Struct("=HH")
 GO = struct.Struct("=Q")
 """The station's first word, before which nothing is opened: the process's generation."""
 TICK_S = 0.05
-PAUSE_S = 0.003
+PAUSE_S = 0.004
 """Datagrams of so long are taken together; when each came the kernel has noted."""
 TELL_S = 0.2
+_FEW = 128
 _ROUNDS = 8
 """Batches of one link before the others have their turn."""
 
@@ -84,6 +85,7 @@ class _Ingest:
         self._outputs = open_outputs(plan.outputs, plan.system_ids)
         self._log = open_log(Path(plan.log), plan.generation, memory)
         self._receiver = Receiver(self._links, self._log, memory, self._signatures, self._outputs)
+        self._tell()
 
     def run(self) -> None:
         """Everything, until the station closes the control socket."""
@@ -121,6 +123,8 @@ class _Ingest:
             self._receiver.take(index, batch)
             with contextlib.suppress(OSError):  # it has not read for long: the ring counts what does not fit
                 self._control.send(b".")
+            if len(batch.frames) < _FEW:
+                return  # what came meanwhile can wait for the next round
 
     def _obey(self) -> None:
         """Sends what the station wants sent."""

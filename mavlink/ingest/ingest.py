@@ -81,9 +81,9 @@ class Ingest:
         self._spare: IngestProcess | None = None
         """Takes over at once when the process is replaced."""
         try:
-            named = [self._open(link) for link in links]
+            opened = [self._open(link) or url for link, url in zip(links, urls, strict=True)]
             self._plan = Plan(
-                urls=tuple(named),
+                urls=tuple(opened),
                 sockets=tuple(-1 if sock is None else sock.fileno() for sock in self._sockets),
                 memory=self._memory_fd,
                 control=-1,
@@ -176,9 +176,8 @@ class Ingest:
     # ---- opening
 
     def _open(self, link: LinkUrl) -> str:
-        """Opens what outlives the process; returns the URL that the process gets."""
-        sock = None
-        name = link.name
+        """Opens what outlives the process; returns the URL that the process gets instead, empty: the same."""
+        sock, url = None, ""
         if link.kind == "udpin":
             sock = bind_udp(link)
         elif link.kind == "udpout":
@@ -187,9 +186,9 @@ class Ingest:
             sock = listen_tcp(link)
         elif link.kind == "tcpout":
             host, port = resolve_tcp(link)
-            name = f"tcp:{host}:{port}"
+            url = f"tcp:{host}:{port}"
         self._sockets.append(sock)
-        return name
+        return url
 
     def _start(self) -> IngestProcess:
         files = [sock.fileno() for sock in self._sockets if sock is not None]

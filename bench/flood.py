@@ -1,0 +1,167 @@
+"""Telemetry of a hundred vehicles while the machine is busy and strangers flood the port: what arrives, at both ends.
+
+    python bench/flood.py --seconds 60 --markdown bench/results/flood.md
+
+Sender, flood and station are processes of one machine and share its cores. In the station two threads can be kept busy
+in Python, as detection and screens would keep it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import multiprocessing
+import os
+import socket
+import tempfile
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.senders import FLOODER, send_fleet, send_flood
+from mavlink.ingest.health import IngestHealth
+from mavlink.ingest.ingest import Ingest
+from mavlink.tlog import Tlog
+
+VEHICLES = 100
+FLOOD_AFTER_S = 2.0
+"""The vehicles are known by then."""
+_SETTLE_S = 1.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One run."""
+
+    name: str
+    rate: float
+    busy: int = 0
+    flood: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What became of it."""
+
+    sent: int
+    logged: int
+    taken: int
+    flooded: int
+    let_in: int
+    health: IngestHealth
+    cpu_us: float
+    """Processor time of the ingest process for each record, without its start."""
+    latency_ms: float
+    """99th percentile, from the kernel's stamp to the station."""
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return int(sock.getsockname()[1])
+
+
+def run(case: Case, seconds: float, folder: Path) -> Result:
+    """One case."""
+    port, log = free_port(), folder / f"{case.name.replace(' ', '_')}.tlog"
+    ingest = Ingest([f"udpin:127.0.0.1:{port}"], log, system_ids=range(1, VEHICLES + 1))
+    time.sleep(0.5)
+    before = ingest.health()
+    stop = threading.Event()
+    busy = [threading.Thread(target=_spin, args=(stop,), daemon=True) for _ in range(case.busy)]
+    for thread in busy:
+        thread.start()
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    fleet = spawn.Process(target=send_fleet, args=(port, VEHICLES, case.rate, seconds, theirs))
+    fleet.start()
+    flood_ours, flood_theirs = spawn.Pipe()
+    flood = spawn.Process(target=send_flood, args=(port, case.flood, seconds - FLOOD_AFTER_S, flood_theirs))
+    flood_at = time.monotonic() + FLOOD_AFTER_S if case.flood else math.inf
+    taken: Counter[int] = Counter()
+    delays: list[int] = []
+    ends = time.monotonic() + seconds + 30.0
+    quiet_s = time.monotonic()
+    while time.monotonic() < ends and (fleet.is_alive() or time.monotonic() - quiet_s < _SETTLE_S):
+        packets = ingest.read(0.2)
+        if time.monotonic() > flood_at and taken:
+            flood.start()
+            flood_at = math.inf
+        now_us = time.time_ns() // 1000
+        taken.update(packet.system_id for packet in packets)
+        if packets:
+            delays += [now_us - packet.t_us for packet in packets[:1]]
+            quiet_s = time.monotonic() if any(p.system_id <= VEHICLES for p in packets) else quiet_s
+    stop.set()
+    sent = sum(ours.recv())
+    flooded = int(flood_ours.recv()) if case.flood else 0
+    for process in [fleet] + [flood] * bool(case.flood):
+        process.join()
+    ingest.stop()
+    logged = Counter(Tlog.open(log).index.system_id.tolist())
+    delays.sort()
+    return Result(
+        sent=sent,
+        logged=sum(count for system_id, count in logged.items() if system_id <= VEHICLES),
+        taken=sum(count for system_id, count in taken.items() if system_id <= VEHICLES),
+        flooded=flooded,
+        let_in=logged[FLOODER],
+        health=(health := ingest.health()),
+        cpu_us=(health.cpu_s - before.cpu_s) * 1e6 / max(health.packets, 1),
+        latency_ms=delays[int(len(delays) * 0.99)] / 1000.0 if delays else 0.0,
+    )
+
+
+def _spin(stop: threading.Event) -> None:
+    k = 0
+    while not stop.is_set():
+        k = (k * 31 + 7) % 1_000_003
+
+
+def table(rows: list[tuple[Case, Result]], seconds: float) -> str:
+    """The results as Markdown."""
+    names = ["case", "sent", "recorded", "lost", "handed over", "flood sent", "of it recorded", "turned away"]
+    names += ["dropped by the system", "restarts", "p99 to the station", "CPU a record"]
+    lines = [
+        f"{VEHICLES} vehicles, {seconds:.0f} s a case, {os.cpu_count()} cores shared by sender, flood and station.",
+        "",
+        f"| {' | '.join(names)} |",
+        "|" + "---|" * len(names),
+    ]
+    for case, r in rows:
+        link = r.health.links[0].counts
+        counts = [r.sent, r.logged, r.sent - r.logged, r.taken, r.flooded, r.let_in]
+        counts += [link.turned_away, link.dropped, r.health.restarts]
+        cells = [case.name, *(f"{count:,}" for count in counts), f"{r.latency_ms:.1f} ms", f"{r.cpu_us:.1f} µs"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rate", type=float, default=5000.0, help="packets a second of all vehicles")
+    parser.add_argument("--flood", type=float, default=100_000.0, help="datagrams a second of the stranger")
+    parser.add_argument("--busy", type=int, default=2, help="busy threads in the station")
+    parser.add_argument("--markdown", type=Path)
+    options = parser.parse_args()
+    cases = [
+        Case(name="quiet", rate=options.rate),
+        Case(name="busy station", rate=options.rate, busy=options.busy),
+        Case(name="flood", rate=options.rate, flood=options.flood),
+        Case(name="busy station and flood", rate=options.rate, busy=options.busy, flood=options.flood),
+    ]
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for case in cases:
+            rows.append((case, run(case, options.seconds, Path(folder))))
+            print(table(rows[-1:], options.seconds), flush=True)
+    text = table(rows, options.seconds)
+    if options.markdown:
+        options.markdown.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Processes that send telemetry to a UDP port: a fleet at a steady rate, and a stranger that floods."""
+
+from __future__ import annotations
+
+import ctypes
+import random
+import socket
+import time
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
+
+from mavlink.link_mmsg import _Header, _IoVec
+from mavlink.pack import Speaker
+
+__all__ = ["FLOODER", "fleet_frames", "send_fleet", "send_flood"]
+
+FLOODER = 200
+"""System id that the flood's well-made frames carry."""
+_STEP_S = 0.01
+_BATCH = 64
+
+
+def fleet_frames(system_id: int) -> list[bytes]:
+    """256 frames of one vehicle, by sequence number: two positions and two attitudes to a heartbeat."""
+    speaker = Speaker(system_id)
+    frames = []
+    for k in range(256):
+        if k % 5 == 0:
+            frames.append(speaker.heartbeat())
+        elif k % 5 < 3:
+            place = (46.5 + k * 1e-6, 8.5, 500.0, 0.0)
+            frames.append(speaker.global_position_int(k * 50, *place, (1.0, 0.5, 0.0), 0.5))
+        else:
+            frames.append(speaker.attitude(k * 50, 0.01, 0.02, 0.5, (0.1, 0.2, 0.3)))
+    return frames
+
+
+def send_fleet(port: int, vehicles: int, rate: float, duration_s: float, told: Connection) -> None:
+    """Sends as so many vehicles, each from a port of its own, and tells how many frames each has sent."""
+    frames = [fleet_frames(k + 1) for k in range(vehicles)]
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(vehicles)]
+    for sock in sockets:
+        sock.connect(("127.0.0.1", port))
+    sent = 0
+    began = time.monotonic()
+    while (elapsed := time.monotonic() - began) < duration_s:
+        due = int(elapsed * rate)
+        for k in range(sent, due):
+            vehicle = k % vehicles
+            sockets[vehicle].send(frames[vehicle][k // vehicles % 256])
+        sent = max(sent, due)
+        time.sleep(_STEP_S)
+    told.send([sent // vehicles + (k < sent % vehicles) for k in range(vehicles)])
+    for sock in sockets:
+        sock.close()
+
+
+def send_flood(port: int, rate: float, duration_s: float, told: Connection) -> None:
+    """Sends junk, poison and forged frames from one port, many to a system call, and tells how many."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.connect(("127.0.0.1", port))
+    call = ctypes.CDLL(None, use_errno=True).sendmmsg
+    batch, _keep = _messages(list(_flood_datagrams()))
+    sent = 0
+    began = time.monotonic()
+    while (elapsed := time.monotonic() - began) < duration_s:
+        if sent >= elapsed * rate:
+            time.sleep(0.0005)
+            continue
+        sent += max(call(sock.fileno(), batch, _BATCH, 0), 0)
+    told.send(sent)
+    sock.close()
+
+
+def _flood_datagrams() -> Iterator[bytes]:
+    rng = random.Random(1)
+    forged = bytearray(Speaker(FLOODER).heartbeat())
+    for k in range(_BATCH):
+        if k % 4 == 0:
+            yield (b"\xfd\xff\x00", b"\xfd\xff\x01")[k // 4 % 2]
+        elif k % 4 == 1:
+            yield rng.randbytes(rng.randrange(1, 200))
+        elif k % 4 == 2:
+            yield bytes(forged)
+        else:
+            forged[-1] ^= 1  # a wrong checksum
+            yield bytes(forged)
+            forged[-1] ^= 1
+
+
+def _messages(datagrams: list[bytes]) -> tuple[ctypes.Array[_Header], list[object]]:
+    headers = (_Header * len(datagrams))()
+    keep: list[object] = []
+    for k, data in enumerate(datagrams):
+        memory = ctypes.create_string_buffer(data, len(data))
+        vector = _IoVec(ctypes.addressof(memory), len(data))
+        headers[k] = _Header(vectors=ctypes.addressof(vector), vector_count=1)
+        keep += [memory, vector]
+    return headers, keep

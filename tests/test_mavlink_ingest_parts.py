@@ -1,0 +1,344 @@
+import os
+import socket
+import sys
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink.dialect import DEFINITIONS
+from mavlink.frame import split
+from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.plan import Outputs, Plan, Signing
+from mavlink.ingest.shared import Shared, Word, make_memory
+from mavlink.link_batch import is_one_frame, looks_like_one_frame
+from mavlink.link_filter import attach, detach, program
+from mavlink.link_gate import LIKELY_PER_S, OTHER_PER_S, Gate
+from mavlink.link_peers import BAD_A_LOOK, NUMBERED, TRUSTED, Peers, key_of
+from mavlink.link_stream import Backoff
+from mavlink.link_tally import LinkCounts
+from mavlink.link_udp import UdpIn
+from mavlink.link_url import parse_url
+from mavlink.pack import Speaker
+from mavlink.packet import Auth
+
+HOST = "127.0.0.1"
+LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
+KEY = bytes(range(32))
+
+
+def udp():
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind((HOST, 0))
+    sock.setblocking(False)
+    return sock
+
+
+def arrived(sock):
+    got = []
+    try:
+        while True:
+            got.append(sock.recv(4096))
+    except BlockingIOError:
+        return got
+
+
+# ---- one frame
+
+
+@given(st.sampled_from(["v2", "signed", "v1"]), st.integers(0, 60), st.integers(0, 255), st.integers(0, 3))
+def test_the_short_check_never_takes_what_the_search_does_not(kind, place, value, extra):
+    speaker = Speaker(7, version=1 if kind == "v1" else 2, key=KEY if kind == "signed" else None)
+    data = bytearray(speaker.heartbeat())
+    if place < len(data):
+        data[place] = value
+    data = bytes(data) + b"\xfd" * extra
+    if is_one_frame(data):
+        assert split(data)[0] == [data] and split(data)[1].good == 1
+
+
+def test_the_short_check_takes_whole_frames():
+    for speaker in (Speaker(7), Speaker(7, key=KEY)):
+        frame = speaker.heartbeat()
+        assert is_one_frame(frame) and looks_like_one_frame(frame)
+        assert not any(is_one_frame(frame[:n]) for n in range(len(frame)))
+        assert not is_one_frame(frame + b"\0")
+    too_long = bytearray(Speaker(7).heartbeat())
+    too_long[1] = DEFINITIONS[0][0] + 1
+    assert not is_one_frame(bytes(too_long))
+
+
+# ---- peers
+
+
+def test_a_key_is_the_kernels_own_spelling_of_an_address():
+    peers = Peers()
+    number = peers.number(key_of(("192.0.2.7", 14551)))
+    peers.trust([number], 1)
+    assert number == 1 and peers.number(key_of(("192.0.2.7", 14551))) == 1
+    assert peers.addresses() == [("192.0.2.7", 14551)]
+    assert peers.senders() == [(0xC0000207, 14551)]
+
+
+def test_a_crowd_of_strangers_pushes_out_its_own():
+    peers = Peers()
+    fleet = [peers.number(k) for k in range(100)]
+    for t_us in range(10):
+        peers.trust(fleet, t_us)
+    for k in range(3 * NUMBERED):
+        peers.trust([peers.number(1000 + k)], 100)
+    assert len(peers.trusted) <= TRUSTED and len(peers.numbers) <= NUMBERED
+    assert all(number in peers.trusted for number in fleet)
+    assert [peers.number(k) for k in range(100)] == fleet
+    peers.addresses()
+
+
+def test_trust_ends_with_silence_and_with_junk():
+    peers = Peers()
+    quiet, noisy, good = (peers.number(k) for k in range(3))
+    peers.trust([quiet, noisy, good], 0)
+    peers.trust([noisy, good], 59_000_000)
+    for _ in range(BAD_A_LOOK):
+        peers.misbehaved(noisy)
+    peers.misbehaved(good)
+    changes = peers.changes
+    peers.review(61_000_000)
+    assert list(peers.trusted) == [good] and peers.changes > changes
+    peers.trust([noisy, quiet], 62_000_000)
+    assert set(peers.trusted) == {good, quiet}  # one good frame does not buy a new flood
+    peers.review(80_000_000)
+    peers.trust([noisy], 80_000_000)
+    assert noisy in peers.trusted
+
+
+# ---- the filter in the kernel
+
+
+@LINUX
+@pytest.mark.parametrize("others", [0, 300])
+def test_the_filter_knows_senders_and_what_looks_like_a_frame(others):
+    frames = {
+        "v2": Speaker(1).heartbeat(),
+        "signed": Speaker(1, key=KEY).heartbeat(),
+        "v1": Speaker(1, version=1).heartbeat(),
+    }
+    junk = [b"", b"\xfd", b"\xfd\xff\x00", b"\xfd\xff\x01", b"x" * 100, frames["v2"][:-1], frames["v1"] + b"\0"]
+    strange_flag = bytearray(frames["v2"])
+    strange_flag[2] = 2
+    junk.append(bytes(strange_flag))
+    crowd = [(0x7F000001, 65535 - k) for k in range(others)] + [(0x0A000000 + k, 5) for k in range(others)]
+    with udp() as here, udp() as known, udp() as stranger:
+        to = here.getsockname()
+        address = (0x7F000001, known.getsockname()[1])
+        for likely, other in [(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)]:
+            attach(here, program([*crowd, address], likely, other))
+            for data in [*frames.values(), *junk]:
+                stranger.sendto(data, to)
+            expected = list(frames.values()) * bool(likely) + junk * bool(other)
+            assert arrived(here) == expected
+            for data in [*frames.values(), *junk]:
+                known.sendto(data, to)
+            assert arrived(here) == [*frames.values(), *junk]
+        detach(here)
+        detach(here)
+        stranger.sendto(b"anybody", to)
+        assert arrived(here) == [b"anybody"]
+
+
+@LINUX
+def test_a_share_of_strangers_passes_at_random():
+    with udp() as here, udp() as stranger:
+        here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+        attach(here, program([], 1.0, 0.25))
+        for _ in range(2000):
+            stranger.sendto(b"x", here.getsockname())
+        assert 380 < len(arrived(here)) < 620  # six sigma
+
+
+def test_a_program_that_the_kernel_would_not_take_is_refused():
+    with pytest.raises(ValueError, match="4096"):
+        program([(k, 1) for k in range(5000)], 1.0, 1.0)
+
+
+# ---- the gate
+
+
+@LINUX
+def test_the_gate_narrows_under_a_flood_and_opens_again():
+    with udp() as here:
+        gate = Gate(here)
+        assert not gate.strangers(10, 10, 0.0) and not gate.narrow
+        gate.adapt(0.1, [], 0)
+        assert gate.shares == (1.0, 1.0)
+        assert gate.strangers(int(LIKELY_PER_S), int(OTHER_PER_S), 0.15)
+        gate.adapt(0.2, [], 0)
+        assert gate.narrow and max(gate.shares) < 0.2 and min(gate.shares) > 0.0
+        now_s = 0.2
+        for _ in range(40):
+            now_s += 0.1
+            gate.adapt(now_s, [], 0)
+        assert gate.shares == (1.0, 1.0) and not gate.narrow
+
+
+@LINUX
+def test_the_share_finds_the_rate_that_is_wanted():
+    with udp() as here:
+        gate, now_s, offered = Gate(here), 0.0, 100_000.0
+        for _ in range(50):
+            now_s += 0.1
+            let_in = [int(offered * share * 0.1) for share in gate.shares]
+            gate.strangers(*let_in, now_s)
+            gate.adapt(now_s, [], 0)
+        assert gate.shares[0] * offered == pytest.approx(LIKELY_PER_S, rel=0.3)
+        assert gate.shares[1] * offered == pytest.approx(OTHER_PER_S, rel=0.3)
+
+
+@LINUX
+def test_a_gate_that_cannot_work_lets_everybody_in():
+    with udp() as here, udp() as stranger:
+        gate = Gate(here)
+        gate.strangers(100_000, 100_000, 0.0)
+        gate.adapt(0.1, [(k, 1) for k in range(5000)], 1)  # more than the kernel takes
+        assert gate.broken and not gate.narrow
+        stranger.sendto(b"x", here.getsockname())
+        assert arrived(here) == [b"x"]
+
+
+@LINUX
+def test_what_is_turned_away_is_not_called_lost():
+    with udp() as here, udp() as stranger:
+        gate = Gate(here)
+        gate.strangers(0, 1_000_000, 0.0)
+        gate.adapt(0.1, [], 0)
+        for _ in range(500):
+            stranger.sendto(b"junk", here.getsockname())
+        gate.count_drops()
+        assert gate.turned_away > 400 and gate.dropped == 0
+
+
+# ---- links
+
+
+@LINUX
+def test_without_the_batch_call_everything_is_the_same(monkeypatch):
+    monkeypatch.setattr("mavlink.link_udp.available", lambda: False)
+    with udp() as sender:
+        probe = udp()
+        port = probe.getsockname()[1]
+        probe.close()
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 3)
+        frames = [Speaker(k + 1).heartbeat() for k in range(100)]
+        for frame in frames:
+            sender.sendto(frame, (HOST, port))
+            sender.sendto(b"\xfd\xff\x00", (HOST, port))
+        batch = link.take()
+        while len(batch) < 100 and (more := link.take()).frames:
+            batch.frames += more.frames
+        assert batch.frames == frames
+        assert link.counts.packets == 100 and link.counts.junk_bytes == 300
+        link.close()
+
+
+def test_only_known_systems_make_a_sender_known():
+    with udp() as fleet, udp() as stranger:
+        probe = udp()
+        port = probe.getsockname()[1]
+        probe.close()
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0, system_ids=(1, 2))
+        stranger.sendto(Speaker(200).heartbeat(), (HOST, port))
+        fleet.sendto(Speaker(2).heartbeat(), (HOST, port))
+        assert len(link.read(1.0)) + len(link.read(0.1)) == 2
+        assert link.peers.addresses() == [fleet.getsockname()]
+        link.close()
+
+
+def test_trying_again_takes_longer_each_time():
+    backoff = Backoff(first_s=1.0, most_s=4.0)
+    tried = [now_s for now_s in range(20) if backoff.due(float(now_s))]
+    assert tried == [0, 1, 3, 7, 11, 15, 19]
+    backoff.succeeded()
+    assert backoff.due(100.0) and backoff.due(101.0)
+
+
+# ---- shared memory
+
+
+@pytest.fixture
+def memory():
+    fd = make_memory(4096)
+    shared = Shared(fd)
+    yield shared
+    shared.close()
+    os.close(fd)
+
+
+def test_packets_come_out_of_the_ring_as_they_went_in(memory):
+    frames = [bytes([0xFD, k % 256]) * (k % 60 + 5) for k in range(400)]
+    out = []
+    for k in range(0, 400, 4):
+        some = frames[k : k + 4]
+        auths = [Auth.GOOD, Auth.BAD, Auth.OPEN, Auth.FUTURE] if k % 8 else None
+        assert memory.put(k % 7, list(range(k, k + 4)), some, [9, 8, 7, 70_000], auths)
+        if k % 12 == 0:
+            out += memory.take()
+    out += memory.take()
+    assert [packet.raw for packet in out] == frames and [packet.t_us for packet in out] == list(range(400))
+    assert [packet.peer for packet in out[:4]] == [9, 8, 7, 70_000]
+    assert [packet.auth for packet in out[4:8]] == [Auth.GOOD, Auth.BAD, Auth.OPEN, Auth.FUTURE]
+    assert out[0].auth is Auth.OPEN and out[8].link == 1
+    assert memory.take() == []
+
+
+def test_a_full_ring_counts_what_does_not_fit(memory):
+    kept = sum(memory.put(0, [1], [b"x" * 84], [1], None) for _ in range(50))
+    assert kept == 40 and memory.words[Word.OVERRUN] == 10
+    assert len(memory.take()) == 40
+    assert memory.put(0, [1], [b"x" * 84], [1], None)
+
+
+def test_the_status_is_whole_or_not_there(memory):
+    memory.tell(b"first")
+    assert memory.status() == b"first"
+    memory.words[Word.STATUS] |= 1  # somebody died while writing
+    assert memory.status() is None
+    memory.tell(b"second")
+    assert memory.status() == b"second"
+    memory.tell(b"x" * 1_000_000)
+    assert memory.status() == b"second"
+
+
+def test_plan_and_health_survive_the_way_between_processes():
+    plan = Plan(
+        urls=("udpin:0.0.0.0:14550",),
+        sockets=(5,),
+        memory=3,
+        control=4,
+        log="/tmp/x.tlog",
+        system_ids=(1, 2),
+        signing=Signing(keys="/keys", unsigned=(109,)),
+        outputs=Outputs(urls=("udpout:127.0.0.1:1?ro",), own=255),
+    )
+    assert Plan.from_text(plan.to_text()) == plan
+    health = IngestHealth(links=(LinkReport(name="a", counts=LinkCounts(packets=3, dropped=1)),), troubles=("no",))
+    again = IngestHealth.from_json(health.to_json())
+    assert again.links == health.links and again.troubles == ("no",)
+    total = again.plus((LinkCounts(packets=4, dropped=2, silent_s=9.0),)).links[0].counts
+    assert (total.packets, total.dropped) == (7, 3)
+    with pytest.raises(ValueError, match="no health"):
+        IngestHealth.from_json(b"{}")
+
+
+@LINUX
+def test_arrival_is_the_kernels():
+    with udp() as sender:
+        probe = udp()
+        port = probe.getsockname()[1]
+        probe.close()
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0)
+        before_us = time.time_ns() // 1000
+        sender.sendto(Speaker(1).heartbeat(), (HOST, port))
+        after_us = time.time_ns() // 1000
+        time.sleep(0.05)
+        assert before_us <= link.take().times_us[0] <= after_us + 1000
+        link.close()
