@@ -13,17 +13,18 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.reactive import reactive
 
 from gcs.snapshot import Snapshot
-from gcs.station import Station
+from gcs.station import Commands, Station
 from gcs.tui import playback
 from gcs.tui.alarms import ALARM_KEYS, AlarmPane, token, unseen
 from gcs.tui.alert import AlertLine
+from gcs.tui.command import ask_for_order
 from gcs.tui.deck import Deck
 from gcs.tui.event_log import EventPane, heard
 from gcs.tui.fleet import FleetPane
 from gcs.tui.help import HelpScreen
 from gcs.tui.hints import HintLine
 from gcs.tui.identity import IdentityPane
-from gcs.tui.keys import BINDINGS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
+from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.map import MapPane
 from gcs.tui.messages import SeekTo, VehiclePicked
 from gcs.tui.pane import Pane
@@ -103,7 +104,8 @@ class RollcallApp(App[None]):
         yield self._deck
         if self._timeline is not None:
             yield self._timeline
-        yield HintLine((*LIVE_HINTS[:2], ("a", "alarms"), *LIVE_HINTS[2:]) if live else REPLAY_HINTS, id="hints")
+        hints = REPLAY_HINTS if not live else COMMAND_HINTS if self._commands else LIVE_HINTS
+        yield HintLine((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
 
     def on_mount(self) -> None:
         """Start to poll."""
@@ -206,6 +208,15 @@ class RollcallApp(App[None]):
     def action_acknowledge(self) -> None:
         """Every alarm that is on now has been seen."""
         self._alarms.seen = frozenset(token(alarm) for alarm in self._alarms.alarms)
+
+    @property
+    def _commands(self) -> Commands | None:
+        commands: Commands | None = getattr(self._station, "commands", None)
+        return commands
+
+    def action_command(self) -> None:
+        """Choose, confirm and give an order."""
+        ask_for_order(self, self._commands, self.selected, live=self._station.timeline is None)
 
     def action_layout(self, layout: int) -> None:
         """One of three layouts."""
