@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["Rate"]
+__all__ = ["Arrivals"]
 
 _WINDOW_US = 2_000_000
 
 
-class Rate:
+class Arrivals:
     """Counts arrivals in windows that begin and end with one: a steady sender's rate comes out exactly."""
 
     __slots__ = ("_count", "_hz", "_since_us", "last_us")
