@@ -57,7 +57,7 @@ class TlogCheck:
     @property
     def several_writers(self) -> bool:
         """Whether several programs wrote into the file at once."""
-        return self.torn_by_others > 0 or self.times_crossed >= _CROSSED
+        return self.torn_by_others + self.times_crossed >= _CROSSED
 
     @property
     def speed(self) -> float:
@@ -113,14 +113,16 @@ def _torn_by_others(tlog: Tlog) -> int:
     return sum(_joins(one, other) for one, other in pairwise(gaps))
 
 
-def _joins(head: bytes, rest: bytes) -> bool:
-    for at, byte in enumerate(head):
-        if byte not in (MAGIC_V1, MAGIC_V2) or at + 1 >= len(head):
+def _joins(one: bytes, other: bytes) -> bool:
+    """Whether a frame begins somewhere in one gap and ends where the next gap ends, behind a part of another's."""
+    for at, byte in enumerate(one[:-1]):
+        if byte not in (MAGIC_V1, MAGIC_V2):
             continue
-        length = head[at + 1] + (8 if byte == MAGIC_V1 else 12)
-        missing = length - (len(head) - at)
-        if 0 < missing <= len(rest) and split(head[at:] + rest[:missing])[1].good == 1:
-            return True
+        length = one[at + 1] + (8 if byte == MAGIC_V1 else 12)
+        for missing in range(max(1, length - (len(one) - at)), min(length - 2, len(other)) + 1):
+            frame = one[at : at + length - missing] + other[-missing:]
+            if split(frame)[1].good == 1 and len(frame) == length:
+                return True
     return False
 
 
@@ -137,6 +139,6 @@ def _cut_short(tlog: Tlog) -> tuple[int, TimeSource]:
     chained = following < data.size
     chained[chained] = data[following[chained]] == MAGIC_V1
     count = int(np.count_nonzero(chained))
-    if count < max(_SHORT_RUN, at.size // 2):
+    if count < max(_SHORT_RUN, at.size // 4):
         return 0, "none"
     return count, read_times(data, Frames(at[chained], length[chained]))[2]

@@ -18,7 +18,7 @@ from mavlink.tlog_scan import Ints
 __all__ = ["ClockStep", "SenderClock", "sender_clocks"]
 
 _STEP_US = 2_000_000
-_AROUND = 50  # samples on either side of a step: late traffic is over by then
+_AROUND = 200  # samples on either side of a step: late traffic is over by then
 _MOST_STEPS = 1000
 _WRAP_MS = 1 << 32
 _CHUNKS = 40
