@@ -14,15 +14,15 @@ from typing import Any, TypeAlias
 
 import av
 from av.packet import Packet
-from av.video.frame import VideoFrame
 from av.video.stream import VideoStream as CodedStream
 
 from vision.arrival import BACK_S, JUMP_S, ArrivalClock
 from vision.recording import PictureOrder, Recording
 from vision.stream_input import READ_TIMEOUT_S, Input
 from vision.stream_messages import Progress, Settings
+from vision.stream_newest import Newest
 
-__all__ = ["Newest", "Reader"]
+__all__ = ["Reader"]
 
 BEHIND_S = 0.4
 """Decoding has fallen behind when no packet had to be waited for this long; then none is up to the next key picture."""
@@ -35,36 +35,6 @@ REMEMBERED = 256
 """Places of pictures that may still come out of the decoder."""
 
 Coded: TypeAlias = "Packet[CodedStream]"
-
-
-class Newest:
-    """The newest decoded picture until somebody takes it."""
-
-    def __init__(self) -> None:
-        self.skipped = 0
-        self.over = False
-        self._fresh = threading.Condition()
-        self._picture: tuple[int, int, VideoFrame] | None = None
-
-    def put(self, index: int, t_us: int, picture: VideoFrame) -> None:
-        """A picture was decoded; one that nobody took is counted."""
-        with self._fresh:
-            self.skipped += self._picture is not None
-            self._picture = index, t_us, picture
-            self._fresh.notify_all()
-
-    def take(self, timeout_s: float) -> tuple[int, int, VideoFrame] | None:
-        """The picture with index and time, None when none comes in time."""
-        with self._fresh:
-            self._fresh.wait_for(lambda: self._picture is not None or self.over, timeout_s)
-            picture, self._picture = self._picture, None
-            return picture
-
-    def end(self) -> None:
-        """No more will come."""
-        with self._fresh:
-            self.over = True
-            self._fresh.notify_all()
 
 
 class Reader:

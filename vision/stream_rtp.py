@@ -243,8 +243,9 @@ class Depacketizer:
         slices, keys = ((1, 2, 5), (5, 7)) if avc else (range(32), (*range(16, 22), 33))
         key = self._prefix_key or any(kind in keys for kind in kinds)
         if not any(kind in slices for kind in kinds):
-            # parameter sets on their own belong to the picture that follows
-            self._prefix, self._prefix_key = (data, key) if len(data) < LARGEST_UNIT else (b"", False)
+            # parameter sets on their own belong to the picture that follows; those of a lost picture do not
+            self._prefix, self._prefix_key = (data, key) if whole and len(data) < LARGEST_UNIT else (b"", False)
+            self._whole = whole
             return []
         self._prefix, self._prefix_key = b"", False
         return [Unit(data=data, time=self._full_time, key=key, whole=whole)]

@@ -1,0 +1,101 @@
+"""Lines that say where video comes from, also such as come from the air."""
+
+from __future__ import annotations
+
+import pytest
+
+from vision.errors import VideoError
+from vision.stream_source import offered, parse_source
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "host", "port", "codec"),
+    [
+        ("udp://0.0.0.0:5600", "datagrams", "", 5600, ""),
+        ("udp://@:1234", "datagrams", "", 1234, ""),  # as FFmpeg writes it
+        ("udp://:5600", "datagrams", "", 5600, ""),
+        ("udp://127.0.0.1:5600?pkt_size=1316", "datagrams", "127.0.0.1", 5600, ""),
+        ("udp://239.1.1.1:5600", "datagrams", "239.1.1.1", 5600, ""),
+        ("rtp://0.0.0.0", "datagrams", "", 5600, ""),
+        ("rtp://:5601?codec=H265", "datagrams", "", 5601, "hevc"),
+        ("udp265://0.0.0.0:5600", "datagrams", "", 5600, "hevc"),
+        ("mpegts://:5600", "datagrams", "", 5600, "mpegts"),
+        ("rtsp://10.0.0.2:8554/main", "network", "", 0, ""),
+        ("http://10.0.0.2/stream.ts", "network", "", 0, ""),
+        ("/dev/video2?size=1280x720&rate=30", "camera", "", 0, ""),
+        ("camera.sdp", "session", "", 0, ""),
+        ("flight.mp4", "file", "", 0, ""),
+    ],
+)
+def test_known_sources(text, kind, host, port, codec):
+    source = parse_source(text)
+    assert (source.kind, source.host, source.port, source.codec) == (kind, host, port, codec)
+    assert source.text == text and source.paced == (kind == "file")
+
+
+def test_a_camera_takes_size_rate_and_format():
+    source = parse_source("/dev/video0?size=1280x720&rate=30&format=mjpeg")
+    assert source.address == "/dev/video0"
+    assert dict(source.options) == {"video_size": "1280x720", "framerate": "30", "input_format": "mjpeg"}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("gopher://10.0.0.2", "no source begins with gopher"),
+        ("udp://:99999", "not an address"),
+        ("udp://:port", "not an address"),
+        ("rtp://:5600?codec=vp9", "codec 'vp9' is not known"),
+        ("/dev/video0?zoom=3", "a camera has no 'zoom'"),
+    ],
+)
+def test_what_is_no_source_is_refused_in_one_line(text, words):
+    with pytest.raises(VideoError, match=words) as caught:
+        parse_source(text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("stream_type", "uri", "encoding", "source"),
+    [
+        (0, "rtsp://192.168.144.25:8554/main.264", 1, "rtsp://192.168.144.25:8554/main.264"),
+        (0, "192.168.144.25:8554/main", 0, "rtsp://192.168.144.25:8554/main"),
+        (1, "5600", 1, "rtp://:5600"),
+        (1, "5600", 2, "rtp://:5600?codec=h265"),
+        (1, "udp://192.168.1.2:5601", 0, "rtp://:5601"),  # the UAV's own address is none to listen on
+        (1, "239.0.0.5:5600", 0, "rtp://239.0.0.5:5600"),
+        (3, ":5602", 2, "mpegts://:5602"),
+        (2, "192.168.1.2:5000", 0, "tcp://192.168.1.2:5000"),
+        (2, "tcp://192.168.1.2:5000", 0, "tcp://192.168.1.2:5000"),
+    ],
+)
+def test_offers_that_can_be_opened(stream_type, uri, encoding, source):
+    assert offered(stream_type, uri, encoding) == source
+    parse_source(source)
+
+
+@pytest.mark.parametrize("stream_type", range(6))
+@pytest.mark.parametrize(
+    "uri",
+    [
+        *("", "/etc/passwd", "file:///etc/passwd", "/dev/video0", "concat:a|b", "subfile,,start,0,end,9,,:/etc/passwd"),
+        *(
+            "http://10.0.0.1/x.m3u8",
+            "rtsp://a b/c",
+            "rtsp://host\n/x",
+            "rtsp://",
+            "udp://:0",
+            "99999",
+            "-1",
+            "rtsp://[::",
+        ),
+        "../secret.sdp",
+    ],
+)
+def test_offers_that_name_no_stream_are_none(stream_type, uri):
+    text = offered(stream_type, uri)
+    # what is left names a network stream and nothing on this machine
+    assert text == "" or parse_source(text).kind in ("network", "datagrams")
+    assert not text.startswith(("http", "file", "/", "concat"))
+    if stream_type > 3:
+        assert text == ""
