@@ -28,8 +28,8 @@ class Link(Protocol):
     def read(self, timeout_s: float) -> list[Packet]:
         """Packets in order of arrival, each stamped when it came; empty after the timeout and when closed."""
 
-    def send(self, data: bytes) -> None:
-        """Sends one frame to those on the other end.
+    def send(self, data: bytes, peer: int = 0) -> None:
+        """Sends one frame to those on the other end who are known, or to the one of them with this number.
 
         Raises:
             LinkError: nobody is there, or it cannot be sent.

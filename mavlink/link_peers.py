@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 import struct
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 __all__ = ["Peers", "key_of"]
@@ -96,9 +96,29 @@ class Peers:
         for number in [n for n, entry in self.trusted.items() if t_us - entry.heard_us > QUIET_US]:
             self._drop(number)
 
-    def addresses(self) -> list[tuple[str, int]]:
-        """Of those who are trusted, as sockets take them."""
-        return [(socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders()]
+    def adopt(self, known: Mapping[int, tuple[str, int]], last: int, t_us: int) -> None:
+        """Goes on with the numbers, and the trust, of a table that ended without notice.
+
+        Args:
+            known: number → address of those who were trusted.
+            last: highest number ever given.
+            t_us: now.
+        """
+        for number, address in known.items():
+            key = key_of(address)
+            self.numbers[key], self._keys[number] = number, key
+        self.trust(known, t_us)
+        self._last = max(self._last, last, *known.keys())
+
+    @property
+    def last(self) -> int:
+        """Highest number given so far."""
+        return self._last
+
+    def addresses(self) -> dict[int, tuple[str, int]]:
+        """Number → address of those who are trusted, as sockets take them."""
+        hosts = ((socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders())
+        return dict(zip(list(self.trusted), hosts, strict=True))
 
     def senders(self) -> list[tuple[int, int]]:
         """Addresses and ports of those who are trusted, as numbers."""

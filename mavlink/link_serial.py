@@ -38,7 +38,7 @@ class SerialLink(Reader):
         self._device = url.device
         self._baud = url.baud
         self._tally = Tally()
-        self._stream = Stream(self._tally, 0)
+        self._stream = Stream(self._tally, 1)
         self._backoff = Backoff()
         self._port: serial.Serial | None = None
         try:
@@ -93,8 +93,8 @@ class SerialLink(Reader):
             except (OSError, ValueError):
                 return  # not yet
 
-    def send(self, data: bytes) -> None:
-        """Sends to the other end.
+    def send(self, data: bytes, peer: int = 0) -> None:
+        """Sends to the other end, the only peer there is.
 
         Raises:
             LinkError: the port is unplugged or does not take it.
@@ -117,7 +117,7 @@ class SerialLink(Reader):
     def _plug_in(self) -> None:
         self._port = serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
         self.connections += 1
-        self._stream = Stream(self._tally, self.connections)
+        self._stream = Stream(self._tally, 1)
         self._backoff.succeeded()
 
     def _lose(self) -> None:

@@ -99,7 +99,7 @@ class TcpOut(Reader):
         """How often it connected."""
         self._address = address or resolve_tcp(url)
         self._tally = Tally()
-        self._stream = Stream(self._tally, 0)
+        self._stream = Stream(self._tally, 1)
         self._socket: socket.socket | None = None
         self._calling: socket.socket | None = None
         self._backoff = Backoff()
@@ -143,8 +143,8 @@ class TcpOut(Reader):
         elif self._socket is None and self._open and self._backoff.due(now_s):
             self._call(now_s)
 
-    def send(self, data: bytes) -> None:
-        """Sends to the server.
+    def send(self, data: bytes, peer: int = 0) -> None:
+        """Sends to the server, the only peer there is.
 
         Raises:
             LinkError: not connected, or the connection broke.
@@ -182,7 +182,7 @@ class TcpOut(Reader):
             return
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.connections += 1
-        self._stream = Stream(self._tally, self.connections)
+        self._stream = Stream(self._tally, 1)
         self._socket, self._calling = sock, None
         self._backoff.succeeded()
 
@@ -223,7 +223,8 @@ class TcpIn(Reader):
         self._vouch = vouch
         self._tally = Tally()
         self._clients: dict[socket.socket, _Client] = {}
-        self._accepted = 0
+        self.accepted = 0
+        """Connections let in so far; also the number of the last."""
         self._server = sock or listen_tcp(url)
 
     @property
@@ -261,13 +262,18 @@ class TcpIn(Reader):
         for client in self._clients.values():
             client.known = client.known or client.stream.peer in peers
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, peer: int = 0) -> None:
         """Sends to every client that sent good frames; one that does not take it is closed.
+
+        Args:
+            data: one frame.
+            peer: number of the one client that is to get it; 0: all.
 
         Raises:
             LinkError: nobody is connected.
         """
-        known = [sock for sock, client in list(self._clients.items()) if client.known]
+        clients = list(self._clients.items())
+        known = [sock for sock, client in clients if client.known and peer in (0, client.stream.peer)]
         if not known:
             raise LinkError(f"{self.name}: nobody is connected who was heard")
         for sock in known:
@@ -291,8 +297,8 @@ class TcpIn(Reader):
             order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
             self._drop(min(order, key=lambda entry: entry[:2])[2])
         sock.setblocking(False)
-        self._accepted += 1
-        self._clients[sock] = _Client(Stream(self._tally, self._accepted), time.monotonic())
+        self.accepted += 1
+        self._clients[sock] = _Client(Stream(self._tally, self.accepted), time.monotonic())
 
     def _receive(self, sock: socket.socket, batch: Batch) -> None:
         data = _receive(sock)

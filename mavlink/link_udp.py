@@ -267,17 +267,23 @@ class UdpIn(_Udp):
         port: int = self._socket.getsockname()[1]
         return port
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, peer: int = 0) -> None:
         """Sends to everybody who sent good frames in the last minute, and to nobody else.
 
+        Args:
+            data: one frame.
+            peer: number of the one of them who is to get it; 0: all.
+
         Raises:
-            LinkError: nobody was heard yet.
+            LinkError: nobody was heard yet, or not this one.
         """
         self.peers.review(now_us())
         addresses = self.peers.addresses()
-        if not addresses:
-            raise LinkError(f"{self.name}: nobody to send to, nothing was heard in the last minute")
-        for host, port in addresses:
+        wanted = [address for number, address in addresses.items() if peer in (0, number)]
+        if not wanted:
+            whom = f"cannot send to sender {peer}" if peer else "nobody to send to"
+            raise LinkError(f"{self.name}: {whom}, nothing was heard in the last minute")
+        for host, port in wanted:
             try:
                 self._socket.sendto(data, (host, port))
             except OSError as error:
@@ -303,8 +309,8 @@ class UdpOut(_Udp):
         """Strangers do not reach a connected socket."""
         self.gate.count_drops()
 
-    def send(self, data: bytes) -> None:
-        """Sends to the address; that nobody listens there is not an error.
+    def send(self, data: bytes, peer: int = 0) -> None:
+        """Sends to the address, the only peer there is; that nobody listens there is not an error.
 
         Raises:
             LinkError: the network is down.

@@ -235,6 +235,29 @@ def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     assert ingest.health().packets == len(log)
 
 
+def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_over(started):
+    ingest, port = started()
+    socks = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
+    try:
+        for k, sock in enumerate(socks):
+            sock.sendto(Speaker(k + 1).heartbeat(), (HOST, port))
+            sock.settimeout(5.0)
+        numbers = {packet.system_id: packet.peer for packet in wait_for(ingest, 3)}
+        assert until(lambda: ingest.health().links[0].peers == 3)
+        os.kill(ingest.pid, signal.SIGKILL)
+        assert until(lambda: ingest.health().restarts == 1 and ingest._process.ready)
+        ingest.send(0, b"the second alone", numbers[2])
+        assert socks[1].recv(100) == b"the second alone"
+        ingest.send(0, b"all")
+        assert [sock.recv(100) for sock in socks] == [b"all"] * 3
+        for k, sock in reversed(list(enumerate(socks))):
+            sock.sendto(Speaker(k + 1).heartbeat(), (HOST, port))
+        assert {packet.system_id: packet.peer for packet in wait_for(ingest, 3)} == numbers
+    finally:
+        for sock in socks:
+            sock.close()
+
+
 def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp_path):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)

@@ -77,7 +77,7 @@ def test_a_key_is_the_kernels_own_spelling_of_an_address():
     number = peers.number(key_of(("192.0.2.7", 14551)))
     peers.trust([number], 1)
     assert number == 1 and peers.number(key_of(("192.0.2.7", 14551))) == 1
-    assert peers.addresses() == [("192.0.2.7", 14551)]
+    assert peers.addresses() == {1: ("192.0.2.7", 14551)}
     assert peers.senders() == [(0xC0000207, 14551)]
 
 
@@ -249,7 +249,7 @@ def test_only_known_systems_make_a_sender_known():
         stranger.sendto(Speaker(200).heartbeat(), (HOST, port))
         fleet.sendto(Speaker(2).heartbeat(), (HOST, port))
         assert len(link.read(1.0)) + len(link.read(0.1)) == 2
-        assert link.peers.addresses() == [fleet.getsockname()]
+        assert list(link.peers.addresses().values()) == [fleet.getsockname()]
         link.close()
 
 

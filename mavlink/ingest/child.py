@@ -30,8 +30,8 @@ from mavlink.link_url import parse_url
 
 __all__ = ["COMMAND", "GO", "main"]
 
-COMMAND = struct.Struct("=HH")
-"""Before each frame to send: link, length."""
+COMMAND = struct.Struct("=HHI")
+"""Before each frame to send: link, length, peer."""
 GO = struct.Struct("=Q")
 """The station's first word, before which nothing is opened: the process's generation."""
 TICK_S = 0.05
@@ -82,6 +82,7 @@ class _Ingest:
         self._reports: tuple[LinkReport, ...] = ()
         self._signatures = Signatures(plan.signing)
         self._links: list[Link] = [_open_link(plan, k, self._signatures.on) for k in range(len(plan.urls))]
+        _go_on(self._links, memory.status())
         self._outputs = open_outputs(plan.outputs, plan.system_ids)
         self._log = open_log(Path(plan.log), plan.generation, memory)
         self._receiver = Receiver(self._links, self._log, memory, self._signatures, self._outputs)
@@ -139,13 +140,13 @@ class _Ingest:
             return
         self._commands += data
         while len(self._commands) >= COMMAND.size:
-            link, length = COMMAND.unpack_from(self._commands)
+            link, length, peer = COMMAND.unpack_from(self._commands)
             stop = COMMAND.size + length
             if len(self._commands) < stop:
                 return
             frame, self._commands = self._commands[COMMAND.size : stop], self._commands[stop:]
             try:
-                self._receiver.send(link, frame)
+                self._receiver.send(link, frame, peer)
                 self._send_trouble = ""
             except LinkError as error:
                 self._send_trouble = str(error)
@@ -203,15 +204,33 @@ def _open_link(plan: Plan, index: int, signed: bool) -> Link:
     return SerialLink(url, index, must=plan.generation == 1)
 
 
+def _go_on(links: list[Link], status: bytes | None) -> None:
+    """Senders keep their numbers, and those who were known stay known, when another process takes over."""
+    try:
+        before = IngestHealth.from_json(status).links if status else ()
+    except ValueError:
+        return  # nothing was told yet
+    for link, report in zip(links, before, strict=False):
+        if isinstance(link, UdpIn):
+            known = {number: (host, port) for number, host, port in report.addresses}
+            link.peers.adopt(known, report.last_peer, time.time_ns() // 1000)
+        elif isinstance(link, TcpIn):
+            link.accepted = report.last_peer
+
+
 def _report(link: Link) -> LinkReport:
-    gate = getattr(link, "gate", None)
-    peers = getattr(link, "peers", None)
-    known = len(peers.trusted) if peers is not None else getattr(link, "clients", 0)
-    return LinkReport(
-        name=link.name,
-        counts=link.counts,
-        buffer_bytes=getattr(link, "buffer_bytes", 0),
-        peers=known,
-        connected=getattr(link, "connected", True),
-        narrow=gate is not None and gate.narrow,
-    )
+    report = LinkReport(name=link.name, counts=link.counts)
+    if isinstance(link, (UdpIn, UdpOut)):
+        addresses = tuple((number, host, port) for number, (host, port) in link.peers.addresses().items())
+        return replace(
+            report,
+            buffer_bytes=link.buffer_bytes,
+            peers=len(addresses),
+            addresses=addresses,
+            last_peer=link.peers.last,
+            narrow=link.gate.narrow,
+        )
+    if isinstance(link, TcpIn):
+        return replace(report, peers=link.clients, last_peer=link.accepted)
+    assert isinstance(link, (TcpOut, SerialLink))
+    return replace(report, peers=int(link.connected), last_peer=1, connected=link.connected)

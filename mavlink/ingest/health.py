@@ -36,6 +36,10 @@ class LinkReport:
     """Receive buffer that the system granted; 0 where there is none to ask for."""
     peers: int = 0
     """Senders that are known."""
+    addresses: tuple[tuple[int, str, int], ...] = ()
+    """Number, host and port of those, on a UDP port."""
+    last_peer: int = 0
+    """Highest number given to a sender."""
     connected: bool = True
     narrow: bool = False
     """Whether strangers flood it and most of them are turned away."""
@@ -87,14 +91,12 @@ class IngestHealth:
         """
         table: dict[str, Any] = json.loads(text)
         try:
-            table["links"] = tuple(
-                LinkReport(**link | {"counts": LinkCounts(**link["counts"])}) for link in table["links"]
-            )
+            table["links"] = tuple(_link(link) for link in table["links"])
             table["outputs"] = tuple(OutputReport(**output) for output in table["outputs"])
             table["record"] = RecordState(**table["record"])
             table["troubles"] = tuple(table["troubles"])
             return cls(**table)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"no health of an ingest: {error}") from error
 
     def plus(self, before: tuple[LinkCounts, ...]) -> IngestHealth:
@@ -102,6 +104,11 @@ class IngestHealth:
         pairs = zip(self.links, before, strict=False)
         links = tuple(replace(link, counts=_sum(link.counts, old)) for link, old in pairs)
         return replace(self, links=links + self.links[len(links) :])
+
+
+def _link(table: dict[str, Any]) -> LinkReport:
+    addresses = tuple((number, host, port) for number, host, port in table["addresses"])
+    return LinkReport(**table | {"counts": LinkCounts(**table["counts"]), "addresses": addresses})
 
 
 def _sum(now: LinkCounts, before: LinkCounts) -> LinkCounts:

@@ -124,8 +124,13 @@ class Ingest:
             self._wait(left_s)
         return []
 
-    def send(self, link: int, data: bytes) -> None:
+    def send(self, link: int, data: bytes, peer: int = 0) -> None:
         """Sends a frame to those on the other end of a link who are known; :meth:`health` tells what did not work.
+
+        Args:
+            link: its place among the URLs.
+            data: one frame, with its signature where it needs one.
+            peer: the one who is to get it, as packets of this link have it; 0: all who are known.
 
         Raises:
             LinkError: there is no such link, or the process does not take it.
@@ -135,7 +140,7 @@ class Ingest:
         with self._lock:
             if self._process is None or self._stopping.is_set():
                 raise LinkError("the ingest has ended")
-            self._process.send(link, data)
+            self._process.send(link, data, peer)
 
     def health(self) -> IngestHealth:
         """How it is doing, as told some times a second."""
@@ -267,7 +272,8 @@ class Ingest:
         last = self._told() or self._health
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
         self._refused_before += last.refused
-        self._health = IngestHealth(record=last.record, packets=last.packets)
+        links = tuple(replace(link, counts=LinkCounts()) for link in last.links)
+        self._health = IngestHealth(links=links, record=last.record, packets=last.packets)
         self._memory.tell(self._health.to_json())
 
     def _tell_gap(self, process: IngestProcess, alive_s: float, why: str) -> None:

@@ -104,14 +104,14 @@ class IngestProcess:
         except OSError as error:
             raise LinkError(f"the ingest process has ended: {self.reason}") from error
 
-    def send(self, link: int, data: bytes) -> None:
+    def send(self, link: int, data: bytes, peer: int) -> None:
         """Has a frame sent.
 
         Raises:
             LinkError: the process does not take it.
         """
         try:
-            self.control.sendall(COMMAND.pack(link, len(data)) + data)
+            self.control.sendall(COMMAND.pack(link, len(data), peer) + data)
         except OSError as error:
             raise LinkError(f"the ingest process does not take what is to be sent: {error}") from error
 

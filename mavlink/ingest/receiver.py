@@ -143,15 +143,15 @@ class Receiver:
         except Exception as error:  # noqa: BLE001 - outputs may never stop the recording
             self.output_trouble = f"forwarding: {error!r}"
 
-    def send(self, link: int, data: bytes) -> None:
-        """Sends a frame over a link.
+    def send(self, link: int, data: bytes, peer: int = 0) -> None:
+        """Sends a frame over a link, to all who are known there or to one of them.
 
         Raises:
             LinkError: there is no such link, or it does not take it.
         """
         if not 0 <= link < len(self._links):
             raise LinkError(f"there is no link {link}")
-        self._links[link].send(data)
+        self._links[link].send(data, peer)
 
     def _record(self, batch: Batch) -> int:
         """Into the log, with one system call; returns the first record's number."""
