@@ -21,7 +21,7 @@ from mavlink.dialect import DEFINITIONS, message_name
 from mavlink.frame import SIGNATURE_LENGTH, checksum
 from mavlink.keys import KeyRing, SigningError
 from mavlink.packet import MAGIC_V2, Auth, Packet
-from mavlink.signing_streams import AHEAD, BEHIND, Streams, ticks_of
+from mavlink.signing_streams import AHEAD, Streams, ticks_of
 
 __all__ = ["RADIO_STATUS", "SETUP_SIGNING", "TELLING", "Keyless", "Verifier", "without_secret"]
 
@@ -104,7 +104,7 @@ class Verifier:
         now = self._now(t_us)
         if timestamp > now + AHEAD:
             return Auth.FUTURE
-        newer = self.streams.admit(system_id, raw[6], raw[-13], timestamp, now - BEHIND)
+        newer = self.streams.admit(system_id, raw[6], raw[-13], timestamp, now)
         return Auth.GOOD if newer else Auth.REPLAYED
 
     def _now(self, t_us: int) -> int:

@@ -1,11 +1,11 @@
 """The table of signed streams on disk, so that what was heard before a restart cannot be played again after it.
 
 Two files take turns, each with its number and a checksum: whatever happens while one is written, the other is whole.
-They are written every second while a flight runs, by a thread of its own, and at the end.
+They are written every second while a flight runs, when a stream is new, and at the end, by a thread of their own.
 
-After a crash the last second is missing in them. Senders follow the clock, so each stream has advanced by no more than
-the time that has gone by since: it is taken as advanced by that, and by a minute at most. Two gaps stay, of a second
-before a crash: a stream first heard in it, and one that had been silent for longer than that.
+After a crash the last second is missing in them. Senders follow the clock, so a stream has advanced by no more than the
+time that went by since its newest frame known: it is taken as advanced by that, of the time without a file by a minute
+at most. What stays open is a stream first heard in the last hundredths of a second before a crash.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from pathlib import Path
 
 from mavlink.keys import SigningError, read_ring
 from mavlink.signing import RADIO_STATUS, Keyless, Verifier
-from mavlink.signing_streams import SECOND, Streams, ticks_of
+from mavlink.signing_streams import SECOND, Row, Streams, ticks_of
 
 __all__ = ["SLOTS", "StreamStore", "open_verifier"]
 
 SLOTS = ("streams.0", "streams.1")
 PERIOD_S = 1.0
+LOOK_S = 0.02
 _MAGIC = b"RCSTRM1\n"
 _HEAD = struct.Struct("<8sQQQ?I")  # magic, number, saved at, proven, whether at the end, rows
-_ROW = struct.Struct("<BBBQ")
+_ROW = struct.Struct("<BBBQQ")
 _SUM = 32
 _MOST_LOST = 60 * SECOND
 
@@ -62,7 +63,7 @@ class _Saved:
     at: int
     proven: int
     ended: bool
-    rows: tuple[tuple[int, int, int, int], ...]
+    rows: tuple[Row, ...]
 
 
 class StreamStore:
@@ -82,7 +83,7 @@ class StreamStore:
         """What was wrong with the files at the start; empty: nothing."""
         self.trouble = ""
         """Why nothing can be saved now; empty: it can."""
-        self._number = 0
+        self._number = self._births = 0
         self._period_s = period_s
         self._lock = self._locked()
         try:
@@ -111,7 +112,11 @@ class StreamStore:
             os.close(self._lock)
 
     def _run(self) -> None:
-        while not self._stop.wait(self._period_s):
+        saved_s = time.monotonic()
+        while not self._stop.wait(LOOK_S):
+            if self.streams.births == self._births and time.monotonic() - saved_s < self._period_s:
+                continue
+            saved_s = time.monotonic()
             try:
                 self._save(ended=False)
                 self.trouble = ""
@@ -147,20 +152,21 @@ class StreamStore:
             self._take(max(whole, key=lambda slot: slot.number), sure=not damaged)
 
     def _take(self, saved: _Saved, *, sure: bool) -> None:
-        lost = 0
-        if not (saved.ended and sure):
-            since = ticks_of(time.time_ns() // 1000) - saved.at
-            lost = since if 0 <= since <= _MOST_LOST else _MOST_LOST
-        for system_id, component_id, link_id, timestamp in saved.rows:
-            self.streams.admit(system_id, component_id, link_id, timestamp + lost)
+        now = ticks_of(time.time_ns() // 1000)
+        until = now if 0 <= now - saved.at <= _MOST_LOST else saved.at + _MOST_LOST
+        for row in saved.rows:
+            lost = 0 if saved.ended and sure else max(0, until - row.heard)
+            self.streams.restore(row._replace(timestamp=row.timestamp + lost))
         self.streams.proven = saved.proven
         self._number = saved.number
 
     def _save(self, *, ended: bool) -> None:
         self._number += 1
         path = self.folder / SLOTS[self._number % 2]
-        rows = [_ROW.pack(*row) for row in self.streams.rows()]
-        at = ticks_of(time.time_ns() // 1000)
+        self._births, kept = self.streams.births, list(self.streams.rows())
+        rows = [_ROW.pack(*row) for row in kept]
+        # where the computer's clock was set back, that of the streams went on
+        at = max([ticks_of(time.time_ns() // 1000), *(row.heard for row in kept)])
         data = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, len(rows)) + b"".join(rows)
         try:
             _write(path, data + hashlib.sha256(data).digest())
@@ -195,4 +201,5 @@ def _read(path: Path) -> _Saved | str:
     magic, number, at, proven, ended, count = _HEAD.unpack_from(body)
     if magic != _MAGIC or len(body) != _HEAD.size + count * _ROW.size:
         return "damaged"
-    return _Saved(number=number, at=at, proven=proven, ended=ended, rows=tuple(_ROW.iter_unpack(body[_HEAD.size :])))
+    rows = tuple(Row(*row) for row in _ROW.iter_unpack(body[_HEAD.size :]))
+    return _Saved(number=number, at=at, proven=proven, ended=ended, rows=rows)

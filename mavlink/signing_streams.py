@@ -7,8 +7,9 @@ another. Times are ticks of 10 µs since 2015-01-01 UTC (https://mavlink.io/en/g
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
-__all__ = ["AHEAD", "BEHIND", "EPOCH_US", "MOST_STREAMS", "SECOND", "Streams", "ticks_of"]
+__all__ = ["AHEAD", "BEHIND", "EPOCH_US", "MOST_STREAMS", "SECOND", "Row", "Streams", "ticks_of"]
 
 EPOCH_US = 1_420_070_400_000_000
 """2015-01-01 UTC, Unix µs."""
@@ -28,12 +29,27 @@ def ticks_of(t_us: int) -> int:
     return (t_us - EPOCH_US) // 10
 
 
+class Row(NamedTuple):
+    """One stream."""
+
+    system_id: int
+    component_id: int
+    link_id: int
+    timestamp: int
+    """Of its newest frame."""
+    heard: int
+    """When that came."""
+
+
 class Streams:
     """The table of streams. Only who has a key gets in; who fills it up throws out streams of its own."""
 
     def __init__(self) -> None:
-        self._of: list[dict[int, int]] = [{} for _ in range(256)]  # by system: component << 8 | link id -> timestamp
+        # by system, then by component << 8 | link id: timestamp of the newest frame, and when it came
+        self._of: list[dict[int, tuple[int, int]]] = [{} for _ in range(256)]
         self._count = 0
+        self.births = 0
+        """Streams ever added."""
         self.proven = 0
         """It was later than this when the newest accepted frame came: its timestamp less what senders may be ahead."""
 
@@ -42,40 +58,45 @@ class Streams:
 
     def newest(self, system_id: int, component_id: int, link_id: int) -> int | None:
         """The last timestamp of a stream, None for one never heard."""
-        return self._of[system_id].get(component_id << 8 | link_id)
+        known = self._of[system_id].get(component_id << 8 | link_id)
+        return known[0] if known else None
 
-    def admit(self, system_id: int, component_id: int, link_id: int, timestamp: int, oldest: int = 0) -> bool:
+    def admit(self, system_id: int, component_id: int, link_id: int, timestamp: int, now: int) -> bool:
         """Keeps the timestamp of a verified frame, if it is newer than the last of its stream.
 
-        Args:
-            system_id, component_id, link_id: of the stream.
-            timestamp: of the frame.
-            oldest: the least that a stream never heard before may have.
+        That of a stream never heard may be :data:`BEHIND` now at most.
         """
         streams, stream = self._of[system_id], component_id << 8 | link_id
-        newest = streams.get(stream)
-        if newest is None:
-            if timestamp < oldest:
+        known = streams.get(stream)
+        if known is None:
+            if timestamp < now - BEHIND:
                 return False
-            self._make_room()
-            self._count += 1
-        elif timestamp <= newest:
+            self._add()
+        elif timestamp <= known[0]:
             return False
-        streams[stream] = timestamp
+        streams[stream] = timestamp, now
         if timestamp > self.proven + AHEAD:
             self.proven = timestamp - AHEAD
         return True
 
-    def rows(self) -> Iterator[tuple[int, int, int, int]]:
-        """System id, component id, link id and timestamp of every stream."""
-        for system_id, streams in enumerate(self._of):
-            # a copy is taken in one step, so another thread may go on adding
-            for stream, timestamp in streams.copy().items():
-                yield system_id, stream >> 8, stream & 0xFF, timestamp
+    def restore(self, row: Row) -> None:
+        """Puts back what was remembered of a stream."""
+        streams, stream = self._of[row.system_id], row.component_id << 8 | row.link_id
+        if stream not in streams:
+            self._add()
+        streams[stream] = row.timestamp, row.heard
 
-    def _make_room(self) -> None:
-        if self._count < MOST_STREAMS:
-            return
-        crowd = max(self._of, key=len)
-        del crowd[next(iter(crowd))]
-        self._count -= 1
+    def rows(self) -> Iterator[Row]:
+        """Every stream; another thread may go on adding."""
+        for system_id, streams in enumerate(self._of):
+            for stream, (timestamp, heard) in streams.copy().items():  # copied in one step
+                yield Row(system_id, stream >> 8, stream & 0xFF, timestamp, heard)
+
+    def _add(self) -> None:
+        """Makes room for one more."""
+        if self._count >= MOST_STREAMS:
+            crowd = max(self._of, key=len)
+            del crowd[next(iter(crowd))]
+            self._count -= 1
+        self._count += 1
+        self.births += 1

@@ -239,7 +239,7 @@ def test_nothing_that_a_flight_writes_holds_a_key(tmp_path):
         log.write(without_secret(packet))
         log.write(Sender(7, secret=secret).packet())
     store = StreamStore(tmp_path)
-    store.streams.admit(7, 1, 0, NOW)
+    store.streams.admit(7, 1, 0, NOW, NOW)
     store.close()
     written = [path.read_bytes() for path in tmp_path.iterdir() if path.is_file()]
     assert len(written) >= 3

@@ -10,7 +10,7 @@ from mavlink.keys import SigningError, write_key
 from mavlink.packet import Auth, Packet
 from mavlink.signing import Verifier
 from mavlink.signing_store import SLOTS, StreamStore, open_verifier
-from mavlink.signing_streams import AHEAD, SECOND, Streams, ticks_of
+from mavlink.signing_streams import AHEAD, SECOND, Row, Streams, ticks_of
 from tests.signed_frames import Sender, ring_of, secret_of
 
 
@@ -79,6 +79,34 @@ def test_frames_from_before_a_crash_are_refused_though_the_last_were_not_saved(t
     again.close()
 
 
+def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
+    store = StreamStore(tmp_path, period_s=30)
+    then = ticks_of(now_us()) - 30 * SECOND
+    store.streams.restore(Row(7, 1, 0, then, then))
+    store._save(ended=False)
+    awake = heard_now(100)  # never saved
+    assert judged(Verifier(ring_of(7), streams=store.streams), awake) == {Auth.GOOD: 100}
+    abandon(store)
+    time.sleep(0.05)
+    again = StreamStore(tmp_path, period_s=30)
+    assert judged(Verifier(ring_of(7), streams=again.streams), awake) == {Auth.REPLAYED: 100}
+    again.close()
+
+
+def test_a_new_stream_is_saved_at_once(tmp_path):
+    store = StreamStore(tmp_path, period_s=3600)
+    number = store._number
+    heard = heard_now(10)
+    assert judged(Verifier(ring_of(7), streams=store.streams), heard) == {Auth.GOOD: 10}
+    end = time.monotonic() + 10
+    while store._number == number and time.monotonic() < end:
+        time.sleep(0.01)
+    abandon(store)
+    again = StreamStore(tmp_path, period_s=3600)
+    assert judged(Verifier(ring_of(7), streams=again.streams), heard) == {Auth.REPLAYED: 10}
+    again.close()
+
+
 def test_a_vehicle_that_signs_a_minute_ahead_goes_on_after_a_crash(tmp_path):
     store = StreamStore(tmp_path, period_s=30)
     checker = Verifier(ring_of(7), streams=store.streams)
@@ -100,7 +128,7 @@ from pathlib import Path
 from mavlink.signing_store import StreamStore
 store = StreamStore(Path(sys.argv[1]), period_s=0.02)
 for k in range(1, 10**6):
-    store.streams.admit(7, 1, 0, k)
+    store.streams.admit(7, 1, 0, k, 0)
     time.sleep(0.001)
     if k == 200:
         print("ready", flush=True)
@@ -119,7 +147,7 @@ for k in range(1, 10**6):
 def test_every_stream_and_the_proven_time_come_back(tmp_path):
     store = StreamStore(tmp_path)
     for k in range(4096):
-        store.streams.admit(1 + k % 255, k // 255, k % 3, 2**47 + k)
+        store.streams.admit(1 + k % 255, k // 255, k % 3, 2**47 + k, 5)
     before, proven = rows(store), store.streams.proven
     assert proven == 2**47 + 4095 - AHEAD
     store.close()
@@ -132,7 +160,7 @@ def test_every_stream_and_the_proven_time_come_back(tmp_path):
 
 def test_it_is_saved_while_it_runs(tmp_path):
     store = StreamStore(tmp_path, period_s=0.02)
-    store.streams.admit(7, 1, 0, 12345)
+    store.streams.admit(7, 1, 0, 12345, 0)
     end = time.monotonic() + 10
     found = Streams()
     while found.newest(7, 1, 0) is None and time.monotonic() < end:
@@ -157,9 +185,10 @@ def test_it_is_saved_while_it_runs(tmp_path):
 def filled(folder):
     """Both files written, the second one newer by one second of frames."""
     store = StreamStore(folder, period_s=30)
-    store.streams.admit(7, 1, 0, 1000)
+    now = ticks_of(now_us())
+    store.streams.admit(7, 1, 0, now - 1000, now - 1000)
     store._save(ended=False)
-    store.streams.admit(7, 1, 0, 2000)
+    store.streams.admit(7, 1, 0, now, now)
     store.close()
     newest = max(SLOTS, key=lambda name: (folder / name).stat().st_mtime_ns)
     return newest, next(name for name in SLOTS if name != newest)
@@ -189,7 +218,8 @@ def test_when_one_file_is_damaged_the_other_counts(tmp_path, how):
     path.write_bytes(spoilt(path.read_bytes(), how))
     store = StreamStore(tmp_path, period_s=30)
     # the older one does not know the last frames, which are allowed for
-    assert 1000 < store.streams.newest(7, 1, 0) <= 1000 + 60 * SECOND
+    now = ticks_of(now_us())
+    assert now - SECOND < store.streams.newest(7, 1, 0) <= now
     assert newest in store.warning
     assert store.trouble == ""
     store.close()

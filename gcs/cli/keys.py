@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import getpass
 import secrets
 import sys
@@ -39,14 +40,14 @@ def new(
 ) -> None:
     """Make a random key."""
     folder, system_id = keys or user_keys(), _system_id(who)
-    # other ground stations take passphrases, not keys: a random one of 256 bits makes the key
-    passphrase = secrets.token_urlsafe(KEY_LENGTH)
+    # other ground stations take passphrases, not keys: a random one of 256 bits, letters and digits, makes the key
+    passphrase = base64.b32encode(secrets.token_bytes(KEY_LENGTH)).decode().rstrip("=")
     say(_put(folder, system_id, passphrase_secret(passphrase)))
     if show:
         say(f"Passphrase: {passphrase}")
         say("It is shown this once. Put it into the vehicle over a cable, never over the air, with MAVProxy:")
         say("  signing setup PASSPHRASE")
-        say("or with Mission Planner or QGroundControl. docs/signing.md says how.")
+        say("or with Mission Planner. docs/signing.md says how.")
     else:
         say("Put it into the vehicle over a cable, never over the air: docs/signing.md says how.")
 

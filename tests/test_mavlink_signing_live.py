@@ -1,0 +1,108 @@
+"""Signed and hostile frames through the receiving process, over a real socket and the real clock."""
+
+import os
+import signal
+import socket
+import time
+from collections import Counter
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.ingest.ingest import Ingest
+from mavlink.ingest.plan import Signing
+from mavlink.keys import write_key
+from mavlink.signing_streams import ticks_of
+from tests.signed_frames import Sender, secret_of
+
+SECRET = b"an open secret, for this test   "
+
+
+@pytest.fixture
+def station(tmp_path):
+    write_key(tmp_path / "keys", 7, secret_of(7))
+    made = []
+
+    def start():
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        ingest = Ingest(
+            [f"udpin:127.0.0.1:{port}"],
+            tmp_path / f"{len(made)}.tlog",
+            system_ids=(7,),
+            signing=Signing(keys=str(tmp_path / "keys")),
+        )
+        made.append(ingest)
+        return ingest, ("127.0.0.1", port)
+
+    yield start
+    for ingest in made:
+        ingest.stop()
+
+
+class Vehicle:
+    """Speaks as system 7 and remembers all it said."""
+
+    def __init__(self):
+        self.sender = Sender(7)
+        self.said = []
+        self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def speak(self, to, count):
+        for _ in range(count):
+            self.said.append(self.sender.frame(timestamp=ticks_of(time.time_ns() // 1000)))
+            self.out.sendto(self.said[-1], to)
+            time.sleep(0.0005)
+
+    def send(self, to, frames):
+        for frame in frames:
+            self.out.sendto(frame, to)
+
+
+@pytest.fixture
+def vehicle():
+    vehicle = Vehicle()
+    yield vehicle
+    vehicle.out.close()
+
+
+def judged(ingest, count):
+    verdicts = Counter()
+    end = time.monotonic() + 20
+    while verdicts.total() < count and time.monotonic() < end:
+        verdicts.update(packet.auth.name for packet in ingest.read(0.05))
+    return dict(verdicts)
+
+
+def test_only_the_vehicle_itself_is_believed_across_crash_and_restart(station, vehicle, tmp_path):
+    ingest, to = station()
+    vehicle.speak(to, 300)
+    assert judged(ingest, 300) == {"GOOD": 300}
+    vehicle.send(to, vehicle.said)
+    vehicle.send(to, [Sender(7, secret=b"x" * 32, timestamp=2**48 - 1).frame() for _ in range(50)])
+    vehicle.send(to, [Sender(7, signs=False).frame() for _ in range(50)])
+    setup = ardupilotmega.MAVLink_setup_signing_message(7, 1, list(SECRET), 1)
+    vehicle.send(to, [Sender(255, 190).frame(setup)])
+    assert judged(ingest, 401) == {"REPLAYED": 300, "BAD": 50, "UNSIGNED": 51}
+
+    vehicle.speak(to, 200)
+    assert judged(ingest, 200) == {"GOOD": 200}
+    os.kill(ingest.pid, signal.SIGKILL)
+    end = time.monotonic() + 20
+    while not ingest.health().restarts and time.monotonic() < end:
+        time.sleep(0.02)
+    vehicle.send(to, vehicle.said)
+    assert judged(ingest, 500) == {"REPLAYED": 500}
+    vehicle.speak(to, 100)
+    assert judged(ingest, 100) == {"GOOD": 100}
+    ingest.stop()
+
+    ingest, to = station()
+    vehicle.send(to, vehicle.said)
+    assert judged(ingest, 600) == {"REPLAYED": 600}
+    vehicle.speak(to, 100)
+    assert judged(ingest, 100) == {"GOOD": 100}
+    ingest.stop()
+    for path in tmp_path.rglob("*"):
+        assert path.is_dir() or SECRET[:8] not in path.read_bytes(), path
