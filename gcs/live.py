@@ -1,29 +1,39 @@
 """A flight: links and camera in, recording and snapshots out.
 
-One thread for each link (stamp, record, hand on), the video stream's own thread, one thread for the fold. The fold
-takes only the newest frame; what it skips is still recorded and counted.
+Telemetry and video each come in through a process of their own, which records them untouched. Here, one thread takes
+packets, one the pictures, one folds. The fold takes only the newest frame; what it skips is still recorded and counted.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 from gcs.config import Mission
+from gcs.flight_health import flight_health
 from gcs.perception import open_perception
 from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
-from gcs.snapshot import Event, Health, Level, LinkHealth, Snapshot
-from mavlink.link import Link, open_link
+from gcs.snapshot import Event, Health, Level, Snapshot
+from gcs.station import Commands
+from mavlink.ingest.ingest import Ingest
+from mavlink.ingest.plan import Outputs, Signing
+from mavlink.keys import KeyRing, read_ring
 from mavlink.packet import Packet
 from vision.detector import Detector
 from vision.stream import VideoStream
+from vision.stream_source import parse_source
 from vision.video import Frame
+
+if TYPE_CHECKING:
+    from gcs.command import CommandDesk
 
 __all__ = ["Flight", "FlightPlan"]
 
@@ -31,6 +41,8 @@ READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
 HEALTH_S = 1.0
+OWN_ID = 254
+"""System id of this station where it speaks."""
 MOST_EVENTS = 2000
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
 """Of the detector: the newest picture is looked at alone, and soon."""
@@ -45,6 +57,10 @@ class FlightPlan:
     video: str
     """Empty: no camera."""
     sessions: Path
+    forward: tuple[str, ...] = ()
+    """Where packets go on to, as they came."""
+    command: bool = False
+    """Whether this station may speak: beat, ask for rates, and command the UAV."""
 
 
 class Flight:
@@ -63,36 +79,44 @@ class Flight:
             LinkError, ModelError, SessionError: something cannot be opened; nothing is left open.
         """
         self._on_snapshot = on_snapshot
+        mission = plan.mission
+        self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         self._detector: Detector | None = None
         if plan.video:
-            self._detector = open_perception(plan.mission.detector, threads=LOOK_THREADS)
-        self._links: list[Link] = []
+            parse_source(plan.video)
+            self._detector = open_perception(mission.detector, threads=LOOK_THREADS)
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False)
+        self._stream: VideoStream | None = None
+        self._desk: CommandDesk | None = None
         try:
-            self._links += (open_link(url, k) for k, url in enumerate(plan.links))
-            self._recorder = Recorder(plan.sessions, plan.mission, video=bool(plan.video))
+            self._ingest = _open_ingest(plan, self._recorder.tlog_path)
         except BaseException:
-            self._close_links()
+            # nothing was received: what is in the folder are headings
+            self._recorder.close()
+            shutil.rmtree(self._recorder.folder, ignore_errors=True)
             raise
-        self._pipeline = Pipeline(plan.mission)
+        if plan.video:
+            self._stream = VideoStream(plan.video, self._recorder.video_path, on_frame=self._recorder.frame_time)
+        self._pipeline = Pipeline(mission)
         self._queue: deque[Packet] = deque()
+        self._said: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._latest: Snapshot | None = None
-        self._health = Health(recording=True, free_bytes=self._recorder.free_bytes)
+        self._health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=self._keys)
         self._health_due = 0.0
         self._frames = 0
         self._frame_ends: deque[float] = deque(maxlen=20)
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False
+        self.lost: tuple[str, ...] = ()
         self.error: BaseException | None = None
-        self._stream: VideoStream | None = None
-        if plan.video:
-            self._stream = VideoStream(plan.video, self._recorder.video_path, on_frame=self._recorder.frame_time)
+        if plan.command:
+            self._desk = self._open_desk(mission)
+        jobs = {"telemetry": self._listen, "fold": self._fold}
         self._threads = [
-            threading.Thread(target=self._guard, args=(self._listen, link), name=link.name, daemon=True)
-            for link in self._links
+            threading.Thread(target=self._guard, args=(job,), name=name, daemon=True) for name, job in jobs.items()
         ]
-        self._threads.append(threading.Thread(target=self._guard, args=(self._fold,), name="fold", daemon=True))
         for thread in self._threads:
             thread.start()
 
@@ -108,8 +132,13 @@ class Flight:
 
     @property
     def packets(self) -> int:
-        """Telemetry packets received on all links."""
-        return sum(link.counts.packets for link in self._links)
+        """Telemetry packets recorded, of all links."""
+        return self._ingest.health().packets
+
+    @property
+    def commands(self) -> Commands | None:
+        """The command desk, None for a station that listens only."""
+        return self._desk
 
     def latest(self) -> Snapshot | None:
         """The newest snapshot."""
@@ -126,17 +155,31 @@ class Flight:
                 return
             self._closed = True
         self._stop.set()
+        if self._desk:
+            self._desk.close()
         if self._stream:
             self._stream.close()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(timeout=5)
-        self._close_links()
-        self._recorder.close()
+        self._ingest.stop()
+        self.lost = self._recorder.close(self._ingest.health().record)
 
-    def _close_links(self) -> None:
-        for link in self._links:
-            link.close()
+    @property
+    def _keys(self) -> int:
+        return len(self._ring.keys) + (self._ring.default is not None)
+
+    def _open_desk(self, mission: Mission) -> CommandDesk:
+        # MAVSDK's native library is loaded only by stations that may command
+        from gcs.steering import open_desk, place_of
+
+        return open_desk(
+            mission,
+            self._ingest,
+            self._ring,
+            where=lambda system_id: place_of(system_id, self._latest, self._pipeline.fleet.origin),
+            tell=self._said.append,
+        )
 
     def _guard(self, work: Callable[..., None], *args: object) -> None:
         """Run a thread's work; what ends it is kept for the screen to tell and the flight stops."""
@@ -146,11 +189,13 @@ class Flight:
             self.error = error
             self._stop.set()
 
-    def _listen(self, link: Link) -> None:
+    def _listen(self) -> None:
         while not self._stop.is_set():
-            for packet in link.read(READ_S):
-                self._recorder.packet(packet)
-                self._queue.append(packet)
+            packets = self._ingest.read(READ_S)
+            self._queue.extend(packets)
+            if self._desk:
+                for packet in packets:
+                    self._desk.take(packet)
 
     def _fold(self) -> None:
         while not self._stop.is_set():
@@ -159,6 +204,10 @@ class Flight:
                 self._stop.wait(IDLE_S)
             while self._queue:
                 self._pipeline.feed(self._queue.popleft())
+            while self._said:
+                self._pipeline.note(self._said.popleft())
+            if self._desk:
+                self._desk.poll()
             self._look_after()
             snapshot = self._look(frame) if frame else self._wait()
             self._events.extend(snapshot.events)
@@ -196,38 +245,32 @@ class Flight:
         self._health_due = now + HEALTH_S
         ends = self._frame_ends
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and now - ends[-1] < 2 else 0.0
-        video = self._video_state()
-        if video != self._health.video:
-            level: Level = "alarm" if video == "stalled" else "info"
-            self._pipeline.note(Event(t_us=time.time_ns() // 1000, level=level, kind="video", text=f"video {video}"))
-        self._health = Health(
-            fps=fps,
-            frames=self._frames,
-            skipped_frames=self._stream.skipped if self._stream else 0,
-            video=video,
-            links=tuple(_link_health(link) for link in self._links),
-            recorded_bytes=self._recorder.bytes,
-            recording=True,
-            free_bytes=self._recorder.free_bytes,
+        ingest = self._ingest.health()
+        for notice in self._ingest.notices():
+            self._note(notice.t_us, cast(Level, notice.level), "link", notice.text)
+        for event in self._recorder.check(ingest.record):
+            self._pipeline.note(event)
+        before = self._health.video
+        self._health = flight_health(
+            ingest, self._recorder, self._stream, keys=self._keys, frames=self._frames, fps=fps
         )
+        if self._health.video != before:
+            level: Level = "alarm" if self._health.video == "stalled" else "info"
+            self._note(time.time_ns() // 1000, level, "video", f"video {self._health.video}")
 
-    def _video_state(self) -> str:
-        if self._stream is None:
-            return "none"
-        if self._stream.ended:
-            return "ended"
-        if self._stream.stalled:
-            return "stalled"
-        return "ok" if self._stream.received else "waiting"
+    def _note(self, t_us: int, level: Level, kind: str, text: str) -> None:
+        self._pipeline.note(Event(t_us=t_us, level=level, kind=kind, text=text))
 
 
-def _link_health(link: Link) -> LinkHealth:
-    counts = link.counts
-    return LinkHealth(
-        name=link.name,
-        packets=counts.packets,
-        bytes=counts.bytes,
-        bad=counts.bad,
-        dropped=counts.dropped,
-        silent_s=counts.silent_s,
+def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
+    mission = plan.mission
+    signing = mission.signing
+    return Ingest(
+        plan.links,
+        log,
+        system_ids=(mission.uav.system_id, *mission.ugv_ids),
+        signing=Signing(
+            keys=str(signing.folder) if signing.folder else "", unsigned=signing.unsigned, keyless=signing.keyless
+        ),
+        outputs=Outputs(urls=plan.forward, write_back=plan.command, own=OWN_ID),
     )

@@ -16,6 +16,7 @@ from gcs.config import load_mission
 from gcs.errors import GcsError
 from gcs.live import Flight, FlightPlan
 from gcs.rollcall import RollCall
+from gcs.sessionfile import seal_interrupted
 
 __all__ = ["fly"]
 
@@ -24,13 +25,20 @@ def fly(
     mission: Annotated[Path, typer.Argument(help="Mission file: vehicles, camera, clocks.")],
     link: Annotated[list[str] | None, typer.Option("--link", "-l", help="Telemetry link; may be repeated.")] = None,
     video: Annotated[str | None, typer.Option("--video", "-v", help="Video URL, device or file.")] = None,
+    out: Annotated[
+        list[str] | None,
+        typer.Option("--out", help="Where packets go on to, untouched (udpout:127.0.0.1:14551); may be repeated."),
+    ] = None,
+    command: Annotated[
+        bool, typer.Option("--command", help="May speak to the UAV: heartbeat, message rates, orders.")
+    ] = False,
     sessions: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("sessions"),
     model: Annotated[Path | None, typer.Option(help="ONNX detector instead of the mission's.")] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
     duration: Annotated[float | None, typer.Option(help="Stop after so many seconds; without a screen.")] = None,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
-    """Name the vehicles in a live video; listens only, records everything."""
+    """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     loaded = load_mission(mission)
     if model is not None:
         loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
@@ -41,7 +49,10 @@ def fly(
     if screen and duration is not None:
         raise GcsError("--duration is for flights without a screen; add --headless")
     source = loaded.links.video if video is None else video
-    plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions)
+    for interrupted in seal_interrupted(sessions):
+        note(interrupted.text)
+    forward = tuple(out or ()) or loaded.links.forward
+    plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions, forward=forward, command=command)
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
     try:
@@ -53,6 +64,8 @@ def fly(
         flight.stop()
     say(calls.text())
     say(f"{flight.packets} packets received; recorded in {flight.folder}")
+    for line in flight.lost:
+        note(line)
     if flight.error:
         raise GcsError(f"the flight ended by itself: {flight.error}; the recording up to then is whole")
     if source and not calls.named:

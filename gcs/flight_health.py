@@ -1,0 +1,69 @@
+"""How a flight itself is doing: links, recording, disk and video in one record."""
+
+from __future__ import annotations
+
+from gcs.recorder import Recorder
+from gcs.snapshot import Health, LinkHealth
+from mavlink.ingest.health import IngestHealth, LinkReport
+from vision.stream import VideoStream
+
+__all__ = ["flight_health", "video_state"]
+
+
+def video_state(stream: VideoStream | None) -> str:
+    """A word for how the video is doing."""
+    if stream is None:
+        return "none"
+    if stream.ended:
+        return "ended"
+    if stream.stalled:
+        return "stalled" if stream.received else "waiting"
+    return "ok" if stream.received else "waiting"
+
+
+def flight_health(
+    ingest: IngestHealth, recorder: Recorder, stream: VideoStream | None, *, keys: int, frames: int, fps: float
+) -> Health:
+    """The health of now.
+
+    Args:
+        ingest: how telemetry comes in.
+        recorder: where it goes.
+        stream: the video, None without.
+        keys: signing keys in use.
+        frames: pictures looked at so far.
+        fps: pictures looked at per second.
+    """
+    states = recorder.states(ingest.record).values()
+    worst = max(states, key=lambda state: state.failing_s)
+    return Health(
+        fps=fps,
+        frames=frames,
+        skipped_frames=stream.skipped if stream else 0,
+        video=video_state(stream),
+        undecoded=stream.undecoded if stream else 0,
+        links=tuple(map(_link, ingest.links)),
+        recorded_bytes=recorder.bytes,
+        recording=True,
+        free_bytes=recorder.free_bytes,
+        full_in_s=recorder.full_in_s,
+        write_failing_s=worst.failing_s,
+        write_reason=worst.reason if worst.failing_s else "",
+        write_waiting=sum(state.waiting for state in states),
+        write_lost=sum(state.lost for state in states),
+        keys=keys,
+        ingest_restarts=ingest.restarts,
+        ring_dropped=ingest.overrun,
+    )
+
+
+def _link(link: LinkReport) -> LinkHealth:
+    counts = link.counts
+    return LinkHealth(
+        name=link.name,
+        packets=counts.packets,
+        bytes=counts.bytes,
+        bad=counts.bad,
+        dropped=counts.dropped,
+        silent_s=counts.silent_s,
+    )
