@@ -2,6 +2,7 @@ import os
 import socket
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 from mavlink.dialect import DEFINITIONS
 from mavlink.frame import split
+from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, LinkReport
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.shared import Shared, Word, make_memory
@@ -342,3 +344,22 @@ def test_arrival_is_the_kernels():
         time.sleep(0.05)
         assert before_us <= link.take().times_us[0] <= after_us + 1000
         link.close()
+
+
+# ---- what is told
+
+
+def test_each_change_is_told_once():
+    changes = Changes()
+    link = LinkReport(name="udp", counts=LinkCounts())
+    assert changes.of(IngestHealth(links=(link,))) == []
+    lost = replace(link, counts=LinkCounts(dropped=3), narrow=True)
+    told = changes.of(IngestHealth(links=(lost,), overrun=7, troubles=("no key",)))
+    assert [level for level, _ in told] == ["alarm", "alarm", "alarm", "warning"]
+    assert "strangers flood" in told[0][1] and "3 datagrams were lost" in told[1][1] and told[3][1] == "no key"
+    assert changes.of(IngestHealth(links=(lost,), overrun=7, troubles=("no key",))) == []
+    over = replace(link, counts=LinkCounts(dropped=4, turned_away=1500), connected=False)
+    told = changes.of(IngestHealth(links=(over,), overrun=15))
+    assert told[0] == ("alarm", "udp: lost, trying on") and "1,500 datagrams of strangers" in told[1][1]
+    assert "15 packets were recorded and not shown" in told[2][1] and len(told) == 3
+    assert changes.of(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [("info", "udp: back")]

@@ -39,6 +39,7 @@ PAUSE_S = 0.004
 """Datagrams of so long are taken together; when each came the kernel has noted."""
 TELL_S = 0.2
 _FEW = 128
+_UNGUARDED = "{}: this system has no socket filters; a flood of strangers can push others out"
 _ROUNDS = 8
 """Batches of one link before the others have their turn."""
 
@@ -160,6 +161,9 @@ class _Ingest:
         self._memory.words[Word.WAITING] = record.waiting
         outputs = self._outputs.counts if self._outputs else ()
         troubles = [self._send_trouble, self._receiver.output_trouble, *self._signatures.troubles]
+        troubles += [
+            _UNGUARDED.format(link.name) for link in self._links if isinstance(link, UdpIn) and link.gate.broken
+        ]
         health = IngestHealth(
             links=self._reports,
             outputs=tuple(OutputReport(**asdict(output)) for output in outputs),

@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mavlink.errors import LinkError, TlogError
+from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
@@ -27,6 +28,7 @@ from mavlink.packet import Packet
 __all__ = ["Ingest"]
 
 WATCH_S = 0.05
+LOOK_S = 0.5
 HUNG_S = 0.7
 """A process that shows no life for so long is replaced: with the start of the next that is a second."""
 BUFFER_BYTES = 4 << 20
@@ -222,18 +224,30 @@ class Ingest:
 
     def _guard(self) -> None:
         """Replaces a process that has died or hangs."""
-        beat, alive_s = 0, time.monotonic()
+        beat, alive_s, cpu_s = 0, time.monotonic(), 0.0
+        changes, look_s = Changes(), alive_s
         while not self._stopping.wait(WATCH_S):
             process, now_s = self._process, time.monotonic()
             assert process is not None
             seen = self._memory.words[Word.BEAT]
             if seen != beat:
-                beat, alive_s = seen, now_s
-            if process.dead or now_s - alive_s > (HUNG_S if process.ready else START_S):
+                beat, alive_s, cpu_s = seen, now_s, process.cpu_s
+            if process.dead or self._hangs(process, now_s - alive_s, cpu_s):
                 self._replace(process, alive_s)
-                alive_s = time.monotonic()
+                alive_s, cpu_s = time.monotonic(), 0.0
             elif self._spare is None or self._spare.dead:
                 self._prepare()
+            if now_s >= look_s:
+                look_s = now_s + LOOK_S
+                for level, text in changes.of(self.health()):
+                    self._notice(level, text)
+
+    def _hangs(self, process: IngestProcess, silent_s: float, cpu_s: float) -> bool:
+        if silent_s <= HUNG_S:
+            return False
+        # on a machine that is too busy another process would not fare better
+        patient = not process.ready or process.waits_for_processor(silent_s, cpu_s)
+        return silent_s > (START_S if patient else HUNG_S)
 
     def _prepare(self) -> None:
         """Starts a process that waits for its turn."""

@@ -91,6 +91,29 @@ class IngestProcess:
         said = f": {lines[-1]}" if lines else ""
         return f"signal {-code}{said}" if code is not None and code < 0 else f"exit code {code}{said}"
 
+    def waits_for_processor(self, silent_s: float, cpu_s: float) -> bool:
+        """Whether it shows no life only because others have the processor: it could run and has hardly been let.
+
+        Args:
+            silent_s: for how long it has shown no life.
+            cpu_s: its processor time before that.
+        """
+        state, now_s = self._proc()
+        return state == "R" and now_s - cpu_s < 0.5 * silent_s
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time so far, 0 where the system does not say."""
+        return self._proc()[1]
+
+    def _proc(self) -> tuple[str, float]:
+        """State and processor time, as in proc(5)."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+            return fields[0], (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        except (OSError, IndexError, ValueError):
+            return "", 0.0
+
     def go(self, generation: int) -> None:
         """It is this process's turn; :attr:`ready` says when it has opened everything.
 

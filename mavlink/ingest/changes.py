@@ -1,0 +1,58 @@
+"""What an operator is told of the ingest's health: each change once, and losses again only when they have grown."""
+
+from __future__ import annotations
+
+from mavlink.ingest.health import IngestHealth, LinkReport
+
+__all__ = ["Changes"]
+
+Told = tuple[str, str]
+"""Level and text."""
+GROWN = 2.0
+"""A loss is told again when it is so many times what was told."""
+
+
+class Changes:
+    """Compares one health with the one before."""
+
+    def __init__(self) -> None:
+        self._connected: dict[str, bool] = {}
+        self._narrow: dict[str, bool] = {}
+        self._losses: dict[str, int] = {}
+        self._troubles: frozenset[str] = frozenset()
+
+    def of(self, health: IngestHealth) -> list[Told]:
+        """What is new since the last call."""
+        told: list[Told] = []
+        for link in health.links:
+            told += self._link(link)
+            text = f"{link.name}: {{}} datagrams were lost, the machine is too busy to receive them in time"
+            told += self._loss(link.name, link.counts.dropped, text)
+        told += self._loss("ring", health.overrun, "{} packets were recorded and not shown: the screen cannot keep up")
+        for output in health.outputs:
+            text = f"{output.name}: {{}} packets were not forwarded: nobody there, or too slow"
+            told += self._loss(output.name, output.dropped, text)
+        troubles = frozenset(health.troubles)
+        told += [("warning", text) for text in sorted(troubles - self._troubles)]
+        self._troubles = troubles
+        return told
+
+    def _link(self, link: LinkReport) -> list[Told]:
+        told: list[Told] = []
+        if link.connected != self._connected.get(link.name, True):
+            told.append(
+                ("info", f"{link.name}: back") if link.connected else ("alarm", f"{link.name}: lost, trying on")
+            )
+        if link.narrow != self._narrow.get(link.name, False):
+            away = f"{link.name}: {link.counts.turned_away:,} datagrams of strangers were turned away"
+            start = f"{link.name}: strangers flood this port; only few of their datagrams are let in"
+            told.append(("alarm", start) if link.narrow else ("info", f"{away}; the flood is over"))
+        self._connected[link.name], self._narrow[link.name] = link.connected, link.narrow
+        return told
+
+    def _loss(self, name: str, count: int, text: str) -> list[Told]:
+        before = self._losses.get(name, 0)
+        if count <= before * GROWN:
+            return []
+        self._losses[name] = count
+        return [("alarm", text.format(f"{count:,}"))]
