@@ -48,6 +48,10 @@ class FakeVehicle:
         heard = [said for said in list(self.heard) if said.get_type() in ("COMMAND_LONG", "COMMAND_INT")]
         return [said for said in heard if number is None or said.command == number]
 
+    def say(self, message: Any) -> None:
+        """Any message of the dialect, as from this vehicle."""
+        self._send(Speaker(self.system_id).pack(message))
+
     def close(self) -> None:
         self._stop.set()
         self._thread.join(2.0)

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.command import ORDERS, CommandDesk, Place, Rules, open_desk, places
+from gcs.command import ORDERS, CommandDesk, Place, Rules
 from gcs.command.answer import Answer
 from gcs.command.orders import orders_about
-from gcs.config import parse_mission
-from mavlink.geodesy import LocalFrame
 from mavlink.outgoing import Outgoing
 from mavlink.packet import Auth, Packet
 from tests.fake_autopilot import FakeVehicle, Socket, rover
-from tests.fake_station import make_snapshot
 
 UAV, UGV, OTHER = 1, 3, 4
 QUICK = Rules(point_s=0.05, fly_s=0.05, lost_s=0.3, settle_s=0.3, text_s=0.15)
@@ -257,6 +254,20 @@ def test_what_is_not_believed_commands_nothing(air):
     assert air.desk._uav.alt_m == before
 
 
+def test_who_holds_the_gimbal_is_told(air):
+    for holder in ((0, 0), (255, 190), (255, 190), (254, 190)):
+        air.uav.say(dialect.MAVLink_gimbal_manager_status_message(1, 0, 1, *holder, 0, 0))
+        assert air.until(lambda holder=holder: air.desk._uav.gimbal_holder == holder)
+        air.desk._look_s = 0.0
+        air.desk.poll()
+    said = [event.text for event in air.events if event.kind == "camera"]
+    assert said == [
+        "the gimbal of UAV-1 is controlled by nobody",
+        "the gimbal of UAV-1 is controlled by system 255 component 190",
+        "the gimbal of UAV-1 is controlled by this station",
+    ]
+
+
 def test_orders_name_their_target_and_need_one(air):
     about = dict(air.desk.orders(UGV))
     assert about["point"] == "Point the camera at UGV-3"
@@ -277,36 +288,3 @@ def test_answers_in_words():
     assert Answer(result=99).words == "refused (result 99)"
     assert Answer(result=None).words == "no answer"
     assert Answer(result=None, reason="not heard").words == "not heard"
-
-
-def test_a_place_is_only_given_while_it_is_sure():
-    frame = LocalFrame(47.3977, 8.5456, 500.0)
-    base = make_snapshot(live=True)
-    held: list = [base]
-    now_us = base.t_us + 100_000
-    where = places(lambda: held[0], lambda: frame, lambda: now_us)
-    place = where(12)  # 3 m west, 3.5 m north of the origin
-    assert place.lat_deg - 47.3977 == pytest.approx(3.5 / 111_200, rel=0.01)
-    assert place.lon_deg - 8.5456 == pytest.approx(-3.0 / (111_200 * 0.6785), rel=0.01)
-    assert where(13) is None, "stale"
-    assert where(17) is None, "lost"
-    assert where(99) is None
-    held[0] = replace(base, t_us=base.t_us - 3_000_000)
-    assert where(12) is None, "the snapshot is old"
-    held[0] = None
-    assert where(12) is None
-    assert places(lambda: base, lambda: None, lambda: now_us)(12) is None
-
-
-def test_a_desk_for_a_mission_names_its_vehicles():
-    mission = parse_mission(
-        {"uav": {"system_id": 1}, "ugv": [{"system_id": 3}, {"system_id": 4, "name": "Ox"}]}, "test"
-    )
-    desk = open_desk(
-        mission, send=lambda link, peer, raw: None, latest=lambda: None, origin=lambda: None, tell=lambda event: None
-    )
-    assert dict(desk.orders(4))["point"] == "Point the camera at Ox"
-    assert dict(desk.orders(3))["above"] == "Fly UAV above UGV-3, at its present height"
-    desk.poll()
-    desk.close()
-    desk.close()

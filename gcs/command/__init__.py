@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from gcs.command.desk import CommandDesk
 from gcs.command.jobs import Rules
-from gcs.command.opening import open_desk, places
 from gcs.command.orders import ORDERS, Order
 from gcs.command.wire import Place
 
-__all__ = ["ORDERS", "CommandDesk", "Order", "Place", "Rules", "open_desk", "places"]
+__all__ = ["ORDERS", "CommandDesk", "Order", "Place", "Rules"]

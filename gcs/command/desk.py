@@ -63,6 +63,8 @@ class CommandDesk:
         self._heartbeat, self._timesync = Heartbeat(speaker), TimeSyncer(speaker)
         self._rates = RateKeeper(speaker, uav, tuple(ground), own=own[0])
         self._look_s = 0.0
+        self._own = own
+        self._holder: tuple[int, int] | None = None
         self._uav = Uav()
         self._sdk = Sdk(uav, own, outgoing.give)
         self._jobs = Jobs(self._sdk, self._uav, where, own=own, rules=rules or Rules())
@@ -92,8 +94,18 @@ class CommandDesk:
             self._outgoing.give(raw, link)
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
-            for rate in self._rates.troubles(now_s):
-                self._note("warning", "link", rate.words, rate.system_id)
+            self._look(now_s)
+
+    def _look(self, now_s: float) -> None:
+        """Tells what has changed: rates that are too low, who controls the gimbal."""
+        for rate in self._rates.troubles(now_s):
+            self._note("warning", "link", rate.words, rate.system_id)
+        holder = self._uav.gimbal_holder
+        if holder is not None and holder != self._holder:
+            self._holder = holder
+            who = "this station" if holder == self._own else f"system {holder[0]} component {holder[1]}"
+            text = f"the gimbal of {self._uav_name} is controlled by {who if any(holder) else 'nobody'}"
+            self._note("info", "camera", text, self._uav_id)
 
     def rates(self) -> Sequence[Rate]:
         """Message rates, wanted and measured."""

@@ -14,7 +14,7 @@ from mavlink.samples import GlobalPosition, Heartbeat, StatusText
 
 __all__ = ["Uav"]
 
-_ACK, _GIMBAL_MANAGERS = 77, (280, 281)
+_ACK, _GIMBAL_MANAGERS, _GIMBAL_MANAGER_STATUS = 77, (280, 281), 281
 _IN_PROGRESS = 5
 _CAMERA_TYPE = 30
 _FRESH_S = 3.0
@@ -34,6 +34,8 @@ class Uav:
         """Component of the first camera that beats, the autopilot's without one."""
         self.gimbal_component = 1
         """Component of the gimbal manager that speaks, the autopilot's without one."""
+        self.gimbal_holder: tuple[int, int] | None = None
+        """System and component in primary control of the gimbal, (0, 0) for nobody, None while it does not tell."""
 
     def take(self, packet: Packet) -> None:
         """A packet of the UAV that is believed."""
@@ -44,6 +46,9 @@ class Uav:
             return
         if packet.message_id in _GIMBAL_MANAGERS:
             self.gimbal_component = packet.component_id
+            if packet.message_id == _GIMBAL_MANAGER_STATUS:
+                payload = packet.payload.ljust(11, b"\0")
+                self.gimbal_holder = (payload[9], payload[10])
             return
         sample = decode(packet)
         if isinstance(sample, Heartbeat):
