@@ -80,8 +80,8 @@ class KeyRing:
         """The one key that this system's frames are verified with; None: there is none."""
         return self.keys.get(system_id, self.default)
 
-    def __bool__(self) -> bool:
-        return bool(self.keys) or self.default is not None
+    def __len__(self) -> int:
+        return len(self.keys) + (self.default is not None)
 
 
 def passphrase_secret(passphrase: str) -> bytes:

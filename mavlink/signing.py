@@ -20,7 +20,7 @@ from typing import Literal
 from mavlink.dialect import DEFINITIONS, message_name
 from mavlink.frame import SIGNATURE_LENGTH, checksum
 from mavlink.keys import KeyRing, SigningError
-from mavlink.packet import MAGIC_V2, Auth, Packet
+from mavlink.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 from mavlink.signing_streams import AHEAD, Streams, ticks_of
 
 __all__ = ["RADIO_STATUS", "SETUP_SIGNING", "TELLING", "Keyless", "Verifier", "without_secret"]
@@ -83,12 +83,16 @@ class Verifier:
         raw = packet.raw
         if len(raw) < _SHORTEST:
             return Auth.BAD
-        v2 = raw[0] == MAGIC_V2
-        if v2 and raw[2] & SIGNED:
-            return self._check_signed(packet.t_us, raw)
-        if self._keys[raw[5] if v2 else raw[3]] is None and self._keyless is Auth.OPEN:
+        if raw[0] == MAGIC_V2:
+            if raw[2] & SIGNED:
+                return self._check_signed(packet.t_us, raw)
+            system_id, message_id = raw[5], int.from_bytes(raw[7:10], "little")
+        elif raw[0] == MAGIC_V1:
+            system_id, message_id = raw[3], raw[5]
+        else:
+            return Auth.BAD
+        if self._keys[system_id] is None and self._keyless is Auth.OPEN:
             return Auth.OPEN
-        message_id = int.from_bytes(raw[7:10], "little") if v2 else raw[5]
         return Auth.OPEN if message_id in self._unsigned else Auth.UNSIGNED
 
     def _check_signed(self, t_us: int, raw: bytes) -> Auth:

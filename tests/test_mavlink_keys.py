@@ -57,6 +57,7 @@ def test_written_and_read_again(folder):
         assert key.fingerprint == Key(secret_of(system_id)).fingerprint
     ring = read_ring(folder)
     assert sorted(ring.keys) == [1, 7, 255]
+    assert len(ring) == 4
     covered = b"anything"
     assert ring.key_of(7).signature(covered) == Key(secret_of(7)).signature(covered)
     assert ring.key_of(8).fingerprint == Key(secret_of(FLEET)).fingerprint

@@ -175,8 +175,7 @@ def _name(system_id: int) -> str:
 
 
 def _count(ring: KeyRing) -> str:
-    count = len(ring.keys) + (ring.default is not None)
-    return "1 key" if count == 1 else f"{count} keys"
+    return "1 key" if len(ring) == 1 else f"{len(ring)} keys"
 
 
 def _fingerprints(ring: KeyRing) -> Sequence[tuple[int, str]]:
