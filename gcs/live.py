@@ -27,7 +27,6 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import KeyRing, read_ring
 from mavlink.packet import Packet
-from mavlink.signer import Signer
 from vision.detector import Detector
 from vision.stream import VideoStream
 from vision.stream_source import parse_source
@@ -42,8 +41,8 @@ READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
 HEALTH_S = 1.0
-OWN_ID, OWN_COMPONENT = 254, 190
-"""What this station speaks as, where it may: MAV_COMP_ID_MISSIONPLANNER of a second station."""
+OWN_ID = 254
+"""System id of this station where it speaks."""
 MOST_EVENTS = 2000
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
 """Of the detector: the newest picture is looked at alone, and soon."""
@@ -172,25 +171,15 @@ class Flight:
 
     def _open_desk(self, mission: Mission) -> CommandDesk:
         # MAVSDK's native library is loaded only by stations that may command
-        from gcs.command import open_desk
+        from gcs.steering import open_desk, place_of
 
         return open_desk(
             mission,
-            send=lambda link, peer, raw: self._ingest.send(link, raw, peer),
-            latest=self.latest,
-            origin=lambda: self._pipeline.fleet.origin,
+            self._ingest,
+            self._ring,
+            where=lambda system_id: place_of(system_id, self._latest, self._pipeline.fleet.origin),
             tell=self._said.append,
-            sign=self._signer(mission.uav.system_id),
-            own=(OWN_ID, OWN_COMPONENT),
         )
-
-    def _signer(self, system_id: int) -> Callable[[bytes], bytes] | None:
-        """What signs frames to a vehicle that has a key."""
-        key = self._ring.key_of(system_id)
-        if key is None:
-            return None
-        signer = Signer(key)
-        return lambda frame: signer.sign(frame, time.time_ns() // 1000)
 
     def _guard(self, work: Callable[..., None], *args: object) -> None:
         """Run a thread's work; what ends it is kept for the screen to tell and the flight stops."""

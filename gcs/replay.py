@@ -30,6 +30,8 @@ TICK_S = 0.02
 class Replay:
     """A station (``gcs.station.Station``) over a recording, with its timeline (``gcs.station.Timeline``)."""
 
+    commands = None
+
     def __init__(self, session: Session, *, redetect: bool = False) -> None:
         """Open the recording and start both threads.
 

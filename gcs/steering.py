@@ -1,0 +1,72 @@
+"""The way from an operator's orders to the UAV: its key, its link, and the ground vehicles' places."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from gcs.command import CommandDesk, Place
+from gcs.command.desk import COMPONENT_ID, SYSTEM_ID
+from gcs.config import Mission
+from gcs.snapshot import Event, Snapshot
+from mavlink.geodesy import LocalFrame
+from mavlink.ingest.ingest import Ingest
+from mavlink.keys import KeyRing
+from mavlink.outgoing import Outgoing
+from mavlink.signer import Signer
+
+__all__ = ["OWN", "open_desk", "place_of"]
+
+OWN = (SYSTEM_ID, COMPONENT_ID)
+"""System and component id that the station speaks as."""
+FRESH_US = 2_000_000
+"""A snapshot older than this says nothing of now."""
+
+
+def open_desk(
+    mission: Mission,
+    ingest: Ingest,
+    ring: KeyRing,
+    where: Callable[[int], Place | None],
+    tell: Callable[[Event], None],
+) -> CommandDesk:
+    """The desk of a flight that may command.
+
+    Args:
+        mission: who flies.
+        ingest: sends.
+        ring: frames to a UAV that has a key are signed with it.
+        where: the place of a ground vehicle, None when it is not known for sure and now.
+        tell: given what becomes of orders, in another thread.
+    """
+    uav = mission.uav.system_id
+    key = ring.key_of(uav)
+    signer = Signer(key) if key is not None else None
+
+    def sign(frame: bytes) -> bytes:
+        assert signer is not None
+        return signer.sign(frame, time.time_ns() // 1000)
+
+    outgoing = Outgoing(uav, lambda link, peer, raw: ingest.send(link, raw, peer), sign=sign if signer else None)
+    return CommandDesk(
+        uav=uav,
+        ground={system_id: mission.name_of(system_id) for system_id in mission.ugv_ids},
+        uav_name=mission.name_of(uav),
+        outgoing=outgoing,
+        where=where,
+        tell=tell,
+        own=OWN,
+    )
+
+
+def place_of(system_id: int, snapshot: Snapshot | None, origin: LocalFrame | None) -> Place | None:
+    """Where a vehicle is by its own reports, None when they are old, doubted or contested."""
+    if snapshot is None or origin is None or time.time_ns() // 1000 - snapshot.t_us > FRESH_US:
+        return None
+    for row in snapshot.vehicles:
+        if row.system_id == system_id:
+            if row.position_state != "ok" or row.contested or system_id in snapshot.conflicts:
+                return None
+            lat_deg, lon_deg, _ = origin.to_geodetic(row.p_enu)
+            return Place(float(lat_deg), float(lon_deg))
+    return None
