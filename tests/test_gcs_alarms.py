@@ -1,11 +1,14 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from gcs.alarms import Alarms
+from gcs.findings import counted, findings
 from gcs.quiet import Quiet
 from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
 from gcs.trends import Trends
@@ -211,3 +214,44 @@ def test_rates_and_forecast():
     assert health.links[0].bytes_per_s == pytest.approx(30_000.0)
     assert health.full_in_s == pytest.approx(3600.0)
     assert trends.of(START_US, replace(WELL, links=())) == replace(WELL, links=())
+
+
+def everything_wrong():
+    """Snapshots in which, together, every finding is found."""
+    rows = (
+        replace(ROWS[0], position_state="refused", refusals={"jump": 2}),
+        replace(ROWS[1], contested=True, position_state="stale", bad_signature=3, unsigned=3, drift_ppm=900.0),
+        replace(ROWS[2], heartbeat_age_s=math.inf),
+        VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),
+        VehicleRow(system_id=14, name="UGV-14", role="ugv", heartbeat_age_s=0.1, position_state="lost"),
+        VehicleRow(system_id=15, name="UGV-15", role="ugv", heartbeat_age_s=0.1),
+    )
+    health = replace(
+        WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4),), recording=False, write_failing_s=3.0,
+        write_reason="No space left on device", write_lost=5, free_bytes=1, ingest_restarts=1, ring_dropped=3,
+        undecoded=9, clock_step_s=3.0, time_offset_s=0.9, time_offset_std_s=0.01,
+    )  # fmt: skip
+    yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
+    yield replace(BASE, health=replace(WELL, lag_s=2.0, keys=0, full_in_s=300.0))
+
+
+def test_the_operators_page_explains_every_alarm():
+    page = Path("docs/operations.md").read_text(encoding="utf-8").split("| alarm | means | do |")[1].split("\n\n")[0]
+    rows = [line.split(" | ")[0].strip("| ") for line in page.splitlines()[2:]]
+    patterns = [re.escape(said) for row in rows for said in _variants(row)]
+    told = set()
+    for snapshot in everything_wrong():
+        told |= {finding.text for finding in findings(snapshot)} | {finding.text for _, finding in counted(snapshot)}
+    assert len(told) > 25
+    for text in told:
+        known = [p.replace("NAME", r"[\w-]+").replace("LINK", r"\S+").replace("\\ …", ".*") for p in patterns]
+        assert any(re.fullmatch(pattern + ".*", text) for pattern in known), text
+
+
+def _variants(row):
+    """``NAME: position stale, position lost`` is two alarms."""
+    name, colon, what = row.partition(": ")
+    first, comma, second = row.partition(", ")
+    if not comma or second.startswith("is almost"):
+        return [row] if not comma else [first, "the disk is almost full"]
+    return [first, f"{name}: {second}"] if colon and ", " in what else [row]
