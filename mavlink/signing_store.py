@@ -112,16 +112,19 @@ class StreamStore:
             os.close(self._lock)
 
     def _run(self) -> None:
-        saved_s = time.monotonic()
-        while not self._stop.wait(LOOK_S):
-            if self.streams.births == self._births and time.monotonic() - saved_s < self._period_s:
+        start_s, pause_s = time.monotonic(), LOOK_S
+        while not self._stop.wait(pause_s):
+            pause_s = LOOK_S
+            if self.streams.births == self._births and time.monotonic() - start_s < self._period_s:
                 continue
-            saved_s = time.monotonic()
+            start_s = time.monotonic()
             try:
                 self._save(ended=False)
                 self.trouble = ""
             except SigningError as error:
                 self.trouble = str(error)
+            # who has a key could make streams without end: a tenth of the time goes into saving them, no more
+            pause_s = min(max(LOOK_S, 10.0 * (time.monotonic() - start_s)), self._period_s)
 
     def _locked(self) -> int:
         path = self.folder / "streams.lock"
@@ -156,7 +159,7 @@ class StreamStore:
         until = now if 0 <= now - saved.at <= _MOST_LOST else saved.at + _MOST_LOST
         for row in saved.rows:
             lost = 0 if saved.ended and sure else max(0, until - row.heard)
-            self.streams.restore(row._replace(timestamp=row.timestamp + lost))
+            self.streams.restore(row._replace(timestamp=row.timestamp + lost, heard=row.heard + lost))
         self.streams.proven = saved.proven
         self._number = saved.number
 

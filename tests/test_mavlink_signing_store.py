@@ -93,6 +93,19 @@ def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
     again.close()
 
 
+def test_crashes_one_after_another_do_not_add_up(tmp_path):
+    store = StreamStore(tmp_path, period_s=30)
+    then = ticks_of(now_us()) - 1000 * SECOND  # silent for long
+    store.streams.restore(Row(7, 1, 0, then + 5_995_000, then))
+    for _ in range(4):
+        store._save(ended=False)
+        abandon(store)
+        store = StreamStore(tmp_path, period_s=30)
+    ahead = store.streams.newest(7, 1, 0) - ticks_of(now_us())
+    assert 5_995_000 - SECOND * 20 < ahead <= 5_995_000
+    store.close()
+
+
 def test_a_new_stream_is_saved_at_once(tmp_path):
     store = StreamStore(tmp_path, period_s=3600)
     number = store._number
