@@ -119,6 +119,40 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(
+    ("encoder", "key", "source"),
+    [
+        ("libx264", "x264-params", "udp://127.0.0.1:{port}"),
+        ("libx265", "x265-params", "rtp://127.0.0.1:{port}?codec=h265"),
+    ],
+)
+def test_rtp_is_received_as_well(tmp_path, encoder, key, source):
+    """Another codec and another wrapping, found out or named; every picture from the first on."""
+    port, rows = free_port(), []
+    stream = VideoStream(source.format(port=port), tmp_path / "video.mkv", on_frame=lambda *row: rows.append(row))
+    extra = ":log-level=none:pools=none" if encoder == "libx265" else ""
+    with av.open(f"rtp://127.0.0.1:{port}", "w", format="rtp") as container:
+        options = {"preset": "ultrafast", "tune": "zerolatency", key: f"bframes=0:repeat-headers=1{extra}"}
+        coded = container.add_stream(encoder, rate=FPS, options=options)
+        coded.width, coded.height, coded.pix_fmt = 160, 96, "yuv420p"
+        coded.codec_context.gop_size = 10
+        begin = time.monotonic()
+        for number in range(50):
+            time.sleep(max(begin + number / FPS - time.monotonic(), 0))
+            container.mux(coded.encode(av.VideoFrame.from_ndarray(picture(number), format="bgr24")))
+        container.mux(coded.encode(None))
+    deadline = time.monotonic() + 10
+    while len(rows) < 50 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    frame = stream.latest(5.0)
+    assert frame is not None and number_of(frame.image) == frame.index == 49
+    stream.close()
+    assert (stream.received, stream.damaged, stream.undecoded, stream.error) == (50, 0, 0, "")
+    np.testing.assert_allclose(np.diff([t_us for _, t_us in rows])[20:], 1e6 / FPS, atol=15_000)
+    with VideoFile.open(tmp_path / "video.mkv") as video:
+        assert [number_of(frame.image) for frame in video.frames()] == list(range(50))
+
+
 def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
     encode(tmp_path / "clip.mp4", 40)
     rows = []

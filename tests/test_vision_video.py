@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vision.errors import VideoError
+from vision.recording import Recording
 from vision.video import VideoFile
 
 WIDTH, HEIGHT, BITS = 160, 96, 10
@@ -149,3 +150,89 @@ def test_an_mp4_without_its_table_is_refused(tmp_path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(VideoError, match="not a video"):
         VideoFile.open(path)
+
+
+def broken_off(folder):
+    """20 pictures, then a hole of 3, 15 more, and a file that died before its first; numbers are indices."""
+    recording, at = Recording(folder / "video.mkv"), 0
+    for first, n in ((0, 20), (23, 15)):
+        with av.open(str(write(folder / "part.mp4", steady(first + n), bframes=0, gop=1))) as clip:
+            stream = clip.streams.video[0]
+            packets = [packet for packet in clip.demux(stream) if packet.size]
+            recording.begin(stream, first, 1000.0 + first * 0.04)
+            for packet in packets[first : first + n]:
+                recording.write(packet, 1000.0 + float(packet.pts * packet.time_base))
+                at += 1
+        recording.close()
+    (folder / "video.2.mkv").write_bytes(b"")
+    assert recording.error == "" and at == 35
+    return folder / "video.mkv"
+
+
+def test_a_recording_in_several_files_is_one_video(tmp_path):
+    path = broken_off(tmp_path)
+    times = 5_000_000 + np.arange(38) * 40_000
+    with VideoFile.open(path, times) as video:
+        assert (video.n, video.mismatch, video.missing) == (38, 0, 3)
+        recorded = [*range(20), *range(23, 38)]
+        assert [(frame.index, number_of(frame.image)) for frame in video.frames()] == [(k, k) for k in recorded]
+        assert [frame.index for frame in video.frames(start=21)] == list(range(23, 38))
+        assert [frame.t_us for frame in video.frames()] == times[recorded].tolist()
+        assert [number_of(video.read(k).image) for k in (37, 2, 24, 19, 23)] == [37, 2, 24, 19, 23]
+        with pytest.raises(VideoError, match="not recorded"):
+            video.read(21)
+    with VideoFile.open(path, start_us=7) as video:
+        np.testing.assert_allclose(video.times_us - 7, np.arange(38) * 40_000, atol=1000)
+    with VideoFile.open(path, times[:10]) as video:
+        assert video.n == len(list(video.frames())) == 10
+
+
+def test_a_file_of_another_recording_is_not_taken_in(tmp_path):
+    path = write(tmp_path / "video.mkv", steady(10))
+    write(tmp_path / "video.1.mkv", steady(10))
+    with VideoFile.open(path) as video:
+        assert video.n == 10
+
+
+def test_a_cut_recording_keeps_nearly_every_picture(tmp_path):
+    """Bytes up to any place, as after a kill: all but the picture that was being written."""
+    recording = Recording(tmp_path / "video.mkv")
+    sizes = []
+    with av.open(str(write(tmp_path / "clip.mp4", steady(250), bframes=0))) as clip:
+        stream = clip.streams.video[0]
+        recording.begin(stream, 0, 0.0)
+        for packet in clip.demux(stream):
+            if packet.size:
+                recording.write(packet, float(packet.pts * packet.time_base))
+                sizes.append(recording.path.stat().st_size)
+    # on disk at every moment: all that was written but the last
+    data = recording.path.read_bytes()
+    for share in (0.3, 0.6, 0.9):
+        cut = tmp_path / f"cut{share}.mkv"
+        cut.write_bytes(data[: int(share * sizes[-1])])
+        whole = sum(size <= share * sizes[-1] for size in sizes)
+        with VideoFile.open(cut) as video:
+            assert video.n >= whole - 1
+            assert [number_of(frame.image) for frame in video.frames()][:whole] == list(range(whole))[: video.n]
+    assert sizes[-1] == len(data)
+    recording.close()
+
+
+def test_a_disk_that_fails_for_a_while_costs_what_came_meanwhile(tmp_path, monkeypatch):
+    recording = Recording(tmp_path / "video.mkv")
+    with av.open(str(write(tmp_path / "clip.mp4", steady(60), bframes=0))) as clip:
+        stream = clip.streams.video[0]
+        for index, packet in enumerate(packet for packet in clip.demux(stream) if packet.size):
+            now_s = index * 0.5
+            if packet.is_keyframe and recording.wants_segment(stream, now_s):
+                recording.begin(stream, index, now_s)
+            if index == 15:
+                monkeypatch.setattr(recording, "_stream", None)
+                recording._fail(OSError("no space left on device"), now_s)
+                assert "no space left" in recording.error
+            recording.write(packet, now_s)
+    recording.close()
+    assert recording.error == "" and recording.segment == 1
+    with VideoFile.open(tmp_path / "video.mkv") as video:
+        assert [number_of(frame.image) for frame in video.frames()] == [*range(15), *range(24, 60)]
+        assert video.missing == 9

@@ -6,6 +6,7 @@ Datagrams come from a port of ours (``vision.stream_port``), all else is opened 
 from __future__ import annotations
 
 import io
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -45,6 +46,8 @@ class Input:
     """Unit of the packets' time stamps."""
     packets: Packets
     container: InputContainer
+    arrival_s: Callable[[], float] = time.time
+    """Unix time at which the packet that came out last came in."""
     drains: bool = False
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
 
@@ -75,9 +78,9 @@ def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | 
         return None
     packet = parse(first)
     if source.codec == "mpegts" or (source.codec == "" and _is_mpegts(first)):
-        return _mpegts(source, _Bytes(port, lambda data: 0))
+        return replace(_mpegts(source, _Bytes(port, lambda data: 0)), arrival_s=lambda: port.arrival_s)
     if packet is not None and packet.kind == MPEG_TS:
-        return _mpegts(source, _Bytes(port, _rtp_header))
+        return replace(_mpegts(source, _Bytes(port, _rtp_header)), arrival_s=lambda: port.arrival_s)
     return _rtp(source, port, go_on)
 
 
@@ -169,7 +172,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
             continue
         if opened.stream.codec_context.width:
             packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
-            return replace(opened, tick_s=1 / TICK_HZ, packets=packets)
+            return replace(opened, tick_s=1 / TICK_HZ, packets=packets, arrival_s=lambda: port.arrival_s)
         opened.container.close()
     if not go_on():
         return None

@@ -11,6 +11,7 @@ import errno
 import select
 import socket
 import struct
+import sys
 import time
 from collections.abc import Callable
 
@@ -20,6 +21,8 @@ __all__ = ["Port", "bind"]
 
 ANY = "0.0.0.0"
 BUFFER_BYTES = 4 << 20
+SO_TIMESTAMPNS = 35
+"""Linux notes when a datagram came, however long it lies there."""
 LARGEST = 65536
 SLICE_S = 0.2
 """Longest wait between two looks at whether to go on."""
@@ -39,6 +42,8 @@ def bind(host: str, port: int) -> socket.socket:
     bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+        if sys.platform == "linux":
+            bound.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         _bind(bound, host, port)
     except OSError as error:
         bound.close()
@@ -73,10 +78,12 @@ class Port:
 
     Attributes:
         strangers: datagrams dropped because another sender was being listened to.
+        arrival_s: Unix time at which the datagram read last came to this machine.
     """
 
     def __init__(self, bound: socket.socket, host: str, go_on: Callable[[], bool], silence_s: float) -> None:
         self.strangers = 0
+        self.arrival_s = 0.0
         self._go_on = go_on
         self._silence_s = silence_s
         self._socket = bound
@@ -86,7 +93,7 @@ class Port:
         self._peer: tuple[str, int] | None = None
         self._open = False
         self._heard_s = 0.0
-        self._held: tuple[bytes, tuple[str, int]] | None = None
+        self._held: tuple[bytes, tuple[str, int], float] | None = None
 
     def wait(self) -> bytes:
         """The first datagram of the next connection, left to be read; empty when it is time to end."""
@@ -104,14 +111,14 @@ class Port:
 
     def _next(self) -> bytes:
         if self._peer is None and self._held is not None:
-            (data, self._peer), self._held = self._held, None
+            (data, self._peer, self.arrival_s), self._held = self._held, None
             self._heard_s = time.monotonic()
             return data
         while self._go_on():
             found = self._receive()
             now = time.monotonic()
             if found is not None and found[1] == self._peer:
-                self._heard_s = now
+                self._heard_s, self.arrival_s = now, found[2]
                 return found[0]
             if found is not None and now - self._heard_s > TAKEOVER_S:
                 self._held = found
@@ -125,11 +132,11 @@ class Port:
         """Give the port back."""
         self._socket.close()
 
-    def _receive(self) -> tuple[bytes, tuple[str, int]] | None:
+    def _receive(self) -> tuple[bytes, tuple[str, int], float] | None:
         try:
             if not select.select([self._socket], [], [], SLICE_S)[0]:
                 return None
-            data, peer = self._socket.recvfrom(LARGEST)
+            data, extra, _, peer = self._socket.recvmsg(LARGEST, 64)
         except OSError:
             # a refused answer or a lost interface is silence; the socket stays
             time.sleep(0.01)
@@ -137,4 +144,13 @@ class Port:
         if not data or (self._only and peer[0] != self._only):
             self.strangers += bool(data)
             return None
-        return data, (peer[0], peer[1])
+        return data, (peer[0], peer[1]), _stamp(extra)
+
+
+def _stamp(extra: list[tuple[int, int, bytes]]) -> float:
+    """The kernel's time of arrival, else now."""
+    for level, kind, value in extra:
+        if (level, kind, len(value)) == (socket.SOL_SOCKET, SO_TIMESTAMPNS, 16):
+            seconds, nanoseconds = struct.unpack("=qq", value)
+            return float(seconds + nanoseconds * 1e-9)
+    return time.time()

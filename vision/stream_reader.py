@@ -162,7 +162,7 @@ class _Connection:
             while self._reader.go_on() and (wait_s := due_s - time.monotonic()) > 0:
                 self._reader.alive()
                 time.sleep(min(wait_s, 0.1))
-        return time.time()
+        return self._source.arrival_s()
 
     def _settle(self, packets: list[tuple[Coded, float]]) -> None:
         """Learn the arrivals of packets that came together, then use the packets."""

@@ -1,0 +1,188 @@
+"""What live video costs in a process of its own, against the same reader on a thread of the station.
+
+    python -m bench.video_stream [seconds per case]
+
+1080p30 H.264 at 6 Mb/s as MPEG-TS over UDP on the loopback, sent by another process, recorded and decoded. The consumer
+takes every picture, or one every 100 ms as a detector does; "busy" is a station whose Python is busy besides. Processor
+time is that of the station and its video process together; lag runs from sending a picture to having its image.
+"""
+
+from __future__ import annotations
+
+import io
+import multiprocessing
+import os
+import socket
+import sys
+import tempfile
+import threading
+import time
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+
+from vision.pictures import bgr
+from vision.stream import VideoStream
+from vision.stream_input import READ_TIMEOUT_S, datagrams
+from vision.stream_messages import Settings
+from vision.stream_port import Port, bind
+from vision.stream_reader import Reader
+from vision.stream_source import parse_source
+from vision.video import Frame
+
+WIDTH, HEIGHT, FPS, BIT_RATE = 1920, 1080, 30, 6_000_000
+RESULT = Path(__file__).parent / "results" / "video_stream.md"
+PIECE = 7 * 188
+
+
+class Threaded:
+    """The reader on a thread of this process."""
+
+    def __init__(self, url: str, path: Path) -> None:
+        self._stop = threading.Event()
+        source = parse_source(url)
+        port = Port(bind(source.host, source.port), source.host, self._go_on, READ_TIMEOUT_S)
+        self._reader = Reader(Settings(source=url, record=str(path)), self._go_on, lambda progress: None)
+
+        def read() -> None:
+            opened = datagrams(source, port, self._go_on)
+            if opened is not None:
+                self._reader.read(opened, paced=False)
+            port.close()
+
+        self._thread = threading.Thread(target=read)
+        self._thread.start()
+
+    def _go_on(self) -> bool:
+        return not self._stop.is_set()
+
+    def latest(self, timeout_s: float) -> Frame | None:
+        taken = self._reader.newest.take(timeout_s)
+        if taken is None:
+            return None
+        index, t_us, picture = taken
+        return Frame(index=index, t_us=t_us, image=bgr(picture, picture.width, picture.height))
+
+    def cpu_s(self) -> float:
+        return time.process_time()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._reader.finish()
+
+
+class Own(VideoStream):
+    """The station's stream, and what its process uses."""
+
+    def cpu_s(self) -> float:
+        fields = Path(f"/proc/{self.process_id}/stat").read_text().rpartition(")")[2].split()
+        return time.process_time() + (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def coded(n: int) -> list[list[bytes]]:
+    """Datagrams of each of n pictures: a scene that drifts under noise."""
+    sink, frames = io.BytesIO(), []
+    scene = np.random.default_rng(0).integers(0, 255, (HEIGHT // 8 + 40, WIDTH // 8 + 40, 3), dtype=np.uint8)
+    scene = scene.repeat(8, 0).repeat(8, 1)
+    with av.open(sink, "w", format="mpegts", options={"flush_packets": "1"}) as container:
+        options = {"preset": "veryfast", "tune": "zerolatency", "x264-params": "repeat-headers=1"}
+        stream = container.add_stream("libx264", rate=FPS, options=options)
+        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = WIDTH, HEIGHT, "yuv420p", BIT_RATE
+        stream.codec_context.gop_size = FPS
+        for k in range(n):
+            image = np.ascontiguousarray(scene[k % 300 : k % 300 + HEIGHT, k % 300 : k % 300 + WIDTH])
+            frame = av.VideoFrame.from_ndarray(image, format="bgr24")
+            frame.pts, frame.time_base = k, Fraction(1, FPS)
+            at = sink.tell()
+            container.mux(stream.encode(frame))
+            data = sink.getvalue()[at:]
+            frames.append([data[i : i + PIECE] for i in range(0, len(data), PIECE)])
+    return frames
+
+
+def send(port: int, frames: list[list[bytes]], begin_s: float) -> None:
+    """In a process of its own: picture k at ``begin_s + k / FPS`` Unix time."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
+        for k, pieces in enumerate(frames):
+            time.sleep(max(begin_s + k / FPS - time.time(), 0.0))
+            for piece in pieces:
+                outlet.sendto(piece, ("127.0.0.1", port))
+
+
+def case(kind: type[Own] | type[Threaded], frames: list[list[bytes]], every_s: float, busy: bool) -> list[float]:
+    """CPU ms a picture sent, median and 95 % lag ms, pictures shown, pictures recorded."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    stop = threading.Event()
+    spin = threading.Thread(target=_spin, args=(stop,))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "video.mkv"
+        stream = kind(f"udp://127.0.0.1:{port}", path)
+        time.sleep(3.0)
+        begin_s = time.time() + 1.0
+        sender = multiprocessing.get_context("spawn").Process(target=send, args=(port, frames, begin_s))
+        sender.start()
+        if busy:
+            spin.start()
+        lags: list[float] = []
+        before_s = stream.cpu_s()
+        end_s = begin_s + len(frames) / FPS + 0.3
+        while time.time() < end_s:
+            frame = stream.latest(0.2)
+            if frame is not None:
+                lags.append(time.time() - begin_s - frame.index / FPS)
+                if every_s:
+                    time.sleep(every_s)
+        cpu_s = stream.cpu_s() - before_s
+        stop.set()
+        if busy:
+            spin.join()
+        sender.join()
+        stream.close()
+        with av.open(str(path)) as film:
+            kept = sum(1 for packet in film.demux(video=0) if packet.size)
+    return [cpu_s * 1e3 / len(frames), *(np.percentile(lags[FPS // 3 :], (50, 95)) * 1e3), len(lags), kept]
+
+
+def _spin(stop: threading.Event) -> None:
+    """Python that never waits."""
+    while not stop.is_set():
+        sum(range(1000))
+
+
+def main() -> None:
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
+    frames = coded(round(seconds * FPS))
+    rate = sum(len(piece) for pieces in frames for piece in pieces) * 8 / seconds / 1e6
+    lines = [
+        "# Live video in a process of its own",
+        "",
+        f"`python -m bench.video_stream {seconds:g}`: {len(frames)} pictures of {WIDTH}×{HEIGHT} at {FPS} a second,",
+        f"{rate:.1f} Mb/s, MPEG-TS over UDP on the loopback; {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}.",
+        "Processor time is that of the station and of its video process. In the busy case the thread that is busy",
+        "is part of it, so there is no ratio. Recorded with every case; a slow consumer sees the newest picture.",
+        "",
+        "| consumer | where | CPU ms a picture | lag ms, median | 95 % | pictures shown | recorded |",
+        "|---|---|--:|--:|--:|--:|--:|",
+    ]
+    kinds: list[tuple[str, type[Own] | type[Threaded]]] = [("thread", Threaded), ("own process", Own)]
+    cases = (("every picture", 0.0, False), ("100 ms each", 0.1, False), ("100 ms each, busy", 0.1, True))
+    for name, every_s, busy in cases:
+        cost: dict[str, float] = {}
+        for where, kind in kinds:
+            cost[where], middle, most, shown, kept = case(kind, frames, every_s, busy)
+            row = f"| {name} | {where} | {cost[where]:.1f} | {middle:.0f} | {most:.0f} | {shown:.0f} "
+            lines.append(f"{row}| {kept:.0f} of {len(frames)} |")
+            print(lines[-1], flush=True)
+        if not busy:
+            lines.append(f"| | ratio | {cost['own process'] / cost['thread']:.2f} | | | | |")
+    RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print(f"written to {RESULT}")
+
+
+if __name__ == "__main__":
+    main()
