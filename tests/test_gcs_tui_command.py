@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from gcs.tui import RollcallApp
-from gcs.tui.command import OrderList, ask_for_order
+from gcs.tui.command import OrderList
 from gcs.tui.prompts import Confirm
 from tests.fake_station import HOSTILE, FakeStation
 from tests.tui_pilot import SMALL, screen_text
@@ -36,7 +36,6 @@ async def commanding(desk=None, *, live=True, size=SMALL):
     station = FakeStation(live=live)
     station.commands = desk
     app = RollcallApp(station, graphics="blocks")
-    app.action_command = lambda: ask_for_order(app, desk, app.selected, live=live)
     async with app.run_test(size=size) as pilot:
         await pilot.pause()
         yield app, pilot

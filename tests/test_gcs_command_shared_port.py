@@ -1,0 +1,46 @@
+"""All vehicles speak to one UDP port, as most do: what is for the UAV goes to the UAV's socket alone."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+from gcs.command import CommandDesk
+from mavlink.ingest.ingest import Ingest
+from mavlink.outgoing import Outgoing
+from tests.fake_autopilot import FakeVehicle, rover
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        return sock.getsockname()[1]
+
+
+def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
+    port = free_port()
+    ingest = Ingest([f"udpin:127.0.0.1:{port}"], tmp_path / "telemetry.tlog", system_ids=(1, 3, 4))
+    uav, ugvs = FakeVehicle(("127.0.0.1", port), 1), [rover(("127.0.0.1", port), k) for k in (3, 4)]
+    events = []
+    outgoing = Outgoing(1, lambda link, peer, raw: ingest.send(link, raw, peer))
+    desk = CommandDesk(
+        uav=1, ground={3: "UGV-3", 4: "UGV-4"}, uav_name="UAV-1", outgoing=outgoing, where=lambda system_id: None,
+        tell=events.append,
+    )  # fmt: skip
+    try:
+        end_s, ordered = time.monotonic() + 10.0, False
+        while time.monotonic() < end_s and not any("accepted" in event.text for event in events):
+            for packet in ingest.read(0.02):
+                desk.take(packet)
+            desk.poll()
+            if not ordered and desk._sdk._direct_to_uav() is not None:
+                ordered = True
+                desk.give("point", 3)
+        assert any("accepted" in event.text for event in events)
+        assert uav.bytes_heard > 0
+        assert [vehicle.bytes_heard for vehicle in ugvs] == [0, 0]
+    finally:
+        desk.close()
+        ingest.stop()
+        for vehicle in (uav, *ugvs):
+            vehicle.close()
