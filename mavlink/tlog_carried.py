@@ -27,7 +27,8 @@ def carried(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int) 
     if step == 0:
         return inner
     last, ends, timed = -1, frames.end, np.flatnonzero(time_ok)
-    for row in np.flatnonzero(~time_ok & ((gap >= step + _HEADER) | np.append(False, ~time_ok[:-1]))).tolist():
+    bare = ~time_ok & ~stamped(data, frames.offset, little=True)
+    for row in np.flatnonzero(bare & ((gap >= step + _HEADER) | np.append(False, ~time_ok[:-1]))).tolist():
         if not (row and inner[row - 1]):
             last = row - 1
         first, offset = (int(ends[last]) if last >= 0 else 0) + step, int(frames.offset[row])
@@ -42,7 +43,7 @@ def _starts(data: Bytes, first: int, offset: int) -> list[int]:
     places = np.arange(max(first, offset - _LONGEST), offset - _HEADER + 1, dtype=np.int64)
     if not places.size:
         return []
-    likely = stamped(data, places, places) | (places == first)
+    likely = stamped(data, places, little=True) | (places == first)
     return places[likely].tolist()  # type: ignore[no-any-return]
 
 

@@ -68,12 +68,12 @@ def _whole(data: Bytes, frames: Frames) -> Frames:
     signed = (data[frames.offset] == MAGIC_V2) & (data[frames.offset + 2] == 1)
     if not signed.any():
         return frames
-    starts = np.append(frames.offset, data.size)
+    starts = np.append(frames.offset, 2 * data.size)
     following = starts[np.searchsorted(frames.offset, frames.end - SIGNATURE_LENGTH)]
     cut = signed & (following < frames.end)
     # so close that the frame behind has no room for its time, unless that began in the signature
     near = np.flatnonzero(signed & (following >= frames.end) & (following < frames.end + TIME_LENGTH))
-    cut[near] = stamped(data, following[near], frames.offset[near])
+    cut[near] = stamped(data, following[near])
     return frames.take(~cut)
 
 
@@ -103,10 +103,10 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     """Frames of unknown messages in the gaps between good ones; in a file without times, those that touch others."""
     start = np.concatenate([[0], good.end])
     stop = np.append(good.offset, data.size)
-    roomy = stop - start > 2 * step + 8
+    roomy = stop - start > step + 8
     start, stop = start[roomy], stop[roomy]
     # room for the next record's time, if it has one
-    stop = np.where(stamped(data, stop, stop) & (stop < data.size), stop - step, stop)
+    stop = np.where(stamped(data, stop, little=True) & (stop < data.size), stop - step, stop)
     if not start.size:
         return Frames(start, start)
     edges = np.zeros(data.size + 1, dtype=np.int8)
@@ -126,7 +126,7 @@ def _step(data: Bytes, frames: Frames) -> int:
     gaps = frames.offset[1:] - frames.end[:-1]
     touching, spaced = np.count_nonzero(gaps == 0), np.count_nonzero(gaps == TIME_LENGTH)
     if touching == spaced:
-        spaced += int(stamped(data, frames.offset, frames.offset).any())
+        spaced += int(stamped(data, frames.offset, little=True).any())
     return TIME_LENGTH if spaced > touching else 0
 
 
@@ -173,7 +173,10 @@ def build_index(data: Bytes) -> TlogIndex:
         time_ok = times_ok(t_us, there)
         # what nothing checks must at least have a time that fits; noise does not
         keep = (known | time_ok) & ~carried(data, frames, time_ok, step)
-        frames, known, t_us, there, time_ok = frames.take(keep), known[keep], t_us[keep], there[keep], time_ok[keep]
+        if not keep.all():
+            frames, known = frames.take(keep), known[keep]
+            t_us, there, source = read_times(data, frames)
+            time_ok = times_ok(t_us, there)
     damage = describe_gaps(data, frames, there, step)
     if step:
         damage += describe_times(frames, there & ~time_ok, TIME_LENGTH)

@@ -61,18 +61,14 @@ def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return ok
 
 
-def stamped(data: Bytes, at: Ints, near: Ints) -> NDArray[np.bool_]:
-    """(n,) whether the eight bytes before each place look like a stamp.
-
-    Big-endian, a year of this century says it; little-endian only the minute of the stamp before ``near`` does, since
-    the bytes that come first may be any.
-    """
-    room = np.flatnonzero((at >= TIME_LENGTH) & (near >= TIME_LENGTH))
-    here, there = (gather(data, place[room] - TIME_LENGTH, TIME_LENGTH) for place in (at, near))
-    little, other = here.view("<u8").ravel().astype(np.int64), there.view("<u8").ravel().astype(np.int64)
+def stamped(data: Bytes, at: Ints, *, little: bool = False) -> NDArray[np.bool_]:
+    """(n,) whether the eight bytes before each place are a time of this century, big-endian or, if asked, either."""
+    room = np.flatnonzero(at >= TIME_LENGTH)
+    before = gather(data, at[room] - TIME_LENGTH, TIME_LENGTH)
     looks = np.zeros(at.size, dtype=np.bool_)
-    looks[room] = _dated(here.view(">u8").ravel().astype(np.int64))
-    looks[room] |= _dated(little) & (np.abs(little - other) <= _SPIKE_US)
+    looks[room] = _dated(before.view(">u8").ravel().astype(np.int64))
+    if little:
+        looks[room] |= _dated(before.view("<u8").ravel().astype(np.int64))
     return looks
 
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.frame import checksum
 from mavlink.pack import COPTER, Speaker
 
-__all__ = ["TUNNEL_ID", "UNKNOWN_EXTRA", "UNKNOWN_ID", "frame_pool", "unknown_frame"]
+__all__ = ["TUNNEL_ID", "UNKNOWN_EXTRA", "UNKNOWN_ID", "frame_pool", "is_signed", "unknown_frame"]
 
 UNKNOWN_ID, UNKNOWN_EXTRA = 60_001, 77
 """A message of a dialect that nobody here has."""
@@ -21,6 +21,11 @@ def unknown_frame(seq: int, payload: bytes, message_id: int = UNKNOWN_ID, extra:
     """A whole frame of a message that the dialect lacks, right by an extra that nobody here knows."""
     frame = bytes([0xFD, len(payload), 0, 0, seq, 9, 1]) + message_id.to_bytes(3, "little") + payload
     return frame + checksum(frame, extra).to_bytes(2, "little")
+
+
+def is_signed(frame: bytes) -> bool:
+    """Whether a signature is at its end."""
+    return frame[0] == 0xFD and bool(frame[2] & 1)
 
 
 def _known(speaker: Speaker, i: int, rng: random.Random) -> bytes:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.fuzz.damage import DAMAGES, interleaved
-from bench.fuzz.frames import TUNNEL_ID, UNKNOWN_ID, frame_pool
+from bench.fuzz.frames import TUNNEL_ID, UNKNOWN_ID, frame_pool, is_signed
 from bench.fuzz.marked import Marked, Truth, marked_log
 from mavlink.packet import Packet
 from mavlink.tlog_index import TlogIndex, build_index
@@ -94,6 +94,7 @@ def draw_case(seed: int) -> Case:
     """The same case for the same seed."""
     rng = random.Random(seed)
     pool = frame_pool()
+    unsigned = [frame for frame in pool[:200] if not is_signed(frame)]
     count = rng.choice((5, 30, 120, 400, 1200)) + rng.randrange(20)
     layout, clock = rng.choice(_LAYOUTS), rng.choice(_CLOCKS)
     order = {"none": "", "little-endian": "<"}.get(layout, ">")
@@ -103,7 +104,10 @@ def draw_case(seed: int) -> Case:
     if two:
         offset_us = rng.choice((-7, 1, 24)) * _HOUR_US if layout.endswith("clocks") else rng.randrange(200_000)
         t_us = np.concatenate([t_us, t_us + offset_us])
-    truth = Truth(frames=pool[first : first + t_us.size], t_us=t_us, order=order)
+    frames = pool[first : first + t_us.size]
+    if order == "<":  # the programs that wrote such logs were gone before signing came
+        frames = tuple(frame if not is_signed(frame) else unsigned[i % len(unsigned)] for i, frame in enumerate(frames))
+    truth = Truth(frames=frames, t_us=t_us, order=order)
     log = marked_log(truth, range(count))
     if two:
         log = interleaved(log, marked_log(truth, range(count, 2 * count)), rng)
