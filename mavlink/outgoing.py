@@ -79,8 +79,9 @@ class Outgoing:
     @property
     def links(self) -> list[int]:
         """Links on which the UAV was heard lately, the latest first."""
-        newest_us = max((t_us for _, t_us in self._where.values()), default=0)
-        fresh = [(t_us, link) for link, (_, t_us) in self._where.items() if newest_us - t_us <= HEARD_US]
+        where = self._where.copy()  # another thread learns new ones
+        newest_us = max((t_us for _, t_us in where.values()), default=0)
+        fresh = [(t_us, link) for link, (_, t_us) in where.items() if newest_us - t_us <= HEARD_US]
         return [link for _, link in sorted(fresh, reverse=True)]
 
     def heard(self, packet: Packet) -> None:

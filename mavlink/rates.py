@@ -8,6 +8,7 @@ measured; what the autopilot refuses is asked for as a stream by the older REQUE
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -119,7 +120,7 @@ class _Peer:
 
 
 class RateKeeper:
-    """Rates of a fleet.
+    """Rates of a fleet. One thread may take packets while another polls.
 
     Args:
         speaker: this station; None measures only.
@@ -144,6 +145,7 @@ class RateKeeper:
         self._own = own
         self._uav = uav
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
+        self._lock = threading.Lock()
         self._peers: dict[tuple[int, int], _Peer] = {}
         self._told: frozenset[tuple[int, int, str]] = frozenset()
 
@@ -157,6 +159,10 @@ class RateKeeper:
         wanted = self._wanted.get(packet.system_id)
         if wanted is None or packet.auth > Auth.GOOD:
             return
+        with self._lock:
+            self._count(packet, wanted, now_s)
+
+    def _count(self, packet: Packet, wanted: Mapping[int, float], now_s: float) -> None:
         peer = self._peers.get((packet.system_id, packet.link))
         if peer is None:
             peer = self._peers[packet.system_id, packet.link] = _Peer(wanted, now_s)
@@ -175,19 +181,21 @@ class RateKeeper:
         if self._speaker is None:
             return []
         due: list[tuple[int, bytes]] = []
-        for (system_id, link), peer in self._peers.items():
-            if system_id == self._uav and now_s - peer.heard_s <= SILENT_S:
-                due += ((link, raw) for raw in self._ask(self._speaker, peer, now_s))
+        with self._lock:
+            for (system_id, link), peer in self._peers.items():
+                if system_id == self._uav and now_s - peer.heard_s <= SILENT_S:
+                    due += ((link, raw) for raw in self._ask(self._speaker, peer, now_s))
         return due
 
     def rates(self, now_s: float) -> tuple[Rate, ...]:
         """Every wanted message of every vehicle on every link that it was heard on, the UAV's first."""
-        order = sorted(self._peers, key=lambda key: (key[0] != self._uav, *key))
-        return tuple(
-            self._rate(system_id, link, message_id, hz, now_s)
-            for system_id, link in order
-            for message_id, hz in self._wanted[system_id].items()
-        )
+        with self._lock:
+            order = sorted(self._peers, key=lambda key: (key[0] != self._uav, *key))
+            return tuple(
+                self._rate(system_id, link, message_id, hz, now_s)
+                for system_id, link in order
+                for message_id, hz in self._wanted[system_id].items()
+            )
 
     def troubles(self, now_s: float) -> list[Rate]:
         """Rates that an operator can do something about, each told once while it lasts."""

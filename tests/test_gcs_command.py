@@ -288,3 +288,17 @@ def test_answers_in_words():
     assert Answer(result=99).words == "refused (result 99)"
     assert Answer(result=None).words == "no answer"
     assert Answer(result=None, reason="not heard").words == "not heard"
+
+
+def test_an_end_in_the_middle_of_a_command_is_clean(air):
+    air.uav.rule = lambda said: None
+    air.desk.give("photo", 0)
+    assert air.until(lambda: air.uav.commands(2000))
+    air.desk.close()
+    assert not air.desk._thread.is_alive()
+    for packet in air.sock.packets():
+        air.desk.take(packet)
+    air.desk.poll()
+    with pytest.raises(ValueError, match="ended"):
+        air.desk.give("photo", 0)
+    air.desk.close()

@@ -130,11 +130,13 @@ class CommandDesk:
 
         Raises:
             KeyError: no such order.
-            ValueError: it needs a ground vehicle.
+            ValueError: it needs a ground vehicle, or the flight has ended.
         """
         order = order_of(key)
         if order.about == "ugv" and system_id not in self._ground:
             raise ValueError(f"{key}: needs one of the mission's ground vehicles")
+        if not self._thread.is_alive():
+            raise ValueError("the flight has ended")
         self._loop.call_soon_threadsafe(self._begin, order, system_id)
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -42,6 +43,8 @@ class Sdk:
         self._own = own
         self._out = out
         self._direct: Any = None
+        self._open = True
+        self._lock = threading.Lock()
         self._configuration = Configuration.create_manual(*own, False)
         self._mavsdk = Mavsdk(self._configuration)
         self._mavsdk.add_any_connection("raw://")
@@ -49,8 +52,11 @@ class Sdk:
 
     def feed(self, packet: Packet) -> None:
         """A packet of the UAV that is believed; others are left out."""
-        if packet.system_id == self._uav:
-            self._mavsdk.pass_received_raw_bytes(packet.raw)
+        if packet.system_id != self._uav:
+            return
+        with self._lock:
+            if self._open:
+                self._mavsdk.pass_received_raw_bytes(packet.raw)
 
     async def ask(self, command: Command) -> Answer:
         """Sends a command, again while nothing comes, and waits for its end."""
@@ -78,7 +84,9 @@ class Sdk:
         return False
 
     def close(self) -> None:
-        """Ends it; no command may be under way."""
+        """Ends it; no command may be under way. Packets may still come, and go nowhere."""
+        with self._lock:
+            self._open = False
         if self._direct is not None:
             self._direct.destroy()
         self._mavsdk.destroy()
