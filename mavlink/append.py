@@ -70,7 +70,7 @@ class AppendFile:
         self._size = self._earlier_bytes = self._deleted_size = 0
         self._torn = self._retire = self._named = self._closed = False
         self._accepted = first
-        self._gone = self._faults = 0
+        self._faults = 0
         self._reason = self._last_reason = ""
         self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
         self._waiting = Backlog(ram_bytes)
@@ -100,7 +100,7 @@ class AppendFile:
             if self._fd >= 0:
                 self._sync()
                 self._look_for_deletion()
-            if self._reason and time.monotonic() >= self._retry_s:
+            if self._reason and not self._closed and time.monotonic() >= self._retry_s:
                 self._repair()
 
     def sync(self) -> None:
@@ -110,14 +110,14 @@ class AppendFile:
             OSError: it has not.
         """
         with self._tending:
-            if self._reason:
+            if self._reason and not self._closed:
                 self._repair()
             self._sync()
         if self._reason:
             raise OSError(errno.EIO, self._reason)
 
     def close(self) -> RecordState:
-        """Try once more what failed, sync, and let go; what still waits is lost. Closing twice does nothing."""
+        """Try once more what failed, sync, and let go; what waits then or comes later is lost. Twice does nothing."""
         with self._tending:
             if not self._closed:
                 for _ in range(2):  # again where the last sync failed
@@ -127,7 +127,6 @@ class AppendFile:
                 with self._lock:
                     self._closed = True
                     self._reason = self._reason or "closed"
-                    self._gone += self._waiting.rows
                     for fd in (self._fd, self._deleted_fd):
                         if fd >= 0:
                             self._disk.close(fd)
@@ -154,7 +153,7 @@ class AppendFile:
                 faults=self._faults,
                 waiting=0 if self._closed else self._waiting.rows,
                 waiting_bytes=0 if self._closed else self._waiting.bytes,
-                lost=self._waiting.dropped + self._gone,
+                lost=self._waiting.dropped + (self._waiting.rows if self._closed else 0),
                 sync_age_s=now_s - self._synced_s if self._unsynced or self._syncing else 0.0,
             )
 
