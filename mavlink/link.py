@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Set
 from typing import Protocol
 
 from mavlink.link_batch import Batch
@@ -45,7 +45,7 @@ class Link(Protocol):
     def tend(self) -> None:
         """Connects again, adapts filters; to be called every tenth of a second or so by who does not use ``read``."""
 
-    def trust(self, peers: Collection[int], t_us: int) -> None:
+    def trust(self, peers: Set[int], t_us: int) -> None:
         """These senders have proved who they are."""
 
     def close(self) -> None:

@@ -50,13 +50,15 @@ def is_one_frame(data: bytes) -> bool:
 
     What is not may still hold good frames: :func:`mavlink.frame.split` says.
     """
-    if len(data) < 12 or data[0] != MAGIC_V2 or data[2] > 1:
+    size = len(data)
+    if size < 12 or data[0] != MAGIC_V2:
         return False
+    payload, flags = data[1], data[2]
     definition = _TABLE.get(data[7:10])
-    end = data[1] + 10
-    if definition is None or data[1] > definition[0] or len(data) != end + 2 + SIGNATURE_LENGTH * data[2]:
+    if definition is None or flags > 1 or payload > definition[0] or size != payload + 12 + SIGNATURE_LENGTH * flags:
         return False
-    return bool(_mcrf4xx(data[1:end] + definition[1]) == data[end] | data[end + 1] << 8)
+    end = payload + 10
+    return _mcrf4xx(data[1:end] + definition[1]) == data[end] | data[end + 1] << 8
 
 
 def looks_like_one_frame(data: bytes) -> bool:

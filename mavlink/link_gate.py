@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import socket
 import struct
+from collections.abc import Callable
 
 from mavlink.link_filter import Address, attach, detach, program
 
@@ -76,13 +77,13 @@ class Gate:
         """Whether it is time to adapt."""
         return now_s - self._since_s >= TICK_S
 
-    def adapt(self, now_s: float, peers: list[Address], version: int) -> None:
+    def adapt(self, now_s: float, peers: Callable[[], list[Address]], version: int) -> None:
         """Sets the shares from what came since the last time, and the filter from the shares.
 
         Args:
             now_s: monotonic.
-            peers: who always passes.
-            version: another number whenever ``peers`` is another set.
+            peers: tells who always passes.
+            version: another number whenever that is another set.
         """
         dt = min(max(now_s - self._since_s, 1e-3), 1.0)
         self.shares = (
@@ -108,7 +109,7 @@ class Gate:
     def _burst(self, rate: float) -> float:
         return 0.0 if self._attached is not None else rate * BURST_S
 
-    def _apply(self, peers: list[Address], version: int) -> None:
+    def _apply(self, peers: Callable[[], list[Address]], version: int) -> None:
         wanted = None if self.broken or min(self.shares) >= 1.0 else (self.shares, version)
         if wanted == self._attached:
             return
@@ -116,7 +117,7 @@ class Gate:
             if wanted is None:
                 detach(self._socket)
             else:
-                attach(self._socket, program(peers, *self.shares))
+                attach(self._socket, program(peers(), *self.shares))
             self._attached = wanted
         except (OSError, ValueError):
             self.broken = True

@@ -14,18 +14,18 @@ import os
 import socket
 import struct
 import sys
-from collections.abc import Iterator
 
 __all__ = ["BATCH", "SO_TIMESTAMPNS", "STRIDE", "Datagrams", "available"]
 
 SO_TIMESTAMPNS = 35
 BATCH = 256
 STRIDE = 65536
-# A row beside each datagram: the sender, whose family, port and address are its first eight bytes, then one control
-# message: 16 bytes of header (length, level, kind) and 16 of time.
-_ROW = struct.Struct("=q8xQiiqq")
-_NAME_BYTES, _CONTROL_BYTES = 16, 32
-_LENGTH = struct.Struct("=56xI4x")
+# A row of six words beside each datagram: the sender, whose family, port and address are its first eight bytes of 16,
+# then one control message: length, level and kind, seconds, nanoseconds.
+_ROW_WORDS, _KIND, _SECONDS, _NANOSECONDS = 6, 3, 4, 5
+_ROW_BYTES, _NAME_BYTES, _CONTROL_BYTES = 48, 16, 32
+_HEADER_WORDS, _RECEIVED, _HEADER_BYTES = 16, 14, 64
+_STAMPED = int.from_bytes(struct.pack("=ii", socket.SOL_SOCKET, SO_TIMESTAMPNS), sys.byteorder)
 _DONT_WAIT = 0x40
 
 
@@ -51,7 +51,7 @@ class _Header(ctypes.Structure):
 
 def available() -> bool:
     """Whether this system has the call, in the layout that is written down here."""
-    return sys.platform.startswith("linux") and ctypes.sizeof(_Header) == _LENGTH.size and hasattr(_libc(), "recvmmsg")
+    return sys.platform.startswith("linux") and ctypes.sizeof(_Header) == _HEADER_BYTES and hasattr(_libc(), "recvmmsg")
 
 
 def _libc() -> ctypes.CDLL:
@@ -67,20 +67,20 @@ class Datagrams:
         self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self._call.restype = ctypes.c_int
         self._data = ctypes.create_string_buffer(BATCH * STRIDE)
-        self._rows = ctypes.create_string_buffer(BATCH * _ROW.size)
+        self._rows = ctypes.create_string_buffer(BATCH * _ROW_BYTES)
         self._vectors = (_IoVec * BATCH)()
         self._headers = (_Header * BATCH)()
         self._lay_out()
         self._fresh = bytes(self._headers)
         self.view = memoryview(self._data).cast("B")
         """Datagram k begins at k · STRIDE."""
-        self._row_view = memoryview(self._rows).cast("B")
-        self._header_view = memoryview(self._headers).cast("B")
+        self._row_words = memoryview(self._rows).cast("B").cast("q")
+        self._header_words = memoryview(self._headers).cast("B").cast("I")
 
     def _lay_out(self) -> None:
         data, rows = ctypes.addressof(self._data), ctypes.addressof(self._rows)
         for k in range(BATCH):
-            row = rows + k * _ROW.size
+            row = rows + k * _ROW_BYTES
             self._vectors[k] = _IoVec(data + k * STRIDE, STRIDE)
             self._headers[k] = _Header(
                 name=row,
@@ -110,18 +110,22 @@ class Datagrams:
 
     def lengths(self, count: int) -> list[int]:
         """Bytes of the first ``count`` datagrams."""
-        return [length for (length,) in _LENGTH.iter_unpack(self._header_view[: count * _LENGTH.size])]
+        return self._header_words[_RECEIVED : count * _HEADER_WORDS : _HEADER_WORDS].tolist()
 
-    def rows(self, count: int) -> Iterator[tuple[int, int, int, int, int, int]]:
-        """What came beside the first ``count`` datagrams.
+    def senders(self, count: int) -> list[int]:
+        """Who sent the first ``count`` datagrams, as :func:`mavlink.link_peers.key_of` has it."""
+        return self._row_words[0 : count * _ROW_WORDS : _ROW_WORDS].tolist()
 
-        Yields:
-            sender (as :func:`mavlink.link_peers.key_of` has it), length, level and kind of the control message, and,
-            where the kind is ``SO_TIMESTAMPNS``, seconds and nanoseconds of arrival in Unix time.
-        """
-        return _ROW.iter_unpack(self._row_view[: count * _ROW.size])
+    def times_us(self, count: int) -> list[int]:
+        """When the first ``count`` datagrams arrived, Unix µs; 0 where the kernel does not say."""
+        words, stop = self._row_words, count * _ROW_WORDS
+        columns = (words[k:stop:_ROW_WORDS].tolist() for k in (_KIND, _SECONDS, _NANOSECONDS))
+        return [
+            seconds * 1_000_000 + nanoseconds // 1000 if kind == _STAMPED else 0
+            for kind, seconds, nanoseconds in zip(*columns, strict=True)
+        ]
 
     def reset(self, count: int) -> None:
         """Makes the first ``count`` places ready for the next call."""
-        ctypes.memmove(self._headers, self._fresh, count * _LENGTH.size)
-        ctypes.memset(self._rows, 0, count * _ROW.size)
+        ctypes.memmove(self._headers, self._fresh, count * _HEADER_BYTES)
+        ctypes.memset(self._rows, 0, count * _ROW_BYTES)

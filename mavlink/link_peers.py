@@ -1,7 +1,7 @@
 """Who sends to a UDP port: numbers for all whose frames are kept, and trust for those whose frames were good.
 
-Both tables are bounded. Where trust is full it goes to whoever has sent most: a crowd that comes with one good frame
-each pushes out its own.
+Both tables are bounded. Where trust is full it goes to those who have been heard most often: a crowd that comes with
+one good frame each pushes out its own.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import socket
 import struct
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 
 __all__ = ["Peers", "key_of"]
@@ -36,7 +36,8 @@ def key_of(address: tuple[str, int]) -> int:
 @dataclass(slots=True)
 class _Trust:
     heard_us: int
-    frames: int = 0
+    times: int = 0
+    """Reviews before which it was heard."""
 
 
 class Peers:
@@ -52,6 +53,8 @@ class Peers:
         self._keys: dict[int, int] = {}
         self._last = 0
         self._bad: Counter[int] = Counter()
+        self._heard: set[int] = set()
+        self._told: tuple[int, dict[int, tuple[str, int]]] = (-1, {})
         self._barred: dict[int, int] = {}
 
     def number(self, key: int) -> int:
@@ -66,19 +69,16 @@ class Peers:
         self._keys[self._last] = key
         return self._last
 
-    def trust(self, numbers: Iterable[int], t_us: int) -> None:
+    def trust(self, numbers: Set[int], t_us: int) -> None:
         """These have just sent good frames."""
-        for number in numbers:
-            entry = self.trusted.get(number)
-            if entry is None:
-                if number not in self._keys or number in self._barred:
-                    continue  # forgotten meanwhile, or not to be trusted
-                if len(self.trusted) >= TRUSTED:
-                    self._drop(min(self.trusted, key=lambda other: self.trusted[other].frames))
-                entry = self.trusted[number] = _Trust(t_us)
-                self.changes += 1
-            entry.heard_us = max(entry.heard_us, t_us)
-            entry.frames += 1
+        self._heard |= numbers
+        for number in numbers - self.trusted.keys():
+            if number not in self._keys or number in self._barred:
+                continue  # forgotten meanwhile, or not to be trusted
+            if len(self.trusted) >= TRUSTED:
+                self._drop(min(self.trusted, key=lambda other: self.trusted[other].times))
+            self.trusted[number] = _Trust(t_us)
+            self.changes += 1
 
     def misbehaved(self, number: int) -> None:
         """One who is trusted sent a datagram without a good frame."""
@@ -86,6 +86,10 @@ class Peers:
 
     def review(self, t_us: int) -> None:
         """Ends the trust in those who are silent and in those who send junk in masses."""
+        for number in self._heard & self.trusted.keys():
+            self.trusted[number].heard_us = t_us
+            self.trusted[number].times += 1
+        self._heard.clear()
         for number in [n for n, until_us in self._barred.items() if until_us <= t_us]:
             del self._barred[number]
         for number, bad in self._bad.items():
@@ -107,7 +111,7 @@ class Peers:
         for number, address in known.items():
             key = key_of(address)
             self.numbers[key], self._keys[number] = number, key
-        self.trust(known, t_us)
+        self.trust(known.keys(), t_us)
         self._last = max(self._last, last, *known.keys())
 
     @property
@@ -117,8 +121,10 @@ class Peers:
 
     def addresses(self) -> dict[int, tuple[str, int]]:
         """Number → address of those who are trusted, as sockets take them."""
-        hosts = ((socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders())
-        return dict(zip(list(self.trusted), hosts, strict=True))
+        if self._told[0] != self.changes:
+            hosts = ((socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders())
+            self._told = self.changes, dict(zip(list(self.trusted), hosts, strict=True))
+        return self._told[1]
 
     def senders(self) -> list[tuple[int, int]]:
         """Addresses and ports of those who are trusted, as numbers."""

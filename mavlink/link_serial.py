@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Set
 
 import serial
 
@@ -82,7 +82,7 @@ class SerialLink(Reader):
             self._stream.take(data, now_us(), batch)
         return batch
 
-    def trust(self, peers: Collection[int], t_us: int) -> None:
+    def trust(self, peers: Set[int], t_us: int) -> None:
         """The device was chosen by whoever wrote the URL; nothing more is to be known."""
 
     def tend(self) -> None:

@@ -9,7 +9,7 @@ import errno
 import select
 import socket
 import time
-from collections.abc import Collection
+from collections.abc import Set
 from dataclasses import dataclass
 
 from mavlink.errors import LinkError
@@ -132,7 +132,7 @@ class TcpOut(Reader):
             self._lose()
         return batch
 
-    def trust(self, peers: Collection[int], t_us: int) -> None:
+    def trust(self, peers: Set[int], t_us: int) -> None:
         """The server was chosen by whoever wrote the URL; nothing more is to be known."""
 
     def tend(self) -> None:
@@ -257,7 +257,7 @@ class TcpIn(Reader):
                 self._receive(sock, batch)
         return batch
 
-    def trust(self, peers: Collection[int], t_us: int) -> None:
+    def trust(self, peers: Set[int], t_us: int) -> None:
         """These clients have proved who they are: they may be sent to."""
         for client in self._clients.values():
             client.known = client.known or client.stream.peer in peers

@@ -7,7 +7,7 @@ import socket
 import struct
 import sys
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Set
 
 from mavlink.dialect import DEFINITIONS
 from mavlink.errors import LinkError
@@ -125,15 +125,17 @@ class _Udp(Reader):
                 raise
             return batch
         likely, other = self._strange
-        trusted = self.peers.trusted
-        likely += sum(peer not in trusted for peer in batch.peers)
-        if self._vouch and batch.frames:
-            self.trust(self._vouched(batch), now)
+        present = set(batch.peers)
+        new = present - self.peers.trusted.keys()
+        if new:
+            likely += sum(peer in new for peer in batch.peers)
+        if self._vouch and present:
+            self.trust((present - new) | (self._vouched(batch, new) if new else new), now)
         if self.gate.strangers(likely, other, time.monotonic()):
             self.adapt(now)
         return batch
 
-    def trust(self, peers: Collection[int], t_us: int) -> None:
+    def trust(self, peers: Set[int], t_us: int) -> None:
         """These senders have proved who they are: they always pass, and may be sent to."""
         self.peers.trust(peers, t_us)
 
@@ -145,21 +147,24 @@ class _Udp(Reader):
     def adapt(self, t_us: int) -> None:
         """Lets in as many strangers as can be borne."""
         self.peers.review(t_us)
-        self.gate.adapt(time.monotonic(), self.peers.senders(), self.peers.changes)
+        self.gate.adapt(time.monotonic(), self.peers.senders, self.peers.changes)
 
     def close(self) -> None:
         """Closes the socket; a read in another thread comes back empty."""
         self._open = False
         self._socket.close()
 
-    def _vouched(self, batch: Batch) -> set[int]:
-        """Numbers of those who sent a good frame of a system that is known."""
-        ids = self._system_ids
-        if not ids:
-            return batch.vouched()
+    def _vouched(self, batch: Batch, new: Set[int]) -> set[int]:
+        """Those of some new senders who sent a good frame of a system that is known."""
+        good = batch.vouched() & new
+        if not self._system_ids:
+            return good
         rows = enumerate(zip(batch.peers, batch.frames, strict=True))
-        heard = ((k, peer, raw[5 if raw[0] == MAGIC_V2 else 3]) for k, (peer, raw) in rows)
-        return {peer for k, peer, system_id in heard if system_id in ids and k not in batch.unchecked}
+        heard = {peer for k, (peer, raw) in rows if k not in batch.unchecked and self._is_known(raw)}
+        return good & heard
+
+    def _is_known(self, raw: bytes) -> bool:
+        return raw[5 if raw[0] == MAGIC_V2 else 3] in self._system_ids
 
     def _take_many(self, batch: Batch, now: int) -> None:
         """One system call's worth of datagrams."""
@@ -168,15 +173,14 @@ class _Udp(Reader):
         count = datagrams.receive()
         if not count:
             return
-        lengths = datagrams.lengths(count)
+        lengths, senders, times_us = datagrams.lengths(count), datagrams.senders(count), datagrams.times_us(count)
         view, numbers = datagrams.view, self.peers.numbers
         add_time, add_frame, add_peer = batch.times_us.append, batch.frames.append, batch.peers.append
         oldest, at, good = now - _CLOCK_GAP_US, 0, 0
-        for size, (key, _, _, kind, seconds, nanoseconds) in zip(lengths, datagrams.rows(count), strict=True):
+        for size, key, t_us in zip(lengths, senders, times_us, strict=True):
             data = bytes(view[at : at + size])
             at += STRIDE
-            t_us = seconds * 1_000_000 + nanoseconds // 1000
-            if kind != SO_TIMESTAMPNS or not oldest <= t_us <= now:
+            if not oldest <= t_us <= now:
                 t_us = now
             if is_one_frame(data):
                 add_time(t_us)

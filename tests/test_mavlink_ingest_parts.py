@@ -77,7 +77,7 @@ def test_the_short_check_takes_whole_frames():
 def test_a_key_is_the_kernels_own_spelling_of_an_address():
     peers = Peers()
     number = peers.number(key_of(("192.0.2.7", 14551)))
-    peers.trust([number], 1)
+    peers.trust({number}, 1)
     assert number == 1 and peers.number(key_of(("192.0.2.7", 14551))) == 1
     assert peers.addresses() == {1: ("192.0.2.7", 14551)}
     assert peers.senders() == [(0xC0000207, 14551)]
@@ -87,9 +87,10 @@ def test_a_crowd_of_strangers_pushes_out_its_own():
     peers = Peers()
     fleet = [peers.number(k) for k in range(100)]
     for t_us in range(10):
-        peers.trust(fleet, t_us)
+        peers.trust(set(fleet), t_us)
+        peers.review(t_us)
     for k in range(3 * NUMBERED):
-        peers.trust([peers.number(1000 + k)], 100)
+        peers.trust({peers.number(1000 + k)}, 100)
     assert len(peers.trusted) <= TRUSTED and len(peers.numbers) <= NUMBERED
     assert all(number in peers.trusted for number in fleet)
     assert [peers.number(k) for k in range(100)] == fleet
@@ -99,18 +100,20 @@ def test_a_crowd_of_strangers_pushes_out_its_own():
 def test_trust_ends_with_silence_and_with_junk():
     peers = Peers()
     quiet, noisy, good = (peers.number(k) for k in range(3))
-    peers.trust([quiet, noisy, good], 0)
-    peers.trust([noisy, good], 59_000_000)
+    peers.trust({quiet, noisy, good}, 0)
+    peers.review(1)
+    peers.trust({noisy, good}, 59_000_000)
+    peers.review(59_000_000)
     for _ in range(BAD_A_LOOK):
         peers.misbehaved(noisy)
     peers.misbehaved(good)
     changes = peers.changes
     peers.review(61_000_000)
     assert list(peers.trusted) == [good] and peers.changes > changes
-    peers.trust([noisy, quiet], 62_000_000)
+    peers.trust({noisy, quiet}, 62_000_000)
     assert set(peers.trusted) == {good, quiet}  # one good frame does not buy a new flood
     peers.review(80_000_000)
-    peers.trust([noisy], 80_000_000)
+    peers.trust({noisy}, 80_000_000)
     assert noisy in peers.trusted
 
 
@@ -171,15 +174,15 @@ def test_the_gate_narrows_under_a_flood_and_opens_again():
     with udp() as here:
         gate = Gate(here)
         assert not gate.strangers(10, 10, 0.0) and not gate.narrow
-        gate.adapt(0.1, [], 0)
+        gate.adapt(0.1, list, 0)
         assert gate.shares == (1.0, 1.0)
         assert gate.strangers(int(LIKELY_PER_S), int(OTHER_PER_S), 0.15)
-        gate.adapt(0.2, [], 0)
+        gate.adapt(0.2, list, 0)
         assert gate.narrow and max(gate.shares) < 0.2 and min(gate.shares) > 0.0
         now_s = 0.2
         for _ in range(40):
             now_s += 0.1
-            gate.adapt(now_s, [], 0)
+            gate.adapt(now_s, list, 0)
         assert gate.shares == (1.0, 1.0) and not gate.narrow
 
 
@@ -191,7 +194,7 @@ def test_the_share_finds_the_rate_that_is_wanted():
             now_s += 0.1
             let_in = [int(offered * share * 0.1) for share in gate.shares]
             gate.strangers(*let_in, now_s)
-            gate.adapt(now_s, [], 0)
+            gate.adapt(now_s, list, 0)
         assert gate.shares[0] * offered == pytest.approx(LIKELY_PER_S, rel=0.3)
         assert gate.shares[1] * offered == pytest.approx(OTHER_PER_S, rel=0.3)
 
@@ -201,7 +204,7 @@ def test_a_gate_that_cannot_work_lets_everybody_in():
     with udp() as here, udp() as stranger:
         gate = Gate(here)
         gate.strangers(100_000, 100_000, 0.0)
-        gate.adapt(0.1, [(k, 1) for k in range(5000)], 1)  # more than the kernel takes
+        gate.adapt(0.1, lambda: [(k, 1) for k in range(5000)], 1)  # more than the kernel takes
         assert gate.broken and not gate.narrow
         stranger.sendto(b"x", here.getsockname())
         assert arrived(here) == [b"x"]
@@ -212,7 +215,7 @@ def test_what_is_turned_away_is_not_called_lost():
     with udp() as here, udp() as stranger:
         gate = Gate(here)
         gate.strangers(0, 1_000_000, 0.0)
-        gate.adapt(0.1, [], 0)
+        gate.adapt(0.1, list, 0)
         for _ in range(500):
             stranger.sendto(b"junk", here.getsockname())
         gate.count_drops()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mavlink.link_tally import LinkCounts
@@ -80,7 +80,7 @@ class IngestHealth:
 
     def to_json(self) -> bytes:
         """As :meth:`from_json` reads it."""
-        return json.dumps(asdict(self)).encode()
+        return json.dumps(self, default=_fields).encode()
 
     @classmethod
     def from_json(cls, text: bytes) -> IngestHealth:
@@ -104,6 +104,10 @@ class IngestHealth:
         pairs = zip(self.links, before, strict=False)
         links = tuple(replace(link, counts=_sum(link.counts, old)) for link, old in pairs)
         return replace(self, links=links + self.links[len(links) :])
+
+
+def _fields(record: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the dataclasses here
+    return {name: getattr(record, name) for name in record.__slots__}
 
 
 def _link(table: dict[str, Any]) -> LinkReport:
