@@ -39,6 +39,8 @@ class RecordWatch:
         if state.failing_s == 0 and (before.failing_s > 0 or state.faults > before.faults):
             goes_on = f", goes on in {state.name}" if state.name != before.name else ""
             yield "info", f"written again{goes_on}"
+        if state.lost < before.lost:  # counted by a process that was started anew
+            self._told_lost.pop(name, None)
         if state.lost and state.lost >= self._told_lost.get(name, 0) * LOST_EVERY:
             self._told_lost[name] = state.lost
             yield "alarm", f"{state.lost} rows lost: {state.reason}"

@@ -216,6 +216,8 @@ def test_every_fault_is_told_once_with_its_end():
                 ("info", "a.csv: written again, goes on in a.1.csv"),
             ],
         ),
+        (state(name="a.2.csv"), []),
+        (state(name="a.2.csv", lost=1), [("alarm", "a.csv: 1 rows lost: ")]),
     ]
     for now, told in story:
         events = watch.update(T0, now)
