@@ -111,22 +111,22 @@ class VideoStream:
     @property
     def skipped(self) -> int:
         """Pictures that were decoded and that nobody asked for in time."""
-        return self._before.skipped + self._progress.skipped + self._late
+        return self._progress.skipped + self._late
 
     @property
     def undecoded(self) -> int:
         """Packets recorded but never decoded, because of damage or because decoding had fallen behind."""
-        return self._before.undecoded + self._progress.undecoded
+        return self._progress.undecoded
 
     @property
     def damaged(self) -> int:
         """Packets and pictures of which the decoder or the transport say that parts are missing or wrong."""
-        return self._before.damaged + self._progress.damaged
+        return self._progress.damaged
 
     @property
     def reconnects(self) -> int:
         """Connections after the first."""
-        return max(self._before.connections + self._progress.connections - 1, 0)
+        return max(self._progress.connections - 1, 0)
 
     @property
     def error(self) -> str:
@@ -229,7 +229,7 @@ class VideoStream:
         for index, t_us in progress.rows:
             self.received, self._last_us = index + 1, t_us
             self._list(index, t_us)
-        self._progress = progress
+        self._progress = progress.after(self._before)
         if progress.ended:
             self._notify(None)
 
@@ -255,15 +255,8 @@ class VideoStream:
 
     def _start_again(self) -> None:
         """A new process goes on where the last one stopped, in a new file."""
-        done, before = self._progress, self._before
-        self._before = replace(
-            before,
-            connections=before.connections + done.connections,
-            skipped=before.skipped + done.skipped,
-            undecoded=before.undecoded + done.undecoded,
-            damaged=before.damaged + done.damaged,
-        )
-        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment)
+        self._before = done = self._progress
+        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment).after(done)
         settings = replace(self._settings, segment=done.segment, received=self.received, last_us=self._last_us)
         self.restarts += 1
         self._process = self._start(settings)

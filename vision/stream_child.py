@@ -7,6 +7,7 @@ end of the requests' pipe means stop: also when the station was killed, the reco
 from __future__ import annotations
 
 import os
+import resource
 import socket
 import sys
 import threading
@@ -32,6 +33,8 @@ PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)
 OPENING_PATIENCE_S = 2 * OPEN_TIMEOUT_S + 2.0
 """FFmpeg takes its time twice: to connect, and to find out what comes."""
 WAITING_PATIENCE_S = 3.0
+MEMORY_BYTES = 6 << 30
+"""A stream that says it is enormous ends here and not in a machine without memory."""
 SEAL_S = 0.5
 """When told to stop, FFmpeg is not waited for longer."""
 
@@ -178,6 +181,7 @@ class Child:
 
 def main() -> None:
     """Take the file descriptors from the command line and work."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     requests, reports, slot, bound = map(int, sys.argv[1:5])
     Child(Connection(requests, writable=False), Connection(reports, readable=False), slot, bound).run()
 

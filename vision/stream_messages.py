@@ -10,7 +10,7 @@ import json
 import mmap
 import os
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TypeVar
 
 __all__ = [
@@ -82,6 +82,16 @@ class Progress(Report):
     segment: int = -1
     error: str = ""
     recording_error: str = ""
+
+    def after(self, before: Progress) -> Progress:
+        """This, counted on from what an earlier process did."""
+        return replace(
+            self,
+            connections=before.connections + self.connections,
+            skipped=before.skipped + self.skipped,
+            undecoded=before.undecoded + self.undecoded,
+            damaged=before.damaged + self.damaged,
+        )
 
 
 _KINDS: dict[str, type[Message]] = {kind.__name__: kind for kind in (Settings, Request, Picture, Progress)}

@@ -38,7 +38,8 @@ class Process:
             stderr=self._words,
             pass_fds=[fd for fd in fds if fd >= 0],
             start_new_session=True,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))},
+            # numpy only carries pictures there: threads for algebra would take memory for nothing
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OPENBLAS_NUM_THREADS": "1"},
         )
         theirs_in.close()
         theirs_out.close()

@@ -10,17 +10,16 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import av
-from av.packet import Packet
-from av.video.stream import VideoStream as CodedStream
 
-from vision.arrival import BACK_S, JUMP_S, ArrivalClock
+from vision.arrival import ArrivalClock
 from vision.recording import PictureOrder, Recording
 from vision.stream_input import READ_TIMEOUT_S, Input
 from vision.stream_messages import Progress, Settings
 from vision.stream_newest import Newest
+from vision.stream_stamps import Coded, Stamps
 
 __all__ = ["Reader"]
 
@@ -33,8 +32,6 @@ PROBED = 600
 READING_PATIENCE_S = READ_TIMEOUT_S + 1.5
 REMEMBERED = 256
 """Places of pictures that may still come out of the decoder."""
-
-Coded: TypeAlias = "Packet[CodedStream]"
 
 
 class Reader:
@@ -117,13 +114,11 @@ class _Connection:
         self._clock = ArrivalClock()
         self._paced = paced
         self._first: tuple[float, float] | None = None
-        self._opened_s = time.time()
-        self._bare = True
+        self._stamps = Stamps(self._tick_s)
         self._placed: dict[int, tuple[int, int]] = {}
         self._decoding = False
         self._busy_since_s = time.monotonic()
         self._key_pts: int | None = None
-        self._seen: tuple[float, float] | None = None
 
     def run(self) -> None:
         """Until the source ends, breaks or is closed."""
@@ -166,12 +161,12 @@ class _Connection:
 
     def _settle(self, packets: list[tuple[Coded, float]]) -> None:
         """Learn the arrivals of packets that came together, then use the packets."""
-        self._stamp(packets)
+        self._stamps.fill(packets)
         learnt: list[Coded] = []
         for packet, arrival_s in packets:
             if packet.pts is None:
                 continue
-            if self._begins_anew(packet, arrival_s):
+            if self._stamps.begin_anew(packet, arrival_s):
                 self._use(learnt)
                 learnt = []
                 with self._reader.lock:
@@ -189,31 +184,6 @@ class _Connection:
                 taken = self._take(packet)
             if taken:
                 self._decode(packet)
-
-    def _stamp(self, packets: list[tuple[Coded, float]]) -> None:
-        """Give a time to packets without: RTSP's first comes so, and raw streams never have any."""
-        following: list[int] = []
-        for packet, arrival_s in reversed(packets):
-            if packet.pts is None and packet.dts is not None:
-                packet.pts = packet.dts
-            if packet.pts is not None:
-                self._bare = False
-            elif following:
-                step = following[1] - following[0] if len(following) > 1 else round(1 / 30 / self._tick_s)
-                packet.pts = packet.dts = following[0] - max(step, 1)
-            elif self._bare:
-                packet.pts = packet.dts = round((arrival_s - self._opened_s) / self._tick_s)
-            if packet.pts is not None:
-                following = [packet.pts, *following[:1]]
-
-    def _begins_anew(self, packet: Coded, arrival_s: float) -> bool:
-        """Whether the sender's time stamps began anew: they went back, or jumped when the clock on the wall did not."""
-        stamp_s = ((packet.pts if packet.dts is None else packet.dts) or 0) * self._tick_s
-        before, self._seen = self._seen, (stamp_s, arrival_s)
-        if before is None:
-            return False
-        step_s, elapsed_s = stamp_s - before[0], arrival_s - before[1]
-        return step_s < -BACK_S or abs(step_s - elapsed_s) > JUMP_S
 
     def _renew(self) -> None:
         """From here on only a key picture begins."""
