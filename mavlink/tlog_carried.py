@@ -23,12 +23,12 @@ def carried(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int) 
     enough to hold it: where the last record ends, or where a stamp stands.
     """
     inner = np.zeros(time_ok.size, dtype=np.bool_)
-    gap = frames.offset - np.concatenate([[0], frames.end[:-1]])
-    if step == 0:
+    if step == 0 or time_ok.all():
         return inner
+    gap = frames.offset - np.concatenate([[0], frames.end[:-1]])
     last, ends, timed = -1, frames.end, np.flatnonzero(time_ok)
-    bare = ~time_ok & ~stamped(data, frames.offset, little=True)
-    for row in np.flatnonzero(bare & ((gap >= step + _HEADER) | np.append(False, ~time_ok[:-1]))).tolist():
+    rows = np.flatnonzero(~time_ok & ((gap >= step + _HEADER) | np.append(False, ~time_ok[:-1])))
+    for row in rows[~stamped(data, frames.offset[rows], little=True)].tolist():
         if not (row and inner[row - 1]):
             last = row - 1
         first, offset = (int(ends[last]) if last >= 0 else 0) + step, int(frames.offset[row])
