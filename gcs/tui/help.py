@@ -11,6 +11,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from gcs.tui.alarms import ALARM_KEYS
 from gcs.tui.keys import GROUPS
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, ink, standing_colour
 
@@ -48,7 +49,7 @@ class HelpScreen(ModalScreen[None]):
 
     def _text(self) -> Text:
         text = Text(no_wrap=True)
-        for title, bindings in GROUPS:
+        for title, bindings in (*GROUPS, ("Alarms", ALARM_KEYS)):
             if title == "Replay" and self._live:
                 continue
             text.append(f"{title}\n", ink(ACCENT, bold=True))
