@@ -3,8 +3,8 @@
     python bench/tlog_speed.py --messages 1000000
 
 Ours is read in a process of its own each time, so that its CPU time and its greatest memory are its own; then the log
-is entered at many times, as a replay does that jumps. The log is made first, in a temporary folder: eight vehicles, 40 %
-ATTITUDE, 40 % GLOBAL_POSITION_INT, 20 % HEARTBEAT.
+is entered at many times, as a replay does that jumps. The log is made first, in a temporary folder: eight vehicles,
+40 % ATTITUDE, 40 % GLOBAL_POSITION_INT, 20 % HEARTBEAT.
 """
 
 from __future__ import annotations
