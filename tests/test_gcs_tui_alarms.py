@@ -147,6 +147,9 @@ async def test_signatures_and_refusals_have_columns_once_there_are_any():
     station = troubled(())
     rows = list(station.snapshot.vehicles)
     assert not {"AUTH", "REFUSED"} & {column.title for column in columns_for(120, rows)}
+    assert "AUTH" in {column.title for column in columns_for(120, rows, keyed=True)}
+    unkeyed = [replace(row, unsigned=900) for row in rows]
+    assert "AUTH" not in {column.title for column in columns_for(120, unkeyed)}
     rows[1] = replace(rows[1], signed=12_345)
     rows[2] = replace(rows[2], signed=5, unsigned=31)
     rows[3] = replace(rows[3], signed=5, bad_signature=14, refusals={"jump": 40, "0/0": 2}, contested=True)

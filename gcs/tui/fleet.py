@@ -133,16 +133,16 @@ COLUMNS = (
     Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),
     Column(title=IDENTITY, width=13, rank=2, cell=_identity),
 )
-AUTH = Column(title="AUTH", width=8, rank=3, cell=_auth)
+AUTH = Column(title="AUTH", width=9, rank=3, cell=_auth)
 REFUSED = Column(title="REFUSED", width=14, rank=8, cell=_refusals)
 
 
-def columns_for(width: int, rows: Sequence[VehicleRow] = ()) -> tuple[Column, ...]:
+def columns_for(width: int, rows: Sequence[VehicleRow] = (), *, keyed: bool = False) -> tuple[Column, ...]:
     """Columns that fit ``width`` cells, in their order on screen; name, position and identity always.
 
-    Signatures and refusals have a column once there are any.
+    Signatures have a column once there are keys or any were seen, refusals once there are any.
     """
-    signing = any(row.signed or row.unsigned or row.bad_signature for row in rows)
+    signing = keyed or any(row.signed or row.bad_signature for row in rows)
     refusing = any(row.refusals for row in rows)
     order = (*COLUMNS[:-1], *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
     kept: list[Column] = []
@@ -168,8 +168,7 @@ class FleetPane(Pane):
     def heading(self, width: int) -> Strip:
         """Column names are the heading, so that no row is lost."""
         style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
-        rows = () if self.snapshot is None else self.snapshot.vehicles
-        titles = [fitted(column.title, column.width, column.align) for column in columns_for(width, rows)]
+        titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
         return line([("▌" if self.has_focus else " ", ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
 
     def body(self, width: int, height: int) -> list[Strip]:
@@ -179,8 +178,13 @@ class FleetPane(Pane):
         rows = self.snapshot.vehicles
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
-        columns = columns_for(width, rows)
+        columns = self._columns(width)
         return [self._row(row, rows, columns, width) for row in rows[self._first : self._first + height]]
+
+    def _columns(self, width: int) -> tuple[Column, ...]:
+        if self.snapshot is None:
+            return columns_for(width)
+        return columns_for(width, self.snapshot.vehicles, keyed=bool(self.snapshot.health.keys))
 
     def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected

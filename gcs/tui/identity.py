@@ -99,7 +99,7 @@ def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
         facts.append(("standing", said, standing_colour(row.standing)))
         box = next((box for box in snapshot.boxes if box.system_id == row.system_id), None)
         facts += _evidence(snapshot, box) if box else [("box", "none in this picture", FAINT)]
-    facts += _doubts(row)
+    facts += _doubts(row, keyed=bool(snapshot.health.keys))
     where = position(row.position_state, row.position_age_s)
     spread = f" ±{number(row.std_m, 'm')}" if math.isfinite(row.std_m) else ""
     facts.append(("position", where + spread, position_colour(row.position_state)))
@@ -107,18 +107,16 @@ def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
     armed = {True: "armed", False: "disarmed", None: ""}[row.armed]
     facts.append(("state", " ".join(word for word in (plain(row.mode), armed, plain(row.fix)) if word) or "–", INK))
     facts.append(("heartbeat", f"{age(row.heartbeat_age_s)}  loss {percent(row.loss) or '–'}", INK))
-    if row.signed and not (row.unsigned or row.bad_signature):
-        facts.append(("signed", f"{row.signed}", INK))
     return facts
 
 
-def _doubts(row: VehicleRow) -> list[Fact]:
+def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
     """Whether it is the vehicle that speaks, and what of its words was not believed."""
     facts: list[Fact] = []
     if row.contested:
         facts.append(("sender", "SEVERAL with this id", ALARM))
-    if row.unsigned or row.bad_signature:
-        colour = ALARM if row.bad_signature else WARN
+    if keyed or row.signed or row.bad_signature:
+        colour = ALARM if row.bad_signature else WARN if row.unsigned else INK
         facts.append(("signed", f"{row.signed}  unsigned {row.unsigned}  bad {row.bad_signature}", colour))
     for reason, times in sorted(row.refusals.items(), key=lambda item: -item[1])[:4]:
         facts.append(("refused", f"{times} {plain(reason)}", WARN))

@@ -1,0 +1,27 @@
+"""The page of requirements names tests that exist."""
+
+import re
+from pathlib import Path
+
+
+def test_every_named_test_and_command_exists():
+    page = Path("docs/reliability.md").read_text(encoding="utf-8")
+    written = {
+        name for path in Path("tests").glob("test_*.py")
+        for name in re.findall(r"def (test_\w+)", path.read_text(encoding="utf-8"))
+    }  # fmt: skip
+    named = set(re.findall(r"`(test_\w+)`", page))
+    assert len(named) > 40
+    assert named <= written, named - written
+    for path in re.findall(r"`(tests/\w+\.py)`", page):
+        assert Path(path).is_file(), path
+    for module in re.findall(r"python -m (bench\.\w+|sim\.\w+)", page):
+        assert Path(module.replace(".", "/") + ".py").is_file(), module
+    for result in re.findall(r"`(\w+\.md)`", page):
+        assert Path("bench/results", result).is_file(), result
+
+
+def test_every_requirement_has_a_row():
+    page = Path("docs/reliability.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (\d+)[abc]? \|", page, flags=re.MULTILINE)
+    assert {int(number) for number in rows} == set(range(1, 21))
