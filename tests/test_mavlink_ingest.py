@@ -14,7 +14,7 @@ from mavlink.errors import LinkError, TlogError
 from mavlink.frame import checksum
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
-from mavlink.keys import write_key
+from mavlink.keys import SigningError, write_key
 from mavlink.pack import Speaker
 from mavlink.packet import Auth
 from mavlink.segments import segments
@@ -408,6 +408,12 @@ def test_the_process_imports_nothing_heavy():
     heavy = "numpy cv2 textual rich onnxruntime pyproj scipy av typer"
     code = f"import sys, mavlink.ingest.child; print([m for m in '{heavy}'.split() if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_keys_that_cannot_be_used_are_said_before_the_flight(tmp_path):
+    (tmp_path / "keys").mkdir(mode=0o700)
+    with pytest.raises(SigningError, match="no key in it"):
+        Ingest([f"udpin:{HOST}:{free_port()}"], tmp_path / "a.tlog", signing=Signing(keys=str(tmp_path / "keys")))
 
 
 def test_stopping_twice_and_reading_after_it(started, sender):

@@ -62,7 +62,7 @@ def main(plan: Plan) -> int:
     try:
         ingest = _Ingest(plan, memory, control)
     except MavlinkError as error:
-        memory.tell(IngestHealth(troubles=(str(error),)).to_json())
+        memory.tell(IngestHealth(troubles=(type(error).__name__, str(error))).to_json())
         return 3
     gc.collect()
     gc.freeze()

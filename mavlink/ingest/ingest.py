@@ -13,12 +13,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from mavlink.errors import LinkError, TlogError
+from mavlink.errors import LinkError, MavlinkError, TlogError
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
 from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
+from mavlink.keys import SigningError
 from mavlink.link_tally import LinkCounts, now_us
 from mavlink.link_tcp import listen_tcp, resolve_tcp
 from mavlink.link_udp import bind_udp, connect_udp
@@ -34,6 +35,7 @@ HUNG_S = 0.7
 BUFFER_BYTES = 4 << 20
 """A smaller receive buffer is warned of."""
 _MOST_NOTICES = 200
+_ERRORS: dict[str, type[MavlinkError]] = {error.__name__: error for error in (LinkError, TlogError, SigningError)}
 _AGAIN_S = 0.3
 _STEP_S = 0.02
 
@@ -55,6 +57,7 @@ class Ingest:
     Raises:
         LinkError: a link or output cannot be opened; the message says what to do.
         TlogError: the log exists or cannot be made.
+        SigningError: the keys cannot be used.
     """
 
     def __init__(
@@ -205,8 +208,8 @@ class Ingest:
         while not process.ready:
             if process.dead:
                 told = self._told()
-                text = told.troubles[0] if told and told.troubles else f"the ingest process ended: {process.reason}"
-                raise (TlogError if text.startswith(self._plan.log) else LinkError)(text)
+                kind, text = told.troubles if told and len(told.troubles) == 2 else ("", process.reason)
+                raise _ERRORS.get(kind, LinkError)(text if kind else f"the ingest process ended: {text}")
             if time.monotonic() - process.began_s > START_S:
                 raise LinkError("the ingest process did not start in time; is the machine overloaded?")
             time.sleep(_STEP_S)
