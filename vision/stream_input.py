@@ -59,10 +59,13 @@ def open_input(source: Source) -> Input:
         VideoError: nothing there, no answer within the time, no video in it.
     """
     av.logging.set_level(av.logging.PANIC)
+    begin_s = time.monotonic()
     try:
         container = _open(source)
     except (av.FFmpegError, OSError, ValueError) as error:
-        raise VideoError(f"video {source.text}: cannot be opened ({reason(error)}); is it being sent?") from error
+        late = time.monotonic() - begin_s >= OPEN_TIMEOUT_S
+        why = f"no answer within {OPEN_TIMEOUT_S:g} s" if late else reason(error)
+        raise VideoError(f"video {source.text}: cannot be opened ({why}); is it being sent?") from error
     return _input(source, container)
 
 
