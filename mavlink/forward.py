@@ -3,6 +3,7 @@
 Bytes are never touched: no frame is made anew, re-signed or put in another order. A frame goes back only to links where
 its target was heard, never to one that has brought nothing. It is a loop, and dropped, when it is a frame that went out
 to that place a moment ago, or when its sender is one of the vehicles or this station: those are not behind an output.
+The same frame from a link twice in a moment goes out once, or an output that leads back to a link would never rest.
 SETUP_SIGNING carries a key and never passes, in either direction.
 """
 
@@ -23,6 +24,8 @@ __all__ = ["Forwarder", "OutputCounts"]
 SETUP_SIGNING = 256
 ECHO_S = 2.0
 """For how long a frame that comes back is known to be our own; shorter than a sequence number takes to come around."""
+REPEAT_S = 0.25
+"""For how long a frame from a link is known to have gone out; short, as heartbeats are equal at some message rates."""
 _ECHOES = 50_000
 HEARD_US = 60_000_000
 """For how long a system is looked for on a link after it was heard there."""
@@ -37,7 +40,7 @@ class OutputCounts:
     dropped: int = 0
     """Not taken: nobody there, or too slow."""
     withheld: int = 0
-    """Refused for their signature, or a key."""
+    """Refused for their signature, a key, or a copy."""
     returned: int = 0
     """Came back and went on to a link."""
     stopped: int = 0
@@ -150,12 +153,15 @@ class _Place:
         self.output = output
         self.writes = writes
         self.counts = OutputCounts(name=output.name)
-        self._sent, self._came = _Lately(clock), _Lately(clock)
+        self._sent, self._came = _Lately(clock, ECHO_S), _Lately(clock, ECHO_S)
+        self._latest = _Lately(clock, REPEAT_S)
 
     def forward(self, raw: bytes) -> None:
         """Sends a frame unless it came from here: a vehicle repeats on its links what a station tells it."""
-        if self._came.has(raw):
+        if self._came.has(raw) or self._latest.has(raw):
+            self.withhold()
             return
+        self._latest.add(raw)
         if not self.output.write(raw):
             self.counts = replace(self.counts, dropped=self.counts.dropped + 1)
             return
@@ -178,13 +184,14 @@ class _Place:
 
 
 class _Lately:
-    """Frames of the last two to four seconds, in two bins that take turns."""
+    """Frames of the last moment and of up to one more, in two bins that take turns."""
 
-    def __init__(self, clock: Callable[[], float]) -> None:
+    def __init__(self, clock: Callable[[], float], moment_s: float) -> None:
         self._clock = clock
+        self._moment_s = moment_s
         self._now: set[bytes] = set()
         self._before: set[bytes] = set()
-        self._turn_s = clock() + ECHO_S
+        self._turn_s = clock() + moment_s
 
     def add(self, raw: bytes) -> None:
         self._turn()
@@ -198,9 +205,9 @@ class _Lately:
         now_s = self._clock()
         if now_s < self._turn_s and len(self._now) < _ECHOES:
             return
-        self._before = self._now if now_s < self._turn_s + ECHO_S else set()
+        self._before = self._now if now_s < self._turn_s + self._moment_s else set()
         self._now = set()
-        self._turn_s = now_s + ECHO_S
+        self._turn_s = now_s + self._moment_s
 
 
 def _parsed(out: str, write_back: bool) -> tuple[str, bool]:

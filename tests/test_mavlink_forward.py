@@ -219,10 +219,41 @@ def test_what_a_vehicle_repeats_does_not_go_back_to_who_said_it(receiver):
     sent: list[tuple[int, bytes]] = []
     settle(forwarder, sent, 1)
     forwarder.take(packets(beat, beat), nowhere)
-    assert other.get(2) == [beat, beat]
-    assert receiver.nothing_more()
+    assert other.get(1) == [beat]
+    assert other.nothing_more() and receiver.nothing_more()
     forwarder.close()
     other.socket.close()
+
+
+def test_an_output_that_leads_back_to_a_link_rests():
+    """The worst mistake: forwarding to the very port that is listened on."""
+    link = Receiver()
+    forwarder = Forwarder([link.url])
+    frames = [UAV.heartbeat() for _ in range(5)]
+    forwarder.take(packets(*frames), nowhere)
+    for _ in range(3):
+        link.socket.settimeout(0.1)
+        try:
+            forwarder.take(packets(*link.get(5)), nowhere)
+        except TimeoutError:
+            break
+    else:
+        pytest.fail("it circles")
+    assert (forwarder.counts[0].sent, forwarder.counts[0].withheld) == (5, 5)
+    forwarder.close()
+    link.socket.close()
+
+
+def test_equal_heartbeats_a_second_apart_all_go_out(receiver):
+    """At 256 messages a second a vehicle's heartbeats are equal to the byte."""
+    now_s = [0.0]
+    forwarder = Forwarder([receiver.url], clock=lambda: now_s[0])
+    beat = UAV.heartbeat()
+    for k in range(5):
+        now_s[0] = float(k)
+        forwarder.take(packets(beat), nowhere)
+    assert receiver.get(5) == [beat] * 5
+    forwarder.close()
 
 
 def test_an_old_frame_is_no_echo(receiver):
@@ -280,12 +311,14 @@ def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
     free = socket.create_server(("127.0.0.1", 0))
     port = free.getsockname()[1]
     free.close()
-    forwarder = Forwarder([f"tcpin:127.0.0.1:{port}"])
+    now_s = [0.0]
+    forwarder = Forwarder([f"tcpin:127.0.0.1:{port}"], clock=lambda: now_s[0])
     client = socket.create_connection(("127.0.0.1", port))
     forwarder.take([], nowhere)
     frames = [UAV.statustext("x" * 50) for _ in range(200)]
     rounds = 0
     while forwarder.counts[0].dropped == 0 and rounds < 2000:
+        now_s[0] += 1.0  # or the same frames would be copies
         forwarder.take(packets(*frames), nowhere)
         rounds += 1
     assert forwarder.counts[0].dropped > 0
