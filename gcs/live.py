@@ -29,7 +29,7 @@ from mavlink.keys import KeyRing, read_ring
 from mavlink.packet import Packet
 from vision.detector import Detector
 from vision.stream import VideoStream
-from vision.stream_source import parse_source
+from vision.stream_source import offered, parse_source
 from vision.video import Frame
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Flight", "FlightPlan"]
 
+AUTO = "auto"
+"""In place of a video's URL: what the UAV offers."""
 READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
@@ -55,7 +57,7 @@ class FlightPlan:
     mission: Mission
     links: tuple[str, ...]
     video: str
-    """Empty: no camera."""
+    """Empty: no camera; ``auto``: the stream that the UAV offers, once it does."""
     sessions: Path
     forward: tuple[str, ...] = ()
     """Where packets go on to, as they came."""
@@ -83,7 +85,8 @@ class Flight:
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         self._detector: Detector | None = None
         if plan.video:
-            parse_source(plan.video)
+            if plan.video != AUTO:
+                parse_source(plan.video)
             self._detector = open_perception(mission.detector, threads=LOOK_THREADS)
         self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False)
         self._stream: VideoStream | None = None
@@ -95,8 +98,9 @@ class Flight:
             self._recorder.close()
             shutil.rmtree(self._recorder.folder, ignore_errors=True)
             raise
-        if plan.video:
-            self._stream = VideoStream(plan.video, self._recorder.video_path, on_frame=self._recorder.frame_time)
+        self._wanted = plan.video
+        if plan.video not in ("", AUTO):
+            self._open_video(plan.video)
         self._pipeline = Pipeline(mission)
         self._queue: deque[Packet] = deque()
         self._said: deque[Event] = deque()
@@ -104,6 +108,7 @@ class Flight:
         self._latest: Snapshot | None = None
         self._health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=self._keys)
         self._health_due = 0.0
+        self._offered = ""
         self._frames = 0
         self._frame_ends: deque[float] = deque(maxlen=20)
         self._stop = threading.Event()
@@ -167,7 +172,27 @@ class Flight:
 
     @property
     def _keys(self) -> int:
-        return len(self._ring.keys) + (self._ring.default is not None)
+        return len(self._ring)
+
+    def _open_video(self, url: str) -> None:
+        self._stream = VideoStream(url, self._recorder.video_path, on_frame=self._recorder.frame_time)
+
+    def _take_offer(self) -> None:
+        """Opens the video that the UAV offers, or tells of it where none was asked for."""
+        offer = self._pipeline.fleet.video_offer
+        if offer is None or self._stream or self._offered == offer.uri:
+            return
+        self._offered = offer.uri
+        url = offered(offer.type, offer.uri, offer.encoding)
+        if url and self._wanted == AUTO:
+            self._open_video(url)
+        use = "" if self._wanted else ", --video auto shows it"
+        text = (
+            f"the UAV offers video at {url}{use}"
+            if url
+            else f"the UAV offers a video that cannot be opened: {offer.uri}"
+        )
+        self._note(time.time_ns() // 1000, "info" if url else "warning", "video", text)
 
     def _open_desk(self, mission: Mission) -> CommandDesk:
         # MAVSDK's native library is loaded only by stations that may command
@@ -243,6 +268,7 @@ class Flight:
         if now < self._health_due:
             return
         self._health_due = now + HEALTH_S
+        self._take_offer()
         ends = self._frame_ends
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and now - ends[-1] < 2 else 0.0
         ingest = self._ingest.health()

@@ -56,6 +56,13 @@ class CameraReports:
         return camera.report if camera else None
 
     @property
+    def stream(self) -> VideoStreamInformation | None:
+        """The video that the camera in use offers, or the first that offers one; None while none does."""
+        used = self._cameras.get(self._used)
+        cameras = [used] if used and used.stream else self._cameras.values()
+        return next((camera.stream for camera in cameras if camera.stream and camera.stream.uri), None)
+
+    @property
     def gimbal_id(self) -> int:
         """Of the gimbal that the camera says it hangs on, 0 unknown."""
         camera = self._cameras.get(self._used) or next(iter(self._cameras.values()), None)

@@ -184,7 +184,7 @@ def _camera_fov(head: _Head, v: _Values) -> CameraFov:
 
 
 def _video_stream(head: _Head, v: _Values) -> VideoStreamInformation:
-    rate, _, _, width, height, rotation, hfov, stream_id, _, _, name, uri, _, device_id = v
+    rate, _, _, width, height, rotation, hfov, stream_id, _, kind, name, uri, encoding, device_id = v
     return VideoStreamInformation(
         *head,
         stream_id,
@@ -196,6 +196,8 @@ def _video_stream(head: _Head, v: _Values) -> VideoStreamInformation:
         _given(hfov * _RAD),
         rotation,
         device_id,
+        kind,
+        encoding,
     )
 
 

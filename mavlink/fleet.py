@@ -50,6 +50,7 @@ _USABLE_S = 2.0  # a position is carried on for no longer
 _ORIGIN_PATIENCE_US = 10_000_000
 _WAITING = 2000  # reports kept until the origin is known
 _REPORTS = 100_000  # reports kept until somebody takes them
+_OF_MODEMS = (109, 166)  # RADIO_STATUS, RADIO
 _NOWHERE = Fix(*[math.nan] * 9)
 
 
@@ -115,6 +116,8 @@ class Fleet:
         message_id = packet.message_id
         if message_id not in DEFINITIONS:
             return ()  # not checked by anything, so not even its sender is known
+        if message_id in _OF_MODEMS:
+            return ()  # says how a radio is doing, in the name of whoever is behind it
         vehicle = self._vehicles.get(packet.system_id)
         if packet.auth > Auth.GOOD:
             return vehicle.refuse_packet(packet) if vehicle is not None else ()
@@ -154,6 +157,11 @@ class Fleet:
         return tuple(
             rate for vehicle in self._vehicles.values() for rate in vehicle.reception.rates(vehicle.system_id, t_us)
         )
+
+    @property
+    def video_offer(self) -> VideoStreamInformation | None:
+        """The video stream that the UAV offers, None while it offers none."""
+        return self._camera.stream
 
     def take_reports(self) -> Reports:
         """Positions of ground vehicles accepted since the last call."""

@@ -15,10 +15,10 @@ class Auth(IntEnum):
     """What a frame's signature says; above ``GOOD`` the frame is recorded and counted, and never believed."""
 
     OPEN = 0
-    """No key is set for its sender: nothing says who sent it."""
+    """No key is set for its sender, or the message may come unsigned: nothing says who sent it."""
     GOOD = 1
     UNSIGNED = 2
-    """A key is set and the frame carries no signature: MAVLink 1, or one that was taken off."""
+    """Keys are set, and the frame carries no signature (MAVLink 1, or one taken off), or its sender has no key."""
     BAD = 3
     """The signature was not made with the sender's key."""
     REPLAYED = 4

@@ -220,6 +220,10 @@ class VideoStreamInformation(_Sample):
     rotation_deg: int
     """By which the picture is turned, clockwise."""
     device_id: int
+    type: int = 0
+    """VIDEO_STREAM_TYPE: 0 RTSP, 1 RTP over UDP, 2 MPEG over TCP, 3 MPEG-TS over UDP."""
+    encoding: int = 0
+    """VIDEO_STREAM_ENCODING: 0 unknown, 1 H.264, 2 H.265."""
 
 
 @dataclass(frozen=True, slots=True)
