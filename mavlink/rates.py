@@ -53,7 +53,7 @@ WINDOW_S = 3.0
 ANSWER_S = 1.0
 AGAIN_S = 4.0
 SILENT_S = 3.5
-_REBOOT_MS = 2000
+_REBOOT_MS, _YOUNG_MS = 2000, 60_000
 
 State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
 
@@ -167,7 +167,9 @@ class RateKeeper:
         if peer is None:
             peer = self._peers[packet.system_id, packet.link] = _Peer(wanted, now_s)
         booted_ms = boot_ms(packet)
-        if now_s - peer.heard_s > SILENT_S or (booted_ms and booted_ms + _REBOOT_MS < peer.boot_ms):
+        # a packet that was late on another way is no reboot: that begins at nought
+        rebooted = 0 < booted_ms < _YOUNG_MS and booted_ms + _REBOOT_MS < peer.boot_ms
+        if now_s - peer.heard_s > SILENT_S or rebooted:
             peer.restart(now_s)
             peer.boot_ms = 0
         peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s

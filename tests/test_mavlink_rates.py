@@ -207,6 +207,16 @@ def test_after_a_reboot_everything_is_asked_again():
     assert set(states(sky).values()) == {"ok"}
 
 
+def test_late_copies_are_no_reboot():
+    sky = Sky(keeper(), can={30: 50.0, 33: 2.0, 285: 50.0, 24: 5.0, 2: 5.0})
+    sky.boot_s = -1000.0
+    for _ in range(60):
+        sky.run(1.5)
+        late_ms = round((sky.now_s - sky.boot_s - 10.0) * 1e3)
+        sky.keeper.take(packet(UAV.attitude(late_ms, 0.0, 0.0, 0.0)), sky.now_s)
+    assert sum(int(said.param1) == 33 for _, said in sky.asked) == TRIES
+
+
 def test_answers_to_another_station_are_not_ours():
     sky = Sky(keeper())
     sky.answers = False
