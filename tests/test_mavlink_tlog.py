@@ -196,7 +196,7 @@ def test_inserted_bytes_cost_nothing(insert):
     assert sum(d.stop - d.start for d in index.damage) == 30 * len(insert)
 
 
-@pytest.mark.parametrize("missing", [1, 5, 12])
+@pytest.mark.parametrize("missing", [1, 5, 7, 8, 9, 12])
 def test_record_cut_in_its_signature_does_not_swallow_the_next(missing):
     records = [record(p) for p in PACKETS]
     assert PACKETS[5].signed
@@ -206,8 +206,11 @@ def test_record_cut_in_its_signature_does_not_swallow_the_next(missing):
     got = frames_of(data, index)
     others = [p for i, p in enumerate(PACKETS) if i != 5]
     assert [f for f in got if f in {p.raw for p in others}] == [p.raw for p in others]
-    # what is cut ends in the next record's time, which is then taken from the record before
-    assert np.abs(index.t_us[-len(others) + 5 :] - [p.t_us for p in others[5:]]).max() <= 2 * STEP_US
+    # what is cut ends in the next record's time, which must not be lost with it
+    assert got == [p.raw for p in others]
+    assert index.t_us.tolist() == [p.t_us for p in others]
+    (damage,) = index.damage
+    assert damage.stop - damage.start == len(record(PACKETS[5])) - missing
 
 
 def test_zero_tail_is_named():
@@ -283,6 +286,30 @@ def test_frame_that_carries_a_frame_counts_once():
     packets = [PACKETS[0], Packet(T0 + 5, tunnel), PACKETS[2]]
     data = b"".join(map(record, packets))
     assert frames_of(data, index_of(data)) == [p.raw for p in packets]
+
+
+@pytest.mark.parametrize("hurt", [8, 9, 10, 12, 13, 100])
+def test_what_a_damaged_frame_carries_is_no_record(hurt):
+    from pymavlink.dialects.v20 import ardupilotmega
+
+    inner = PACKETS[1].raw
+    tunnel = Speaker(4).pack(ardupilotmega.MAVLink_tunnel_message(0, 0, 1, len(inner), list(inner.ljust(128, b"\1"))))
+    packets = [*PACKETS[:10], Packet(PACKETS[9].t_us + 5, tunnel), *PACKETS[10:20]]
+    records = [bytearray(record(p)) for p in packets]
+    records[10][hurt] ^= 0x40
+    data = b"".join(map(bytes, records))
+    index = index_of(data)
+    assert frames_of(data, index) == [p.raw for p in PACKETS[:20]]
+    assert sum(d.stop - d.start for d in index.damage) == len(records[10])
+
+
+def test_frames_that_a_careless_logger_swallowed_are_saved():
+    swallowed = bytes([0xFD, 255, 0, 0, 0xFE, 0xFF, 0xB6, 1, 0xF7, 0xFF]) + bytes(6) + PACKETS[8].raw + b"rest"
+    data = b"".join(map(record, PACKETS[:8])) + struct.pack(">Q", PACKETS[8].t_us) + swallowed
+    data += b"".join(map(record, PACKETS[9:20]))
+    index = index_of(data)
+    assert frames_of(data, index) == [p.raw for p in PACKETS[:20]]
+    assert np.flatnonzero(~index.time_ok).tolist() == [8]
 
 
 def test_impossible_times_take_the_one_before():
