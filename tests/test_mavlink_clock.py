@@ -128,6 +128,26 @@ def test_one_damaged_arrival_time_changes_nothing():
     assert max(map(abs, run(clock, vehicle, T0 + 31 * S, 5))) < 40_000
 
 
+def test_two_recordings_in_one_are_a_reboot():
+    clock = VehicleClock()
+    run(clock, Vehicle(9, booted_us=T0 - 39 * S), T0, 523)
+    errors = run(clock, Vehicle(10, booted_us=T0 - 30 * S), T0 + 2 * S, 20)
+    assert clock.reboots == 1
+    assert max(map(abs, errors[10:])) < 30_000
+
+
+def test_a_slow_link_alone_is_no_reboot_and_not_believed_at_once():
+    clock, vehicle = VehicleClock(), Vehicle(11)
+    run(clock, vehicle, T0, 60)
+    for i in range(200):
+        t_us = T0 + 60 * S + i * 100_000
+        clock.learn(vehicle.boot_ms(t_us - 10 * S), t_us)
+        if i < 95:
+            assert clock.stray and clock.late
+    assert clock.reboots == 0
+    assert max(map(abs, run(clock, vehicle, T0 + 90 * S, 20)[-100:])) < 40_000  # the fast one is back
+
+
 def test_sender_without_boot_time_counts_by_arrival():
     clock = VehicleClock()
     for i in range(100):
