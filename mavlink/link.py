@@ -8,7 +8,8 @@ from typing import Protocol
 from mavlink.link_batch import Batch
 from mavlink.link_serial import SerialLink
 from mavlink.link_tally import LinkCounts
-from mavlink.link_tcp import TcpIn, TcpOut
+from mavlink.link_tcp import TcpOut
+from mavlink.link_tcp_in import TcpIn
 from mavlink.link_udp import UdpIn, UdpOut
 from mavlink.link_url import LinkUrl, parse_url
 from mavlink.packet import Packet

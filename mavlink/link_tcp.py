@@ -1,4 +1,4 @@
-"""TCP links: one that connects and connects again, one that others connect to. One parser per connection.
+"""A TCP link that connects, and connects again.
 
 Nothing here waits: a peer that does not answer, or does not take what is sent, never holds up another link.
 """
@@ -10,20 +10,17 @@ import select
 import socket
 import time
 from collections.abc import Set
-from dataclasses import dataclass
 
 from mavlink.errors import LinkError
 from mavlink.link_batch import Batch
-from mavlink.link_owner import owner_of
 from mavlink.link_reader import Reader
 from mavlink.link_stream import Backoff, Stream
 from mavlink.link_tally import LinkCounts, Tally, now_us
 from mavlink.link_url import LinkUrl
 
-__all__ = ["TcpIn", "TcpOut", "listen_tcp", "resolve_tcp"]
+__all__ = ["TcpOut", "receive_now", "resolve_tcp", "send_now"]
 
 _CHUNK = 65536
-_CLIENTS = 32
 _CONNECT_S = 5.0
 _PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
@@ -41,29 +38,7 @@ def resolve_tcp(url: LinkUrl) -> tuple[str, int]:
     return str(host), int(port)
 
 
-def listen_tcp(url: LinkUrl) -> socket.socket:
-    """A socket that others connect to.
-
-    Raises:
-        LinkError: the port is in use, or the address is not one of this machine.
-    """
-    server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        # for TCP this only lets a port be taken again at once, never by two at a time
-        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        server.bind((url.host, url.port))
-        server.listen(_CLIENTS)
-        server.setblocking(False)
-    except (OSError, UnicodeError) as error:
-        server.close()
-        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            text = f"{url.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
-            raise LinkError(text) from None
-        raise LinkError(f"{url.name}: cannot listen: {error}") from error
-    return server
-
-
-def _receive(sock: socket.socket) -> bytes | None:
+def receive_now(sock: socket.socket) -> bytes | None:
     """Bytes that are there; empty at the end of the connection, None when there is nothing yet."""
     try:
         return sock.recv(_CHUNK)
@@ -73,7 +48,7 @@ def _receive(sock: socket.socket) -> bytes | None:
         return b""
 
 
-def _sent(sock: socket.socket, data: bytes) -> bool:
+def send_now(sock: socket.socket, data: bytes) -> bool:
     """Whether all of it was taken at once: half a frame spoils what follows."""
     try:
         return sock.send(data) == len(data)
@@ -124,7 +99,7 @@ class TcpOut(Reader):
     def take(self) -> Batch:
         """What is there, without waiting; at the end of the connection what was hidden behind an unfinished frame."""
         batch, sock = Batch(), self._socket
-        data = _receive(sock) if sock is not None else None
+        data = receive_now(sock) if sock is not None else None
         if data is None:
             return batch
         self._stream.take(data, now_us(), batch)
@@ -152,7 +127,7 @@ class TcpOut(Reader):
         sock = self._socket
         if sock is None:
             raise LinkError(f"{self.name}: not connected")
-        if not _sent(sock, data):
+        if not send_now(sock, data):
             self._lose()
             raise LinkError(f"{self.name}: the connection broke, or does not take what is sent")
 
@@ -196,121 +171,3 @@ class TcpOut(Reader):
         sock, self._socket = self._socket, None
         if sock is not None:
             sock.close()
-
-
-@dataclass(slots=True)
-class _Client:
-    stream: Stream
-    heard_s: float
-    known: bool = False
-
-
-class TcpIn(Reader):
-    """Lets vehicles or routers connect, each with a parser of its own.
-
-    Args:
-        url: the link.
-        index: of the link.
-        sock: from :func:`listen_tcp`; None: one is made.
-        vouch: whether a right checksum makes a client known; otherwise whoever checks signatures calls :meth:`trust`.
-
-    Raises:
-        LinkError: the port is in use, or the address is not one of this machine.
-    """
-
-    def __init__(self, url: LinkUrl, index: int, sock: socket.socket | None = None, *, vouch: bool = True) -> None:
-        super().__init__(url.name, index)
-        self._vouch = vouch
-        self._tally = Tally()
-        self._clients: dict[socket.socket, _Client] = {}
-        self.accepted = 0
-        """Connections let in so far; also the number of the last."""
-        self._server = sock or listen_tcp(url)
-
-    @property
-    def counts(self) -> LinkCounts:
-        """What came so far, over all connections."""
-        return self._tally.counts
-
-    @property
-    def clients(self) -> int:
-        """Connections that stand."""
-        return len(self._clients)
-
-    @property
-    def port(self) -> int:
-        """Port listened on."""
-        port: int = self._server.getsockname()[1]
-        return port
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        """What to wait for: the door and every connection."""
-        return tuple(sock.fileno() for sock in [self._server, *self._clients]) if self._open else ()
-
-    def take(self) -> Batch:
-        """What is there on all connections, without waiting."""
-        batch = Batch()
-        if self._open:
-            self._accept()
-            for sock in list(self._clients):
-                self._receive(sock, batch)
-        return batch
-
-    def trust(self, peers: Set[int], t_us: int) -> None:
-        """These clients have proved who they are: they may be sent to."""
-        for client in self._clients.values():
-            client.known = client.known or client.stream.peer in peers
-
-    def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to every client that sent good frames; one that does not take it is closed.
-
-        Args:
-            data: one frame.
-            peer: number of the one client that is to get it; 0: all.
-
-        Raises:
-            LinkError: nobody is connected.
-        """
-        clients = list(self._clients.items())
-        known = [sock for sock, client in clients if client.known and peer in (0, client.stream.peer)]
-        if not known:
-            raise LinkError(f"{self.name}: nobody is connected who was heard")
-        for sock in known:
-            if not _sent(sock, data):
-                self._drop(sock)
-
-    def close(self) -> None:
-        """Closes everything; a read in another thread comes back empty."""
-        self._open = False
-        for sock in [self._server, *self._clients]:
-            sock.close()
-        self._clients.clear()
-
-    def _accept(self) -> None:
-        try:
-            sock, _ = self._server.accept()
-        except OSError:
-            return  # nobody, or gone before it was let in
-        if len(self._clients) >= _CLIENTS:
-            # whoever says nothing makes room, and of those who do the one who has been silent longest
-            order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
-            self._drop(min(order, key=lambda entry: entry[:2])[2])
-        sock.setblocking(False)
-        self.accepted += 1
-        self._clients[sock] = _Client(Stream(self._tally, self.accepted), time.monotonic())
-
-    def _receive(self, sock: socket.socket, batch: Batch) -> None:
-        data = _receive(sock)
-        client = self._clients.get(sock)
-        if data is None or client is None:
-            return
-        if client.stream.take(data, now_us(), batch):
-            client.heard_s = time.monotonic()
-            client.known = client.known or self._vouch
-        if not data:
-            self._drop(sock)
-
-    def _drop(self, sock: socket.socket) -> None:
-        self._clients.pop(sock, None)
-        sock.close()

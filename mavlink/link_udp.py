@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import socket
 import struct
 import sys
@@ -15,65 +14,19 @@ from mavlink.frame import FrameCounts, split
 from mavlink.link_batch import Batch, is_one_frame, looks_like_one_frame
 from mavlink.link_gate import Gate
 from mavlink.link_mmsg import BATCH, SO_TIMESTAMPNS, STRIDE, Datagrams, available
-from mavlink.link_owner import owner_of
 from mavlink.link_peers import Peers, key_of
 from mavlink.link_reader import Reader
 from mavlink.link_tally import LinkCounts, Tally, now_us
+from mavlink.link_udp_socket import bind_udp, connect_udp
 from mavlink.link_url import LinkUrl
 from mavlink.packet import MAGIC_V2, Packet
 
-__all__ = ["UdpIn", "UdpOut", "bind_udp", "connect_udp"]
+__all__ = ["UdpIn", "UdpOut"]
 
-_BUFFER_BYTES = 8 << 20
 _LINUX = sys.platform.startswith("linux")
 _TIMESPEC = struct.Struct("=qq")
 _ANCILLARY = 128
 _CLOCK_GAP_US = 10_000_000
-
-
-def _udp_socket() -> socket.socket:
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    sock.setblocking(False)
-    sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
-    if _LINUX:
-        try:
-            sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-        except OSError:
-            return sock  # an older kernel: arrival is stamped after reading
-    return sock
-
-
-def bind_udp(url: LinkUrl) -> socket.socket:
-    """A socket on a port that is its own: two programs on one port would take packets from each other.
-
-    Raises:
-        LinkError: the port is in use, or the address is not one of this machine.
-    """
-    sock = _udp_socket()
-    try:
-        sock.bind((url.host, url.port))
-    except (OSError, UnicodeError) as error:
-        sock.close()
-        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            text = f"{url.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
-            raise LinkError(text) from None
-        raise LinkError(f"{url.name}: cannot listen: {error}") from error
-    return sock
-
-
-def connect_udp(url: LinkUrl) -> socket.socket:
-    """A socket that hears one address only: the system drops what others send.
-
-    Raises:
-        LinkError: no such host.
-    """
-    sock = _udp_socket()
-    try:
-        sock.connect((url.host, url.port))
-    except (OSError, UnicodeError) as error:
-        sock.close()
-        raise LinkError(f"{url.name}: no such host: {error}") from error
-    return sock
 
 
 class _Udp(Reader):

@@ -24,7 +24,8 @@ from mavlink.ingest.record import open_log
 from mavlink.ingest.shared import Shared, Word
 from mavlink.link import Link
 from mavlink.link_serial import SerialLink
-from mavlink.link_tcp import TcpIn, TcpOut
+from mavlink.link_tcp import TcpOut
+from mavlink.link_tcp_in import TcpIn
 from mavlink.link_udp import UdpIn, UdpOut
 from mavlink.link_url import parse_url
 

@@ -16,14 +16,13 @@ from pathlib import Path
 from mavlink.errors import LinkError, MavlinkError, TlogError
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
+from mavlink.ingest.lent import lend, small_buffers
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
 from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
 from mavlink.keys import SigningError
 from mavlink.link_tally import LinkCounts, now_us
-from mavlink.link_tcp import listen_tcp, resolve_tcp
-from mavlink.link_udp import bind_udp, connect_udp
-from mavlink.link_url import LinkUrl, parse_url
+from mavlink.link_url import parse_url
 from mavlink.packet import Packet
 
 __all__ = ["Ingest"]
@@ -32,8 +31,6 @@ WATCH_S = 0.05
 LOOK_S = 0.5
 HUNG_S = 0.7
 """A process that shows no life for so long is replaced: with the start of the next that is a second."""
-BUFFER_BYTES = 4 << 20
-"""A smaller receive buffer is warned of."""
 _MOST_NOTICES = 200
 _ERRORS: dict[str, type[MavlinkError]] = {error.__name__: error for error in (LinkError, TlogError, SigningError)}
 _AGAIN_S = 0.3
@@ -86,7 +83,11 @@ class Ingest:
         self._spare: IngestProcess | None = None
         """Takes over at once when the process is replaced."""
         try:
-            opened = [self._open(link) or url for link, url in zip(links, urls, strict=True)]
+            opened = []
+            for link, url in zip(links, urls, strict=True):
+                sock, instead = lend(link)
+                self._sockets.append(sock)
+                opened.append(instead or url)
             self._plan = Plan(
                 urls=tuple(opened),
                 sockets=tuple(-1 if sock is None else sock.fileno() for sock in self._sockets),
@@ -103,7 +104,8 @@ class Ingest:
         except BaseException:
             self._let_go()
             raise
-        self._warn_of_buffers()
+        for text in small_buffers(self.names, self._sockets):
+            self._notice("warning", text)
         self._watch = threading.Thread(target=self._guard, name="ingest watch", daemon=True)
         self._watch.start()
 
@@ -185,21 +187,6 @@ class Ingest:
 
     # ---- opening
 
-    def _open(self, link: LinkUrl) -> str:
-        """Opens what outlives the process; returns the URL that the process gets instead, empty: the same."""
-        sock, url = None, ""
-        if link.kind == "udpin":
-            sock = bind_udp(link)
-        elif link.kind == "udpout":
-            sock = connect_udp(link)
-        elif link.kind == "tcpin":
-            sock = listen_tcp(link)
-        elif link.kind == "tcpout":
-            host, port = resolve_tcp(link)
-            url = f"tcp:{host}:{port}"
-        self._sockets.append(sock)
-        return url
-
     def _start(self) -> IngestProcess:
         files = [sock.fileno() for sock in self._sockets if sock is not None]
         return IngestProcess(self._plan, self._memory, [*files, self._memory_fd])
@@ -213,15 +200,6 @@ class Ingest:
             if time.monotonic() - process.began_s > START_S:
                 raise LinkError("the ingest process did not start in time; is the machine overloaded?")
             time.sleep(_STEP_S)
-
-    def _warn_of_buffers(self) -> None:
-        for link, sock in zip(self.names, self._sockets, strict=True):
-            if sock is None or sock.type != socket.SOCK_DGRAM:
-                continue
-            granted = sock.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-            if granted < BUFFER_BYTES:
-                text = f"{link}: the system grants only {granted >> 10} kB of receive buffer; raise net.core.rmem_max"
-                self._notice("warning", f"{text} to 4194304, or packets are lost when the machine is busy")
 
     # ---- watching
 
