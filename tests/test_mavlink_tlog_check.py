@@ -140,6 +140,15 @@ def test_check_as_json_says_the_same(tmp_path):
     assert table["clocks"][0]["speed"] == pytest.approx(1.0, abs=0.02)
 
 
+def test_several_logs_are_checked_at_once(tmp_path):
+    good = [written(tmp_path, flight(2, start_us=T0 + i), f"{i}.tlog") for i in range(2)]
+    bad = written(tmp_path, b"".join(map(record, flight(2))) + bytes(9), "bad.tlog")
+    assert run("check", *good).exit_code == 0
+    result = run("check", *good, bad, "--json")
+    assert result.exit_code == 5
+    assert [json.loads(line)["whole"] for line in result.output.splitlines()] == [True, True, False]
+
+
 def test_json_of_a_log_without_times_has_no_nan(tmp_path):
     path = written(tmp_path, b"".join(p.raw for p in flight()))
     result = run("check", path, "--json")

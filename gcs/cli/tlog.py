@@ -64,14 +64,19 @@ def info_text(path: Path, found: TlogInfo) -> str:
 
 @app.command("check")
 def check(
-    log: Annotated[Path, typer.Argument(help="Telemetry log.")],
-    as_json: Annotated[bool, typer.Option("--json", help="For machines, all damage listed.")] = False,
+    logs: Annotated[list[Path], typer.Argument(help="Telemetry logs, such as the segments of one flight.")],
+    as_json: Annotated[
+        bool, typer.Option("--json", help="For machines: a line for each log, all damage listed.")
+    ] = False,
     most: Annotated[int, typer.Option("--most", min=0, help="Damaged places listed.")] = MOST_DAMAGE,
 ) -> None:
-    """Whether a log is whole, and what is to be known of it. Exit code 0 whole, 5 damaged."""
-    found = examine(Tlog.open(log, any_file=True))
-    say(check_json(log, found) if as_json else check_text(log, found, most))
-    if not found.whole:
+    """Whether logs are whole, and what is to be known of them. Exit code 0 all whole, 5 any damaged."""
+    whole = True
+    for log in logs:
+        found = examine(Tlog.open(log, any_file=True))
+        say(check_json(log, found) if as_json else check_text(log, found, most))
+        whole &= found.whole
+    if not whole:
         raise typer.Exit(DAMAGED)
 
 
