@@ -58,20 +58,22 @@ def findings(snapshot: Snapshot) -> Iterator[Finding]:
 
 
 def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
-    """Counters that should stand still: while one grows, its finding is true."""
+    """Counters that should stand still, those of vehicles once they count: while one grows, its finding is true."""
     keyed = bool(snapshot.health.keys)
     for row in snapshot.vehicles:
         whose, i = row.name, row.system_id
-        yield row.bad_signature, Finding(
-            key=f"signature {i}", level="alarm", kind="link", system_id=i,
-            text=f"{whose}: packets with a wrong signature are refused",
-            advice="somebody poses as it, replays it, or its autopilot has another key: compare with gcs keys",
-        )  # fmt: skip
-        yield row.unsigned if keyed else 0, Finding(
-            key=f"unsigned {i}", level="warning", kind="link", system_id=i,
-            text=f"{whose}: unsigned packets are refused",
-            advice="turn signing on in its autopilot; if it is on, somebody else sends in its name",
-        )  # fmt: skip
+        if row.bad_signature:
+            yield row.bad_signature, Finding(
+                key=f"signature {i}", level="alarm", kind="link", system_id=i,
+                text=f"{whose}: packets with a wrong signature are refused",
+                advice="somebody poses as it, replays it, or its autopilot has another key: compare with gcs keys",
+            )  # fmt: skip
+        if keyed and row.unsigned:
+            yield row.unsigned, Finding(
+                key=f"unsigned {i}", level="warning", kind="link", system_id=i,
+                text=f"{whose}: unsigned packets are refused",
+                advice="turn signing on in its autopilot; if it is on, somebody else sends in its name",
+            )  # fmt: skip
     for link in snapshot.health.links:
         yield link.dropped, Finding(
             key=f"dropped {link.name}", level="alarm", kind="link",
