@@ -13,6 +13,7 @@ waits for the disk:
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import threading
@@ -29,6 +30,8 @@ __all__ = ["RAM_BYTES", "AppendFile"]
 RAM_BYTES = 64 << 20
 """Rows kept while the disk fails: 60 s of 5,000 packets/s of 220 bytes each."""
 RETRY_S = 1.0
+HANG_S = 5.0
+"""Closing waits so long for a disk that hangs."""
 _COPY_BYTES = 1 << 20
 _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """After these the same file goes on; after any other a new segment is begun."""
@@ -75,7 +78,7 @@ class AppendFile:
         self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
         self._waiting = Backlog(ram_bytes)
         self._unsynced = Backlog(ram_bytes)
-        self._syncing = False
+        self._syncing = self._writing = False
         if not lazy:
             self._fd = disk.open(path)
             self._segment = 0
@@ -118,19 +121,13 @@ class AppendFile:
 
     def close(self) -> RecordState:
         """Try once more what failed, sync, and let go; what waits then or comes later is lost. Twice does nothing."""
-        with self._tending:
-            if not self._closed:
-                for _ in range(2):  # again where the last sync failed
-                    if self._reason:
-                        self._repair()
-                    self._sync()
-                with self._lock:
-                    self._closed = True
-                    self._reason = self._reason or "closed"
-                    for fd in (self._fd, self._deleted_fd):
-                        if fd >= 0:
-                            self._disk.close(fd)
-                    self._fd = self._deleted_fd = -1
+        if self._tending.acquire(timeout=HANG_S):
+            try:
+                if not self._closed:
+                    self._finish()
+            finally:
+                self._tending.release()
+        self._closed = True  # a disk that hangs is left alone: what the kernel has taken is not ours to save
         return self.state
 
     @property
@@ -140,27 +137,29 @@ class AppendFile:
 
     @property
     def state(self) -> RecordState:
-        """How it is doing now."""
-        with self._lock:
-            now_s = time.monotonic()
-            failing = bool(self._reason) and not self._closed
-            return RecordState(
-                name=segment_path(self.path, max(self._segment, 0)).name,
-                rows=self._accepted,
-                bytes=self._earlier_bytes + self._size,
-                failing_s=max(now_s - self._failing_since_s, 1e-3) if failing else 0.0,
-                reason=self._last_reason,
-                faults=self._faults,
-                waiting=0 if self._closed else self._waiting.rows,
-                waiting_bytes=0 if self._closed else self._waiting.bytes,
-                lost=self._waiting.dropped + (self._waiting.rows if self._closed else 0),
-                sync_age_s=now_s - self._synced_s if self._unsynced or self._syncing else 0.0,
-            )
+        """How it is doing now; without the lock, since who asks must not hang with the disk."""
+        now_s, waiting, closed = time.monotonic(), self._waiting, self._closed
+        failing = bool(self._reason) and not closed
+        return RecordState(
+            name=segment_path(self.path, max(self._segment, 0)).name,
+            rows=self._accepted,
+            bytes=self._earlier_bytes + self._size,
+            failing_s=max(now_s - self._failing_since_s, 1e-3) if failing else 0.0,
+            reason=self._last_reason,
+            faults=self._faults,
+            waiting=0 if closed else waiting.rows,
+            waiting_bytes=0 if closed else waiting.bytes,
+            lost=waiting.dropped + (waiting.rows if closed else 0),
+            sync_age_s=now_s - self._synced_s if self._unsynced or self._syncing or self._writing else 0.0,
+        )
 
     # ---- by who writes and by the caretaker, under the lock
 
     def _put(self, data: bytes, rows: int) -> bool:
         """Write rows at once; False: the disk did not take them."""
+        if not self._unsynced and not self._syncing:
+            self._synced_s = time.monotonic()
+        self._writing = True
         try:
             if self._fd < 0:
                 self._begin_segment()
@@ -168,7 +167,9 @@ class AppendFile:
         except OSError as error:
             self._fail(error)
             return False
-        self._note_unsynced(data, rows)
+        finally:
+            self._writing = False
+        self._unsynced.append(data, rows)
         return True
 
     def _append(self, data: bytes) -> None:
@@ -197,11 +198,6 @@ class AppendFile:
             self._disk.ftruncate(self._fd, self._size)
         except OSError:
             self._torn = True  # tried again before the next row; a reader skips a torn one
-
-    def _note_unsynced(self, data: bytes | bytearray, rows: int) -> None:
-        if not self._unsynced and not self._syncing:
-            self._synced_s = time.monotonic()
-        self._unsynced.append(data, rows)
 
     def _fail(self, error: OSError, *, synced: bool = True) -> None:
         now_s = time.monotonic()
@@ -288,8 +284,25 @@ class AppendFile:
             if self._deleted_fd < 0:  # else all is copied again
                 self._waiting.put_before(self._unsynced)
                 self._unsynced = Backlog(self._ram_bytes)
-            self._disk.close(self._fd)
-            self._fd, self._retire = -1, False
+            fd, self._fd, self._retire = self._fd, -1, False
+            self._let_go(fd)
+
+    def _finish(self) -> None:
+        for _ in range(2):  # again where the last sync failed
+            if self._reason:
+                self._repair()
+            self._sync()
+        with self._lock:
+            self._closed = True
+            self._reason = self._reason or "closed"
+            fds = [fd for fd in (self._fd, self._deleted_fd) if fd >= 0]
+            self._fd = self._deleted_fd = -1
+        for fd in fds:
+            self._let_go(fd)
+
+    def _let_go(self, fd: int) -> None:
+        with contextlib.suppress(OSError):  # what it may say was said by the sync before
+            self._disk.close(fd)
 
     def _copy_deleted(self) -> None:
         while self._size < self._deleted_size:
@@ -301,8 +314,8 @@ class AppendFile:
                 self._append(data)
             finally:
                 self._header = header
-        self._disk.close(self._deleted_fd)
-        self._deleted_fd = -1
+        fd, self._deleted_fd = self._deleted_fd, -1
+        self._let_go(fd)
 
     def _oldest(self) -> Piece | None:
         """The rows that have waited longest; None ends the failure: who writes may use the file again."""
@@ -320,4 +333,6 @@ class AppendFile:
                 self._waiting.put_back(piece)
             raise
         with self._lock:
-            self._note_unsynced(piece.data, piece.rows)
+            if not self._unsynced:
+                self._synced_s = time.monotonic()
+            self._unsynced.append(piece.data, piece.rows)

@@ -9,7 +9,7 @@ from mavlink.append import AppendFile
 
 __all__ = ["Caretaker"]
 
-_CLOSE_S = 10.0
+_CLOSE_S = 5.0
 
 
 class Caretaker:
@@ -28,7 +28,7 @@ class Caretaker:
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread; a disk that hangs is left after ten seconds."""
+        """End the thread; a disk that hangs is left after five seconds."""
         self._stop.set()
         self._thread.join(_CLOSE_S)
 

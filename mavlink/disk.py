@@ -7,6 +7,7 @@ from pathlib import Path
 
 __all__ = ["OS_DISK", "Disk"]
 
+_sync = getattr(os, "fdatasync", os.fsync)
 _NEW = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
 
 
@@ -23,7 +24,7 @@ class Disk:
 
     def fsync(self, fd: int) -> None:
         """Wait until the file's bytes and its length are on the disk."""
-        os.fdatasync(fd)
+        _sync(fd)
 
     def fsync_folder(self, path: Path) -> None:
         """Wait until the names of a folder's files are on the disk."""

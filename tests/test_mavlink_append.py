@@ -3,6 +3,7 @@
 import errno
 import shutil
 import tempfile
+import threading
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from mavlink.append import AppendFile
 from mavlink.backlog import Backlog
 from mavlink.segments import segment_path, segments
 from tests.faulty_disk import FaultyDisk
+from tests.test_mavlink_tlog_writer import until
 
 CODES = (errno.ENOSPC, errno.EIO, errno.EROFS, errno.EDQUOT, errno.EFBIG)
 STEPS = st.one_of(
@@ -118,6 +120,30 @@ def test_a_backlog_is_bounded_and_keeps_the_newest():
     held = b"".join(bytes(rows.pop().data) for _ in iter(lambda: bool(rows), False))
     assert held.endswith(b"000099999\n")
     assert (rows.bytes, rows.rows) == (0, 0)
+
+
+def test_a_disk_that_hangs_hangs_nobody_who_asks_or_closes(tmp_path, monkeypatch):
+    monkeypatch.setattr(append, "HANG_S", 0.05)
+    disk, go_on = FaultyDisk(), threading.Event()
+    file = AppendFile(tmp_path / "a.csv", disk=disk)
+    monkeypatch.setattr(disk, "write", lambda fd, data: go_on.wait(20) and len(data))
+    monkeypatch.setattr(disk, "fsync", lambda fd: go_on.wait(20))
+    threads = [threading.Thread(target=file.write, args=(b"1\n",)), threading.Thread(target=file.tend)]
+    for thread in threads:
+        thread.start()
+    until(lambda: file.state.rows == 1)
+    assert file.state.sync_age_s > 0
+    go_on.set()
+    for thread in threads:
+        thread.join()
+    file.write(b"2\n")
+    go_on.clear()
+    syncing = threading.Thread(target=file.tend)
+    syncing.start()
+    until(file._tending.locked)
+    assert file.close().lost == 0
+    go_on.set()
+    syncing.join()
 
 
 def test_closing_twice_and_writing_afterwards_counts_as_lost(tmp_path):
