@@ -59,24 +59,20 @@ def test_nothing_is_lost_whenever_the_sender_begins(tmp_path):
 
 
 def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_pictures(tmp_path):
-    rng, begins = random.Random(5), []
+    rng = random.Random(5)
     with Watched(tmp_path) as watched:
-        for pause_s in (0.0, 0.3, 0.7, rng.uniform(1.5, 2.5)):
+        for pause_s in (0.0, 0.7, rng.uniform(1.5, 2.5)):
             time.sleep(pause_s)
-            before = watched.stream.reconnects
             with Sender(watched.port, coded(CLIP)[100:160]) as sender:
                 assert watched.shows(len(watched.rows) + 5)
                 assert wait_for(lambda sender=sender: sender.sent >= 40)
-            begins.append((before, pause_s))
-        assert wait_for(lambda: watched.stream.reconnects == 3)
+        assert wait_for(lambda: watched.stream.reconnects == 2)
     film, video = watched.film()
     numbers = [number for _, number in film]
     starts = [0, *(k for k in range(1, len(numbers)) if numbers[k] < numbers[k - 1])]
-    assert len(starts) == 4 and video.missing == 0
-    # a new sender within half a second of the last one waits for that half second
+    assert len(starts) == 3 and video.missing == 0
     assert numbers[0] == 100
-    assert all(numbers[k] <= 100 + 2 * GOP + FPS // 2 for k in starts)
-    assert all(numbers[k] <= 100 + GOP for k in starts[2:])
+    assert all(numbers[k] <= 100 + GOP for k in starts[1:])
 
 
 def test_a_silent_sender_is_told_and_taken_back(tmp_path):
@@ -219,11 +215,11 @@ def test_times_are_those_of_the_time_stamps_when_the_pace_varies(tmp_path):
 def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
     """An encoder that restarts behind the same radio: no other sender, no pause, time stamps from zero."""
     with Watched(tmp_path) as watched:
-        again = [*coded(CLIP)[:60], *coded(CLIP)[:60]]
+        again = [*coded(CLIP)[:40], *coded(CLIP)[:40]]
         with Sender(watched.port, again) as sender:
-            assert wait_for(lambda: sender.sent == 120)
-            assert watched.shows(115)
+            assert wait_for(lambda: sender.sent == 80)
+            assert watched.shows(77)
     film, _ = watched.film()
-    assert [number for _, number in film][:110] == [*range(60), *range(50)]
+    assert [number for _, number in film][:75] == [*range(40), *range(35)]
     times = np.diff([t_us for _, t_us in watched.rows])
     assert times.max() < 1_000_000

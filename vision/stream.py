@@ -124,6 +124,11 @@ class VideoStream:
         return self._progress.damaged
 
     @property
+    def strangers(self) -> int:
+        """Datagrams of others than the sender being listened to, dropped; counted when a connection ends."""
+        return self._progress.strangers
+
+    @property
     def reconnects(self) -> int:
         """Connections after the first."""
         return max(self._progress.connections - 1, 0)

@@ -81,6 +81,7 @@ class Child:
             return
         with closing(port):
             while self._go_on():
+                self._reader.progress.strangers = port.strangers
                 try:
                     opened = datagrams(self._source, port, self._go_on)
                     if opened is not None:

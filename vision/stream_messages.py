@@ -79,6 +79,7 @@ class Progress(Report):
     skipped: int = 0
     undecoded: int = 0
     damaged: int = 0
+    strangers: int = 0
     segment: int = -1
     error: str = ""
     recording_error: str = ""
@@ -91,6 +92,7 @@ class Progress(Report):
             skipped=before.skipped + self.skipped,
             undecoded=before.undecoded + self.undecoded,
             damaged=before.damaged + self.damaged,
+            strangers=before.strangers + self.strangers,
         )
 
 

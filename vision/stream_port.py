@@ -120,7 +120,7 @@ class Port:
             if found is not None and found[1] == self._peer:
                 self._heard_s, self.arrival_s = now, found[2]
                 return found[0]
-            if found is not None and now - self._heard_s > TAKEOVER_S:
+            if found is not None and found[2] - self.arrival_s > TAKEOVER_S:
                 self._held = found
                 return b""
             self.strangers += found is not None
