@@ -426,3 +426,26 @@ def test_stopping_twice_and_reading_after_it(started, sender):
     assert ingest.read(0.0) == [] and ingest.health().packets == 1
     with pytest.raises(LinkError, match="has ended"):
         ingest.send(0, b"x")
+
+
+def test_records_are_numbered_over_all_processes(started, sender, tmp_path):
+    keys, secret = tmp_path / "keys", bytes(range(1, 33))
+    keys.mkdir(mode=0o700)
+    write_key(keys, 1, secret)
+    ingest, port = started(signing=Signing(keys=str(keys)))
+    numbers, sent = [], 0
+    for life in range(3):
+        for k in range(10):
+            sender.sendto(Speaker(1).heartbeat(custom_mode=100 * life + k), (HOST, port))
+            numbers.append(sent + k)
+        sent += 10
+        assert len(wait_for(ingest, 10)) == 10
+        if life < 2:
+            os.kill(ingest.pid, signal.SIGKILL)
+            assert until(lambda now=life: ingest.health().restarts == now + 1 and ingest._process.ready)
+    ingest.stop()
+    assert len(segments(tmp_path / "telemetry.tlog")) == 3 and len(recorded(tmp_path)) == 30
+    tables = segments(tmp_path / "refused.csv")
+    rows = [row.split(",") for table in tables for row in table.read_text().splitlines()[1:]]
+    assert [int(row[0]) for row in rows] == numbers
+    assert ingest.health().refused == 30

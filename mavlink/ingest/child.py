@@ -169,7 +169,7 @@ class _Ingest:
             links=self._reports,
             outputs=tuple(OutputReport(**asdict(output)) for output in outputs),
             record=record,
-            refused=self._receiver.refused,
+            refused=self._memory.words[Word.REFUSED],
             packets=self._memory.words[Word.RECORDS],
             overrun=self._memory.words[Word.OVERRUN],
             cpu_s=time.process_time(),

@@ -72,7 +72,6 @@ class Ingest:
         self._sockets: list[socket.socket | None] = []
         self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
-        self._refused_before = 0
         self._restarts, self._gap_s = 0, 0.0
         self._health = IngestHealth()
         self._lock = threading.Lock()
@@ -158,7 +157,6 @@ class Ingest:
         return replace(
             total,
             links=tuple(replace(link, name=name) for link, name in zip(total.links, self.names, strict=False)),
-            refused=total.refused + self._refused_before,
             overrun=self._memory.words[Word.OVERRUN] if not self._stopping.is_set() else total.overrun,
             restarts=self._restarts,
             gap_s=self._gap_s,
@@ -266,9 +264,8 @@ class Ingest:
         """Keeps what the process before had counted."""
         last = self._told() or self._health
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
-        self._refused_before += last.refused
         links = tuple(replace(link, counts=LinkCounts()) for link in last.links)
-        self._health = IngestHealth(links=links, record=last.record, packets=last.packets)
+        self._health = IngestHealth(links=links, record=last.record, packets=last.packets, refused=last.refused)
         self._memory.tell(self._health.to_json())
 
     def _tell_gap(self, process: IngestProcess, alive_s: float, why: str) -> None:

@@ -115,8 +115,6 @@ class Receiver:
         self._memory = memory
         self._signatures = signatures
         self._outputs = outputs
-        self.refused = 0
-        """Packets recorded and not believed."""
         self.output_trouble = ""
 
     def take(self, index: int, batch: Batch) -> None:
@@ -170,7 +168,7 @@ class Receiver:
         for k, packet in enumerate(packets):
             if packet.auth > Auth.GOOD:
                 self._log.refuse(number + k, packet)
-                self.refused += 1
+                self._memory.words[Word.REFUSED] += 1
             elif packet.auth is Auth.GOOD:
                 known.add(packet.peer)
         if known:

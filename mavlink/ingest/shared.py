@@ -51,6 +51,8 @@ class Word(IntEnum):
     STATUS_LENGTH = 9
     WAITING = 10
     """Records that were in memory only when the status was last told."""
+    REFUSED = 11
+    """Records that were not believed."""
 
 
 def make_memory(ring_bytes: int = RING_BYTES) -> int:
