@@ -27,6 +27,7 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import KeyRing, read_ring
 from mavlink.packet import Packet
+from mavlink.rates import RateKeeper
 from vision.detector import Detector
 from vision.stream import VideoStream
 from vision.stream_source import offered, parse_source
@@ -103,6 +104,7 @@ class Flight:
             self._open_video(plan.video)
         self._pipeline = Pipeline(mission)
         self._queue: deque[Packet] = deque()
+        self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids)
         self._said: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._latest: Snapshot | None = None
@@ -221,6 +223,10 @@ class Flight:
             if self._desk:
                 for packet in packets:
                     self._desk.take(packet)
+            elif packets:
+                now_s = time.monotonic()
+                for packet in packets:
+                    self._rates.take(packet, now_s)
 
     def _fold(self) -> None:
         while not self._stop.is_set():
@@ -276,6 +282,9 @@ class Flight:
             self._note(notice.t_us, cast(Level, notice.level), "link", notice.text)
         for event in self._recorder.check(ingest.record):
             self._pipeline.note(event)
+        if self._desk is None:
+            for rate in self._rates.troubles(now):
+                self._note(time.time_ns() // 1000, "warning", "link", rate.words)
         before = self._health.video
         self._health = flight_health(
             ingest, self._recorder, self._stream, keys=self._keys, frames=self._frames, fps=fps
