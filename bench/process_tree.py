@@ -18,7 +18,9 @@ class Cost:
 
     processes: int
     rss_mb: float
-    """Memory held, shared pages counted once for each that maps them."""
+    """Memory held, shared pages counted once for each that maps them: a shared ring counts as it is first filled."""
+    own_mb: float
+    """Of it what nobody shares and no file holds: where leaks are."""
     cpu_s: float
     """Processor time since the start, of those that still run."""
     threads: int
@@ -42,18 +44,26 @@ def family(pid: int) -> list[int]:
 def cost_of(pid: int) -> Cost:
     """What a process and all below it hold now; zeros when it is gone."""
     rows = [row for each in family(pid) if (row := _row(PROC / str(each))) is not None]
-    rss, cpu, threads, descriptors = (sum(column) for column in zip(*rows, strict=True)) if rows else (0, 0, 0, 0)
+    rss, own, cpu, threads, descriptors = (sum(column) for column in zip(*rows, strict=True)) if rows else (0,) * 5
     return Cost(
-        processes=len(rows), rss_mb=rss / 1e6, cpu_s=float(cpu), threads=int(threads), descriptors=int(descriptors)
-    )
+        processes=len(rows), rss_mb=rss / 1e6, own_mb=own / 1e6, cpu_s=float(cpu), threads=int(threads),
+        descriptors=int(descriptors),
+    )  # fmt: skip
 
 
-def _row(folder: Path) -> tuple[float, float, int, int] | None:
-    """Bytes, seconds, threads, open descriptors; None when the process is gone."""
+def _row(folder: Path) -> tuple[float, float, float, int, int] | None:
+    """Bytes, bytes of its own, seconds, threads, open descriptors; None when the process is gone."""
     try:
         # the name, in brackets, may hold blanks: fields are counted from behind it
         stat = (folder / "stat").read_text().rpartition(")")[2].split()
-        held = int((folder / "statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-        return held, (int(stat[11]) + int(stat[12])) / TICKS_HZ, int(stat[17]), len(os.listdir(folder / "fd"))  # noqa: PTH208
+        _, held, shared, *_ = map(int, (folder / "statm").read_text().split())
+        page = os.sysconf("SC_PAGE_SIZE")
+        return (
+            held * page,
+            (held - shared) * page,
+            (int(stat[11]) + int(stat[12])) / TICKS_HZ,
+            int(stat[17]),
+            sum(1 for _ in (folder / "fd").iterdir()),
+        )
     except OSError:
         return None

@@ -104,6 +104,7 @@ def _sample(
             cost, now = cost_of(flight.pid), time.monotonic()
             row = {
                 "t_s": round(now - start, 1), "processes": cost.processes, "rss_mb": round(cost.rss_mb, 2),
+                "own_mb": round(cost.own_mb, 2),
                 "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1), "threads": cost.threads,
                 "descriptors": cost.descriptors, "records": sum(watch.recorded.values()),
                 "longest_stall_ms": round(1e3 * watch.take_longest_s()), "stalls": watch.stalls,

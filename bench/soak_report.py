@@ -10,13 +10,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.drawing import pyplot, read_rows
 
 __all__ = ["COLUMNS", "Run", "draw", "report"]
 
 COLUMNS = (
-    *("t_s", "processes", "rss_mb", "cpu_percent", "threads", "descriptors", "records", "longest_stall_ms", "stalls"),
+    *(
+        "t_s",
+        "processes",
+        "rss_mb",
+        "own_mb",
+        "cpu_percent",
+        "threads",
+        "descriptors",
+        "records",
+        "longest_stall_ms",
+        "stalls",
+    ),
 )
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
@@ -79,21 +91,25 @@ def _lost(run: Run) -> tuple[int, int]:
 
 
 def _costs(samples: Sequence[Mapping[str, float]]) -> list[tuple[str, str]]:
-    t, rss = (np.array([row[name] for row in samples]) for name in ("t_s", "rss_mb"))
+    t = np.array([row["t_s"] for row in samples])
     warm = t >= WARM_UP * t[-1]
-    first, last = float(np.median(rss[warm][:6])), float(np.median(rss[-6:]))
-    per_hour = float(np.polyfit(t[warm] / 3600, rss[warm], 1)[0]) if warm.sum() > 2 else float("nan")
     cpu = np.array([row["cpu_percent"] for row in samples])
     held = {name: {int(row[name]) for row in samples} for name in ("processes", "threads", "descriptors")}
     return [
-        (
-            "memory (RSS of the tree)",
-            f"{first:.1f} MB after a tenth, {last:.1f} MB at the end: {last / first - 1:+.1%}",
-        ),
-        ("its slope", f"{per_hour:+.1f} MB an hour"),
+        ("memory of the processes' own", _growth(t, np.array([row["own_mb"] for row in samples]), warm)),
+        ("with what is shared and of files", _growth(t, np.array([row["rss_mb"] for row in samples]), warm)),
         ("processor", f"median {np.median(cpu):.0f} %, most {cpu.max():.0f} % of one core"),
         *((name, f"{min(seen)} to {max(seen)}") for name, seen in held.items()),
     ]
+
+
+def _growth(t: NDArray[np.float64], held: NDArray[np.float64], warm: NDArray[np.bool_]) -> str:
+    """From a tenth of the run on, and over its second half alone: what fills once is full by then."""
+    first, last = float(np.median(held[warm][:6])), float(np.median(held[-6:]))
+    late = t >= 0.5 * t[-1]
+    per_hour = float(np.polyfit(t[late] / 3600, held[late], 1)[0]) if late.sum() > 2 else float("nan")
+    grown = f"{first:.1f} MB after a tenth, {last:.1f} MB at the end: {last / first - 1:+.1%}"
+    return f"{grown}; {per_hour:+.1f} MB an hour in the second half"
 
 
 def draw(table: Path, picture: Path) -> bool:
@@ -105,7 +121,7 @@ def draw(table: Path, picture: Path) -> bool:
     minutes = [float(row["t_s"]) / 60 for row in rows]
     figure, axes = plot.subplots(3, 1, figsize=(7, 6), sharex=True)
     for axis, (name, label) in zip(
-        axes, (("rss_mb", "RSS, MB"), ("cpu_percent", "% of one core"), ("longest_stall_ms", "longest stall, ms")),
+        axes, (("own_mb", "own MB"), ("cpu_percent", "% of one core"), ("longest_stall_ms", "longest stall, ms")),
         strict=True,
     ):  # fmt: skip
         axis.plot(minutes, [float(row[name]) for row in rows], linewidth=1)

@@ -1,0 +1,87 @@
+"""The soak's instruments: what was recorded, what a process costs, and a page that adds up."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bench.log_watch import LogWatch
+from bench.process_tree import cost_of, family
+from bench.soak import mission
+from bench.soak_report import Run, report
+from gcs.config import load_mission
+from mavlink.packet import Packet
+from mavlink.tlog import TlogWriter
+from sim.hostile_frames import HEARTBEAT, Voice
+
+KEY = bytes(range(32))
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+
+
+def test_records_are_counted_by_system_over_all_segments(tmp_path):
+    watch = LogWatch(tmp_path)
+    voices = (Voice(1), Voice(11, version=1), Voice(12, key=KEY))
+    for path in (tmp_path / "telemetry.tlog", tmp_path / "telemetry.1.tlog"):
+        writer = TlogWriter(path)
+        for k in range(30):
+            writer.write(Packet(k, voices[k % 3].frame(k, HEARTBEAT, 0, 10, 3, 129, 4, 3)))
+        writer.close()
+        watch.read()
+        watch.read()
+    watch.close()
+    assert watch.recorded == {1: 20, 11: 20, 12: 20}
+
+
+def test_a_record_that_is_still_being_written_is_counted_later(tmp_path):
+    watch = LogWatch(tmp_path)
+    record = bytes(8) + Voice(7).frame(0, HEARTBEAT, 0, 10, 3, 129, 4, 3)
+    with (tmp_path / "telemetry.tlog").open("ab", buffering=0) as file:
+        file.write(record + record[:15])
+        watch.read()
+        assert watch.recorded == {7: 1}
+        file.write(record[15:])
+        watch.read()
+    watch.close()
+    assert watch.recorded == {7: 2}
+
+
+@LINUX
+def test_a_process_and_all_below_it():
+    words = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'input()'])"
+    with subprocess.Popen([sys.executable, "-c", words], stdin=subprocess.PIPE, text=True) as process:
+        while len(family(process.pid)) < 2:
+            assert process.poll() is None
+        cost = cost_of(process.pid)
+        process.communicate("\n", timeout=20)
+    assert cost.processes == 2 and cost.rss_mb > cost.own_mb > 1 and cost.threads >= 2
+    assert family(process.pid) == [] and cost_of(process.pid).rss_mb == 0
+    assert cost_of(os.getpid()).descriptors > 2
+
+
+def test_the_missions_fleet_is_the_fakes(tmp_path):
+    (tmp_path / "mission.toml").write_text(mission(4))
+    loaded = load_mission(tmp_path / "mission.toml")
+    assert loaded.uav.system_id == 1 and loaded.ugv_ids == (11, 12, 13)
+
+
+def test_the_page_says_what_is_missing():
+    sample = {"processes": 3, "cpu_percent": 9.0, "threads": 12, "descriptors": 33, "records": 0, "stalls": 0}
+    samples = [
+        sample | {"t_s": 10.0 * k, "rss_mb": 200.0 + k, "own_mb": 100.0, "longest_stall_ms": 60} for k in range(1, 101)
+    ]
+    sent = {"packets": {"1": 50, "11": 50, "impostor 11": 10, "texts": 5, "garbage": 9, "boot words": 4},
+            "seconds": 1000.0, "late_ms": 3.0}  # fmt: skip
+    run = Run(
+        samples=samples, sent=sent, recorded={1: 50, 11: 63, 200: 4}, stalls=0, longest_s=0.1, exit_code=0, said=""
+    )
+    chosen = argparse.Namespace(
+        seconds=1000.0, rate=100.0, vehicles=2, video=Path("a.mp4"), fleet=["--flood", "5"], out=Path(), name="soak"
+    )
+    page = report(run, chosen, picture="")
+    assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
+    assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page
