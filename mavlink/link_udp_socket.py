@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import socket
 import sys
@@ -14,6 +15,7 @@ from mavlink.link_url import LinkUrl
 __all__ = ["bind_udp", "connect_udp"]
 
 _BUFFER_BYTES = 8 << 20
+_SO_RCVBUFFORCE = 33
 _LINUX = sys.platform.startswith("linux")
 
 
@@ -22,6 +24,8 @@ def _udp_socket() -> socket.socket:
     sock.setblocking(False)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
     if _LINUX:
+        with contextlib.suppress(OSError):  # past the system's limit, where this program may
+            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _BUFFER_BYTES)
         try:
             sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         except OSError:

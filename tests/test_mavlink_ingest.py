@@ -13,6 +13,7 @@ import pytest
 from mavlink.errors import LinkError, TlogError
 from mavlink.frame import checksum
 from mavlink.ingest.ingest import Ingest
+from mavlink.ingest.lent import BUFFER_BYTES
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import SigningError, write_key
 from mavlink.pack import Speaker
@@ -28,6 +29,15 @@ def free_port(kind=socket.SOCK_DGRAM):
     with socket.socket(socket.AF_INET, kind) as sock:
         sock.bind((HOST, 0))
         return sock.getsockname()[1]
+
+
+def is_free(port):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        try:
+            sock.bind((HOST, port))
+        except OSError:
+            return False
+        return True
 
 
 @pytest.fixture
@@ -81,6 +91,11 @@ def steady(sock, port, frames, rate):
             time.sleep(max(0.0, began + k / rate - time.monotonic()))
 
 
+def bearable(ingest, rate):
+    """A rate of which the system keeps two seconds in the buffer that it has granted; a datagram takes 832 bytes."""
+    return min(rate, ingest.health().links[0].buffer_bytes / 832 / 2.0)
+
+
 def some_frames(count):
     speakers = [Speaker(k + 1) for k in range(20)]
     return [speakers[k % 20].heartbeat(custom_mode=k) for k in range(count)]
@@ -90,10 +105,10 @@ def test_poison_costs_nobody_anything(started, sender, tmp_path):
     ingest, port = started()
     frames = some_frames(2000)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        for k, frame in enumerate(frames):
-            sender.sendto(frame, (HOST, port))
-            if k % 10 == 0:
-                stranger.sendto((b"\xfd\xff\x00", b"\xfd\xff\x01")[k // 10 % 2], (HOST, port))
+        for k in range(0, 2000, 10):
+            stranger.sendto((b"\xfd\xff\x00", b"\xfd\xff\x01")[k // 10 % 2], (HOST, port))
+            steady(sender, port, frames[k : k + 10], 2000)
+            time.sleep(0.002)
     packets = wait_for(ingest, 2000)
     assert [packet.raw for packet in packets] == frames
     assert {packet.auth for packet in packets} == {Auth.OPEN} and len({packet.peer for packet in packets}) == 1
@@ -215,13 +230,14 @@ def test_what_cannot_be_opened_is_said_in_one_line(url, tmp_path):
 def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
-    frames = some_frames(3000)
-    thread = threading.Thread(target=steady, args=(sender, port, frames, 1500))
+    rate = bearable(ingest, 1500)
+    frames = some_frames(int(2 * rate))
+    thread = threading.Thread(target=steady, args=(sender, port, frames, rate))
     thread.start()
-    packets = wait_for(ingest, 1000)
+    packets = wait_for(ingest, int(0.6 * rate))
     first = ingest.pid
     os.kill(first, signal.SIGKILL)
-    packets += wait_for(ingest, 3000 - len(packets), 15.0)
+    packets += wait_for(ingest, len(frames) - len(packets), 15.0)
     thread.join()
     health, texts = ingest.health(), [notice.text for notice in ingest.notices()]
     assert health.restarts == 1 and ingest.pid != first and 0.0 < health.gap_s < 10.0
@@ -229,7 +245,7 @@ def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     ingest.stop()
     log = recorded(tmp_path)
     # what is in one process's hands when it is killed, one batch, may be lost; here it never is all of a batch
-    assert len(log) >= 3000 - 256 and log == [frame for frame in frames if frame in set(log)]
+    assert len(log) >= len(frames) - 256 and log == [frame for frame in frames if frame in set(log)]
     assert {packet.raw for packet in packets} <= set(log)
     assert len(segments(tmp_path / "telemetry.tlog")) == 2
     assert ingest.health().packets == len(log)
@@ -261,12 +277,13 @@ def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_ove
 def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp_path):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
-    frames = some_frames(3000)
+    rate = bearable(ingest, 2000)
+    frames = some_frames(int(1.5 * rate))
     sender.sendto(frames[0], (HOST, port))
     packets = wait_for(ingest, 1)
     os.kill(ingest.pid, signal.SIGSTOP)
-    steady(sender, port, frames[1:], 2000)
-    packets += wait_for(ingest, 2999, 15.0)
+    steady(sender, port, frames[1:], rate)
+    packets += wait_for(ingest, len(frames) - 1, 15.0)
     assert [packet.raw for packet in packets] == frames
     health = ingest.health()
     assert health.restarts == 1
@@ -300,8 +317,7 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
         station.wait()
         station.stdout.close()
     assert until(lambda: not os.path.exists(f"/proc/{pid}"))  # noqa: PTH110
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
-        again.bind((HOST, port))
+    assert until(lambda: is_free(port))
 
 
 def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started, sender, tmp_path):
@@ -319,6 +335,8 @@ def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
 def test_a_flood_of_strangers_costs_no_known_vehicle_a_packet(started, sender, tmp_path):
     ingest, port = started(system_ids=range(1, 21))
+    if ingest.health().links[0].buffer_bytes < BUFFER_BYTES:
+        pytest.skip("this system grants too small a receive buffer: see net.core.rmem_max")
     code = (
         "import socket, time\n"
         "s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); end = time.monotonic() + 4.0\n"
