@@ -101,13 +101,16 @@ def read_keys(path: Path, ids: Sequence[int]) -> dict[int, bytes]:
     """Keys to sign with, 32 bytes by system id.
 
     Args:
-        path: one key for all, or a folder with ``<system id>.key``; 32 raw bytes or 64 hexadecimal digits each.
+        path: one key for all, or a folder as ``gcs keys`` makes it, ``<system id>.key`` and ``fleet.key`` for the rest;
+            32 raw bytes or 64 hexadecimal digits each.
         ids: who needs one.
 
     Raises:
         PlayError: a key is missing or is none.
     """
-    return {i: _key(path / f"{i}.key" if path.is_dir() else path) for i in ids}
+    if not path.is_dir():
+        return dict.fromkeys(ids, _key(path))
+    return {i: _key(own if (own := path / f"{i}.key").exists() else path / "fleet.key") for i in ids}
 
 
 def _key(path: Path) -> bytes:
