@@ -6,6 +6,7 @@ Datagrams come from a port of ours (``vision.stream_port``), all else is opened 
 from __future__ import annotations
 
 import io
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -31,6 +32,8 @@ READ_TIMEOUT_S = 2.0
 SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
 """For key pictures that are far apart; a stream that tells its size at once is opened at once."""
 READ_BYTES = 32768
+GUESS_S = 2.0
+"""For the first picture of a codec that was guessed, before it is guessed anew."""
 REORDERED = 2
 """Pictures that a stream with B-frames holds back, where no decoding times tell."""
 
@@ -163,10 +166,10 @@ def _mpegts(source: Source, file: _Bytes) -> Input:
 
 def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
     """Open at the first picture that decoding can begin with."""
-    depacketizer = Depacketizer("" if source.codec == "mpegts" else source.codec)
-    units = _units(port, depacketizer)
+    depacketizer, decided = Depacketizer(source.codec), threading.Event()
+    units = _units(port, depacketizer, decided if source.codec == "" else None)
     for unit in units:
-        if not (unit.key and unit.whole):
+        if not unit.key:
             continue
         try:
             probe = av.open(io.BytesIO(unit.data), format=depacketizer.codec, options={"fpsprobesize": "0"})
@@ -174,6 +177,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         except (av.FFmpegError, OSError, ValueError):
             continue
         if opened.stream.codec_context.width:
+            decided.set()
             packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
             return replace(opened, tick_s=1 / TICK_HZ, packets=packets, arrival_s=lambda: port.arrival_s)
         opened.container.close()
@@ -184,8 +188,12 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
     )
 
 
-def _units(port: Port, depacketizer: Depacketizer) -> Iterator[Unit]:
+def _units(port: Port, depacketizer: Depacketizer, decided: threading.Event | None) -> Iterator[Unit]:
+    """Access units; until it is decided what they are, the guess is made anew from time to time."""
+    guessed_s = time.monotonic()
     while data := port.read():
+        if decided is not None and not decided.is_set() and time.monotonic() - guessed_s > GUESS_S:
+            depacketizer.codec, guessed_s = "", time.monotonic()
         datagram = parse(data)
         if datagram is not None:
             yield from depacketizer.feed(datagram)

@@ -18,8 +18,8 @@ TICK_HZ = 90_000
 START = b"\0\0\0\1"
 MOST_WAITING = 64
 """Datagrams held back for one that is missing; two whole pictures of them are enough, too."""
-RESET = 3000
-"""A sequence number this far off is a new sender."""
+AHEAD, BACK = 3000, 100
+"""A sequence number this far off is a new sender's, once its next one follows (RFC 3550, appendix A.1)."""
 LARGEST_UNIT = 32 << 20
 MPEG_TS = 33
 """RTP payload type"""
@@ -94,11 +94,7 @@ class _Order:
         """Those whose turn it is, each with whether one before it is missing."""
         if self._next is None:
             self._next = datagram.sequence
-        # 16 bits, counted on from the last
-        ahead = (datagram.sequence - self._next + 0x8000) % 0x10000 - 0x8000
-        if abs(ahead) > RESET:
-            self._waiting.clear()
-            self._next, ahead = datagram.sequence, 0
+        ahead = self._ahead(datagram)
         if ahead < 0:
             return []
         self._waiting[self._next + ahead] = datagram
@@ -110,6 +106,14 @@ class _Order:
             gap = self._take()
             turn += [(gap[0][0], True), *gap[1:]]
         return turn
+
+    def far(self, datagram: Datagram) -> bool:
+        """Whether its number is none that could come now."""
+        return not -BACK <= self._ahead(datagram) <= AHEAD
+
+    def _ahead(self, datagram: Datagram) -> int:
+        """16 bits, counted on from the next one."""
+        return 0 if self._next is None else (datagram.sequence - self._next + 0x8000) % 0x10000 - 0x8000
 
     def _take(self) -> list[tuple[Datagram, bool]]:
         assert self._next is not None
@@ -133,6 +137,7 @@ class Depacketizer:
         self.codec = codec
         self._order = _Order()
         self._source: int | None = None
+        self._odd: Datagram | None = None
         self._time: int | None = None
         self._full_time = 0
         self._nals: list[bytes] = []
@@ -147,15 +152,26 @@ class Depacketizer:
 
     def feed(self, datagram: Datagram) -> list[Unit]:
         """The access units that are complete with this packet."""
-        units: list[Unit] = []
-        if datagram.source != self._source:
-            lost = self._order.lost
-            self._order, self._source = _Order(lost), datagram.source
-            units += self._finish()
-            self._time = None
-        for packet, gap in self._order.put(datagram):
-            units += self._take(packet, gap)
-        return units
+        if self._source == datagram.source and not self._order.far(datagram):
+            return self._put(datagram)
+        before, self._odd = self._odd, datagram
+        if self._source is None:
+            return self._change(datagram)
+        # noise looks like another sender once, a sender twice
+        if before is None or (before.source, (before.sequence + 1) % 0x10000) != (datagram.source, datagram.sequence):
+            return []
+        return self._change(before) + self._put(datagram)
+
+    def _change(self, datagram: Datagram) -> list[Unit]:
+        """Another sender, or the same from other numbers on."""
+        self._odd = None
+        self._order, self._source = _Order(self._order.lost), datagram.source
+        units = self._finish()
+        self._time = None
+        return units + self._put(datagram)
+
+    def _put(self, datagram: Datagram) -> list[Unit]:
+        return [unit for packet, gap in self._order.put(datagram) for unit in self._take(packet, gap)]
 
     def _take(self, packet: Datagram, gap: bool) -> list[Unit]:
         units: list[Unit] = []
