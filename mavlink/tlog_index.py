@@ -73,7 +73,7 @@ def _whole(data: Bytes, frames: Frames) -> Frames:
     cut = signed & (following < frames.end)
     # so close that the frame behind has no room for its time, unless that began in the signature
     near = np.flatnonzero(signed & (following >= frames.end) & (following < frames.end + TIME_LENGTH))
-    cut[near] = stamped(data, following[near])
+    cut[near] = stamped(data, following[near], near=frames.offset[near])
     return frames.take(~cut)
 
 
@@ -106,7 +106,7 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     roomy = stop - start > step + 8
     start, stop = start[roomy], stop[roomy]
     # room for the next record's time, if it has one
-    stop = np.where(stamped(data, stop, little=True) & (stop < data.size), stop - step, stop)
+    stop = np.where(stamped(data, stop) & (stop < data.size), stop - step, stop)
     if not start.size:
         return Frames(start, start)
     edges = np.zeros(data.size + 1, dtype=np.int8)
@@ -171,8 +171,10 @@ def build_index(data: Bytes) -> TlogIndex:
     if step:
         t_us, there, source = read_times(data, frames)
         time_ok = times_ok(t_us, there)
-        # what nothing checks must at least have a time that fits; noise does not
-        keep = (known | time_ok) & ~carried(data, frames, time_ok, step)
+        # what nothing checks must at least have a time; noise does not
+        keep = (known | stamped(data, frames.offset, little=source == "little-endian")) & ~carried(
+            data, frames, time_ok, step
+        )
         if not keep.all():
             frames, known = frames.take(keep), known[keep]
             t_us, there, source = read_times(data, frames)

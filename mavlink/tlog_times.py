@@ -61,15 +61,29 @@ def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return ok
 
 
-def stamped(data: Bytes, at: Ints, *, little: bool = False) -> NDArray[np.bool_]:
-    """(n,) whether the eight bytes before each place are a time of this century, big-endian or, if asked, either."""
+def stamped(data: Bytes, at: Ints, *, little: bool = False, near: Ints | None = None) -> NDArray[np.bool_]:
+    """(n,) whether the eight bytes before each place are a time of this century.
+
+    Args:
+        data: (size,) the file.
+        at: (n,) places.
+        little: little-endian times count too.
+        near: (n,) other places; where a time of this century stands before one, the two must be of the same year.
+    """
+    big, small = _before(data, at)
+    looks = _dated(big)
+    if near is not None:
+        other, _ = _before(data, near)
+        looks &= ~_dated(other) | (np.abs(big - other) < _YEAR_US)
+    return looks | _dated(small) if little else looks
+
+
+def _before(data: Bytes, at: Ints) -> tuple[Ints, Ints]:
+    """(n,) the eight bytes before each place as a big-endian and as a little-endian number, 0 where there are fewer."""
     room = np.flatnonzero(at >= TIME_LENGTH)
-    before = gather(data, at[room] - TIME_LENGTH, TIME_LENGTH)
-    looks = np.zeros(at.size, dtype=np.bool_)
-    looks[room] = _dated(before.view(">u8").ravel().astype(np.int64))
-    if little:
-        looks[room] |= _dated(before.view("<u8").ravel().astype(np.int64))
-    return looks
+    stamps = np.zeros((at.size, TIME_LENGTH), dtype=np.uint8)
+    stamps[room] = gather(data, at[room] - TIME_LENGTH, TIME_LENGTH)
+    return stamps.view(">u8").ravel().astype(np.int64), stamps.view("<u8").ravel().astype(np.int64)
 
 
 def _in_company(t: Ints) -> NDArray[np.bool_]:

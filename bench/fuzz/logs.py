@@ -154,7 +154,8 @@ def compare(case: Case, index: TlogIndex) -> Score:
     score.missed_bytes = int(np.count_nonzero(~named & ~stands & ~either))
     if score.lost or score.wrong_times or score.phantoms or score.false_bytes or score.missed_bytes:
         damages = ", ".join(case.damages) or "untouched"
-        score.failures.append(f"{case.seed} {case.layout}, {case.clock} clock: {damages}")
+        counts = f"lost {score.lost}, wrong times {score.wrong_times}, phantoms {score.phantoms}"
+        score.failures.append(f"{case.seed}: {counts}; {case.layout}, {case.clock} clock: {damages}")
     return score
 
 

@@ -90,7 +90,7 @@ class Truth:
         whole: list[tuple[int, int]] = []
         partly: list[tuple[int, int]] = []
         raw = log.data.tobytes()
-        end = 0
+        end, last = 0, (0, 0)
         first, fourth = ((log.place == self.width + k) & (log.record != _FOREIGN) for k in (0, 3))
         places = {(k, int(log.record[k])) for k in np.flatnonzero(first).tolist()}
         # a cut after the first bytes of two frames that begin alike makes one of them
@@ -101,9 +101,13 @@ class Truth:
             if raw[offset : offset + checked] != frame[:checked]:
                 continue
             signature = raw[offset + checked : offset + len(frame)] == frame[checked:]
-            # a byte lost from a stamp may be lent by the frame before it, but a byte is of one record only
-            stamped = offset - self.width >= end and raw[offset - self.width : offset] == self.stamp(record)
-            (whole if signature and stamped else partly).append((offset, record))
+            stamped = offset >= self.width and raw[offset - self.width : offset] == self.stamp(record)
+            # a byte lost from one record may be the same in the next, but it is of one of them only
+            shared = stamped and offset - self.width < end
+            if shared and whole and whole[-1] == last:
+                partly.append(whole.pop())
+            last = (offset, record)
+            (whole if signature and stamped and not shared else partly).append(last)
             end = offset + len(frame)
         return whole, partly
 

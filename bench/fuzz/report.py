@@ -56,7 +56,7 @@ def logs_text(scores: Mapping[str, Score]) -> str:
         f"{s.false_bytes} | {s.missed_bytes} | {s.slowest_ms:.1f} |"
         for kind, s in sorted(scores.items())
     ]
-    shown = [line for line in total.failures if line][:_MOST_FAILURES]
+    shown = sorted(total.failures, key=lambda line: "lost 0, wrong times 0" in line)[:_MOST_FAILURES]
     if shown:
         lines += ["", "Seeds to look at:", "", *(f"- {line}" for line in shown)]
     return "\n".join(lines)
