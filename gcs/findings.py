@@ -64,13 +64,13 @@ def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
         whose, i = row.name, row.system_id
         if row.bad_signature:
             yield row.bad_signature, Finding(
-                key=f"signature {i}", level="alarm", kind="link", system_id=i,
+                key=f"signature {i}", level="alarm", kind="link", system_id=i, told=True,
                 text=f"{whose}: packets with a wrong signature are refused",
                 advice="somebody poses as it, replays it, or its autopilot has another key: compare with gcs keys",
             )  # fmt: skip
         if keyed and row.unsigned:
             yield row.unsigned, Finding(
-                key=f"unsigned {i}", level="warning", kind="link", system_id=i,
+                key=f"unsigned {i}", level="warning", kind="link", system_id=i, told=True,
                 text=f"{whose}: unsigned packets are refused",
                 advice="turn signing on in its autopilot; if it is on, somebody else sends in its name",
             )  # fmt: skip
