@@ -47,8 +47,12 @@ class ClockParams:
     """A reboot is believed when the new count has run on for this long."""
     reboot_below_us: int = 300 * _S
     """A vehicle that has just rebooted counts less than this."""
+    reboot_fresh_us: int = 15 * _S
+    """And less than this when its count is also that of a link so much later than another."""
     late_most_us: int = 60 * _S
-    """Copies come no later than this."""
+    """No link is later than this."""
+    late_hold_us: int = 15 * _S
+    """When nothing but late messages has come for this long, they are all there is: their link counts as the way."""
 
 
 @dataclass(slots=True)
@@ -59,6 +63,20 @@ class _Line:
     first_us: int
     last_us: int
     count: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Past:
+    """The clock before a restart."""
+
+    newest_us: int
+    """Boot time of its newest message."""
+    offset_us: int
+    """Arrival less boot time."""
+    end_us: int
+    """Arrival of the message that ended it."""
+    lives: bool
+    """The vehicle has not rebooted: the clock is that of a faster link, which may come back."""
 
 
 class VehicleClock:
@@ -78,7 +96,7 @@ class VehicleClock:
         self._by_arrival = False
         self._steps: deque[int] = deque(maxlen=3)
         self._started = False
-        self._past = (0, 0, 0)  # of the count before: newest boot time, arrival less boot time, arrival of the end
+        self._past = _Past(0, 0, 0, lives=False)
         self._restart(0, 0)
 
     def _restart(self, boot_us: int, arrival_us: int) -> None:
@@ -142,8 +160,8 @@ class VehicleClock:
 
     @property
     def drift_known(self) -> bool:
-        """Whether the drift was measured, and not by a sender without a clock."""
-        return self._fitted and not self._by_arrival
+        """Whether the drift was measured: not of a sender without a clock, nor beyond what is believed."""
+        return self._fitted and not self._by_arrival and abs(self._drift) < self.params.max_drift
 
     @property
     def uncertainty_s(self) -> float:
@@ -194,31 +212,41 @@ class VehicleClock:
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
 
     def _is_late(self, boot_us: int, arrival_us: int, late_us: int) -> bool:
+        if arrival_us < self._newest_arrival - self.params.early_us:
+            return False  # the host's clock went back, or two recordings were put together
         if 0 < late_us <= self.params.late_most_us and boot_us <= self._newest:
             return True
-        newest, offset, end_us = self._past
-        since_us = arrival_us - boot_us - offset
-        recent = 0 <= arrival_us - end_us <= self.params.late_most_us
-        return recent and boot_us <= newest and -self.params.early_us <= since_us <= self.params.late_most_us
+        past, most_us = self._past, self.params.late_most_us
+        if not 0 <= arrival_us - past.end_us <= most_us or not (past.lives or boot_us <= past.newest_us):
+            return False
+        return -self.params.early_us <= arrival_us - boot_us - past.offset_us <= most_us
 
     def _consider(self, boot_us: int, arrival_us: int) -> None:
         """Collects messages on other time lines, and moves to one once it has run without ours for long enough."""
         self._astray_us = self._astray_us or arrival_us
-        if arrival_us - self._astray_us > 2 * self.params.step_hold_us:
+        line = self._line_of(boot_us, arrival_us)
+        steady = self.late and arrival_us - line.first_us >= self.params.step_hold_us
+        if arrival_us - self._astray_us > 2 * self.params.step_hold_us and not steady:
             self.stray = False
             self._give_up(arrival_us)
             return
-        line = self._line_of(boot_us, arrival_us)
         rebooted = boot_us < self._newest - self.params.back_us and boot_us < self.params.reboot_below_us
-        hold_us = self.params.reboot_hold_us if rebooted else self.params.step_hold_us
+        rebooted = rebooted and (not self.late or boot_us < self.params.reboot_fresh_us)
+        hold_us = self._hold_us(rebooted)
         if line.count >= 3 and arrival_us - line.first_us >= hold_us:
             self.reboots += rebooted
-            self._past = (self._newest, round(self._line(self._newest)), arrival_us)
+            lives = self.late and not rebooted
+            self._past = _Past(self._newest, round(self._line(self._newest)), arrival_us, lives=lives)
             self.epoch += boot_us < self._newest - self.params.back_us
             self.stray = False
             self._restart(boot_us, arrival_us)
             if not rebooted:
                 self._note_step(arrival_us)
+
+    def _hold_us(self, rebooted: bool) -> int:
+        if rebooted:
+            return self.params.reboot_hold_us
+        return self.params.late_hold_us if self.late else self.params.step_hold_us
 
     def _line_of(self, boot_us: int, arrival_us: int) -> _Line:
         """The other time line that this message is on; late copies may run beside a reboot."""

@@ -13,7 +13,7 @@ from typing import Literal
 
 from mavlink.reception import Speaker
 
-__all__ = ["Claim", "Conflict", "Contest"]
+__all__ = ["Claim", "Conflict", "Contest", "Turns"]
 
 Claim = Literal["kind", "clock", "place", "jump", "attitude", "uid"]
 
@@ -34,14 +34,36 @@ class Conflict:
     other: Speaker
 
 
-class _Dispute:
-    __slots__ = ("first_us", "last_us", "other", "speaker", "turns", "where")
+class Turns:
+    """Two who speak by turns: how often the speaker has changed, without a longer pause, and for how long."""
 
-    def __init__(self, speaker: Hashable, where: Speaker, other: Speaker, t_us: int) -> None:
-        self.speaker = speaker
-        self.where, self.other = where, other
-        self.first_us = self.last_us = t_us
-        self.turns = 1
+    __slots__ = ("_first_us", "_last_us", "_speaker", "_turns", "other", "where")
+
+    def __init__(self) -> None:
+        self.where = self.other = Speaker(-1, 0, 0)
+        """How the one who spoke last was heard, and the one before."""
+        self._speaker: Hashable = None
+        self._turns = 0
+        self._first_us = self._last_us = 0
+
+    def take(self, speaker: Hashable, where: Speaker, other: Speaker, t_us: int) -> bool:
+        """Somebody speaks, True when it is another than before; ``other`` is how the other side was heard last."""
+        if not self._turns or not self.running(t_us):
+            self._turns, self._first_us = 1, t_us
+        elif speaker == self._speaker:
+            return False
+        else:
+            self._turns += 1
+        self._speaker, self.where, self.other, self._last_us = speaker, where, other, t_us
+        return True
+
+    def running(self, t_us: int) -> bool:
+        """Whether the last change of speaker was in the last seconds."""
+        return self._turns > 0 and 0 <= t_us - self._last_us < _PAUSE_US
+
+    def established(self, turns: int, t_us: int) -> bool:
+        """Whether this has gone on for so many turns, and for about a second."""
+        return self._turns >= turns and self.running(t_us) and self._last_us - self._first_us >= _SPAN_US
 
 
 class Contest:
@@ -50,7 +72,7 @@ class Contest:
     def __init__(self) -> None:
         self.conflict: Conflict | None = None
         """The newest conflict that was found."""
-        self._disputes: dict[Claim, _Dispute] = {}
+        self._disputes: dict[Claim, Turns] = {}
         self._last_us = 0
         self._hold_us = 0
 
@@ -61,11 +83,9 @@ class Contest:
     def disputed(self, claim: Claim, t_us: int) -> bool:
         """Whether somebody contradicted in the last seconds, so that the other's turn counts."""
         dispute = self._disputes.get(claim)
-        return dispute is not None and 0 <= t_us - dispute.last_us < _PAUSE_US
+        return dispute is not None and dispute.running(t_us)
 
-    def take(
-        self, claim: Claim, speaker: Hashable, where: Speaker, t_us: int, detail: str, other: Speaker | None = None
-    ) -> None:
+    def take(self, claim: Claim, speaker: Hashable, where: Speaker, t_us: int, detail: str, other: Speaker) -> None:
         """One contradiction.
 
         Args:
@@ -74,18 +94,10 @@ class Contest:
             where: how that packet came.
             t_us: Unix µs of its arrival.
             detail: in words for the operator.
-            other: how the other side was heard last, where known.
+            other: how the other side was heard last.
         """
-        dispute = self._disputes.get(claim)
-        if dispute is None or not 0 <= t_us - dispute.last_us < _PAUSE_US:
-            self._disputes[claim] = _Dispute(speaker, where, other or where, t_us)
-            return
-        if speaker == dispute.speaker:
-            return
-        dispute.speaker, dispute.other, dispute.where = speaker, dispute.where, where
-        dispute.turns += 1
-        dispute.last_us = t_us
-        if dispute.turns >= _TURNS[claim] and t_us - dispute.first_us >= _SPAN_US:
+        dispute = self._disputes.setdefault(claim, Turns())
+        if dispute.take(speaker, where, other, t_us) and dispute.established(_TURNS[claim], t_us):
             self.declare(claim, detail, where, dispute.other, t_us)
 
     def declare(self, claim: Claim, detail: str, one: Speaker, other: Speaker, t_us: int) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from mavlink.packet import Packet
 
-__all__ = ["UNTIMED", "Copies"]
+__all__ = ["TIMED", "Copies"]
 
 _MEMORY_US = 12_000_000  # links that are ten seconds late exist
-_MOST = 50_000
-# HEARTBEAT, BATTERY_STATUS, MOUNT_STATUS, STATUSTEXT, VIDEO_STREAM_INFORMATION say no time: with a sequence number that
-# has come round again, the same bytes may be a new message.
-UNTIMED = frozenset({0, 109, 147, 158, 166, 253, 269})
+_MOST = 4096  # of each half: a flood must not cost memory
+TIMED = frozenset({2, 30, 31, 32, 33, 111, 259, 260, 265, 271, 285})
+"""Messages that say when they were made. Of others the same bytes may be new, once the sequence number has come round
+again."""
 
 
 class Copies:
@@ -27,9 +27,10 @@ class Copies:
         """When and where the same packet came first, as (t_us, link, peer); None for a new one."""
         key = hash(packet.raw)
         seen = self._now.get(key) or self._before.get(key)
-        if seen is None or (packet.message_id in UNTIMED and seen[1:] == (packet.link, packet.peer)):
+        if seen is None:
             return None
-        return seen
+        sure = packet.message_id in TIMED or packet.signed or seen[1:] != (packet.link, packet.peer)
+        return seen if sure else None
 
     def add(self, packet: Packet) -> None:
         """Remembers a new packet."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from mavlink.copies import UNTIMED, Copies
+from mavlink.arrivals import Arrivals
+from mavlink.copies import TIMED, Copies
 from mavlink.packet import Auth, Packet
-from mavlink.rate import Rate
 from mavlink.sequence import SequenceLoss, SequenceRuns
 from mavlink.state import ChannelStatus, MessageRate
 
@@ -37,8 +37,8 @@ class _Channel:
 
     def __init__(self) -> None:
         self.packets = 0
-        self.rate = Rate()
-        self.messages: dict[int, Rate] = {}
+        self.rate = Arrivals()
+        self.messages: dict[int, Arrivals] = {}
         self.loss = SequenceLoss()
         self.runs: dict[int, SequenceRuns] = {}
         self.late_us = 0
@@ -51,7 +51,7 @@ class _Channel:
         self.rate.take(t_us)
         message = self.messages.get(message_id)
         if message is None and len(self.messages) < _MESSAGES:
-            message = self.messages[message_id] = Rate()
+            message = self.messages[message_id] = Arrivals()
         if message is not None:
             message.take(t_us)
         self.loss.take(0, component_id, seq)
@@ -88,7 +88,7 @@ class Reception:
         run = channel.take(packet, message_id)
         if first is not None:
             self.copies += 1
-            if first[1:] != (packet.link, packet.peer) and message_id not in UNTIMED:
+            if first[1:] != (packet.link, packet.peer) and message_id in TIMED:
                 channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
             return False
         self._copies.add(packet)

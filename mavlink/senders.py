@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mavlink.contest import Claim, Conflict, Contest
+from mavlink.contest import Claim, Conflict, Contest, Turns
 from mavlink.gate import GateParams
 from mavlink.hardware import Hardware, hardware_of
 from mavlink.modes import kind_name
@@ -20,6 +20,8 @@ __all__ = ["Senders"]
 
 _SEVERAL_US = 3_000_000
 _LATE_PLACE_M = 10.0
+_ADDRESS_TURNS = 4
+_KINDS = 8
 _USUAL, _OTHER = "usual", "other"
 
 
@@ -45,13 +47,21 @@ class Senders:
         self._board: tuple[Hardware, int, Speaker] | None = None
         self._speaker = Speaker(-1, 0, 0)
         self._changed_us = 0
+        self._addresses = Turns()
         self._clock_speaker = self._place_speaker = self._speaker
+        self._clock_other = self._place_other = self._speaker
 
     def speaks(self, speaker: Speaker, t_us: int) -> None:
         """Somebody said something."""
-        if speaker != self._speaker:
-            self._changed_us = t_us if self._speaker.link >= 0 else 0
-            self._speaker = speaker
+        before = self._speaker
+        if speaker == before:
+            return
+        self._speaker = speaker
+        if before.link < 0:
+            return
+        self._changed_us = t_us
+        if before.link == speaker.link and before.peer != speaker.peer:
+            self._addresses.take(speaker.peer, speaker, before, t_us)
 
     def several(self, t_us: int) -> bool:
         """Whether more than one speaker was heard in the last seconds: two radios, or two vehicles."""
@@ -65,7 +75,10 @@ class Senders:
         """Compares the kind of vehicle with what was said before; both in words when it is a new one."""
         kind, before = (sample.type, sample.autopilot), self._kind
         self._kind = kind
+        self._kinds.pop(kind, None)
         self._kinds[kind] = (sample.t_us, speaker)
+        if len(self._kinds) > _KINDS:
+            del self._kinds[next(iter(self._kinds))]
         if len(self._kinds) > 1:
             self._compare_kinds(kind, speaker, sample.t_us)
         if before is None or kind_name(before[0]) == kind_name(kind[0]):
@@ -74,6 +87,7 @@ class Senders:
 
     def other_clock(self, t_us: int, speaker: Speaker, gap_s: float) -> None:
         """A boot time that is not of this vehicle's count, nor of the one before its reboot."""
+        self._clock_other = speaker
         detail = f"two clocks, {abs(gap_s):.0f} s apart"
         self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
 
@@ -81,10 +95,10 @@ class Senders:
         """A boot time that fits."""
         self._clock_speaker = speaker
         if self._contest.disputed("clock", t_us):
-            self._contest.take("clock", _USUAL, speaker, t_us, "two clocks")
+            self._contest.take("clock", _USUAL, speaker, t_us, "two clocks", self._clock_other)
 
     def place(self, boot_us: int, t_us: int, fix: Fix, speaker: Speaker) -> None:
-        """A place, while several speak: compared with what the others said lately."""
+        """A place: compared with what others said lately."""
         dissent = self._places.take(speaker, boot_us, t_us, fix)
         if dissent:
             detail = f"two places, {dissent.gap:.0f} m apart"
@@ -96,12 +110,14 @@ class Senders:
             return
         gap_m = math.hypot(fix.east - then.fix.east, fix.north - then.fix.north)
         if gap_m > _LATE_PLACE_M + 4.0 * then.fix.std_m:
+            self._clock_other = speaker
             detail = f"two clocks and two places, {gap_m:.0f} m apart"
             self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
 
     def jump(self, t_us: int, speaker: Speaker, fix: Fix, last: tuple[int, Fix] | None) -> None:
         """A place that cannot be reached from the last."""
         gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north) if last else math.nan
+        self._place_other = speaker
         detail = f"two places, {gap_m:.0f} m apart"
         self._contest.take("jump", _OTHER, speaker, t_us, detail, self._place_speaker)
 
@@ -109,7 +125,7 @@ class Senders:
         """A place that can."""
         self._place_speaker = speaker
         if self._contest.disputed("jump", t_us):
-            self._contest.take("jump", _USUAL, speaker, t_us, "two places")
+            self._contest.take("jump", _USUAL, speaker, t_us, "two places", self._place_other)
 
     def attitude(self, boot_us: int, sample: Attitude, speaker: Speaker) -> None:
         """An attitude, while several speak."""
@@ -138,13 +154,21 @@ class Senders:
         """What to tell since the last call; an empty text for nothing."""
         contested = self._contest.contested(t_us)
         if contested == self._contested:
-            return "info", ""
+            return ("info", "") if contested else ("warning", self._two_addresses(t_us, system_id))
         self._contested = contested
         if not contested:
-            return "info", f"system id {system_id} has one sender again ({self.where(self._speaker)}): it is used"
+            return "info", f"system id {system_id} has one sender again: {self.where(self._speaker)}"
         conflict = self._contest.conflict
         assert conflict is not None
-        return "alarm", f"two senders use system id {system_id}: {self._words(conflict)}; it is not used"
+        text = f"two senders use system id {system_id}: its positions are not used; {self._words(conflict)}"
+        return "alarm", text
+
+    def _two_addresses(self, t_us: int, system_id: int) -> str:
+        """A second radio into one port looks like this, and so does somebody who says the same: told, not refused."""
+        turns = self._addresses
+        if not turns.established(_ADDRESS_TURNS, t_us) or not self.told.due("addresses", t_us):
+            return ""
+        return f"system {system_id} speaks from two addresses ({self.where(turns.other)} and {self.where(turns.where)})"
 
     def where(self, speaker: Speaker) -> str:
         """A channel in words."""
@@ -153,7 +177,7 @@ class Senders:
 
     def _words(self, conflict: Conflict) -> str:
         one, other = self.where(conflict.other), self.where(conflict.one)
-        return f"{conflict.detail} ({one} and {other})" if one != other else f"{conflict.detail} (both on {one})"
+        return f"{conflict.detail}: {one} and {other}" if one != other else f"{conflict.detail}: both on {one}"
 
     def _compare_kinds(self, kind: tuple[int, int], speaker: Speaker, t_us: int) -> None:
         claim: Claim = "kind"

@@ -13,7 +13,7 @@ from mavlink.modes import fix_name, kind_name, mode_name
 from mavlink.packet import Packet
 from mavlink.positions import LOST_S, Estimate, Fix, Positions
 from mavlink.reception import Reception, Speaker
-from mavlink.refusals import Refusals
+from mavlink.refusals import Refusals, Told
 from mavlink.samples import Attitude, GlobalPosition, GpsRaw, Heartbeat, StatusText, SystemTime, TimeSync
 from mavlink.senders import Senders
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
@@ -23,6 +23,7 @@ from mavlink.timekeeping import Timekeeping
 __all__ = ["Vehicle"]
 
 _GPS_FRESH_US = 5_000_000
+_CHANGE_US = 200_000  # no vehicle changes its mode more often; a flood of forged ones does
 _REFUSED_VERDICTS = {"jump": "farther than it can have driven", "leap": "higher or lower than it can have flown"}
 _QUIET_VERDICTS = {"late": "out of order, seconds late", "frozen": "moving, and at the same place as before"}
 
@@ -52,6 +53,7 @@ class Vehicle:
         self._component = 0  # whose positions and attitudes count; 0 until somebody speaks
         self._gps: GpsRaw | None = None
         self._texts = Texts()
+        self._changes = Told(_CHANGE_US)
 
     def heard(self, packet: Packet, message_id: int) -> bool:
         """Counts a packet of a known message; False for a copy of one that was heard before."""
@@ -84,9 +86,9 @@ class Vehicle:
             if kinds and self.senders.told.due("kind", sample.t_us):
                 text = f"system {self.system_id} was a {kinds[0]} and says it is a {kinds[1]}"
                 yield self._notice(sample.t_us, "warning", text)
-            if before.armed != sample.armed:
+            if before.armed != sample.armed and self._changes.due("armed", sample.t_us):
                 yield self._notice(sample.t_us, "info", "armed" if sample.armed else "disarmed")
-            if before.custom_mode != sample.custom_mode:
+            if before.custom_mode != sample.custom_mode and self._changes.due("mode", sample.t_us):
                 yield self._notice(sample.t_us, "info", f"mode {self.mode}")
         yield from self.contest_notices(sample.t_us)
 
@@ -95,7 +97,9 @@ class Vehicle:
         if self.reception.late:
             return
         before, self._gps = self._gps, sample
-        if before is not None and fix_name(before.fix_type) != fix_name(sample.fix_type):
+        if before is None or fix_name(before.fix_type) == fix_name(sample.fix_type):
+            return
+        if self._changes.due("fix", sample.t_us):
             worse = sample.fix_type < min(before.fix_type, 3)
             text = f"GPS fix {fix_name(sample.fix_type)}, was {fix_name(before.fix_type)}"
             yield self._notice(sample.t_us, "warning" if worse else "info", text)
@@ -189,8 +193,7 @@ class Vehicle:
                 self.senders.late_place(t_us, speaker, fix, self.positions.at(boot_us))
             self.refusals.count("seconds late" if self.clock.late else "of another clock")
             return None, ()
-        if self.senders.several(t_us):
-            self.senders.place(boot_us, t_us, fix, speaker)
+        self.senders.place(boot_us, t_us, fix, speaker)
         verdict = self.positions.take(boot_us, fix, (sample.lat_deg, sample.lon_deg))
         if verdict in _REFUSED_VERDICTS:
             self.senders.jump(t_us, speaker, fix, self.positions.last)

@@ -128,12 +128,13 @@ IMPOSTORS = {
 }
 
 
-@pytest.mark.parametrize("name", IMPOSTORS)
-@pytest.mark.parametrize("rate_hz", [5.0, 1.0])
+@pytest.mark.parametrize(
+    ("name", "rate_hz"),
+    # attitudes once a second are too far apart to be compared
+    [(name, hz) for name in IMPOSTORS for hz in (5.0, 1.0) if hz > 1 or name != "same place, turned away"],
+)
 def test_an_impostor_is_found_within_two_seconds_and_both_are_quarantined(name, rate_hz):
     impostor = Sender(**{k: v for k, v in vars(IMPOSTORS[name]).items() if k not in ("speaker", "rng")})
-    if name == "same place, turned away" and rate_hz < 4:
-        pytest.skip("attitudes once a second are too far apart to be compared")
     air = Air(Sender(rate_hz=rate_hz), impostor).run(4.9)
     assert not air.alarms and air.fleet.at(air.now_us).valid.all()
     air.run(4.1)
@@ -150,6 +151,15 @@ def test_an_impostor_is_found_within_two_seconds_and_both_are_quarantined(name, 
         assert ("radio address 2" if impostor.link else "udp address 2") in air.alarms[0]
 
 
+def test_a_second_address_that_says_the_same_is_told_and_not_refused():
+    air = Air(Sender(), Sender(peer=2, seq=140, phase_us=100_000, starts_us=BEGIN)).run(9)
+    texts = [n.text for n in air.notices if n.level == "warning"]
+    assert texts == ["system 11 speaks from two addresses (udp address 1 and udp address 2)"] or texts == [
+        "system 11 speaks from two addresses (udp address 2 and udp address 1)"
+    ]
+    assert not air.contested_us
+
+
 def test_released_when_it_has_been_alone_for_ten_seconds():
     air = Air(Sender(), Sender(peer=2, shift=(-80.0, 0.0), phase_us=100_000, starts_us=BEGIN, ends_us=BEGIN + 5 * S))
     air.run(10)
@@ -159,7 +169,7 @@ def test_released_when_it_has_been_alone_for_ten_seconds():
     air.run(2)
     assert not air.status().contested and air.status().position_state == "ok"
     assert [n.text for n in air.notices if "one sender again" in n.text] == [
-        "system id 11 has one sender again (udp address 1): it is used"
+        "system id 11 has one sender again: udp address 1"
     ]
     assert air.fleet.at(air.now_us).p_enu[0, :2] == pytest.approx(air.senders[2].place(air.now_us)[:2], abs=0.5)
     air.run(2)
@@ -188,7 +198,7 @@ def test_another_hardware_id_is_found_at_once():
     air.fleet.feed(Packet(air.now_us, version(real, uid=0xAB), 0, 1))
     assert air.fleet.feed(Packet(air.now_us, version(real, uid=0xAB, uid2=b"\x12\x34"), 0, 1)) == ()
     (alarm,) = air.fleet.feed(Packet(air.now_us, version(other, uid=0xCD, uid2=b"\x56\x78"), 0, 2))
-    assert alarm.level == "alarm" and "hardware id 1234 and 5678 (udp address 1 and udp address 2)" in alarm.text
+    assert alarm.level == "alarm" and "hardware id 1234 and 5678: udp address 1 and udp address 2" in alarm.text
     assert air.run(30).status().contested
     assert not air.run(35).status().contested
 
@@ -225,6 +235,12 @@ HARMLESS = {
         Sender(ends_us=BEGIN + S), Sender(peer=2, seq=100, starts_us=BEGIN, phase_us=100_000),
     ],
     "a lossy link": [Sender(loss=0.7)],
+    "a second radio three seconds behind, half of all lost": [
+        Sender(loss=0.5, rate_hz=4), Sender(link=1, loss=0.5, rate_hz=4, delay_us=3 * S, seq=211),
+    ],
+    "a second radio ten seconds behind a slow and lossy first": [
+        Sender(loss=0.4, rate_hz=2), Sender(link=1, loss=0.1, rate_hz=2, delay_us=10 * S, seq=99, starts_us=T0 + 2 * S),
+    ],
     "the wrap of the boot clock": [Sender(booted_us=T0 + 7 * S - (1 << 32) * 1000)],
     "the wrap of the boot clock on two links": [
         Sender(booted_us=T0 + 7 * S - (1 << 32) * 1000),
@@ -249,7 +265,8 @@ def test_nobody_else_is_taken_for_an_impostor(name):
     assert not air.contested_us
     assert not any("two senders" in n.text for n in air.notices)
     state = air.fleet.at(air.now_us)
-    assert state.valid[0] and state.p_enu[0, :2] == pytest.approx(senders[0].place(air.now_us)[:2], abs=2.0)
+    assert state.p_enu[0, :2] == pytest.approx(senders[0].place(air.now_us)[:2], abs=2.0)
+    assert state.valid[0] or max(sender.loss for sender in senders) >= 0.4
 
 
 def test_signatures_are_counted_and_forgeries_told():
@@ -287,6 +304,16 @@ def test_loss_rate_and_freshness_are_told_for_each_link():
     assert air.status().link == 1
     rates = {(r.link, r.message_id): r.hz for r in air.fleet.rates(air.now_us) if r.system_id == UGV}
     assert rates[0, 33] < 0.6
+
+
+def test_a_flood_of_forged_heartbeats_is_told_in_a_few_lines():
+    air = Air(Sender()).run(5)
+    forger, rng, said = Speaker(UGV), np.random.default_rng(3), []
+    for k in range(5000):
+        raw = forger.heartbeat(int(rng.integers(0, 16)), autopilot=int(rng.integers(0, 8)), custom_mode=k)
+        said += air.fleet.feed(Packet(air.now_us + k * 400, raw, 0, 2))
+    assert len(said) < 40
+    assert next(n.text for n in said if n.level == "alarm").startswith("two senders use system id 11")
 
 
 def test_thousands_of_addresses_stay_bounded():
