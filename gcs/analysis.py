@@ -119,6 +119,8 @@ class Analysis:
             yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
         if self._bad_times:
             yield f"frames.csv: {self._bad_times} rows could not be read; their frames got the time between neighbours"
+        if self.video is not None and self.video.missing:
+            yield f"{self.video.missing} pictures were seen in flight and are not in the recorded video"
         if self.mission.camera is None or self.mission.camera.intrinsics is None:
             yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
 

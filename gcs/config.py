@@ -246,7 +246,7 @@ def load_mission(path: Path) -> Mission:
         raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read as text: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
     mission = parse_mission(table, str(path))
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
@@ -283,7 +283,7 @@ def _with_lens(camera: Camera, folder: Path, where: str) -> Camera:
         return camera
     try:
         lens = read_lens(folder / camera.lens)
-    except CameraError as error:
+    except (CameraError, ValueError) as error:  # a path with a NUL in it is a ValueError
         raise ConfigError(f"{where}: [camera]: lens {error}") from error
     numbers: dict[str, Any] = {name: getattr(lens, name) for name in _NUMBERS}
     distortion = tuple(lens.distortion.tolist())
@@ -313,4 +313,7 @@ def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     if "camera" in parts:
         _check_camera(parts["camera"], f"{where}: [camera]")
     parts["ugv"] = tuple(build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}", _RANGES) for k, ugv in enumerate(ugvs))
-    return Mission(**parts)
+    try:
+        return Mission(**parts)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None

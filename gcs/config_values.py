@@ -73,7 +73,7 @@ def _in_range(name: str, value: float, limits: tuple[float, float], where: str) 
 
 
 def _is_number(value: object) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= 1e300
 
 
 def _is_whole(value: object) -> TypeGuard[float]:

@@ -54,6 +54,7 @@ def flight_health(
         keys=keys,
         ingest_restarts=ingest.restarts,
         ring_dropped=ingest.overrun,
+        clock_step_s=ingest.record.clock_step_s,
     )
 
 

@@ -43,7 +43,7 @@ AUTO = "auto"
 READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
-HEALTH_S = 1.0
+HEALTH_S = 0.5
 OWN_ID = 254
 """System id of this station where it speaks."""
 MOST_EVENTS = 2000
@@ -102,7 +102,7 @@ class Flight:
         self._wanted = plan.video
         if plan.video not in ("", AUTO):
             self._open_video(plan.video)
-        self._pipeline = Pipeline(mission)
+        self._pipeline = Pipeline(mission, links=self._ingest.names)
         self._queue: deque[Packet] = deque()
         self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids)
         self._said: deque[Event] = deque()
@@ -111,6 +111,7 @@ class Flight:
         self._health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=self._keys)
         self._health_due = 0.0
         self._offered = ""
+        self._video_told = ("", "", 0)
         self._frames = 0
         self._frame_ends: deque[float] = deque(maxlen=20)
         self._stop = threading.Event()
@@ -292,6 +293,22 @@ class Flight:
         if self._health.video != before:
             level: Level = "alarm" if self._health.video == "stalled" else "info"
             self._note(time.time_ns() // 1000, level, "video", f"video {self._health.video}")
+        self._tell_video()
+
+    def _tell_video(self) -> None:
+        """What is wrong with the video, each trouble once."""
+        if self._stream is None:
+            return
+        told = (self._stream.error, self._stream.recording_error, self._stream.restarts)
+        error, recording, restarts = told
+        if told != self._video_told:
+            if error and error != self._video_told[0]:
+                self._note(time.time_ns() // 1000, "warning", "video", f"video: {error}")
+            if recording and recording != self._video_told[1]:
+                self._note(time.time_ns() // 1000, "alarm", "recording", f"video is not recorded: {recording}")
+            if restarts > self._video_told[2]:
+                self._note(time.time_ns() // 1000, "warning", "video", "the video's process was started again")
+            self._video_told = told
 
     def _note(self, t_us: int, level: Level, kind: str, text: str) -> None:
         self._pipeline.note(Event(t_us=t_us, level=level, kind=kind, text=text))

@@ -6,6 +6,7 @@ The only place where telemetry, vision and association meet. A live flight, a re
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,10 +41,12 @@ MOUNT_DOUBT = np.deg2rad(20.0)
 class Pipeline:
     """Folds one mission's packets and frames; owns the fleet, the tracker and the identifier."""
 
-    def __init__(self, mission: Mission) -> None:
+    def __init__(self, mission: Mission, links: Sequence[str] = ()) -> None:
         self.mission = mission
         camera_id, gimbal_id = (mission.camera.device, mission.camera.gimbal) if mission.camera else (0, 0)
-        self.fleet = Fleet(mission.uav.system_id, mission.ugv_ids, camera_id=camera_id, gimbal_id=gimbal_id)
+        self.fleet = Fleet(
+            mission.uav.system_id, mission.ugv_ids, camera_id=camera_id, gimbal_id=gimbal_id, links=links
+        )
         self._tracker: Tracker | None = None
         auto = mission.clock.video_offset_s == "auto"
         params = IdentifierParams(threshold=mission.identity.threshold)

@@ -20,7 +20,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from gcs.config import Mission, load_mission
+from gcs.config import NO_KEYS, Mission, load_mission
 from gcs.errors import SessionError
 from gcs.segmented import read_segments
 from gcs.tables import Table
@@ -172,6 +172,11 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
                 for k in part.__slots__
                 if (v := getattr(part, k)) not in ("", None)
             }
+    signing = mission.signing
+    table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}
+    if signing.keys == NO_KEYS:
+        # other folders of keys are the flight's computer's own
+        table["signing"]["keys"] = NO_KEYS
     text = tomli_w.dumps(table)
     tomllib.loads(text)
     return text

@@ -43,9 +43,9 @@ def open_desk(
     key = ring.key_of(uav)
     signer = Signer(key) if key is not None else None
 
-    def sign(frame: bytes) -> bytes:
+    def sign(frame: bytes, link: int) -> bytes:
         assert signer is not None
-        return signer.sign(frame, time.time_ns() // 1000)
+        return signer.sign(frame, time.time_ns() // 1000, link)
 
     outgoing = Outgoing(uav, lambda link, peer, raw: ingest.send(link, raw, peer), sign=sign if signer else None)
     return CommandDesk(

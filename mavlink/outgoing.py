@@ -48,7 +48,7 @@ class Outgoing:
         uav: its system id.
         send: given link, peer on that link and a frame. A peer is the number of an address on a link, 0 where there is
             none; a link on which several speak must not pass the frame to the others.
-        sign: makes a signed frame of an unsigned one; None leaves frames unsigned.
+        sign: makes a signed frame of an unsigned one, for a link; None leaves frames unsigned.
         sent: told the link and every frame that left, as it left.
     """
 
@@ -57,7 +57,7 @@ class Outgoing:
         uav: int,
         send: Send,
         *,
-        sign: Callable[[bytes], bytes] | None = None,
+        sign: Callable[[bytes, int], bytes] | None = None,
         sent: Callable[[int, bytes], None] = lambda link, raw: None,
     ) -> None:
         self._uav = uav
@@ -110,7 +110,7 @@ class Outgoing:
                 return False
             frame = _numbered(raw, self._seq)
             self._seq = (self._seq + 1) & 0xFF
-            frame = self._sign(frame) if self._sign is not None else frame
+            frame = self._sign(frame, link) if self._sign is not None else frame
             try:
                 self._send(link, self._where[link][0], frame)
             except LinkError:

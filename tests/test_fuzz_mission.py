@@ -15,8 +15,8 @@ from gcs.errors import ConfigError
 CORPUS = sorted((Path(__file__).parent / "corpus" / "mission").iterdir())
 TABLE = tomllib.loads(GOOD)
 # Not refused in one line yet: numbers beyond a float, brackets without end, NUL in a path, the file of a doubled id.
-OPEN = {"huge_number.toml", "very_deep.toml", "nul_in_lens.toml", "same_id_twice.toml"}
-OPEN_ERRORS = ("OverflowError", "RecursionError", "ValueError('embedded null", "the file is not named: system id")
+OPEN: set[str] = set()
+OPEN_ERRORS = ("none",)
 
 scalars = st.one_of(
     st.booleans(), st.integers(-(2**63), 2**63 - 1), st.floats(), st.text(max_size=20), st.dates(), st.datetimes()

@@ -324,7 +324,7 @@ def test_what_is_no_plain_frame_does_not_leave(raw):
 
 def test_one_row_of_numbers_signed_recorded_and_sent_to_the_peer():
     record: list[tuple[int, bytes]] = []
-    out, left = sent_by(sign=lambda raw: raw + b"S", sent=lambda link, raw: record.append((link, raw)))
+    out, left = sent_by(sign=lambda raw, link: raw + b"S", sent=lambda link, raw: record.append((link, raw)))
     out.heard(packet(UAV.heartbeat(2), link=2, peer=4))
     for _ in range(300):
         assert out.give(GROUND.heartbeat(GCS)) and out.give(Speaker(254, 190).timesync(0, 1))

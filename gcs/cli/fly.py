@@ -24,7 +24,9 @@ __all__ = ["fly"]
 def fly(
     mission: Annotated[Path, typer.Argument(help="Mission file: vehicles, camera, clocks.")],
     link: Annotated[list[str] | None, typer.Option("--link", "-l", help="Telemetry link; may be repeated.")] = None,
-    video: Annotated[str | None, typer.Option("--video", "-v", help="Video URL, device or file; auto: what the UAV offers.")] = None,
+    video: Annotated[
+        str | None, typer.Option("--video", "-v", help="Video URL, device or file; auto: what the UAV offers.")
+    ] = None,
     out: Annotated[
         list[str] | None,
         typer.Option("--out", help="Where packets go on to, untouched (udpout:127.0.0.1:14551); may be repeated."),

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import VIDEO_START, Graphics, quiet_stderr
+from gcs.cli.console import VIDEO_START, Graphics, note, quiet_stderr
 from gcs.replay import Replay
 from gcs.session import Session, open_session
+from gcs.sessionfile import seal
 
 __all__ = ["replay", "show_replay"]
 
@@ -23,6 +24,8 @@ def replay(
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
     """Play, seek and step through a recording."""
+    if session.is_dir() and (interrupted := seal(session)):
+        note(interrupted.text)
     raise SystemExit(
         show_replay(
             open_session(session, video=video, video_start_s=video_start, mission=mission),

@@ -148,7 +148,7 @@ class _Ingest:
                 return
             frame, self._commands = self._commands[COMMAND.size : stop], self._commands[stop:]
             try:
-                self._receiver.send(link, frame, peer)
+                self._receiver.say(link, frame, peer)
                 self._send_trouble = ""
             except LinkError as error:
                 self._send_trouble = str(error)

@@ -13,6 +13,7 @@ from mavlink.ingest.plan import Outputs, Signing
 from mavlink.ingest.shared import Shared, Word
 from mavlink.link import Link
 from mavlink.link_batch import Batch
+from mavlink.link_tally import now_us
 from mavlink.packet import Auth, Packet
 from mavlink.signing import Verifier, without_secret
 from mavlink.signing_store import StreamStore, open_verifier
@@ -150,6 +151,15 @@ class Receiver:
         if not 0 <= link < len(self._links):
             raise LinkError(f"there is no link {link}")
         self._links[link].send(data, peer)
+
+    def say(self, link: int, data: bytes, peer: int = 0) -> None:
+        """Sends what the station itself says, and records it.
+
+        Raises:
+            LinkError: there is no such link, or it does not take it; then it is not recorded.
+        """
+        self.send(link, data, peer)
+        self._record(Batch(times_us=[now_us()], frames=[data], peers=[0]))
 
     def _record(self, batch: Batch) -> int:
         """Into the log, with one system call; returns the first record's number."""
