@@ -132,21 +132,15 @@ def place_labels(anchors: Sequence[Rect], sizes: Sequence[tuple[float, float]], 
     Returns:
         One rectangle per label: the least covered of eight places round its box.
     """
-    placed: list[Rect] = []
+    boxes = np.array(anchors, dtype=np.float64).reshape(-1, 4)
+    placed = np.zeros_like(boxes)
     for index, (anchor, size) in enumerate(zip(anchors, sizes, strict=True)):
-        others = [other for at, other in enumerate(anchors) if at != index]
-        spots = [_clamp(spot, bounds) for spot in _spots(anchor, size)]
-        placed.append(
-            min(
-                spots,
-                key=lambda spot: (
-                    4.0 * sum(_overlap(spot, rect) for rect in placed)
-                    + 2.0 * _overlap(spot, anchor)
-                    + 3.0 * sum(_overlap(spot, rect) for rect in others)
-                ),
-            )
-        )
-    return placed
+        spots = np.array([_clamp(spot, bounds) for spot in _spots(anchor, size)])
+        weight = np.full(len(boxes), 3.0)
+        weight[index] = 2.0
+        covered = 4.0 * _overlaps(spots, placed[:index]).sum(axis=1) + _overlaps(spots, boxes) @ weight
+        placed[index] = spots[int(np.argmin(covered))]
+    return [(x, y, w, h) for x, y, w, h in placed.tolist()]
 
 
 def _spots(anchor: Rect, size: tuple[float, float]) -> list[Rect]:
@@ -164,10 +158,11 @@ def _clamp(rect: Rect, bounds: Rect) -> Rect:
     return max(left, min(x, left + width - w)), max(top, min(y, top + height - h)), w, h
 
 
-def _overlap(a: Rect, b: Rect) -> float:
-    wide = min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])
-    high = min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
-    return wide * high if wide > 0 and high > 0 else 0.0
+def _overlaps(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(m, k) area that each of m rectangles has in common with each of k, as rows x, y, w, h."""
+    low = np.maximum(a[:, None, :2], b[None, :, :2])
+    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
+    return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1), dtype=np.float64)
 
 
 def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArray[np.uint8]:
