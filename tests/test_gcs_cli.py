@@ -28,6 +28,12 @@ def named(tmp_path_factory):
     return out, stdout
 
 
+def test_version_is_told_without_a_command():
+    code, stdout, stderr = gcs("--version")
+    assert (code, stderr) == (0, "")
+    assert re.fullmatch(r"rollcall-gcs \d+\.\d+\.\d+\n", stdout)
+
+
 def test_names_the_swarm_and_is_right(named):
     out, stdout = named
     assert "6 of 6 vehicles named" in stdout
