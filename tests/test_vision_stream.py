@@ -14,26 +14,12 @@ import av
 import numpy as np
 import pytest
 
+from tests.video_sender import FPS, number_of, picture
 from vision.arrival import CREEP, ArrivalClock
 from vision.errors import VideoError
 from vision.recording import PictureOrder
 from vision.stream import VideoStream
 from vision.video import VideoFile
-
-FPS, BITS = 25, 10
-
-
-def picture(number):
-    """Ten bars, light for 1."""
-    image = np.zeros((96, 160, 3), dtype=np.uint8)
-    for bit in range(BITS):
-        if number >> bit & 1:
-            image[:, bit * 16 : bit * 16 + 16] = 255
-    return image
-
-
-def number_of(image):
-    return sum(1 << bit for bit in range(BITS) if image[48, bit * 16 + 8].mean() > 127)
 
 
 def encode(target, n, *, kind=None, pace=False, bframes=0, stop=None, gop=10):
@@ -160,7 +146,8 @@ def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
     with VideoStream(str(tmp_path / "clip.mp4"), on_frame=lambda index, _: rows.append(index)) as stream:
         seen = []
         for frame in pictures(stream):
-            assert number_of(frame.image) == frame.index >= len(rows) - 3
+            # half a second behind at most, on a machine that has other work
+            assert number_of(frame.image) == frame.index >= len(rows) - FPS // 2
             seen.append(frame.index)
             time.sleep(0.2)
         assert stream.ended and not stream.stalled

@@ -13,11 +13,11 @@ import signal
 import socket
 import struct
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 from mavlink.errors import LinkError, MavlinkError
-from mavlink.ingest.health import IngestHealth, LinkReport, OutputReport
+from mavlink.ingest.health import IngestHealth, LinkReport
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
 from mavlink.ingest.record import open_log
@@ -167,7 +167,7 @@ class _Ingest:
         ]
         health = IngestHealth(
             links=self._reports,
-            outputs=tuple(OutputReport(**asdict(output)) for output in outputs),
+            outputs=outputs,
             record=record,
             refused=self._memory.words[Word.REFUSED],
             packets=self._memory.words[Word.RECORDS],

@@ -7,10 +7,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+from mavlink.forward import OutputCounts
 from mavlink.link_tally import LinkCounts
 from mavlink.record_state import RecordState
 
-__all__ = ["IngestHealth", "LinkReport", "Notice", "OutputReport"]
+__all__ = ["IngestHealth", "LinkReport", "Notice"]
 
 
 _NOTHING = RecordState(name="")
@@ -46,23 +47,11 @@ class LinkReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OutputReport:
-    """One output; fields as in :class:`mavlink.forward.OutputCounts`."""
-
-    name: str
-    sent: int = 0
-    dropped: int = 0
-    withheld: int = 0
-    returned: int = 0
-    stopped: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class IngestHealth:
     """How the ingest is doing."""
 
     links: tuple[LinkReport, ...] = ()
-    outputs: tuple[OutputReport, ...] = ()
+    outputs: tuple[OutputCounts, ...] = ()
     record: RecordState = _NOTHING
     refused: int = 0
     """Packets recorded and not believed."""
@@ -92,7 +81,7 @@ class IngestHealth:
         table: dict[str, Any] = json.loads(text)
         try:
             table["links"] = tuple(_link(link) for link in table["links"])
-            table["outputs"] = tuple(OutputReport(**output) for output in table["outputs"])
+            table["outputs"] = tuple(OutputCounts(**output) for output in table["outputs"])
             table["record"] = RecordState(**table["record"])
             table["troubles"] = tuple(table["troubles"])
             return cls(**table)
