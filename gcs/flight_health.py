@@ -2,45 +2,35 @@
 
 from __future__ import annotations
 
+from gcs.flight_video import FlightVideo
 from gcs.recorder import Recorder
 from gcs.snapshot import Health, LinkHealth
 from mavlink.ingest.health import IngestHealth, LinkReport
-from vision.stream import VideoStream
 
-__all__ = ["flight_health", "video_state"]
-
-
-def video_state(stream: VideoStream | None) -> str:
-    """A word for how the video is doing."""
-    if stream is None:
-        return "none"
-    if stream.ended:
-        return "ended"
-    if stream.stalled:
-        return "stalled" if stream.received else "waiting"
-    return "ok" if stream.received else "waiting"
+__all__ = ["flight_health"]
 
 
 def flight_health(
-    ingest: IngestHealth, recorder: Recorder, stream: VideoStream | None, *, keys: int, frames: int, fps: float
+    ingest: IngestHealth, recorder: Recorder, video: FlightVideo, *, keys: int, frames: int, fps: float
 ) -> Health:
     """The health of now.
 
     Args:
         ingest: how telemetry comes in.
         recorder: where it goes.
-        stream: the video, None without.
+        video: the camera, if there is one.
         keys: signing keys in use.
         frames: pictures looked at so far.
         fps: pictures looked at per second.
     """
+    stream = video.stream
     states = recorder.states(ingest.record).values()
     worst = max(states, key=lambda state: state.failing_s)
     return Health(
         fps=fps,
         frames=frames,
         skipped_frames=stream.skipped if stream else 0,
-        video=video_state(stream),
+        video=video.state,
         undecoded=stream.undecoded if stream else 0,
         links=tuple(map(_link, ingest.links)),
         recorded_bytes=recorder.bytes,

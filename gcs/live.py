@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, cast
 
 from gcs.config import Mission
 from gcs.flight_health import flight_health
+from gcs.flight_video import FlightVideo, check_source
 from gcs.perception import open_perception
 from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
@@ -29,8 +30,6 @@ from mavlink.keys import KeyRing, read_ring
 from mavlink.packet import Packet
 from mavlink.rates import RateKeeper
 from vision.detector import Detector
-from vision.stream import VideoStream
-from vision.stream_source import offered, parse_source
 from vision.video import Frame
 
 if TYPE_CHECKING:
@@ -38,8 +37,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Flight", "FlightPlan"]
 
-AUTO = "auto"
-"""In place of a video's URL: what the UAV offers."""
 READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
@@ -86,11 +83,9 @@ class Flight:
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         self._detector: Detector | None = None
         if plan.video:
-            if plan.video != AUTO:
-                parse_source(plan.video)
+            check_source(plan.video)
             self._detector = open_perception(mission.detector, threads=LOOK_THREADS)
         self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False)
-        self._stream: VideoStream | None = None
         self._desk: CommandDesk | None = None
         try:
             self._ingest = _open_ingest(plan, self._recorder.tlog_path)
@@ -99,19 +94,15 @@ class Flight:
             self._recorder.close()
             shutil.rmtree(self._recorder.folder, ignore_errors=True)
             raise
-        self._wanted = plan.video
-        if plan.video not in ("", AUTO):
-            self._open_video(plan.video)
+        self._video = FlightVideo(plan.video, self._recorder)
         self._pipeline = Pipeline(mission, links=self._ingest.names)
         self._queue: deque[Packet] = deque()
         self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids)
         self._said: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._latest: Snapshot | None = None
-        self._health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=self._keys)
+        self._health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))
         self._health_due = 0.0
-        self._offered = ""
-        self._video_told = ("", "", 0)
         self._frames = 0
         self._frame_ends: deque[float] = deque(maxlen=20)
         self._stop = threading.Event()
@@ -165,37 +156,12 @@ class Flight:
         self._stop.set()
         if self._desk:
             self._desk.close()
-        if self._stream:
-            self._stream.close()
+        self._video.close()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(timeout=5)
         self._ingest.stop()
         self.lost = self._recorder.close(self._ingest.health().record)
-
-    @property
-    def _keys(self) -> int:
-        return len(self._ring)
-
-    def _open_video(self, url: str) -> None:
-        self._stream = VideoStream(url, self._recorder.video_path, on_frame=self._recorder.frame_time)
-
-    def _take_offer(self) -> None:
-        """Opens the video that the UAV offers, or tells of it where none was asked for."""
-        offer = self._pipeline.fleet.video_offer
-        if offer is None or self._stream or self._offered == offer.uri:
-            return
-        self._offered = offer.uri
-        url = offered(offer.type, offer.uri, offer.encoding)
-        if url and self._wanted == AUTO:
-            self._open_video(url)
-        use = "" if self._wanted else ", --video auto shows it"
-        text = (
-            f"the UAV offers video at {url}{use}"
-            if url
-            else f"the UAV offers a video that cannot be opened: {offer.uri}"
-        )
-        self._note(time.time_ns() // 1000, "info" if url else "warning", "video", text)
 
     def _open_desk(self, mission: Mission) -> CommandDesk:
         # MAVSDK's native library is loaded only by stations that may command
@@ -231,8 +197,8 @@ class Flight:
 
     def _fold(self) -> None:
         while not self._stop.is_set():
-            frame = self._stream.latest(IDLE_S) if self._stream else None
-            if self._stream is None:
+            frame = self._video.latest(IDLE_S)
+            if self._video.stream is None:
                 self._stop.wait(IDLE_S)
             while self._queue:
                 self._pipeline.feed(self._queue.popleft())
@@ -270,12 +236,11 @@ class Flight:
         return replace(snapshot, frame=last.frame, image=last.image, width=last.width, height=last.height)
 
     def _look_after(self) -> None:
-        """Once a second: counters, disk, video."""
+        """Twice a second: counters, disk, video."""
         now = time.monotonic()
         if now < self._health_due:
             return
         self._health_due = now + HEALTH_S
-        self._take_offer()
         ends = self._frame_ends
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and now - ends[-1] < 2 else 0.0
         ingest = self._ingest.health()
@@ -286,29 +251,11 @@ class Flight:
         if self._desk is None:
             for rate in self._rates.troubles(now):
                 self._note(time.time_ns() // 1000, "warning", "link", rate.words)
-        before = self._health.video
+        for event in self._video.check(self._pipeline.fleet.video_offer):
+            self._pipeline.note(event)
         self._health = flight_health(
-            ingest, self._recorder, self._stream, keys=self._keys, frames=self._frames, fps=fps
+            ingest, self._recorder, self._video, keys=len(self._ring), frames=self._frames, fps=fps
         )
-        if self._health.video != before:
-            level: Level = "alarm" if self._health.video == "stalled" else "info"
-            self._note(time.time_ns() // 1000, level, "video", f"video {self._health.video}")
-        self._tell_video()
-
-    def _tell_video(self) -> None:
-        """What is wrong with the video, each trouble once."""
-        if self._stream is None:
-            return
-        told = (self._stream.error, self._stream.recording_error, self._stream.restarts)
-        error, recording, restarts = told
-        if told != self._video_told:
-            if error and error != self._video_told[0]:
-                self._note(time.time_ns() // 1000, "warning", "video", f"video: {error}")
-            if recording and recording != self._video_told[1]:
-                self._note(time.time_ns() // 1000, "alarm", "recording", f"video is not recorded: {recording}")
-            if restarts > self._video_told[2]:
-                self._note(time.time_ns() // 1000, "warning", "video", "the video's process was started again")
-            self._video_told = told
 
     def _note(self, t_us: int, level: Level, kind: str, text: str) -> None:
         self._pipeline.note(Event(t_us=t_us, level=level, kind=kind, text=text))

@@ -7,7 +7,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.config import parse_mission
-from gcs.live import AUTO, Flight, FlightPlan
+from gcs.flight_video import AUTO
+from gcs.live import Flight, FlightPlan
 
 MISSION = {"uav": {"system_id": 1}, "ugv": [{"system_id": 11}]}
 RTSP = 0
@@ -50,7 +51,7 @@ def test_an_offer_is_told_and_taken_only_when_asked_for(tmp_path, video, uri, to
                 time.sleep(0.1)
         texts = [event.text for event in flight.events()]
         assert sum(told in text for text in texts) == 1, texts
-        assert (flight._stream.url if flight._stream else None) == opened
+        assert (flight._video.stream.url if flight._video.stream else None) == opened
     finally:
         flight.stop()
     assert flight.error is None
