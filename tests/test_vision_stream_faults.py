@@ -6,6 +6,7 @@ import os
 import random
 import signal
 import socket
+import sys
 import threading
 import time
 
@@ -226,3 +227,30 @@ def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
     assert [number for _, number in film][:75] == [*range(40), *range(35)]
     times = np.diff([t_us for _, t_us in watched.rows])
     assert times.max() < 1_000_000
+
+
+def test_a_process_may_be_stopped_by_many_threads_at_once(tmp_path):
+    """Each closes what is its own: a descriptor that is closed twice may be somebody else's by then."""
+    sys.setswitchinterval(1e-6)
+    failed = []
+    try:
+        for k in range(3):
+            folder = tmp_path / str(k)
+            folder.mkdir()
+            with Watched(folder) as watched:
+                process = watched.stream._process
+
+                def stop(process=process):
+                    try:
+                        process.stop()
+                    except OSError as error:
+                        failed.append(error)
+
+                threads = [threading.Thread(target=stop) for _ in range(20)]
+                for thread in threads:
+                    thread.start()
+                for thread in threads:
+                    thread.join()
+    finally:
+        sys.setswitchinterval(0.005)
+    assert failed == []

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 from multiprocessing import Pipe
 from pathlib import Path
 
@@ -28,6 +29,8 @@ class Process:
     def __init__(self, settings: Settings, slot_fd: int, socket_fd: int) -> None:
         theirs_in, self._requests = Pipe(duplex=False)
         self._reports, theirs_out = Pipe(duplex=False)
+        # two threads that close one pipe may close the descriptor of somebody else
+        self._closing = threading.Lock()
         self._words = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         fds = theirs_in.fileno(), theirs_out.fileno(), slot_fd, socket_fd
         paths = [ROOT, os.environ.get("PYTHONPATH", "")]
@@ -78,8 +81,9 @@ class Process:
 
     def stop(self) -> None:
         """Ask it to seal the recording and end."""
-        if not self._requests.closed:
-            self._requests.close()
+        with self._closing:
+            if not self._requests.closed:
+                self._requests.close()
 
     def end(self, timeout_s: float) -> str:
         """Wait for its end, then make it; how it ended, in words."""
@@ -109,7 +113,8 @@ class Process:
 
     def _send(self, data: bytes) -> None:
         try:
-            self._requests.send_bytes(data)
+            with self._closing:
+                self._requests.send_bytes(data)
         except OSError:
             # gone, or stopped by another thread: hearing tells
             return
