@@ -13,7 +13,6 @@ import argparse
 import asyncio
 import multiprocessing
 import os
-import socket
 import sys
 import tempfile
 import time
@@ -21,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.flood import free_port
 from bench.senders import send_fleet, send_flood
 from gcs.config import parse_mission
 from gcs.live import Flight, FlightPlan
@@ -30,13 +30,6 @@ RESULTS = Path("bench/results/screen_flood.md")
 VEHICLES, RATE = 100, 2000.0
 WAKE_S = 0.01
 SETTLE_S = 3.0
-
-
-def free_port() -> int:
-    """A UDP port that nobody has now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 async def waits(flight: Flight, seconds: float) -> list[float]:
@@ -79,10 +72,10 @@ def run(seconds: float, flood_hz: float) -> str:
             for job in jobs:
                 job.join(timeout=10)
             flight.stop()
-        health = flight.packets
+        recorded = flight.packets
     low, high = np.quantile(late, (0.5, 0.99)) * 1e3
     return (
-        f"| {flood_hz:,.0f} | {int(np.sum(flooded)) / whole_s:,.0f} | {sent:,} | {health:,} | {low:.1f} | {high:.1f} "
+        f"| {flood_hz:,.0f} | {int(np.sum(flooded)) / whole_s:,.0f} | {sent:,} | {recorded:,} | {low:.1f} | {high:.1f} "
         f"| {late.max() * 1e3:.0f} |"
     )
 

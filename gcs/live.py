@@ -27,6 +27,7 @@ from gcs.station import Commands
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import KeyRing, read_ring
+from mavlink.outgoing import SYSTEM_ID
 from mavlink.packet import Packet
 from mavlink.rates import RateKeeper
 from vision.detector import Detector
@@ -41,8 +42,6 @@ READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
 HEALTH_S = 0.5
-OWN_ID = 254
-"""System id of this station where it speaks."""
 MOST_EVENTS = 2000
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
 """Of the detector: the newest picture is looked at alone, and soon."""
@@ -271,5 +270,5 @@ def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
         signing=Signing(
             keys=str(signing.folder) if signing.folder else "", unsigned=signing.unsigned, keyless=signing.keyless
         ),
-        outputs=Outputs(urls=plan.forward, write_back=plan.command, own=OWN_ID),
+        outputs=Outputs(urls=plan.forward, write_back=plan.command, own=SYSTEM_ID),
     )

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 
 from gcs.command import CommandDesk, Place
-from gcs.command.desk import COMPONENT_ID, SYSTEM_ID
 from gcs.config import Mission
 from gcs.snapshot import Event, Snapshot
 from mavlink.geodesy import LocalFrame
@@ -15,10 +14,8 @@ from mavlink.keys import KeyRing
 from mavlink.outgoing import Outgoing
 from mavlink.signer import Signer
 
-__all__ = ["OWN", "open_desk", "place_of"]
+__all__ = ["open_desk", "place_of"]
 
-OWN = (SYSTEM_ID, COMPONENT_ID)
-"""System and component id that the station speaks as."""
 FRESH_US = 2_000_000
 """A snapshot older than this says nothing of now."""
 
@@ -55,7 +52,6 @@ def open_desk(
         outgoing=outgoing,
         where=where,
         tell=tell,
-        own=OWN,
     )
 
 

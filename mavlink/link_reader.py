@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import time
+from abc import ABC, abstractmethod
 
 from mavlink.link_batch import Batch
 from mavlink.packet import Packet
@@ -13,7 +14,7 @@ __all__ = ["Reader"]
 _STEP_S = 0.05
 
 
-class Reader:
+class Reader(ABC):
     """What all links have in common: a name, an index, and waiting for whatever :meth:`take` then gives.
 
     Args:
@@ -27,15 +28,15 @@ class Reader:
         self._open = True
 
     @property
+    @abstractmethod
     def files(self) -> tuple[int, ...]:
         """File descriptors to wait for; they change as connections come and go."""
-        raise NotImplementedError
 
+    @abstractmethod
     def take(self) -> Batch:
         """What is there, without waiting."""
-        raise NotImplementedError
 
-    def tend(self) -> None:
+    def tend(self) -> None:  # noqa: B027 - most links need none
         """Looks after the link; to be called every tenth of a second or so."""
 
     def read(self, timeout_s: float) -> list[Packet]:

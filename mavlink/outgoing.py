@@ -16,7 +16,10 @@ from mavlink.frame import checksum
 from mavlink.packet import MAGIC_V2, Auth, Packet
 from mavlink.target import EVERYBODY, target_of
 
-__all__ = ["Outgoing", "only_to_uav"]
+__all__ = ["COMPONENT_ID", "SYSTEM_ID", "Outgoing", "only_to_uav"]
+
+SYSTEM_ID, COMPONENT_ID = 254, 190
+"""What this station speaks as, where it may: not as 255, behind which vehicles look for the first station."""
 
 _HEARTBEAT, _TIMESYNC, _SETUP_SIGNING = 0, 111, 256
 HEARD_US = 10_000_000

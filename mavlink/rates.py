@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from mavlink.dialect import message_name
+from mavlink.outgoing import SYSTEM_ID
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
 from mavlink.rate_requests import (
@@ -137,7 +138,7 @@ class RateKeeper:
         uav: int,
         ground: Collection[int] = (),
         *,
-        own: int = 254,
+        own: int = SYSTEM_ID,
         uav_rates: Mapping[int, float] = UAV_RATES,
         ugv_rates: Mapping[int, float] = UGV_RATES,
     ) -> None:

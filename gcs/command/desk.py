@@ -19,14 +19,13 @@ from gcs.command.uav import Uav
 from gcs.command.wire import Place
 from gcs.snapshot import Event, Level
 from mavlink.heartbeat import Heartbeat, TimeSyncer
-from mavlink.outgoing import Outgoing
+from mavlink.outgoing import COMPONENT_ID, SYSTEM_ID, Outgoing
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
 from mavlink.rates import Rate, RateKeeper
 
 __all__ = ["CommandDesk"]
 
-SYSTEM_ID, COMPONENT_ID = 254, 190
 _STOP_S = 5.0
 LOOK_S = 1.0
 
