@@ -23,5 +23,9 @@ class SessionError(GcsError):
     """A session that is missing something, or would be overwritten."""
 
 
+class FlightError(GcsError):
+    """A job of a flight that fails again and again; the flight itself goes on."""
+
+
 class ScoreError(GcsError):
     """Files that cannot be scored against each other."""

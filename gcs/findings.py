@@ -89,6 +89,10 @@ def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
         key="ring", level="warning", kind="link", text="packets are recorded but not shown: the program is too slow",
         advice="free the processor: close other programs, or take a smaller detector",
     )  # fmt: skip
+    yield health.faults, Finding(
+        key="fault", level="warning", kind="program", text=f"a fault of this program was passed over: {health.fault}",
+        advice="names may be missing for that moment; the recording is whole; send in faults.txt of the session",
+    )  # fmt: skip
     yield health.undecoded, Finding(
         key="undecoded", level="warning", kind="video", text="pictures cannot be decoded",
         advice="the video link loses data: lower its bit rate or come closer", wait_s=2.0,

@@ -35,7 +35,7 @@ class Event:
     level: Level
     kind: str
     """One word for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``, ``recording``,
-    ``operator``."""
+    ``operator``, ``program``."""
     text: str
     """Plain text, possibly from the air: never markup."""
     system_id: int = 0
@@ -198,6 +198,10 @@ class Health:
     """Times that the process which receives packets had to be started again."""
     ring_dropped: int = 0
     """Packets recorded but not shown because the fold did not take them in time."""
+    faults: int = 0
+    """Turns of this program's own jobs that failed."""
+    fault: str = ""
+    """The last of them in words."""
     clock_step_s: float = 0.0
     """By how much the wall clock was set since the flight began."""
 

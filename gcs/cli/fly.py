@@ -69,22 +69,20 @@ def fly(
     for line in flight.lost:
         note(line)
     if flight.error:
-        raise GcsError(f"the flight ended by itself: {flight.error}; the recording up to then is whole")
+        raise flight.error
     if source and not calls.named:
         raise SystemExit(NO_NAMES)
 
 
 def _wait(flight: Flight, duration: float | None) -> None:
-    """Until the time is over, a signal comes or the flight ends by itself."""
+    """Until the time is over or a signal comes."""
     stop = threading.Event()
     before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
     note(f"recording in {flight.folder}; stop with Ctrl-C")
     waited = 0.0
     try:
-        while not stop.wait(0.2) and flight.error is None:
+        while not stop.wait(0.2) and (duration is None or waited < duration):
             waited += 0.2
-            if duration is not None and waited >= duration:
-                break
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -12,6 +12,7 @@ from textual.binding import BindingType
 from textual.filter import ANSIToTruecolor, LineFilter
 from textual.reactive import reactive
 
+from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import playback
@@ -45,8 +46,9 @@ SCREENSHOT_TITLE = "Rollcall"
 
 
 def error_line(error: BaseException) -> str:
-    """One plain line on why the station stopped."""
-    return f"station stopped: {plain(str(error)) or type(error).__name__}"
+    """One plain line on why the station stopped, or what of a flight that goes on does not work any more."""
+    said = plain(str(error)) or type(error).__name__
+    return said if isinstance(error, FlightError) else f"station stopped: {said}"
 
 
 class RollcallApp(App[None]):
@@ -140,7 +142,8 @@ class RollcallApp(App[None]):
 
     def _alert(self) -> str:
         if self._station.error is not None:
-            return f"{error_line(self._station.error)} — q quits"
+            goes_on = isinstance(self._station.error, FlightError)
+            return error_line(self._station.error) + ("" if goes_on else " — q quits")
         silent_s = time.monotonic() - self._newest_at
         if self._station.timeline is None and self.snapshot is not None and silent_s > SILENT_S:
             return f"nothing new for {age(float(int(silent_s)))}: the screen shows the past"

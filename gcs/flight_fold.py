@@ -1,0 +1,133 @@
+"""The fold of a flight: packets that wait, the newest picture and what there is to be told become snapshots."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from gcs.faults import Faults
+from gcs.flight_care import Pace
+from gcs.pipeline import Pipeline
+from gcs.recorder import Recorder
+from gcs.snapshot import Event, Health, Snapshot
+from mavlink.packet import Packet
+from vision.detections import Detections
+from vision.detector import Detector
+from vision.video import Frame
+
+__all__ = ["FlightFold"]
+
+MOST_EVENTS = 2000
+MOST_WAITING = 200_000
+"""Packets: half a minute of the fastest fleet."""
+PACE_FRAMES, PACE_S = 20, 2.0
+
+
+class FlightFold:
+    """Looks at one picture after the other; only ``turn`` works, the rest may be called from any thread.
+
+    Args:
+        pipeline: what packets and pictures are folded in.
+        detector: finds vehicles; None: without a camera.
+        recorder: keeps what was found.
+        faults: told of what fails on the way.
+        on_snapshot: called with each picture that was looked at.
+
+    Attributes:
+        health: of the flight, put in by whoever looks after it.
+        latest: the newest snapshot, None before the first.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        detector: Detector | None,
+        recorder: Recorder,
+        faults: Faults,
+        on_snapshot: Callable[[Snapshot], None],
+    ) -> None:
+        self._pipeline, self._detector, self._recorder = pipeline, detector, recorder
+        self._faults, self._on_snapshot = faults, on_snapshot
+        self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
+        self._pushed_out = 0
+        self._said: deque[Event] = deque()
+        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._frames = 0
+        self._frame_ends: deque[float] = deque(maxlen=PACE_FRAMES)
+        self.health = Health()
+        self.latest: Snapshot | None = None
+
+    def take(self, packets: Sequence[Packet]) -> None:
+        """Packets that came; where too many wait, the oldest go, and are counted."""
+        self._pushed_out += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
+        self._waiting.extend(packets)
+
+    def tell(self, event: Event) -> None:
+        """Something of the surroundings, for the next snapshot."""
+        self._said.append(event)
+
+    def events(self) -> Sequence[Event]:
+        """What happened so far, oldest first, bounded in number."""
+        return tuple(self._events)
+
+    @property
+    def pace(self) -> Pace:
+        """How it gets on."""
+        ends = tuple(self._frame_ends)
+        fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and time.monotonic() - ends[-1] < PACE_S else 0.0
+        return Pace(frames=self._frames, fps=fps, pushed_out=self._pushed_out)
+
+    def turn(self, frame: Frame | None) -> None:
+        """Fold in what waits and one picture, if there is a new one."""
+        while self._waiting:
+            self._feed(self._waiting.popleft())
+        while self._said:
+            self._pipeline.note(self._said.popleft())
+        snapshot = self._look(frame) if frame else self._wait()
+        self._events.extend(snapshot.events)
+        self.latest = snapshot
+
+    def close(self) -> None:
+        """Keep what was said since the last turn."""
+        self._recorder.events(tuple(self._said))
+
+    def _feed(self, packet: Packet) -> None:
+        try:
+            self._pipeline.feed(packet)
+        except Exception as error:  # noqa: BLE001 - one packet must not cost a picture
+            self._faults.take(f"packet of system {packet.system_id}", error)
+
+    def _look(self, frame: Frame) -> Snapshot:
+        """A new picture: detect, fold, record."""
+        boxes = self._detect(frame)
+        self._frames += 1
+        self._frame_ends.append(time.monotonic())
+        lag_s = max(time.time() - frame.t_us * 1e-6, 0.0)
+        health = replace(self.health, frames=self._frames, lag_s=lag_s)
+        snapshot = self._pipeline.frame(frame.index, frame.t_us, image=frame.image, detections=boxes, health=health)
+        self._recorder.snapshot(snapshot)
+        self._on_snapshot(snapshot)
+        return snapshot
+
+    def _detect(self, frame: Frame) -> Detections | None:
+        """Boxes, recorded; None where the detector failed, so that the fleet goes on without it."""
+        assert self._detector is not None
+        try:
+            boxes = self._detector.detect(frame.image, gsd_m=self._pipeline.gsd_m(frame.t_us, frame.image))
+        except Exception as error:  # noqa: BLE001 - a detector that fails must not cost the fleet's table
+            self._faults.failed("detecting", error)
+            return None
+        self._faults.well("detecting")
+        self._recorder.detections(frame.index, boxes)
+        return boxes
+
+    def _wait(self) -> Snapshot:
+        """No new picture: the fleet goes on, the last picture stays."""
+        snapshot = self._pipeline.frame(-1, time.time_ns() // 1000, health=self.health)
+        self._recorder.events(snapshot.events)
+        last = self.latest
+        if last is None or last.image is None:
+            return snapshot
+        return replace(snapshot, frame=last.frame, image=last.image, width=last.width, height=last.height)
