@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.clocksteps import Steps
+from gcs.leaps import close_leaps, steps_of
 from gcs.segmented import read_segments
 from mavlink.errors import TlogError
 from mavlink.packet import Auth, Packet
@@ -44,8 +45,13 @@ class SessionLog:
         self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
         parts = [log.index.t_us[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
         stamped_us: Ints = np.concatenate(parts)
-        self.steps = Steps.read(path.with_name("clock.csv")) if recorded else Steps.none()
-        self._t_us = self.steps.of_records(stamped_us)
+        self._leaps, self._found = 0, not (recorded and _any(path, "clock.csv", "frames.csv"))
+        if self._found and len(self._logs) == 1:
+            self.steps = steps_of(self._logs[0])
+            self._t_us, self._leaps = close_leaps(self.steps.of_records(stamped_us))
+        else:
+            self.steps = Steps.read(path.with_name("clock.csv")) if recorded else Steps.none()
+            self._t_us = self.steps.of_records(stamped_us)
         refused = path.with_name("refused.csv")
         has_refused = recorded and bool(segments(refused))
         self._auth = _refused(refused, stamped_us) if has_refused else np.zeros(len(stamped_us), dtype=np.uint8)
@@ -97,7 +103,10 @@ class SessionLog:
         if refused:
             yield f"refused.csv: {refused} records were not believed in flight and are left out"
         if len(self.steps):
-            yield f"clock.csv: the clock was set {len(self.steps)} times; all times are those of the first setting"
+            source = "the vehicles' clocks" if self._found else "clock.csv"
+            yield f"{source}: the clock was set {len(self.steps)} times; all times are those of the first setting"
+        if self._leaps:
+            yield f"{self.path.name}: time leaps by more than half an hour {self._leaps} times, which is closed up"
 
 
 def _open(paths: list[Path], first: Path) -> tuple[list[Tlog], list[str]]:
@@ -113,6 +122,11 @@ def _open(paths: list[Path], first: Path) -> tuple[list[Tlog], list[str]]:
     if not logs:
         raise TlogError(troubles[0])
     return logs, troubles
+
+
+def _any(path: Path, *names: str) -> bool:
+    """Whether one of these tables stands beside a log."""
+    return any(segments(path.with_name(name)) for name in names)
 
 
 def _again(log: Tlog, later: Sequence[Tlog]) -> Flags:

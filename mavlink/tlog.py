@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mavlink.errors import TlogError
 from mavlink.packet import Packet
 from mavlink.tlog_columns import read_columns
+from mavlink.tlog_hint import looks_like
 from mavlink.tlog_index import Damage, TlogCounts, TlogIndex, build_index
 from mavlink.tlog_scan import Bytes
 from mavlink.tlog_writer import TlogWriter
@@ -60,7 +61,9 @@ class Tlog:
         data = _map(path)
         index = build_index(data)
         if len(index) == 0 and not any_file:
-            raise TlogError(f"{path}: no MAVLink frame found in {data.size} bytes; is it a telemetry log?")
+            kind = looks_like(data)
+            what = f"it begins like {kind}" if kind else "is it a telemetry log? gcs tlog check says more"
+            raise TlogError(f"{path}: no MAVLink frame found in {data.size} bytes; {what}")
         return cls(path, data, index)
 
     def packet(self, row: int) -> Packet:

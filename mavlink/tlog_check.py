@@ -11,6 +11,7 @@ from mavlink.frame import split
 from mavlink.packet import MAGIC_V1, MAGIC_V2
 from mavlink.tlog import Tlog
 from mavlink.tlog_clocks import SenderClock, sender_clocks
+from mavlink.tlog_hint import looks_like, sent_as_text
 from mavlink.tlog_index import Damage, TimeSource
 from mavlink.tlog_scan import Frames, Ints
 from mavlink.tlog_times import TIME_LENGTH, read_times
@@ -51,13 +52,17 @@ class TlogCheck:
     """Damaged places behind which the time is earlier than in front: several programs wrote over each other."""
     cut_short: int
     """Frames of a log in which every frame lacks its end."""
+    looks_like: str
+    """Another kind of file that it begins like; empty for none."""
+    sent_as_text: bool
+    """Every line feed follows a carriage return: something took the log for text."""
     damaged_bytes: int
     damage: tuple[Damage, ...]
 
     @property
     def several_writers(self) -> bool:
         """Whether several programs wrote into the file at once."""
-        return self.torn_by_others + self.times_crossed >= _CROSSED
+        return self.torn_by_others + self.times_crossed >= _CROSSED and not self.sent_as_text
 
     @property
     def speed(self) -> float:
@@ -94,6 +99,8 @@ def check(tlog: Tlog) -> TlogCheck:
         torn_by_others=_torn_by_others(tlog),
         times_crossed=int(np.isin(_record_starts(tlog)[1:][back_us > 0], [d.stop for d in index.damage]).sum()),
         cut_short=cut_short,
+        looks_like=looks_like(tlog.data),
+        sent_as_text=len(index) > 0 and sent_as_text(tlog.data),
         damaged_bytes=sum(damage.stop - damage.start for damage in index.damage),
         damage=index.damage,
     )

@@ -112,8 +112,11 @@ def _restarts(boot_ms: Ints) -> list[int]:
 
 
 def _speed(t_us: Ints, boot_ms: Ints) -> float:
-    """The middle one of the speeds of some parts, so that steps of either clock do not count; NaN below a second."""
-    if t_us.size < 4 or t_us.max() - t_us.min() < 1_000_000:
+    """The middle one of the speeds of some parts, so that steps of either clock do not count.
+
+    NaN below a second by both clocks, and where the stamps stand still.
+    """
+    if t_us.size < 4 or max(np.ptp(t_us), 1000 * np.ptp(boot_ms)) < 1_000_000:
         return float("nan")
     at = np.unique(np.linspace(0, t_us.size - 1, min(_CHUNKS, t_us.size // 2) + 1).astype(np.int64))
     wall, own = np.diff(t_us[at]), 1000 * np.diff(boot_ms[at])

@@ -172,9 +172,8 @@ def build_index(data: Bytes) -> TlogIndex:
         t_us, there, source = read_times(data, frames)
         time_ok = times_ok(t_us, there)
         # what nothing checks must at least have a time; noise does not
-        keep = (known | stamped(data, frames.offset, little=source == "little-endian")) & ~carried(
-            data, frames, time_ok, step
-        )
+        timed = time_ok | stamped(data, frames.offset, little=source == "little-endian")
+        keep = (known | timed) & ~carried(data, frames, time_ok, step)
         if not keep.all():
             frames, known = frames.take(keep), known[keep]
             t_us, there, source = read_times(data, frames)

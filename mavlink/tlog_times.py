@@ -36,13 +36,21 @@ def read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], Ti
     stamps[there] = gather(data, frames.offset[there] - TIME_LENGTH, TIME_LENGTH)
     big = stamps.view(">u8").ravel().astype(np.int64)
     little = stamps.view("<u8").ravel().astype(np.int64)
-    if np.count_nonzero(_dated(little)) > np.count_nonzero(_dated(big)):
+    if _likelihood(little[there]) > _likelihood(big[there]):
         return little, there, "little-endian"
     return big, there, "big-endian"
 
 
+def _likelihood(t_us: Ints) -> int:
+    """How many stamps are of this century, and how many a minute at most from the next: a clock that was never set."""
+    going_on = (t_us[:-1] > 0) & (t_us[1:] > 0) & (np.abs(np.diff(t_us)) <= _SPIKE_US)
+    return int(np.count_nonzero(_dated(t_us)) + np.count_nonzero(going_on))
+
+
 def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) which stamps can be right: within a year of the middle one, and in company.
+    """(N,) which stamps can be right: within a year of the middle one or in a crowd, and in company.
+
+    A crowd far away is a clock that was set in flight: without a battery it begins in 1970.
 
     A stamp a minute or more off is in company when it agrees with the next record or the last, with two of the four on
     either side, or with many anywhere (another writer's clock), or lies between those around it (a silence). An error
@@ -53,7 +61,11 @@ def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
     dated = t_us[there & _dated(t_us)]
     known = dated if dated.size else t_us[there]
     middle = int(np.partition(known, (known.size - 1) // 2)[(known.size - 1) // 2])
+    if middle <= 0:
+        return np.zeros_like(there)
     ok = there & (t_us > middle - _YEAR_US) & (t_us < middle + _YEAR_US)
+    far = np.flatnonzero(there & ~ok & (t_us > 0))
+    ok[far[_in_era(t_us[far], t_us.size)]] = True
     rows = np.flatnonzero(ok)
     t = t_us[rows]
     if t.size >= 3 and np.abs(np.diff(t)).max() > _SPIKE_US:
@@ -92,7 +104,7 @@ def _in_company(t: Ints) -> NDArray[np.bool_]:
     backed = (_backing(t) >= _BACKING) | np.append(next_to, False) | np.append(False, next_to)
     if not backed.any():
         return ~_alone(t)
-    backed |= _in_era(t)
+    backed |= _in_era(t, t.size)
     loose = np.flatnonzero(~backed)
     firm = np.flatnonzero(backed)
     place = np.searchsorted(firm, loose)
@@ -114,11 +126,11 @@ def _backing(t: Ints) -> Ints:
     return count
 
 
-def _in_era(t: Ints) -> NDArray[np.bool_]:
-    """(n,) whether a stamp belongs to a crowd of stamps without a gap of a minute."""
+def _in_era(t: Ints, total: int) -> NDArray[np.bool_]:
+    """(n,) whether a stamp belongs to a crowd without a gap of a minute, some share of the ``total``."""
     order = np.argsort(t, kind="stable")
     era = np.concatenate([[0], np.cumsum(np.diff(t[order]) > _SPIKE_US)])
-    crowded = np.bincount(era) >= max(_ERA, _ERA_SHARE * t.size)
+    crowded = np.bincount(era) >= max(_ERA, _ERA_SHARE * total)
     member = np.empty(t.size, dtype=np.bool_)
     member[order] = crowded[era]
     return member

@@ -196,6 +196,52 @@ def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
         assert times.tolist() == [first_us + 10_000 * k for k, _ in pictures]
 
 
+def boots(packets_us):
+    """Packets of two vehicles that tell their time since boot, stamped by another clock."""
+    speakers = [Speaker(1), Speaker(2)]
+    return [Packet(t_us, speakers[k % 2].attitude(5000 + 10 * k, 0.0, 0.0, 0.0)) for k, t_us in enumerate(packets_us)]
+
+
+def bare(folder, packets):
+    (folder / "flight.tlog").write_bytes(raw(packets))
+    return SessionLog(folder / "flight.tlog")
+
+
+@pytest.mark.parametrize("step_us", [HOUR_US, -HOUR_US, 30_000_000, -30_000_000, 1000 - T0])
+def test_the_vehicles_clocks_tell_when_that_of_a_foreign_log_was_set(tmp_path, step_us):
+    stamps = [T0 + 10_000 * k + (step_us if k >= 500 else 0) for k in range(1000)]
+    log = bare(tmp_path, boots(stamps))
+    assert [p.t_us for p in log.packets()] == pytest.approx([T0 + 10_000 * k for k in range(1000)], abs=20_000)
+    assert log.warnings == (
+        "the vehicles' clocks: the clock was set 1 times; all times are those of the first setting",
+    )
+
+
+@pytest.mark.parametrize("years", [1 / 12, -1 / 12, 3])
+def test_flights_in_one_file_follow_one_another(tmp_path, years):
+    later = [replace(p, t_us=p.t_us + round(years * 365 * 24 * HOUR_US)) for p in heartbeats(300)]
+    log = bare(tmp_path, PACKETS + later)
+    assert [p.t_us - T0 for p in log.packets()] == [10_000 * k + (k >= 300) * 990_000 for k in range(600)]
+    assert log.warnings == ("flight.tlog: time leaps by more than half an hour 1 times, which is closed up",)
+
+
+def test_a_computer_whose_clock_was_set_from_1970_in_flight(tmp_path):
+    clocks = Clocks()
+    clocks.offset_us = 0
+    pictures = []
+    with TlogWriter(tmp_path / "telemetry.tlog", clock=clocks.watch()) as writer:
+        for k, packet in enumerate(PACKETS):
+            if k == 70:
+                clocks.offset_us = T0
+            clocks.mono_us += 10_000
+            writer.write(replace(packet, t_us=clocks.mono_us + clocks.offset_us))
+            pictures.append(clocks.mono_us + clocks.offset_us)
+    log = SessionLog(tmp_path / "telemetry.tlog")
+    wanted = [1_010_000 + 10_000 * k for k in range(300)]
+    assert [packet.t_us for packet in log.packets()] == wanted
+    assert log.steps.of_pictures(np.array(pictures), log.start_us).tolist() == wanted
+
+
 def test_pictures_that_all_came_after_the_step():
     for step_us in (HOUR_US, -HOUR_US):
         new_us = T0 + 60_000_000 + step_us

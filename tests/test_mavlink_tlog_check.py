@@ -121,6 +121,37 @@ def test_what_is_no_log_is_not_whole(tmp_path):
     assert "no MAVLink frame: is it a log?" in result.output
 
 
+@pytest.mark.parametrize(
+    ("head", "said"),
+    [
+        (b"\x1f\x8b\x08\x00", "a packed file (gzip): unpack it first"),
+        (b"PK\x03\x04", "a packed file (zip)"),
+        (b"\xfd7zXZ\x00", "a packed file (xz)"),
+        (b"\xd4\xc3\xb2\xa1", "a capture of a network (pcap)"),
+        (b"\xa3\x95\x80", "the log that an ArduPilot keeps on board"),
+        (b"ULog\x01\x12\x35", "the log that a PX4 keeps on board"),
+    ],
+)
+def test_other_kinds_of_files_are_named(tmp_path, head, said):
+    path = written(tmp_path, head + bytes(500))
+    assert f"it begins like {said}" in run("check", path).output
+    assert f"it begins like {said}" in str(run("info", path).exception)
+
+
+def test_a_log_that_was_sent_as_text_is_told(tmp_path):
+    data = b"".join(map(record, flight(60)))
+    assert data.count(b"\n") > 32
+    result = run("check", written(tmp_path, data.replace(b"\n", b"\r\n")))
+    assert "each line feed follows a carriage return" in result.output
+    assert "several programs" not in result.output
+    assert "carriage return" not in run("check", written(tmp_path, data, "good.tlog")).output
+
+
+def test_stamps_in_milliseconds_are_told(tmp_path):
+    packets = [Packet(p.t_us // 1000, p.raw) for p in flight()]
+    assert checked(tmp_path, packets).speed == pytest.approx(1000, rel=0.02)
+
+
 def test_text_with_a_time_for_each_byte(tmp_path):
     text = b"".join(struct.pack(">Q", T0 + i) + bytes([byte]) for i, byte in enumerate(b"Init ArduCopter V4.6\r\n"))
     (damage,) = checked(tmp_path, text + b"".join(map(record, flight(2)))).damage
@@ -190,6 +221,7 @@ def test_repair_never_overwrites(tmp_path):
             b"".join(struct.pack(">Q", 7 if i == 9 else p.t_us) + p.raw for i, p in enumerate(flight(2))),
             "no usable time",
         ),
+        (b"".join(b"\xff" * 8 + p.raw for p in flight(2)), "no time could be right"),
     ],
 )
 def test_repair_says_what_became_of_times(tmp_path, data, said):

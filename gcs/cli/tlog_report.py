@@ -26,8 +26,23 @@ def check_text(path: Path, found: TlogCheck, most: int) -> str:
         f"MAVLink 1 {found.version_1}, MAVLink 2 {found.version_2} of which signed {found.signed} "
         f"(signatures are not checked here), of unknown messages {found.unknown}"
     )
-    lines += [*_time_lines(found), *_writer_lines(found), *_clock_lines(found), *_damage_lines(found, most)]
+    lines += [
+        *_kind_lines(found),
+        *_time_lines(found),
+        *_writer_lines(found),
+        *_clock_lines(found),
+        *_damage_lines(found, most),
+    ]
     return "\n".join(lines)
+
+
+def _kind_lines(found: TlogCheck) -> list[str]:
+    if found.sent_as_text:
+        return [
+            "each line feed follows a carriage return: something took the log for text and put those in; copy it "
+            "again from where it was recorded, as binary"
+        ]
+    return [f"it begins like {found.looks_like}"] if found.looks_like else []
 
 
 def _time_lines(found: TlogCheck) -> list[str]:
@@ -38,6 +53,8 @@ def _time_lines(found: TlogCheck) -> list[str]:
         ]
     if found.time_source == "none":
         return ["no time stamps: only the order is known"] if found.records else ["no MAVLink frame: is it a log?"]
+    if found.bad_times == found.records:
+        return ["not one time stamp can be right: only the order is known"]
     lines = [f"time stamps {found.time_source}; records without a usable time of their own {found.bad_times}"]
     if found.backward_steps:
         lines.append(f"time goes back {found.backward_steps} times, {found.far_backward_steps} by more than a second")
@@ -109,7 +126,9 @@ def repair_text(out: Path, found: TlogCheck) -> str:
     if places:
         bytes_out = found.damaged_bytes - 8 * stamps
         lines.append(f"left out: {bytes_out} bytes in {places} places that hold no whole message")
-    if found.bad_times:
+    if found.time_source != "none" and found.bad_times == found.records:
+        lines.append("no time could be right: messages are a millisecond apart from 1970 on, only their order is real")
+    elif found.bad_times:
         lines.append(f"{found.bad_times} messages had no usable time and got that of the message before")
     if found.time_source == "none":
         lines.append("there were no times: messages are a millisecond apart from 1970 on, only their order is real")
