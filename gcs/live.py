@@ -25,7 +25,7 @@ from gcs.flight_video import FlightVideo, check_source
 from gcs.perception import open_perception
 from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
-from gcs.snapshot import Event, Health, Snapshot
+from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
@@ -153,6 +153,20 @@ class Flight:
     def events(self) -> Sequence[Event]:
         """What happened so far."""
         return self._fold.events()
+
+    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
+        """The operator has seen these: an event each."""
+        now_us = time.time_ns() // 1000
+        for alarm in alarms:
+            self._fold.tell(
+                Event(
+                    t_us=now_us,
+                    level="info",
+                    kind="operator",
+                    text=f"seen: {alarm.text}",
+                    system_id=alarm.system_id,
+                )
+            )
 
     def stop(self) -> None:
         """End the threads, then seal the recording."""

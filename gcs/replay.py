@@ -15,7 +15,7 @@ import numpy as np
 
 from gcs.analysis import Analysis
 from gcs.session import Session
-from gcs.snapshot import Event, Snapshot
+from gcs.snapshot import Alarm, Event, Snapshot
 from vision.video import Frame, VideoFile
 
 __all__ = ["Replay"]
@@ -129,6 +129,9 @@ class Replay:
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""
         self._speed = float(np.clip(speed, SPEED_LEAST, SPEED_MOST))
+
+    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
+        """Nothing is written into a recording."""
 
     def stop(self) -> None:
         """End both threads and close the video."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from gcs.snapshot import Event, Snapshot
+from gcs.snapshot import Alarm, Event, Snapshot
 
 __all__ = ["Commands", "Station", "Timeline"]
 
@@ -87,6 +87,9 @@ class Station(Protocol):
 
     def events(self) -> Sequence[Event]:
         """What happened so far, oldest first, bounded in number."""
+
+    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
+        """The operator has seen these; a flight keeps that in its events."""
 
     def stop(self) -> None:
         """End threads, seal the recording; safe to call twice."""

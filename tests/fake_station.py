@@ -173,6 +173,7 @@ class FakeStation:
         self.error: BaseException | None = None
         self.snapshot: Snapshot | None = make_snapshot(live=live) if snapshot is None else snapshot
         self.said: list[Event] = list(make_events())
+        self.seen: list[Alarm] = []
         self.stopped = 0
 
     def latest(self) -> Snapshot | None:
@@ -180,6 +181,9 @@ class FakeStation:
 
     def events(self) -> Sequence[Event]:
         return self.said
+
+    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
+        self.seen += alarms
 
     def stop(self) -> None:
         self.stopped += 1

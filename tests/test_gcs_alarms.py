@@ -229,7 +229,8 @@ def everything_wrong():
     health = replace(
         WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4),), recording=False, write_failing_s=3.0,
         write_reason="No space left on device", write_lost=5, free_bytes=1, ingest_restarts=1, ring_dropped=3,
-        undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9, time_offset_std_s=0.01,
+        undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,
+        time_offset_std_s=0.01,
     )  # fmt: skip
     yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
     yield replace(BASE, health=replace(WELL, lag_s=2.0, keys=0, full_in_s=300.0))

@@ -85,13 +85,16 @@ async def test_acknowledged_alarms_step_back_until_they_come_again_or_get_worse(
 
 
 async def test_one_alarm_is_acknowledged_and_its_vehicle_picked():
-    async with running(troubled()) as (app, pilot, _):
+    async with running(troubled()) as (app, pilot, station):
         await pilot.press("a", "enter")
         assert app.selected == 11
+        assert station.seen == [ALARMS[0]]
         await polled(app, pilot)
         assert "udpin:x: nothing comes — a" in app.query_one(AlertLine).text
         await pilot.press("down", "down", "down", "enter", "up")
         assert len(app.query_one(AlarmPane).seen) == 2
+        await pilot.press("A", "A")
+        assert station.seen == [ALARMS[0], ALARMS[2], ALARMS[1]], "each once"
 
 
 async def test_warnings_alone_take_no_alert_row():

@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from gcs.errors import FlightError
 from gcs.snapshot import Event
 from gcs.tui import app as app_module
 from gcs.tui.alert import AlertLine
@@ -78,6 +79,59 @@ async def test_the_title_may_change_and_texts_say_whose_they_are():
         await polled(app, pilot)
         assert "flight (analysed 40%)" in screen_text(app)
         assert "UGV-12: Reached waypoint" in text_of(app.query_one(EventPane))
+
+
+async def test_every_event_of_a_vehicle_says_whose_it_is_and_a_text_cannot_pretend():
+    async with running() as (app, pilot, station):
+        for kind, text in (
+            ("vehicle", "position not used"),
+            ("text", "UGV-13: well, UGV-12"),
+            ("link", "UGV-12: late"),
+        ):
+            station.said.append(Event(t_us=START_US + 1, level="info", kind=kind, text=text, system_id=12))
+        await polled(app, pilot)
+        log = text_of(app.query_one(EventPane))
+        assert "UGV-12: position not used" in log and "UGV-12: UGV-13: well" in log
+        assert "UGV-12: late" in log and "UGV-12: UGV-12" not in log
+
+
+async def test_a_focused_log_shows_long_texts_whole():
+    async with running() as (app, pilot, station):
+        words = " ".join(f"word{i}" for i in range(30))
+        station.said.append(Event(t_us=START_US + 1, level="info", kind="link", text=words))
+        await polled(app, pilot)
+        log = app.query_one(EventPane)
+        assert "word29" not in text_of(log)
+        await pilot.press("e", "z")
+        assert all(f"word{i}" in text_of(log) for i in range(30))
+        await pilot.press("pageup")
+        assert "newer below" not in text_of(log), "all of it is on screen"
+        await pilot.press("z", "pageup")
+        assert "newer below" in text_of(log) and "word29" not in text_of(log)
+
+
+async def test_a_flight_without_a_camera_begins_with_the_map():
+    station = FakeStation(live=True)
+    base = station.snapshot
+    station.snapshot = replace(base, image=None, health=replace(base.health, video="none"))
+    async with running(station) as (app, pilot, _):
+        assert {"map", "fleet"} <= on_screen(app) and "video" not in on_screen(app)
+        station.snapshot = replace(base, health=replace(base.health, video="ok"))
+        await polled(app, pilot)
+        assert "video" in on_screen(app)
+        await pilot.press("2")
+        station.snapshot = replace(base, health=replace(base.health, video="ok"))
+        await polled(app, pilot)
+        assert "video" not in on_screen(app), "the operator has chosen"
+
+
+async def test_what_of_a_flight_does_not_work_any_more_is_told_without_ending_it():
+    station = FakeStation(live=True)
+    async with running(station, WIDE) as (app, pilot, _):
+        station.error = FlightError("naming: ValueError: x; telemetry and video are recorded all the same")
+        await polled(app, pilot)
+        said = text_of(app.query_one(AlertLine))
+        assert "naming: ValueError: x" in said and "stopped" not in said and "q quits" not in said
 
 
 async def test_snapshot_is_drawn_once_and_again_only_when_it_is_another():

@@ -20,7 +20,7 @@ from gcs.tui.saving import save_new
 from gcs.tui.scene import box_at, picture_cells
 from gcs.tui.strips import bar, fitted, line
 from gcs.tui.view import points_of, scale_bar, step_scale, view_of
-from gcs.tui.wording import age, bytes_text, clock, degrees, duration, plain, position
+from gcs.tui.wording import age, bytes_text, clock, degrees, duration, metres, plain, position
 from tests.fake_station import START_US, STOP_US, FakeTimeline, make_events, make_snapshot
 
 SNAPSHOT = make_snapshot()
@@ -62,6 +62,8 @@ def test_times_and_numbers():
     assert clock(2**62) == "--:--:--"
     assert duration(3723) == "1:02:03" and duration(-5) == "-00:05" and duration(59.9) == "00:59"
     assert degrees(-math.pi / 2) == "270°" and degrees(math.nan) == "–" and degrees(2 * math.pi - 1e-9) == "000°"
+    assert [metres(m) for m in (0.44, 99.9, 234.8, 7905, 25_000)] == ["0.4 m", "99.9 m", "235 m", "7.9 km", "25 km"]
+    assert metres(math.nan) == "–"
     assert bytes_text(184_000_000) == "184 MB" and bytes_text(52_400_000_000) == "52.4 GB"
 
 

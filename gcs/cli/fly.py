@@ -39,6 +39,7 @@ def fly(
     headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
     duration: Annotated[float | None, typer.Option(help="Stop after so many seconds; without a screen.")] = None,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
+    bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     loaded = load_mission(mission)
@@ -59,7 +60,7 @@ def fly(
     flight = Flight(plan, calls.add)
     try:
         if screen:
-            _screen(flight, graphics)
+            _screen(flight, graphics, bell)
         else:
             _wait(flight, duration)
     finally:
@@ -88,9 +89,9 @@ def _wait(flight: Flight, duration: float | None) -> None:
             signal.signal(number, handler)
 
 
-def _screen(flight: Flight, graphics: Graphics) -> None:
+def _screen(flight: Flight, graphics: Graphics, bell: bool) -> None:
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
     with quiet_stderr(flight.folder / "console.log"):
-        run(flight, graphics)
+        run(flight, graphics, bell=bell)

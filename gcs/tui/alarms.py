@@ -11,7 +11,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.snapshot import Alarm
-from gcs.tui.messages import VehiclePicked
+from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, PANEL, PICKED, WARN, Rgb, ink, level_colour
 from gcs.tui.pane import Pane
 from gcs.tui.strips import Part, fitted, line
@@ -83,9 +83,15 @@ class AlarmPane(Pane):
         if not self.alarms:
             return
         alarm = self.alarms[min(self._at, len(self.alarms) - 1)]
-        self.seen = self.seen | {token(alarm)}
+        self.acknowledge([alarm])
         if alarm.system_id:
             self.post_message(VehiclePicked(alarm.system_id))
+
+    def acknowledge(self, alarms: Iterable[Alarm]) -> None:
+        """These have been seen; the station is told of those that had not."""
+        if fresh := unseen(alarms, self.seen):
+            self.seen = self.seen | {token(alarm) for alarm in fresh}
+            self.post_message(AlarmsSeen(tuple(fresh)))
 
     def note(self) -> Sequence[Part]:
         """How many, and how to acknowledge."""

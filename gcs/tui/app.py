@@ -27,7 +27,7 @@ from gcs.tui.hints import HintLine
 from gcs.tui.identity import IdentityPane
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.map import MapPane
-from gcs.tui.messages import SeekTo, VehiclePicked
+from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane import Pane
 from gcs.tui.pixels import Graphics, pixel_images
 from gcs.tui.prompts import Ask
@@ -210,7 +210,7 @@ class RollcallApp(App[None]):
 
     def action_acknowledge(self) -> None:
         """Every alarm that is on now has been seen."""
-        self._alarms.seen = frozenset(token(alarm) for alarm in self._alarms.alarms)
+        self._alarms.acknowledge(self._alarms.alarms)
 
     @property
     def _commands(self) -> Commands | None:
@@ -273,6 +273,10 @@ class RollcallApp(App[None]):
         error = self._station.error
         # rich text, since a plain string would be read as markup
         self.exit(return_code=int(error is not None), message=None if error is None else Text(error_line(error)))
+
+    def on_alarms_seen(self, message: AlarmsSeen) -> None:
+        """The station keeps what was acknowledged, and when."""
+        self._station.acknowledge(message.alarms)
 
     def on_vehicle_picked(self, message: VehiclePicked) -> None:
         """A pane was clicked."""

@@ -27,6 +27,8 @@ class Wish:
 
     layout: int = 1
     """1 video first, 2 map first, 3 both beside each other."""
+    chosen: bool = False
+    """By the operator; else a flight without a camera begins with the map."""
     toggled: frozenset[str] = field(default=frozenset())
     """Panes switched against the layout's default."""
     maximised: str = ""

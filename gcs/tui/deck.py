@@ -66,16 +66,19 @@ class Deck(Widget):
             self._show()
 
     def fit_to(self, snapshot: Snapshot) -> None:
-        """Follow the number of vehicles and the shape of the picture."""
+        """Follow the number of vehicles, whether there is a camera, and the shape of its picture."""
         aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.wish.aspect
         alarm_rows = max(1, ROWS_EACH * len(snapshot.alarms))
         fleet_rows = max(1, len(snapshot.vehicles))
         aspect = min(max(aspect, 0.3), 4.0)
-        self.change(replace(self.wish, fleet_rows=fleet_rows, alarm_rows=alarm_rows, aspect=aspect))
+        layout = self.wish.layout
+        if not self.wish.chosen:
+            layout = 2 if snapshot.image is None and snapshot.health.video == "none" else 1
+        self.change(replace(self.wish, layout=layout, fleet_rows=fleet_rows, alarm_rows=alarm_rows, aspect=aspect))
 
     def choose(self, layout: int) -> None:
         """One of the three layouts, as it comes."""
-        self.change(replace(self.wish, layout=layout, toggled=frozenset(), maximised=""))
+        self.change(replace(self.wish, layout=layout, chosen=True, toggled=frozenset(), maximised=""))
 
     def maximise(self, pane_id: str) -> None:
         """One pane over everything; the same again, or none, brings the layout back."""

@@ -13,7 +13,7 @@ from textual.strip import Strip
 from gcs.snapshot import Event, Level
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
 from gcs.tui.pane import Pane
-from gcs.tui.strips import Part, fitted, line
+from gcs.tui.strips import Part, fitted, folded, line, width_of
 from gcs.tui.wording import clock, plain
 
 __all__ = ["EventPane", "heard"]
@@ -81,8 +81,8 @@ class EventPane(Pane):
 
     def action_scroll_by(self, rows: int) -> None:
         """Older (positive) or newer."""
-        room = max(0, len(grouped(self.shown())) - (self.size.height - 1))
-        self._back = min(max(self._back + rows, 0), room)
+        shown = grouped(self.shown())
+        self._back = min(max(self._back + rows, 0), self._room(shown, self.size.width, self.size.height - 1))
         self.redraw()
 
     def watch_said(self) -> None:
@@ -111,7 +111,7 @@ class EventPane(Pane):
         """The filter, and whether the newest is on screen."""
         back = f"{self._back} newer below · " if self._back else ""
         alarms = sum(event.level == "alarm" for event in self.shown())
-        loud: list[Part] = [(f"{alarms} alarm{'s' if alarms > 1 else ''} ", ink(level_colour("alarm"), HEAD))]
+        loud: list[Part] = [(f"{MARKS['alarm']} × {alarms} ", ink(level_colour("alarm"), HEAD))]
         return [(f"{back}{SAID[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
 
     def body(self, width: int, height: int) -> list[Strip]:
@@ -119,17 +119,35 @@ class EventPane(Pane):
         shown = grouped(self.shown())
         if not shown:
             return [line([(" nothing yet", ink(FAINT))], width)]
-        stop = len(shown) - min(self._back, max(0, len(shown) - height))
-        return [self._row(event, times, width) for event, times in shown[max(0, stop - height) : stop]]
+        stop = len(shown) - min(self._back, self._room(shown, width, height))
+        rows: list[Strip] = []
+        for event, times in reversed(shown[:stop]):
+            if len(rows) >= height:
+                return rows[-height:]
+            rows = [*self._rows_of(event, times, width), *rows]
+        for event, times in shown[stop : stop + height - len(rows)]:
+            rows += self._rows_of(event, times, width)
+        return rows[:height]
+
+    def _room(self, shown: Sequence[tuple[Event, int]], width: int, height: int) -> int:
+        """How far the log can be scrolled: until the oldest event is on top."""
+        used = 0
+        for fit, (event, times) in enumerate(shown):
+            used += len(self._rows_of(event, times, width))
+            if used > height:
+                return len(shown) - fit
+        return 0
 
     def _said_by(self, event: Event) -> str:
-        """Whose text it is, when the text does not say so."""
-        if event.kind != "text" or not event.system_id or self.snapshot is None:
+        """Whose text it is, when the text does not say so; one from the air may say what it likes."""
+        if not event.system_id or self.snapshot is None:
             return ""
         name = self.snapshot.name_of(event.system_id)
-        return "" if event.text.startswith(name) else f"{name}: "
+        told = event.text.startswith(name) if event.kind == "text" else name in event.text
+        return "" if told else f"{name}: "
 
-    def _row(self, event: Event, times: int, width: int) -> Strip:
+    def _rows_of(self, event: Event, times: int, width: int) -> list[Strip]:
+        """One row; while the log has the focus, as many as the text needs."""
         colour = level_colour(event.level)
         ours = bool(self.selected) and event.system_id == self.selected
         parts: list[Part] = [
@@ -138,8 +156,11 @@ class EventPane(Pane):
         ]
         if width >= 76:
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
-        room = width - sum(len(text) for text, _ in parts) - 1
+        room = max(1, width - width_of(parts) - 1)
         often = f" × {times}" if times > 1 else ""
-        text = fitted(plain(self._said_by(event) + event.text), max(0, room - len(often))).rstrip()
-        parts.append((text + often, ink(BRIGHT if ours else colour)))
-        return line(parts, width)
+        text, style = plain(self._said_by(event) + event.text), ink(BRIGHT if ours else colour)
+        if not self.has_focus:
+            return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]
+        first, *more = folded(text + often, room)
+        indent = (" " * width_of(parts), style)
+        return [line([*parts, (first, style)], width), *(line([indent, (rest, style)], width) for rest in more)]

@@ -30,7 +30,7 @@ from gcs.tui.palette import (
 )
 from gcs.tui.pane import Pane
 from gcs.tui.strips import Part, fitted, line
-from gcs.tui.wording import age, number, percent, plain, position, standing_word, sure
+from gcs.tui.wording import age, metres, number, percent, plain, position, standing_word, sure
 
 __all__ = ["FleetPane", "columns_for"]
 
@@ -127,7 +127,7 @@ COLUMNS = (
     Column(title="FIX", width=9, rank=4, cell=_fix),
     Column(title="HEART", width=8, rank=5, align="right", cell=_heartbeat),
     Column(title="POS", width=8, rank=1, align="right", cell=_position),
-    Column(title="±", width=6, rank=8, align="right", cell=lambda row: (number(row.std_m, "m"), FAINT)),
+    Column(title="±", width=6, rank=8, align="right", cell=lambda row: (metres(row.std_m), FAINT)),
     Column(title="LOSS", width=4, rank=9, align="right", cell=_loss),
     Column(title="VIEW", width=4, rank=6, cell=_view),
     Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),

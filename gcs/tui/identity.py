@@ -26,7 +26,7 @@ from gcs.tui.palette import (
 )
 from gcs.tui.pane import Pane
 from gcs.tui.strips import Part, bar, line
-from gcs.tui.wording import age, degrees, number, percent, plain, position, standing_word, sure
+from gcs.tui.wording import age, degrees, metres, number, percent, plain, position, standing_word, sure
 
 __all__ = ["IdentityPane"]
 
@@ -101,7 +101,7 @@ def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
         facts += _evidence(snapshot, box) if box else [("box", "none in this picture", FAINT)]
     facts += _doubts(row, keyed=bool(snapshot.health.keys))
     where = position(row.position_state, row.position_age_s)
-    spread = f" ±{number(row.std_m, 'm')}" if math.isfinite(row.std_m) else ""
+    spread = f" ±{metres(row.std_m)}" if math.isfinite(row.std_m) else ""
     facts.append(("position", where + spread, position_colour(row.position_state)))
     facts.append(("heading", degrees(row.heading), INK))
     armed = {True: "armed", False: "disarmed", None: ""}[row.armed]

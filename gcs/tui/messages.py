@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 from textual.message import Message
 
-__all__ = ["SeekTo", "VehiclePicked"]
+from gcs.snapshot import Alarm
+
+__all__ = ["AlarmsSeen", "SeekTo", "VehiclePicked"]
+
+
+@dataclass
+class AlarmsSeen(Message):
+    """The operator has acknowledged these."""
+
+    alarms: tuple[Alarm, ...]
 
 
 @dataclass

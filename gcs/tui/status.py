@@ -118,7 +118,8 @@ def _links(health: Health) -> Item:
         return _item(2, "no link", ALARM)
     if not silent:
         return _item(2, f"{len(health.links)} link{'s' if len(health.links) > 1 else ''} ok", INK)
-    return _item(2, f"{len(silent)} of {len(health.links)} links silent {age(silent[0].silent_s)}", ALARM)
+    since = f" {age(silent[0].silent_s)}" * math.isfinite(silent[0].silent_s)
+    return _item(2, f"{len(silent)} of {len(health.links)} links silent{since}", ALARM)
 
 
 def _links_named(health: Health) -> list[Item]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterable, Sequence
 
-from rich.cells import cell_len, set_cell_size
+from rich.cells import cell_len, chop_cells, set_cell_size
 from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
 from gcs.tui.palette import HEAD, PANEL, Rgb, ink
 
-__all__ = ["Part", "bar", "blank", "fitted", "line", "split_line", "width_of"]
+__all__ = ["Part", "bar", "blank", "fitted", "folded", "line", "split_line", "width_of"]
 
 Part = tuple[str, Style]
 """Plain text and how it looks; the text must already be free of control characters."""
@@ -47,6 +48,13 @@ def fitted(text: str, width: int, align: str = "left") -> str:
     if size > width:
         return set_cell_size(text, width - 1) + "…" if width > 0 else ""
     return " " * (width - size) + text if align == "right" else text + " " * (width - size)
+
+
+def folded(text: str, width: int) -> list[str]:
+    """Text in lines of at most ``width`` cells, at least one; between words where every letter takes one cell."""
+    if cell_len(text) == len(text):
+        return textwrap.wrap(text, width) or [""]
+    return chop_cells(text, width) or [""]
 
 
 def bar(share: float, width: int) -> str:

@@ -57,7 +57,7 @@ class VideoPane(Pane):
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
             parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
             parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
-        return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))]
+        return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The picture, or a word on what is awaited."""

@@ -14,6 +14,7 @@ __all__ = [
     "clock",
     "degrees",
     "duration",
+    "metres",
     "number",
     "percent",
     "plain",
@@ -75,6 +76,13 @@ def sure(confidence: float) -> str:
 def number(value: float, unit: str, digits: int = 1) -> str:
     """``0.4 m``, ``–`` for NaN or infinity."""
     return f"{value:.{digits}f} {unit}" if math.isfinite(value) else "–"
+
+
+def metres(value: float) -> str:
+    """At most six letters: ``0.4 m``, ``235 m``, ``7.9 km``; ``–`` for NaN or infinity."""
+    if abs(value) < 99.95:
+        return number(value, "m")
+    return number(value, "m", 0) if abs(value) < 999.5 else number(value / 1000, "km", int(abs(value) < 9950))
 
 
 def degrees(angle: float) -> str:
