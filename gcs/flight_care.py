@@ -71,13 +71,13 @@ class FlightCare:
         for notice in self._ingest.notices():
             self._note(notice.t_us, cast(Level, notice.level), notice.text)
         for rate in self._rates.troubles(time.monotonic()) if self._rates else ():
-            self._note(time.time_ns() // 1000, "warning", rate.words)
+            self._note(time.time_ns() // 1000, "warning", rate.words, rate.system_id)
         for event in (*self._recorder.check(ingest.record), *self._video.check(offer)):
             self._tell(event)
         return self._health(ingest, pace, faults)
 
-    def _note(self, t_us: int, level: Level, text: str) -> None:
-        self._tell(Event(t_us=t_us, level=level, kind="link", text=text))
+    def _note(self, t_us: int, level: Level, text: str, system_id: int = 0) -> None:
+        self._tell(Event(t_us=t_us, level=level, kind="link", text=text, system_id=system_id))
 
     def _health(self, ingest: IngestHealth, pace: Pace, faults: Faults) -> Health:
         recorder, stream = self._recorder, self._video.stream

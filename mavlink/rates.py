@@ -54,6 +54,12 @@ WINDOW_S = 3.0
 ANSWER_S = 1.0
 AGAIN_S = 4.0
 SILENT_S = 3.5
+PAUSE_S = 1.5
+"""Nothing at all for so long is the link's trouble, not that of a rate."""
+LASTS_S = 2.0
+"""A rate is low for so long before it is told."""
+_WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
+"""Messages of equipment that a vehicle need not have: one that never came is not missed."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
 
 State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
@@ -83,6 +89,7 @@ class _Stream:
 
     def __init__(self) -> None:
         self.arrivals: deque[float] = deque(maxlen=256)
+        self.ever = False
         self.again()
 
     def again(self) -> None:
@@ -148,7 +155,8 @@ class RateKeeper:
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
         self._lock = threading.Lock()
         self._peers: dict[tuple[int, int], _Peer] = {}
-        self._told: frozenset[tuple[int, int, str]] = frozenset()
+        self._low_since: dict[tuple[int, int, str], float] = {}
+        self._told: set[tuple[int, int, str]] = set()
 
     def take(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
@@ -176,6 +184,7 @@ class RateKeeper:
         peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
+            stream.ever = True
         elif packet.message_id == COMMAND_ACK and packet.system_id == self._uav:
             self._answer(peer, packet)
 
@@ -201,10 +210,16 @@ class RateKeeper:
             )
 
     def troubles(self, now_s: float) -> list[Rate]:
-        """Rates that an operator can do something about, each told once while it lasts."""
-        bad = {(rate.system_id, rate.link, rate.message): rate for rate in self.rates(now_s) if rate.hint}
-        fresh = [rate for key, rate in bad.items() if key not in self._told]
-        self._told = frozenset(bad)
+        """Rates that are low for a while and that an operator can do something about, each once until it is well."""
+        fresh = []
+        for rate in self.rates(now_s):
+            key = (rate.system_id, rate.link, rate.message)
+            if rate.state == "ok":
+                self._low_since.pop(key, None)
+                self._told.discard(key)
+            elif rate.hint and now_s - self._low_since.setdefault(key, now_s) >= LASTS_S and key not in self._told:
+                self._told.add(key)
+                fresh.append(rate)
         return fresh
 
     def _ask(self, speaker: Speaker, peer: _Peer, now_s: float) -> list[bytes]:
@@ -241,9 +256,11 @@ class RateKeeper:
         stream = peer.streams[message_id]
         measured_hz = stream.hz(now_s)
         state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._speaker is not None and system_id == self._uav)
-        if state != "ok" and now_s - peer.since_s < WINDOW_S:
+        if state != "ok" and (now_s - peer.since_s < WINDOW_S or now_s - peer.heard_s > PAUSE_S):
             state, hint = "measuring", ""
-        if state == "too slow":
+        if not stream.ever and message_id in _WHERE_THERE_IS_ONE:
+            hint = ""
+        elif state == "too slow":
             hint = _hint(message_id, wanted_hz, ground=system_id != self._uav)
         return Rate(
             system_id=system_id,

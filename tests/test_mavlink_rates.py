@@ -19,6 +19,7 @@ from mavlink.rates import TRIES, UAV_RATES, RateKeeper
 from mavlink.timesync import Exchanges
 
 UAV, UGV = Speaker(1), Speaker(7)
+BEAT = (2, 3, 0, 0, 4, 3)
 PARSER = dialect.MAVLink(None)
 
 
@@ -246,10 +247,22 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
     assert ugv[0].measured_hz == pytest.approx(1.0, rel=0.2) and ugv[0].wanted_hz == 5.0
     assert "nothing is ever sent to a ground vehicle" in ugv[0].hint and "SRx_POSITION = 5" in ugv[0].hint
     assert {rate.system_id for rate in made.rates(120.0)} == {1, 7}
+    assert made.troubles(118.0) == [], "it must last"
     assert "GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: nothing is ever sent" in next(
-        rate.words for rate in made.troubles(119.9) if rate.system_id == 7
+        rate.words for rate in made.troubles(120.0) if rate.system_id == 7
     )
-    assert made.troubles(120.0) == [], "told once"
+    assert made.troubles(120.1) == [], "told once"
+
+
+def test_a_link_that_is_lost_is_no_trouble_of_rates():
+    made, told = RateKeeper(None, 1, (7,)), []
+    for i in range(400):
+        now_s = 100.0 + i * 0.1
+        if not 10.0 < now_s - 100.0 < 25.0:
+            made.take(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s)
+            made.take(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s + 0.05)
+        told += made.troubles(now_s)
+    assert told == []
 
 
 def test_a_silent_station_measures_and_asks_nothing():
@@ -258,7 +271,13 @@ def test_a_silent_station_measures_and_asks_nothing():
         made.take(packet(UAV.heartbeat(2)), i * 0.1)
         assert made.poll(i * 0.1) == []
     assert {rate.state for rate in made.rates(10.0)} == {"too slow"}
-    assert all("--command" in rate.hint for rate in made.rates(10.0))
+    hints = {rate.message: rate.hint for rate in made.rates(10.0)}
+    assert all("--command" in hints[needed] for needed in ("ATTITUDE", "GLOBAL_POSITION_INT", "GPS_RAW_INT"))
+    assert hints["GIMBAL_DEVICE_ATTITUDE_STATUS"] == hints["SYSTEM_TIME"] == "", "nobody knows that it has them"
+    for i in range(100, 200):
+        raw = dialect.MAVLink_system_time_message(1, i * 100) if i < 110 else dialect.MAVLink_heartbeat_message(*BEAT)
+        made.take(packet(UAV.pack(raw)), i * 0.1)
+    assert "--command" in next(rate.hint for rate in made.rates(20.0) if rate.message == "SYSTEM_TIME")
 
 
 def test_refused_packets_measure_nothing():
