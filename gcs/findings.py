@@ -220,8 +220,10 @@ def _recording(health: Health) -> Iterator[Finding]:
         )  # fmt: skip
     full = health.free_bytes < ALMOST_FULL_BYTES or health.full_in_s < ALMOST_FULL_S
     if full or health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S:
+        left = f", {health.full_in_s / 60:.1f} min at this rate" if math.isfinite(health.full_in_s) else ""
         yield Finding(
-            key="disk space", level="alarm" if full else "warning", kind="recording", told=True,
-            text="the disk is almost full" if full else "the disk will be full soon",
+            key="disk space", level="alarm" if full else "warning", kind="recording",
+            text=("the disk is almost full" if full else "the disk will be full soon")
+            + f": {health.free_bytes / 1e6:,.0f} MB free{left}",
             advice="free space; nothing that was recorded is ever deleted by this program",
         )  # fmt: skip

@@ -119,8 +119,7 @@ class Recorder:
             self._free_bytes = shutil.disk_usage(self.folder).free
         t_us = time.time_ns() // 1000
         told = self._watch.update(t_us, self.states(telemetry))
-        told += self._space.update(time.monotonic(), t_us, self._free_bytes, self.bytes)
-        self.full_in_s = self._space.minutes_left * 60
+        self.full_in_s = self._space.update(time.monotonic(), self._free_bytes, self.bytes)
         return told
 
     def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:

@@ -1,8 +1,7 @@
-"""Rates of the links and when the disk will be full, from the counters of one snapshot after the other."""
+"""Rates of the links, from the counters of one snapshot after the other."""
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import replace
 
@@ -11,19 +10,18 @@ from gcs.snapshot import Health, LinkHealth
 __all__ = ["Trends"]
 
 WINDOW_S = 5.0
-DISK_WINDOW_S = 60.0
 LEAST_S = 1.0
 """Shorter spans give no rate."""
 
 
 class Trends:
-    """Remembers the counters of the last minute, once a second."""
+    """Remembers the counters of the last seconds, once a second."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, Health]] = deque()
 
     def of(self, t_us: int, health: Health) -> Health:
-        """The same health with rates and forecast.
+        """The same health with rates.
 
         Args:
             t_us: now, Unix µs.
@@ -36,17 +34,11 @@ class Trends:
             self._seen.clear()
         if not self._seen or now_s >= self._seen[-1][0] + LEAST_S:
             self._seen.append((now_s, health))
-        while now_s - self._seen[0][0] > DISK_WINDOW_S:
+        while now_s - self._seen[0][0] > WINDOW_S:
             self._seen.popleft()
-        then_s, then = next(seen for seen in self._seen if now_s - seen[0] <= WINDOW_S)
+        then_s, then = self._seen[0]
         links = tuple(_rated(link, then.links, now_s - then_s) for link in health.links)
-        first_s, first = self._seen[0]
-        grown = health.recorded_bytes - first.recorded_bytes
-        full_in_s = math.inf
-        if now_s - first_s >= WINDOW_S and grown > 0:
-            # t = free / (bytes recorded per second)
-            full_in_s = health.free_bytes * (now_s - first_s) / grown
-        return replace(health, links=links, full_in_s=min(health.full_in_s, full_in_s))
+        return replace(health, links=links)
 
 
 def _rated(link: LinkHealth, before: tuple[LinkHealth, ...], span_s: float) -> LinkHealth:

@@ -195,6 +195,16 @@ def test_one_text_over_and_over_says_how_often():
     assert "a × " in told[-1].text
 
 
+def test_a_disk_that_fills_says_what_is_left_once_for_each_level(watch):
+    for minute in range(30, 0, -1):
+        watch.see(60, health=replace(WELL, free_bytes=minute * 120 * 10**6, full_in_s=60.0 * minute))
+    told = [(event.level, event.text) for event in watch.events if "the disk" in event.text]
+    assert told == [
+        ("warning", "the disk will be full soon: 1,920 MB free, 16.0 min at this rate"),
+        ("alarm", "the disk is almost full: 120 MB free, 1.0 min at this rate"),
+    ]
+
+
 def test_one_flooding_vehicle_does_not_silence_another():
     quiet = Quiet()
     quiet.hear(said(5000))
@@ -202,17 +212,15 @@ def test_one_flooding_vehicle_does_not_silence_another():
     assert quiet.hear(other) == other
 
 
-def test_rates_and_forecast():
+def test_rates_of_the_links():
     trends = Trends()
     for second in range(90):
         link = replace(LINK, packets=500 * second, bytes=30_000 * second)
-        health = replace(WELL, links=(link,), recorded_bytes=1_000_000 * second, free_bytes=3_600_000_000)
-        health = trends.of(START_US + second * 1_000_000, health)
+        health = trends.of(START_US + second * 1_000_000, replace(WELL, links=(link,)))
         if second == 0:
-            assert math.isnan(health.links[0].packets_per_s) and math.isinf(health.full_in_s)
+            assert math.isnan(health.links[0].packets_per_s)
     assert health.links[0].packets_per_s == pytest.approx(500.0)
     assert health.links[0].bytes_per_s == pytest.approx(30_000.0)
-    assert health.full_in_s == pytest.approx(3600.0)
     assert trends.of(START_US, replace(WELL, links=())) == replace(WELL, links=())
 
 
