@@ -60,18 +60,25 @@ class Recorder:
         self.video_path = self.folder / "video.mkv" if video else None
         self.tlog_path = self.folder / "telemetry.tlog"
         self.full_in_s = math.inf
-        self._session = SessionFile(self.folder, mission)
         self._files: list[LineFile] = []
+        try:
+            self._make_files(mission, video, telemetry, disk)
+        except BaseException:
+            shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
+            raise
+        self._caretaker = Caretaker([file.file for file in self._files], SYNC_S)
+        self._watch = RecordWatch()
+        self._space = SpaceForecast()
+        self._free_bytes = shutil.disk_usage(self.folder).free
+
+    def _make_files(self, mission: Mission, video: bool, telemetry: bool, disk: Disk) -> None:
+        self._session = SessionFile(self.folder, mission)
         make = partial(self._make, disk)
         self._identity = IdentityLog(self.folder, make)
         self._events = EventLog(self.folder / "events.jsonl", make)
         self._frames = make(self.folder / "frames.csv", FRAME_COLUMNS) if video else None
         self._detections = make(self.folder / "detections.csv", DETECTION_COLUMNS) if video else None
         self._tlog = TlogWriter(self.tlog_path, disk=disk) if telemetry else None
-        self._caretaker = Caretaker([file.file for file in self._files], SYNC_S)
-        self._watch = RecordWatch()
-        self._space = SpaceForecast()
-        self._free_bytes = shutil.disk_usage(self.folder).free
 
     def _make(self, disk: Disk, path: Path, header: str) -> LineFile:
         file = LineFile(path, header, disk=disk)

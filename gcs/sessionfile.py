@@ -80,7 +80,11 @@ def _replace(path: Path, text: str) -> int:
             file.write(text.encode())
         os.fsync(fd)
         new.replace(path)
+    except BlockingIOError:
+        os.close(fd)  # somebody else is at it
+        raise
     except OSError:
+        new.unlink(missing_ok=True)
         os.close(fd)
         raise
     return fd

@@ -8,7 +8,7 @@ waits for the disk:
   order when there is space again;
 - a failed sync: the kernel forgets what it could not write and says so once, so whatever the sync may have lost is
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
-- a deleted file or folder: it is made anew and filled from the file that is still open.
+- a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open.
 """
 
 from __future__ import annotations
@@ -249,9 +249,9 @@ class AppendFile:
 
     def _look_for_deletion(self) -> None:
         try:
-            if self._disk.links(self._fd):
+            if self._disk.named(self._fd, segment_path(self.path, self._segment)):
                 return
-            error = OSError(errno.ENOENT, "deleted while it was written")
+            error = OSError(errno.ENOENT, "deleted or moved while it was written")
         except OSError as failed:
             error = failed
         with self._lock:

@@ -38,9 +38,20 @@ class Disk:
         """Cut a file to ``size`` bytes."""
         os.ftruncate(fd, size)
 
-    def links(self, fd: int) -> int:
-        """How many names the file has; 0: it was deleted and goes when it is closed."""
-        return os.fstat(fd).st_nlink
+    def named(self, fd: int, path: Path) -> bool:
+        """Whether the file is where it was made; False: deleted, moved, or gone with the disk that was mounted there.
+
+        Any file of that name will do: not every file system numbers its files so that two answers can be compared.
+        """
+        if not os.fstat(fd).st_nlink:
+            return False
+        try:
+            path.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return False
+        except OSError:
+            return True  # nothing can be told of it; what is written says more
+        return True
 
     def read(self, fd: int, size: int, offset: int) -> bytes:
         """Read bytes back."""

@@ -147,12 +147,25 @@ def test_a_deleted_session_is_made_anew(recorder):
     shutil.rmtree(recorder.folder)
     fly(recorder, range(10, 20))
     until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
-    assert sum("deleted while it was written" in text for text in alarms(recorder)) == 6
+    assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 6
     fly(recorder, range(20, 30))
     assert recorder.close() == ()
     complete(recorder.folder, 30)
     assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
     assert notes(recorder)["packets"] == 30
+
+
+def test_a_session_that_was_moved_away_is_whole_where_it_belongs(recorder, tmp_path):
+    """As after an unmount by force: the files can still be written, and nobody would find them."""
+    fly(recorder, range(10))
+    recorder.folder.rename(tmp_path / "elsewhere")
+    fly(recorder, range(10, 20))
+    until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
+    assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 6
+    fly(recorder, range(20, 30))
+    assert recorder.close() == ()
+    complete(recorder.folder, 30)
+    assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
 
 
 def test_what_is_lost_at_the_end_is_said_and_kept_in_the_session(recorder, disk):
@@ -175,6 +188,13 @@ def test_telemetry_may_be_another_processs_business(tmp_path):
     ]
     recorder.close(RecordState(name="telemetry.tlog", rows=78))
     assert notes(recorder)["packets"] == 78
+
+
+def test_a_recording_that_cannot_begin_leaves_nothing(tmp_path, disk):
+    disk.open_error = errno.ENOSPC
+    with pytest.raises(SessionError, match="cannot be made: No space left on device"):
+        Recorder(tmp_path / "sessions", MISSION, video=True, disk=disk)
+    assert list((tmp_path / "sessions").iterdir()) == []
 
 
 def test_no_file_is_ever_overwritten(tmp_path):

@@ -1,3 +1,4 @@
+import errno
 import os
 import shutil
 import signal
@@ -97,6 +98,19 @@ def test_without_telemetry_there_is_nothing_to_count(tmp_path):
     (found,) = seal_interrupted(tmp_path)
     assert found.records == 0
     assert notes(folder)["interrupted"] is True
+
+
+def test_a_session_file_that_cannot_be_written_leaves_no_half_of_one(tmp_path, monkeypatch):
+    file = SessionFile(tmp_path, MISSION)
+    before = (tmp_path / "session.toml").read_bytes()
+
+    def full(fd):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    file.close({"packets": 3})
+    assert [path.name for path in tmp_path.iterdir()] == ["session.toml"]
+    assert (tmp_path / "session.toml").read_bytes() == before
 
 
 def test_a_deleted_session_file_is_restored_and_stays_locked(tmp_path):
