@@ -39,7 +39,8 @@ if sys.argv[1] == "crash":
     station.latest = broken
 if sys.argv[1] == "error":
     station.error = OSError("no such link [/x]")
-sys.exit(10 + run(station, graphics="auto") + 100 * (station.stopped != 1))
+ended = run(station, graphics="auto")
+sys.exit(10 + ended.code + 20 * ended.left + 100 * station.stopped)
 """
 
 
@@ -110,8 +111,8 @@ def in_terminal(mode: str, keys: bytes, until: bytes) -> tuple[int, bytes]:
 @pytest.mark.parametrize(
     ("mode", "keys", "code", "last"),
     [
-        ("quit", b"q", 10, b""),
-        ("error", b"q", 11, b"station stopped: no such link [/x]"),
+        ("quit", b"q", 30, b""),
+        ("error", b"q", 31, b"station stopped: no such link [/x]"),
         ("crash", b"", 11, b"broken station"),
     ],
 )

@@ -6,10 +6,12 @@ to be had; 4 done, but no box could be named; 5 a log that is damaged (``gcs tlo
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import sys
+import termios
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -29,6 +31,7 @@ __all__ = [
     "note",
     "quiet_stderr",
     "say",
+    "to_file_if_gone",
 ]
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
@@ -49,7 +52,7 @@ def note(text: str) -> None:
     sys.stderr.flush()
 
 
-@contextmanager
+@contextlib.contextmanager
 def explained() -> Iterator[None]:
     """Turn what a user can mend into one line and an exit code."""
     try:
@@ -72,16 +75,48 @@ def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-@contextmanager
+class _Terminal(io.TextIOWrapper):
+    """A terminal that may be closed at any time; what is written then is lost."""
+
+    def write(self, text: str, /) -> int:
+        """Write, or not."""
+        with contextlib.suppress(OSError):
+            return super().write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, or not."""
+        with contextlib.suppress(OSError):
+            super().flush()
+
+    def close(self) -> None:
+        """Close; what is left in the buffer may be lost."""
+        with contextlib.suppress(OSError):
+            super().close()
+
+
+def to_file_if_gone(path: Path) -> None:
+    """Where the terminal is gone, what is said from now on goes to the end of a file."""
+    with contextlib.suppress(OSError, ValueError):
+        for stream in (sys.stdout, sys.stderr):
+            try:
+                termios.tcgetattr(stream.fileno())
+            except termios.error:
+                with path.open("ab") as file:
+                    os.dup2(file.fileno(), stream.fileno())
+
+
+@contextlib.contextmanager
 def quiet_stderr(path: Path | None) -> Iterator[None]:
     """Send file descriptor 2 to a file while a screen is up: libraries write to it past Python.
 
-    Textual draws on ``sys.__stderr__``, which keeps the terminal under another descriptor.
+    Textual draws on ``sys.__stderr__``, which keeps the terminal under another descriptor, and may be gone: an error of
+    writing would end Textual's writer, and what waits for that would wait for ever.
     """
     target = os.open(path or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     sys.stderr.flush()
     before = sys.__stderr__
-    terminal = os.fdopen(os.dup(2), "w", encoding="utf-8")
+    terminal = _Terminal(os.fdopen(os.dup(2), "wb"), encoding="utf-8")
     os.dup2(target, 2)
     os.close(target)
     sys.__stderr__ = terminal  # type: ignore[misc]

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
+import traceback
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.cli.console import NO_NAMES, Graphics, note, quiet_stderr, say
+from gcs.cli.console import NO_NAMES, Graphics, note, quiet_stderr, say, to_file_if_gone
 from gcs.config import load_mission
 from gcs.errors import GcsError
 from gcs.live import Flight, FlightPlan
@@ -19,6 +21,9 @@ from gcs.rollcall import RollCall
 from gcs.sessionfile import seal_interrupted
 
 __all__ = ["fly"]
+
+CONSOLE = "console.log"
+"""In the session folder: what libraries say while the screens are up."""
 
 
 def fly(
@@ -59,10 +64,11 @@ def fly(
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
     try:
-        if screen:
-            _screen(flight, graphics, bell)
-        else:
+        if not screen:
+            note(f"recording in {flight.folder}; stop with Ctrl-C")
             _wait(flight, duration)
+        elif not _screen(flight, graphics, bell):
+            _go_on(flight)
     finally:
         flight.stop()
     say(calls.text())
@@ -75,11 +81,11 @@ def fly(
         raise SystemExit(NO_NAMES)
 
 
-def _wait(flight: Flight, duration: float | None) -> None:
-    """Until the time is over or a signal comes."""
+def _wait(flight: Flight, duration: float | None = None) -> None:
+    """Until the time is over or a signal to end comes; a flight outlives the terminal that it was begun on."""
     stop = threading.Event()
     before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
-    note(f"recording in {flight.folder}; stop with Ctrl-C")
+    before[signal.SIGHUP] = signal.signal(signal.SIGHUP, lambda *_: to_file_if_gone(flight.folder / CONSOLE))
     waited = 0.0
     try:
         while not stop.wait(0.2) and (duration is None or waited < duration):
@@ -89,9 +95,21 @@ def _wait(flight: Flight, duration: float | None) -> None:
             signal.signal(number, handler)
 
 
-def _screen(flight: Flight, graphics: Graphics, bell: bool) -> None:
+def _screen(flight: Flight, graphics: Graphics, bell: bool) -> bool:
+    """Fly with the screens; False when they ended and nobody had asked for it."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
-    with quiet_stderr(flight.folder / "console.log"):
-        run(flight, graphics, bell=bell)
+    with quiet_stderr(flight.folder / CONSOLE):
+        try:
+            return run(flight, graphics, bell=bell).left
+        except Exception:  # noqa: BLE001 - kept in the file; a screen may never end a flight
+            traceback.print_exc()
+            return False
+
+
+def _go_on(flight: Flight) -> None:
+    """A flight outlives its screen."""
+    to_file_if_gone(flight.folder / CONSOLE)
+    note(f"the screen is gone; still recording in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}")
+    _wait(flight)

@@ -43,6 +43,6 @@ def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = 
     station = Replay(session, redetect=detect)
     try:
         with quiet_stderr(None):
-            return run(station, graphics)
+            return run(station, graphics).code
     finally:
         station.stop()

@@ -6,31 +6,36 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import dataclass
 
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.pixels import Graphics
 
-__all__ = ["RollcallApp", "run"]
+__all__ = ["Ended", "RollcallApp", "run"]
 
 
-def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False) -> int:
-    """Show a station until the operator quits, then stop it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How the screens ended."""
+
+    code: int
+    """0 after a quit, 1 when something of the station did not work or the screens broke."""
+    left: bool
+    """By the operator, or by a signal to end; else the screens broke or the terminal is gone."""
+
+
+def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False) -> Ended:
+    """Show a station until the operator quits; whoever started it stops it.
 
     Args:
         station: A running flight or replay.
         graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, ``blocks`` never asks it.
         bell: ring the terminal's bell at every new alarm.
-
-    Returns:
-        0 after a quit, 1 when the station had stopped with an error or the screens broke.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
     gc.collect()
     gc.freeze()
-    try:
-        app = RollcallApp(station, graphics=graphics, bell=bell)
-        app.run()
-    finally:
-        station.stop()
-    return app.return_code or 0
+    app = RollcallApp(station, graphics=graphics, bell=bell)
+    app.run()
+    return Ended(code=app.return_code or 0, left=app.left)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+import signal
 import time
 from collections.abc import Sequence
 from typing import ClassVar
@@ -77,6 +80,7 @@ class RollcallApp(App[None]):
         self._rung: frozenset[tuple[str, int, str]] = frozenset()
         self._station = station
         self._newest_at = time.monotonic()
+        self.left = False
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = AlertLine(id="alert")
@@ -111,6 +115,10 @@ class RollcallApp(App[None]):
 
     def on_mount(self) -> None:
         """Start to poll."""
+        with contextlib.suppress(NotImplementedError, RuntimeError, ValueError):  # no signals on this system, or a test
+            loop = asyncio.get_running_loop()
+            loop.add_signal_handler(signal.SIGTERM, self.action_leave)
+            loop.add_signal_handler(signal.SIGHUP, self.exit)
         self._poll()
         self.set_interval(POLL_S, self._poll)
 
@@ -270,6 +278,7 @@ class RollcallApp(App[None]):
 
     def action_leave(self) -> None:
         """Quit; an error of the station is the exit message."""
+        self.left = True
         error = self._station.error
         # rich text, since a plain string would be read as markup
         self.exit(return_code=int(error is not None), message=None if error is None else Text(error_line(error)))
