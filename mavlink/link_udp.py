@@ -66,17 +66,17 @@ class _Udp(Reader):
         if not self._open:
             return batch
         self.gate.look()
-        now = now_us()
         self._strange = [0, 0]
         try:
             if self._datagrams:
-                self._take_many(batch, now)
+                self._take_many(batch)
             else:
-                self._take_each(batch, now)
+                self._take_each(batch)
         except (OSError, ValueError):
             if self._open:
                 raise
             return batch
+        now = now_us()
         likely, other = self._strange
         present = set(batch.peers)
         new = present - self.peers.trusted.keys()
@@ -119,13 +119,14 @@ class _Udp(Reader):
     def _is_known(self, raw: bytes) -> bool:
         return raw[5 if raw[0] == MAGIC_V2 else 3] in self._system_ids
 
-    def _take_many(self, batch: Batch, now: int) -> None:
+    def _take_many(self, batch: Batch) -> None:
         """One system call's worth of datagrams."""
         datagrams = self._datagrams
         assert datagrams is not None
         count = datagrams.receive()
         if not count:
             return
+        now = now_us()  # not before the call: what comes while this process is held up would be stamped too early
         lengths, senders, times_us = datagrams.lengths(count), datagrams.senders(count), datagrams.times_us(count)
         view, numbers = datagrams.view, self.peers.numbers
         add_time, add_frame, add_peer = batch.times_us.append, batch.frames.append, batch.peers.append
@@ -145,17 +146,17 @@ class _Udp(Reader):
         datagrams.reset(count)
         self._tally.take(sum(lengths), FrameCounts(good=good))
 
-    def _take_each(self, batch: Batch, now: int) -> None:
+    def _take_each(self, batch: Batch) -> None:
         """One datagram a system call, on systems without a better one."""
         for _ in range(BATCH):
             try:
-                received = self._receive(now)
+                received = self._receive()
             except (BlockingIOError, InterruptedError, ConnectionError):
                 return  # nothing there, or an earlier datagram of ours found nobody
             self._tally.take(len(received[0]), FrameCounts())
             self._search(batch, *received)
 
-    def _receive(self, now: int) -> tuple[bytes, int, int]:
+    def _receive(self) -> tuple[bytes, int, int]:
         """One datagram, its sender and its arrival in Unix µs."""
         if not _LINUX:
             data, sender = self._socket.recvfrom(STRIDE)

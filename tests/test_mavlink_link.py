@@ -297,3 +297,20 @@ def test_what_the_system_drops_is_counted(listener, sender):
     packets += read_until(listener, 1)
     assert len(packets) + listener.counts.dropped == sent + 1
     assert listener.counts.dropped > 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux hands over many datagrams at once")
+def test_nothing_is_stamped_earlier_than_it_was_sent_by_a_reader_that_was_held_up(listener, sender):
+    datagrams = listener._datagrams
+    assert datagrams is not None
+    receive, sent_us = datagrams.receive, []
+
+    def held_up():
+        time.sleep(0.05)
+        sent_us.append(time.time_ns() // 1000)
+        sender.sendto(Speaker(7).heartbeat(), (HOST, listener.port))
+        return receive()
+
+    datagrams.receive = held_up
+    (arrived_us,) = listener.take().times_us
+    assert 0 <= arrived_us - sent_us[0] < 1_000_000
