@@ -15,6 +15,8 @@ __all__ = ["Finding", "counted", "findings"]
 
 SILENT_S = 3.5
 """A vehicle, or a link, from which nothing came for so long is lost."""
+BEATLESS_S = 10.0
+"""One whose positions come is not lost for a few heartbeats that a bad link has swallowed; after this long it is."""
 LATE_S = 1.0
 CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
 STEP_S = 0.5
@@ -119,7 +121,8 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
         )  # fmt: skip
     if math.isinf(row.heartbeat_age_s):
         return
-    if row.heartbeat_age_s > SILENT_S:
+    speaks = row.position_state == "ok" and row.heartbeat_age_s < BEATLESS_S
+    if row.heartbeat_age_s > SILENT_S and not speaks:
         yield Finding(
             key=f"vehicle {i}", level="alarm", kind="vehicle", system_id=i, text=f"{whose}: no heartbeat",
             advice="its radio or power is gone, or it is out of range; its last place stays on the map",

@@ -33,6 +33,8 @@ class ClockParams:
     """Spans remembered. Raise for a steadier drift, lower to follow temperature."""
     fit_after_us: int = 20 * _S
     """Drift is taken as 0 until the points span this much."""
+    known_after_us: int = 60 * _S
+    """And is worth telling from here on: over less, the delays of a busy host look like hundreds of ppm."""
     late_us: int = 5 * _S
     """A delay beyond this is either a late copy or a step of the host's clock."""
     early_us: int = _S
@@ -109,7 +111,7 @@ class VehicleClock:
         self._bin_stop = boot_us + self.params.bin_us
         self._least = (boot_us, arrival_us - boot_us)
         self._delay_us = 20_000.0
-        self._fitted = False
+        self._measured = False
         self._lines: list[_Line] = []
         self._astray_us = 0  # arrival of the first message in a row that did not fit
 
@@ -160,8 +162,13 @@ class VehicleClock:
 
     @property
     def drift_known(self) -> bool:
-        """Whether the drift was measured: not of a sender without a clock, nor beyond what is believed."""
-        return self._fitted and not self._by_arrival and abs(self._drift) < self.params.max_drift
+        """Whether the drift was measured: long enough, not of a sender without a clock, nor beyond what is believed."""
+        return self._measured and not self._by_arrival and abs(self._drift) < self.params.max_drift
+
+    @property
+    def restarted_us(self) -> int:
+        """Arrival of the message with which the present count began, 0 for the first count."""
+        return self._past.end_us
 
     @property
     def uncertainty_s(self) -> float:
@@ -201,10 +208,11 @@ class VehicleClock:
     def _fit(self) -> None:
         """The line under the points of all bins that is closest to them."""
         points = list(self._bins)
-        if points[-1][0] - points[0][0] >= self.params.fit_after_us:
+        span_us = points[-1][0] - points[0][0]
+        if span_us >= self.params.fit_after_us:
             limit = self.params.max_drift
             self._drift = max(-limit, min(limit, _hull_slope(points)))
-            self._fitted = True
+            self._measured = span_us >= self.params.known_after_us
         self._anchor = points[-1][0]
         self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
         if not self._drift:

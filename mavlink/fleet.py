@@ -67,6 +67,7 @@ class Fleet:
             view.
         gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that speaks.
         links: names of the links by index, for what is told.
+        address: of a link's index and a peer's number, in words; empty where it is not known.
     """
 
     def __init__(
@@ -79,13 +80,16 @@ class Fleet:
         camera_id: int = 0,
         gimbal_id: int = 0,
         links: Sequence[str] = (),
+        address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
         self.origin = origin
         self._ids = np.array(ugv_ids, dtype=np.int64)
         names, params = tuple(links), params or GateParams()
         flies = GateParams(max_speed=_UAV_SPEED, max_acceleration=_UAV_ACCELERATION)
-        self._uav = Vehicle(uav_id, drives=False, params=flies, links=names)
-        self._ugvs = [Vehicle(system_id, drives=True, params=params, links=names) for system_id in ugv_ids]
+        self._uav = Vehicle(uav_id, drives=False, params=flies, links=names, address=address)
+        self._ugvs = [
+            Vehicle(system_id, drives=True, params=params, links=names, address=address) for system_id in ugv_ids
+        ]
         self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
         self._strangers: set[int] = set()
         self._home_up = math.nan
@@ -206,6 +210,9 @@ class Fleet:
             return ()
         boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
         reason = vehicle.nonsense(sample)
+        if reason and vehicle.clock.stray:
+            vehicle.refusals.count(reason)  # a reboot that is not yet believed begins without a fix
+            return notices
         if reason:
             return notices + vehicle.refuse(sample.t_us, reason)
         if self.origin is None and not self._found_origin(vehicle, boot_us, sample):

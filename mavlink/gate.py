@@ -9,6 +9,7 @@ from mavlink.geodesy import wrap_pi
 from mavlink.samples import GlobalPosition, GpsRaw
 
 __all__ = [
+    "NOT_YET",
     "GateParams",
     "altitude_known",
     "climbs_too_fast",
@@ -46,6 +47,8 @@ class GateParams:
     """Beyond what the climb allows."""
 
 
+NOT_YET = frozenset({"no position yet (0/0)", "no GPS fix"})
+"""Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
 _NEAR_ZERO_DEG = 1e-3  # autopilots without a fix report 0/0, or a few units of 1e-7° around it
 _FIX_NONE = 1
 _STD_OF_FIX = {4: 1.0, 5: 0.3, 6: 0.05}

@@ -16,6 +16,8 @@ _CHANNELS = 16
 _MESSAGES = 128
 _LATE_US = 2_000_000  # copies over a channel that come this long after the first make it a late one
 _LATE_KNOWN_US = 60_000_000
+_BEHIND_US = 500_000  # a link this far behind another tells how the vehicle was
+_FIRST_HAND = 10  # a channel with so many new messages on end has no copies: numbers have come round in its heartbeats
 _ALARM_AFTER = 3
 _ALARM_EVERY_US = 30_000_000
 _REFUSED_AS = {Auth.UNSIGNED: "no signature", Auth.BAD: "bad signature", Auth.REPLAYED: "replayed signature"}
@@ -33,7 +35,7 @@ class Speaker(NamedTuple):
 class _Channel:
     """One address on one link."""
 
-    __slots__ = ("late_at_us", "late_us", "loss", "messages", "packets", "rate", "runs")
+    __slots__ = ("behind_us", "first_hand", "late_at_us", "late_us", "loss", "messages", "packets", "rate", "runs")
 
     def __init__(self) -> None:
         self.packets = 0
@@ -43,6 +45,8 @@ class _Channel:
         self.runs: dict[int, SequenceRuns] = {}
         self.late_us = 0
         self.late_at_us = 0
+        self.behind_us = -1
+        self.first_hand = 0
 
     def take(self, packet: Packet, message_id: int) -> int:
         """Counts a packet and returns the run of its sequence number."""
@@ -86,10 +90,15 @@ class Reception:
         first = self._copies.first(packet)
         channel = self._channel = self._channel_of(packet.link, packet.peer)
         run = channel.take(packet, message_id)
-        if first is not None:
+        dated = message_id in TIMED or packet.signed
+        if first is None:
+            channel.first_hand += dated
+        elif dated or channel.first_hand < _FIRST_HAND:
             self.copies += 1
-            if first[1:] != (packet.link, packet.peer) and message_id in TIMED:
-                channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
+            if first[1:] != (packet.link, packet.peer) and dated:
+                channel.first_hand = 0
+                if message_id in TIMED:
+                    channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
             return False
         self._copies.add(packet)
         self.speaker = Speaker(packet.link, packet.peer, run)
@@ -119,6 +128,20 @@ class Reception:
         """Whether the packet taken last came over a channel that is seconds behind another."""
         channel = self._channel
         return channel.late_us > _LATE_US and abs(channel.rate.last_us - channel.late_at_us) < _LATE_KNOWN_US
+
+    def dated(self, delay_us: int) -> None:
+        """The packet taken last came so long after it was made, by the vehicle's clock."""
+        self._channel.behind_us = max(delay_us, 0)
+
+    @property
+    def behind(self) -> bool:
+        """Whether the packet taken last came over a channel whose messages are not of this moment."""
+        return self._channel.behind_us > _BEHIND_US
+
+    @property
+    def prompt(self) -> bool:
+        """Whether it came over one whose messages are; neither where none of them says when it was made."""
+        return 0 <= self._channel.behind_us <= _BEHIND_US
 
     @property
     def loss(self) -> float:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from mavlink.contest import Claim, Conflict, Contest, Turns
 from mavlink.gate import GateParams
 from mavlink.hardware import Hardware, hardware_of
-from mavlink.modes import kind_name
+from mavlink.modes import kind_name, mode_name
 from mavlink.packet import Packet
 from mavlink.positions import Estimate, Fix
 from mavlink.reception import Speaker
@@ -20,6 +21,7 @@ __all__ = ["Senders"]
 
 _SEVERAL_US = 3_000_000
 _LATE_PLACE_M = 10.0
+_BOOT_US = 500_000  # an autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time
 _ADDRESS_TURNS = 4
 _KINDS = 8
 _USUAL, _OTHER = "usual", "other"
@@ -31,19 +33,27 @@ class Senders:
     Args:
         params: what the vehicle can do.
         links: names of the links by index, for what is told.
+        address: of a link's index and a peer's number, in words; empty where it is not known.
     """
 
-    def __init__(self, params: GateParams, links: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        params: GateParams,
+        links: tuple[str, ...] = (),
+        address: Callable[[int, int], str] = lambda link, peer: "",
+    ) -> None:
         self.told = Told()
         self.hardware_text = ""
         """Hardware id in hexadecimal, empty until told."""
-        self._links = links
+        self._links, self._address = links, address
         self._contest = Contest()
         self._contested = False
         self._places = PlaceTracks(params)
         self._attitudes = AttitudeTracks()
         self._kinds: dict[tuple[int, int], tuple[int, Speaker]] = {}
         self._kind: tuple[int, int] | None = None
+        self._beat: tuple[Heartbeat, Speaker] | None = None
+        self._boot: tuple[int, int, Speaker] | None = None
         self._board: tuple[Hardware, int, Speaker] | None = None
         self._speaker = Speaker(-1, 0, 0)
         self._changed_us = 0
@@ -84,6 +94,23 @@ class Senders:
         if before is None or kind_name(before[0]) == kind_name(kind[0]):
             return None
         return kind_name(before[0]), kind_name(kind[0])
+
+    def mode(self, sample: Heartbeat, speaker: Speaker) -> None:
+        """Compares armed and mode with what another said: whoever changes them changes them on all its radios."""
+        before, self._beat = self._beat, (sample, speaker)
+        if before is None or before[1] == speaker or not abs(sample.t_us - before[0].t_us) < _SEVERAL_US:
+            return
+        one, other = _mode(before[0]), _mode(sample)
+        if one != other:
+            self._contest.take("mode", speaker, speaker, sample.t_us, f"{one} and {other}", before[1])
+
+    def booted(self, t_us: int, speaker: Speaker, moment_us: int) -> None:
+        """When the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
+        before, self._boot = self._boot, (moment_us, t_us, speaker)
+        if before is None or not abs(t_us - before[1]) < _SEVERAL_US or abs(moment_us - before[0]) < _BOOT_US:
+            return
+        detail = f"two vehicles, switched on {abs(moment_us - before[0]) * 1e-6:.1f} s apart"
+        self._contest.take("boot", moment_us > before[0], speaker, t_us, detail, before[2])
 
     def other_clock(self, t_us: int, speaker: Speaker, gap_s: float) -> None:
         """A boot time that is not of this vehicle's count, nor of the one before its reboot."""
@@ -126,6 +153,10 @@ class Senders:
         self._place_speaker = speaker
         if self._contest.disputed("jump", t_us):
             self._contest.take("jump", _USUAL, speaker, t_us, "two places", self._place_other)
+
+    def moved(self) -> None:
+        """The other place was held alone for so long that it is the vehicle's: one receiver that jumped."""
+        self._contest.settle("jump")
 
     def attitude(self, boot_us: int, sample: Attitude, speaker: Speaker) -> None:
         """An attitude, while several speak."""
@@ -173,6 +204,9 @@ class Senders:
     def where(self, speaker: Speaker) -> str:
         """A channel in words."""
         name = self._links[speaker.link] if 0 <= speaker.link < len(self._links) else f"link {speaker.link}"
+        address = self._address(speaker.link, speaker.peer) if speaker.peer else ""
+        if address:
+            return f"{address} on {name}"
         return f"{name} address {speaker.peer}" if speaker.peer else name
 
     def _words(self, conflict: Conflict) -> str:
@@ -190,3 +224,8 @@ class Senders:
                 if kind_name(other[0]) == kind_name(kind[0]):
                     names = f"type {other[0]} autopilot {other[1]} and type {kind[0]} autopilot {kind[1]}"
                 self._contest.take(claim, kind, speaker, t_us, names, other_speaker)
+
+
+def _mode(beat: Heartbeat) -> str:
+    mode = mode_name(beat.type, beat.autopilot, beat.base_mode, beat.custom_mode)
+    return f"{'armed' if beat.armed else 'disarmed'} in {mode}"

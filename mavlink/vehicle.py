@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from mavlink.attitudes import Attitudes, Pose
 from mavlink.clock import VehicleClock
-from mavlink.gate import GateParams, altitude_known, nonsense, position_std, speed_possible
+from mavlink.gate import NOT_YET, GateParams, altitude_known, nonsense, position_std, speed_possible
 from mavlink.geodesy import LocalFrame
 from mavlink.modes import fix_name, kind_name, mode_name
 from mavlink.packet import Packet
@@ -23,6 +23,7 @@ from mavlink.timekeeping import Timekeeping
 __all__ = ["Vehicle"]
 
 _GPS_FRESH_US = 5_000_000
+_LATE_MOST_US = 60_000_000
 _CHANGE_US = 200_000  # no vehicle changes its mode more often; a flood of forged ones does
 _REFUSED_VERDICTS = {"jump": "farther than it can have driven", "leap": "higher or lower than it can have flown"}
 _QUIET_VERDICTS = {"late": "out of order, seconds late", "frozen": "moving, and at the same place as before"}
@@ -36,20 +37,30 @@ class Vehicle:
         drives: a ground vehicle: its course fits its heading, its altitude may be wrong.
         params: limits of what it can do.
         links: names of the links, by index, for what is told.
+        address: of a link's index and a peer's number, in words.
     """
 
-    def __init__(self, system_id: int, *, drives: bool, params: GateParams, links: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        system_id: int,
+        *,
+        drives: bool,
+        params: GateParams,
+        links: tuple[str, ...] = (),
+        address: Callable[[int, int], str] = lambda link, peer: "",
+    ) -> None:
         self.system_id = system_id
         self.clock = VehicleClock()
         self.positions = Positions(params, drives=drives)
         self.attitudes = Attitudes()
         self.reception = Reception()
         self.refusals = Refusals()
-        self.senders = Senders(params, links)
+        self.senders = Senders(params, links, address)
         self._drives = drives
         self._params = params
         self._times = Timekeeping()
         self._heartbeat: Heartbeat | None = None
+        self._prompt = Speaker(-1, 0, 0), 0  # how and when the last one came that was not delayed
         self._component = 0  # whose positions and attitudes count; 0 until somebody speaks
         self._gps: GpsRaw | None = None
         self._texts = Texts()
@@ -78,6 +89,13 @@ class Vehicle:
         if before is not None and alive and sample.component_id != before.component_id:
             return  # a companion that says it is an autopilot, while the autopilot speaks
         kinds = self.senders.heartbeat(sample, self.reception.speaker)
+        if not self.reception.behind:
+            self.senders.mode(sample, self.reception.speaker)
+        if self._outdated(sample.t_us):
+            yield from self.contest_notices(sample.t_us)
+            return
+        if self.reception.prompt:
+            self._prompt = self.reception.speaker, sample.t_us
         self._heartbeat = sample
         self._component = sample.component_id
         if before is None:
@@ -91,6 +109,13 @@ class Vehicle:
             if before.custom_mode != sample.custom_mode and self._changes.due("mode", sample.t_us):
                 yield self._notice(sample.t_us, "info", f"mode {self.mode}")
         yield from self.contest_notices(sample.t_us)
+
+    def _outdated(self, t_us: int) -> bool:
+        """Whether the heartbeat taken last may tell how the vehicle was, while another radio tells how it is."""
+        (link, peer, _), prompt_us = self._prompt
+        speaker = self.reception.speaker
+        elsewhere = (link, peer) != (speaker.link, speaker.peer)
+        return not self.reception.prompt and elsewhere and abs(t_us - prompt_us) < LOST_S * 1e6
 
     def take_gps(self, sample: GpsRaw) -> Iterator[Notice]:
         """GPS_RAW_INT."""
@@ -112,7 +137,13 @@ class Vehicle:
             yield Notice(t_us=sample.t_us, level=level, kind="text", text=text, system_id=self.system_id)
 
     def take_times(self, sample: SystemTime | TimeSync) -> Iterator[Notice]:
-        """SYSTEM_TIME and TIMESYNC: only ever told, no position depends on them."""
+        """SYSTEM_TIME and TIMESYNC of the autopilot: only ever told, no position depends on them."""
+        if self._component not in (0, sample.component_id):
+            return  # a companion's
+        # a late link goes on telling of the count before a restart
+        if isinstance(sample, SystemTime) and sample.unix_us and sample.t_us - self.clock.restarted_us > _LATE_MOST_US:
+            self.senders.booted(sample.t_us, self.reception.speaker, sample.unix_us - sample.boot_ms * 1000)
+            yield from self.contest_notices(sample.t_us)
         for text in self._times.take(sample, self.clock):
             yield self._notice(sample.t_us, "warning", f"system {self.system_id}: {text}")
 
@@ -127,6 +158,9 @@ class Vehicle:
         clock = self.clock
         epoch, reboots = clock.epoch, clock.reboots
         boot_us = clock.learn(boot_ms, sample.t_us)
+        if clock.late or not clock.stray:
+            delay_us = sample.t_us - clock.unix_of(boot_us)
+            self.reception.dated(max(delay_us, clock.params.late_us) if clock.late else delay_us)
         if clock.epoch != epoch:
             self.positions.clear()
             self.attitudes.clear()
@@ -163,7 +197,8 @@ class Vehicle:
     def refuse(self, t_us: int, reason: str) -> tuple[Notice, ...]:
         """Counts a position that is not used; says so when the reason is new or was not given for a while."""
         if self.refusals.position(t_us, reason):
-            return (self._notice(t_us, "warning", f"position not used: {reason}"),)
+            level: Level = "warning" if self.positions.known or reason not in NOT_YET else "info"
+            return (self._notice(t_us, level, f"position not used: {reason}"),)
         return ()
 
     def nonsense(self, sample: GlobalPosition) -> str:
@@ -200,6 +235,7 @@ class Vehicle:
             return None, self.refuse(t_us, _REFUSED_VERDICTS[verdict])
         if verdict == "moved":
             self.refusals.reason = ""
+            self.senders.moved()
             return self._evidence(t_us, fix), (
                 self._notice(t_us, "warning", "position jumped and stayed there: accepted"),
             )
@@ -272,7 +308,7 @@ class Vehicle:
             return "contested"
         refused = self.refusals.last_us > 0 and t_us - self.refusals.last_us < LOST_S * 1e6
         if estimate is None:
-            return "refused" if refused else "never"
+            return "refused" if refused and self.refusals.reason not in NOT_YET else "never"
         period_s = self.positions.period_s
         if estimate.bracketed or estimate.age_s <= (1.0 if math.isnan(period_s) else 2.0 * period_s):
             return "ok"

@@ -136,6 +136,11 @@ def test_getting_worse_is_told_and_is_the_same_alarm(watch):
     assert len(watch.events) == 2 and watch.active[0].text == "UGV-11: no heartbeat"
 
 
+def test_heartbeats_that_a_bad_link_swallows_are_no_loss_while_positions_come(watch):
+    assert watch.see(20, changed(1, heartbeat_age_s=6.0)) == {}
+    assert set(watch.see(1, changed(1, heartbeat_age_s=11.0))) == {"vehicle 11"}
+
+
 def test_short_troubles_are_no_alarms(watch):
     for _ in range(20):
         watch.see(0.5, changed(1, position_state="stale"))
@@ -145,7 +150,7 @@ def test_short_troubles_are_no_alarms(watch):
 
 def test_coming_and_going_does_not_flap(watch):
     for _ in range(100):
-        watch.see(2, changed(1, heartbeat_age_s=4.0))
+        watch.see(2, changed(1, heartbeat_age_s=4.0, position_state="lost"))
         watch.see(4)
     # 100 losses in ten minutes
     assert 2 <= len(watch.events) <= 12

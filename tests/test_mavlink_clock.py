@@ -72,6 +72,14 @@ def test_boot_time_and_unix_time_are_inverse():
         assert clock.unix_of(clock.boot_of(t_us)) == pytest.approx(t_us, abs=1)
 
 
+def test_a_drift_is_told_when_it_was_measured_for_a_minute():
+    clock, vehicle = VehicleClock(), Vehicle(3, drift=400e-6)
+    run(clock, vehicle, T0, 50)
+    assert clock.drift and not clock.drift_known
+    run(clock, vehicle, T0 + 50 * S, 20)
+    assert clock.drift_known
+
+
 def test_reboot_is_seen_within_half_a_second():
     clock, vehicle = VehicleClock(), Vehicle(2)
     run(clock, vehicle, T0, 60)

@@ -138,10 +138,11 @@ def test_nonsense_is_counted_said_once_and_not_used(world):
     assert state.p_enu[0, 1] == pytest.approx(SPEED * 3.6, abs=0.2)
 
 
-def test_refused_from_the_start(world):
-    world.feed(world.speakers[11].global_position_int(1000, 0, 0, 0), T0)
-    assert world.fleet.at(T0 + 100_000).vehicles[1].position_state == "refused"
-    assert world.fleet.at(T0 + 100_000).vehicles[2].position_state == "never"
+def test_waiting_for_the_first_fix_is_no_fault_and_nonsense_is_one(world):
+    (said,) = world.feed(world.speakers[11].global_position_int(1000, 0, 0, 0), T0)
+    world.feed(world.speakers[12].global_position_int(1000, 214.7483647, 0, 0), T0)
+    assert world.fleet.at(T0 + 100_000).vehicles[1].position_state == "never" and said.level == "info"
+    assert world.fleet.at(T0 + 100_000).vehicles[2].position_state == "refused"
 
 
 @pytest.mark.parametrize("alt", [0.14, 1167.9, 2147483.647])

@@ -38,6 +38,11 @@ class Sender:
     delay_us: int = 0
     places: bool = True
     beats: bool = True
+    mode: int = 10
+    changed_us: int = 0
+    """From when on the mode is 4."""
+    clocked: bool = False
+    """Whether it sends SYSTEM_TIME."""
     starts_us: int = T0
     ends_us: int = T0 + 10_000 * S
 
@@ -57,7 +62,10 @@ class Sender:
         boot_ms = (t_us - self.booted_us) // 1000 % (1 << 32)
         every_us = round(S / self.rate_hz)
         if self.beats and (t_us - self.phase_us - T0) % S == 0:
-            yield self.speaker.heartbeat(self.kind, autopilot=self.autopilot, custom_mode=10)
+            mode = 4 if 0 < self.changed_us <= t_us else self.mode
+            yield self.speaker.heartbeat(self.kind, autopilot=self.autopilot, custom_mode=mode)
+        if self.clocked and (t_us - self.phase_us - T0) % (S // 2) == 0:
+            yield self.speaker.system_time(boot_ms, t_us)
         if self.places and (t_us - self.phase_us - T0) % every_us == 0:
             lat, lon, alt = (float(x) for x in FIELD.to_geodetic(self.place(t_us)))
             yield self.speaker.global_position_int(boot_ms, lat, lon, alt, self.up, (self.speed, 0, 0), self.yaw)
@@ -111,6 +119,12 @@ IMPOSTORS = {
     "another link, fifteen metres ahead": Sender(link=1, peer=2, shift=(0.0, 15.0), starts_us=BEGIN, phase_us=50_000),
     "another kind": Sender(peer=2, kind=COPTER, starts_us=BEGIN, phase_us=400_000, places=False),
     "another autopilot": Sender(peer=2, autopilot=12, starts_us=BEGIN, phase_us=400_000, places=False),
+    "heartbeats alone, of the same kind in another mode": Sender(
+        peer=2, mode=4, starts_us=BEGIN, phase_us=400_000, places=False
+    ),
+    "switched on four seconds later, at the same place": Sender(
+        peer=2, booted_us=T0 - 56 * S, starts_us=BEGIN, phase_us=50_000, clocked=True
+    ),
     "another boot time": Sender(peer=2, booted_us=T0 - 3000 * S, starts_us=BEGIN, phase_us=50_000),
     "four seconds behind, elsewhere": Sender(
         peer=2, booted_us=T0 - 56 * S, shift=(50.0, 0.0), starts_us=BEGIN, phase_us=50_000
@@ -135,7 +149,7 @@ IMPOSTORS = {
 )
 def test_an_impostor_is_found_within_two_seconds_and_both_are_quarantined(name, rate_hz):
     impostor = Sender(**{k: v for k, v in vars(IMPOSTORS[name]).items() if k not in ("speaker", "rng")})
-    air = Air(Sender(rate_hz=rate_hz), impostor).run(4.9)
+    air = Air(Sender(rate_hz=rate_hz, clocked=impostor.clocked), impostor).run(4.9)
     assert not air.alarms and air.fleet.at(air.now_us).valid.all()
     air.run(4.1)
     first_us = BEGIN + impostor.phase_us
@@ -230,6 +244,19 @@ HARMLESS = {
         Sender(ends_us=BEGIN, loss=0.2), Sender(link=1, ends_us=BEGIN, delay_us=10 * S),
         Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + S),
     ],
+    "another mode, and a radio ten seconds behind": [
+        Sender(changed_us=BEGIN), Sender(link=1, seq=99, delay_us=10 * S, changed_us=BEGIN, phase_us=500_000),
+    ],
+    "another mode, and a radio two seconds behind": [
+        Sender(changed_us=BEGIN), Sender(peer=2, seq=99, delay_us=2 * S, changed_us=BEGIN, phase_us=500_000),
+    ],
+    "its own time over two radios, one ten seconds behind": [
+        Sender(clocked=True), Sender(link=1, delay_us=10 * S, seq=99, clocked=True),
+    ],
+    "its own time across a reboot with a radio ten seconds behind": [
+        Sender(ends_us=BEGIN, clocked=True), Sender(link=1, ends_us=BEGIN, delay_us=10 * S, seq=9, clocked=True),
+        Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + S, clocked=True),
+    ],
     "a new address after roaming": [Sender(ends_us=BEGIN), Sender(peer=2, seq=100, starts_us=BEGIN)],
     "two addresses for a second while roaming": [
         Sender(ends_us=BEGIN + S), Sender(peer=2, seq=100, starts_us=BEGIN, phase_us=100_000),
@@ -267,6 +294,51 @@ def test_nobody_else_is_taken_for_an_impostor(name):
     state = air.fleet.at(air.now_us)
     assert state.p_enu[0, :2] == pytest.approx(senders[0].place(air.now_us)[:2], abs=2.0)
     assert state.valid[0] or max(sender.loss for sender in senders) >= 0.4
+
+
+def test_the_mode_is_that_of_the_quickest_radio():
+    air = Air(Sender(changed_us=BEGIN), Sender(link=1, seq=99, delay_us=10 * S, changed_us=BEGIN)).run(30)
+    texts = [notice.text for notice in air.notices if notice.system_id == UGV]
+    assert [text for text in texts if text.startswith("mode")] == ["mode HOLD"]
+
+
+def test_a_silent_radio_leaves_the_mode_to_the_one_that_is_behind():
+    first = Sender(ends_us=T0 + 20 * S)
+    air = Air(first, Sender(link=1, seq=99, delay_us=10 * S, changed_us=T0 + 25 * S)).run(40)
+    assert air.status().mode == "HOLD" and air.status().heartbeat_age_s < 1.5
+
+
+def test_heartbeats_over_a_new_address_are_no_copies_of_those_whose_numbers_have_come_round():
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV)
+    for k in range(
+        20 * 32
+    ):  # 256 packets in eight seconds: a heartbeat has the number of the one before the last seven
+        t_us, peer = T0 + k * S // 32, 1 + (k > 320)
+        raw = speaker.attitude(50_000 + k * 1000 // 32, 0.0, 0.0, 0.0) if k % 32 else speaker.heartbeat(ROVER)
+        fleet.feed(Packet(t_us, raw, 0, peer))
+        assert fleet.at(t_us).vehicles[1].heartbeat_age_s < 2.5
+    assert fleet.at(t_us).vehicles[1].copies <= 1
+
+
+def test_a_companion_that_tells_the_time_is_not_the_autopilot():
+    air = Air(Sender(clocked=True)).run(1)
+    companion = Speaker(UGV, 191)
+    for k in range(20):
+        air.run(0.5)
+        air.notices += air.fleet.feed(Packet(air.now_us, companion.system_time(4000 + k, 1000 * S), 0, 1))
+    assert abs(air.status().clock_error_s) < 1 and not air.alarms
+    assert not any("date" in notice.text for notice in air.notices)
+
+
+def test_an_operator_is_told_addresses_where_they_are_known():
+    known = {(0, 1): "10.0.0.4:14550", (1, 2): "10.0.0.9:5000"}
+    fleet = Fleet(
+        UAV, [UGV], origin=FIELD, links=("udp", "radio"), address=lambda link, peer: known.get((link, peer), "")
+    )
+    air = Air(Sender(), Sender(link=1, peer=2, kind=COPTER, starts_us=BEGIN, phase_us=400_000))
+    air.fleet = fleet
+    air.run(9)
+    assert air.alarms[0].endswith(": 10.0.0.4:14550 on udp and 10.0.0.9:5000 on radio")
 
 
 def test_signatures_are_counted_and_forgeries_told():

@@ -260,6 +260,9 @@ def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_ove
             sock.settimeout(5.0)
         numbers = {packet.system_id: packet.peer for packet in wait_for(ingest, 3)}
         assert until(lambda: ingest.health().links[0].peers == 3)
+        told = [ingest.address(0, numbers[k + 1]) for k in range(3)]
+        assert told == [f"{HOST}:{sock.getsockname()[1]}" for sock in socks]
+        assert ingest.address(0, 99) == ingest.address(1, 1) == ""
         os.kill(ingest.pid, signal.SIGKILL)
         assert until(lambda: ingest.health().restarts == 1 and ingest._process.ready)
         ingest.send(0, b"the second alone", numbers[2])

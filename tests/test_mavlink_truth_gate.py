@@ -244,3 +244,23 @@ def test_a_clock_that_jumps_is_followed_and_then_the_place_is_right_again(world)
     assert world.fleet.at(t_us).p_enu[0, 1] == pytest.approx(world.rover_truth(11, t_us)[1], abs=0.1)
     assert not world.fleet.at(t_us).vehicles[1].contested
     assert 0 < counts(world)["of another clock"] <= 20
+
+
+def test_a_height_that_leaps_and_comes_back_is_one_bad_receiver():
+    world = World(origin=FIELD)
+    world.run(3)
+    for tick in range(60):
+        world.copter(T0 + 3 * S + tick * 200_000, up=100.0 if 5 <= tick < 25 else 40.0)
+    assert not any(notice.level == "alarm" for notice in world.notices)
+    assert not world.fleet.at(T0 + 15 * S).vehicles[0].contested
+
+
+def test_a_reboot_without_a_fix_yet_is_no_bad_receiver():
+    world = World(origin=FIELD)
+    reboots_us = world.run(5)
+    states = set()
+    for k in range(20):
+        t_us = reboots_us + S + k * 100_000
+        world.feed(world.speakers[11].global_position_int(1500 + k * 100, 0, 0, 0), t_us)
+        states.add(world.fleet.at(t_us).vehicles[1].position_state)
+    assert states == {"stale", "never"}

@@ -148,6 +148,17 @@ class Ingest:
                 raise LinkError("the ingest has ended")
             self._process.send(link, data, peer)
 
+    def address(self, link: int, peer: int) -> str:
+        """Host and port of a sender, as packets of a link number them; empty where they are not known.
+
+        Args:
+            link: its place among the URLs.
+            peer: the sender's number on that link.
+        """
+        links = (self._told() or self._health).links
+        known = links[link].addresses if 0 <= link < len(links) else ()
+        return next((f"{host}:{port}" for number, host, port in known if number == peer), "")
+
     def health(self) -> IngestHealth:
         """How it is doing, as told some times a second."""
         told = self._told()
