@@ -101,6 +101,8 @@ class FlightVideo:
             yield _event("warning", "video", f"video: {now[0]}")
         if now[1] and now[1] != before[1]:
             yield _event("alarm", "recording", f"video is not recorded: {now[1]}")
+        if before[1] and not now[1]:
+            yield _event("info", "recording", "video is recorded again")
         if now[2] > before[2]:
             yield _event("warning", "video", "the video's process was started again")
 

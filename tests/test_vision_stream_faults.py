@@ -82,6 +82,8 @@ def test_a_silent_sender_is_told_and_taken_back(tmp_path):
             assert watched.shows(45) and not watched.stream.stalled and watched.stream.connected
         assert wait_for(lambda: watched.stream.stalled, 5)
         assert not watched.stream.connected
+        # what the transport held back to the end is not news: it stays stalled until something comes
+        assert not wait_for(lambda: not watched.stream.stalled, 3)
         with Sender(watched.port, coded(CLIP)[50:100]):
             assert wait_for(lambda: not watched.stream.stalled and len(watched.rows) > 60)
         assert watched.stream.restarts == 0 and watched.stream.recording_error == ""

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from fractions import Fraction
+from types import SimpleNamespace
 
 import av
 import numpy as np
 import pytest
 
+from vision import kept_file
 from vision.errors import VideoError
 from vision.recording import Recording
 from vision.video import VideoFile
@@ -216,6 +221,57 @@ def test_a_cut_recording_keeps_nearly_every_picture(tmp_path):
             assert [number_of(frame.image) for frame in video.frames()][:whole] == list(range(whole))[: video.n]
     assert sizes[-1] == len(data)
     recording.close()
+
+
+@pytest.mark.parametrize("how", ["file deleted", "folder deleted", "folder moved"])
+def test_a_recording_that_is_deleted_or_moved_is_put_back_and_goes_on(tmp_path, monkeypatch, how):
+    monkeypatch.setattr(kept_file, "LOOK_S", 0.0)
+    folder = tmp_path / "session"
+    folder.mkdir()
+    recording, told = Recording(folder / "video.mkv"), []
+    with av.open(str(write(tmp_path / "clip.mp4", steady(60), bframes=0))) as clip:
+        stream = clip.streams.video[0]
+        for index, packet in enumerate(packet for packet in clip.demux(stream) if packet.size):
+            now_s = float(packet.pts * packet.time_base)
+            if packet.is_keyframe and recording.wants_segment(stream, now_s):
+                recording.begin(stream, index, now_s)
+            if index == 15:
+                if how == "folder moved":
+                    folder.rename(tmp_path / "elsewhere")
+                elif how == "folder deleted":
+                    shutil.rmtree(folder)
+                else:
+                    recording.path.unlink()
+            recording.write(packet, now_s)
+            told.append(recording.error)
+    recording.close()
+    assert any("deleted or moved while it was written" in text for text in told) and recording.error == ""
+    with VideoFile.open(folder / "video.mkv") as video:
+        assert [number_of(frame.image) for frame in video.frames()] == [*range(16), *range(24, 60)]
+        assert video.missing == 8
+
+
+def test_a_full_disk_leaves_no_row_of_empty_files(tmp_path, monkeypatch):
+    recording = Recording(tmp_path / "video.mkv")
+
+    def full(packet):
+        recording.path.touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with av.open(str(write(tmp_path / "clip.mp4", steady(3), bframes=0))) as clip:
+        stream = clip.streams.video[0]
+        packet = next(clip.demux(stream))
+        for now_s in (0.0, 10.0, 30.0):
+            assert recording.wants_segment(stream, now_s)
+            recording.begin(stream, 0, now_s)
+            monkeypatch.setattr(recording, "_container", SimpleNamespace(mux=full, close=lambda: None))
+            recording.write(packet, now_s)
+            assert "No space left on device" in recording.error and list(tmp_path.glob("video*")) == []
+        recording.begin(stream, 0, 60.0)
+        recording.write(packet, 60.0)
+        assert recording.error == ""
+    recording.close()
+    assert [path.name for path in tmp_path.glob("video*")] == ["video.mkv"]
 
 
 def test_a_disk_that_fails_for_a_while_costs_what_came_meanwhile(tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ header which picture of the recording its first one is (``FIRST_FRAME``) and whe
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 from fractions import Fraction
 from pathlib import Path
@@ -18,6 +19,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
+from vision.kept_file import KeptFile
 
 __all__ = ["FIRST_FRAME", "START_US", "PictureOrder", "Recording", "require_new", "segment_path"]
 
@@ -25,7 +27,7 @@ FIRST_FRAME, START_US = "FIRST_FRAME", "START_US"
 OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"}
 TICK = Fraction(1, 1000)
 """Matroska's, s."""
-RETRY_S, LONGEST_RETRY_S = 2.0, 60.0
+RETRY_S, LONGEST_RETRY_S = 2.0, 8.0
 """After a failed write, before a new file is tried; doubles as long as it goes on failing."""
 MOST_SEGMENTS = 10_000
 
@@ -50,15 +52,18 @@ def segment_path(path: Path, k: int) -> Path:
 class Recording:
     """Files that packets are appended to, one after the other.
 
+    One that is deleted or moved while it is written is put back, and the next one begun.
+
     Attributes:
         segment: number of the file being written, -1 before the first.
-        error: what went wrong last, empty once a later file is being written.
     """
 
     def __init__(self, path: Path, segment: int = -1) -> None:
         self.path = path
         self.segment = segment
-        self.error = ""
+        self._error = ""
+        self._kept: KeptFile | None = None
+        self._put_back: KeptFile | None = None
         self._container: OutputContainer | None = None
         self._stream: CodedStream | None = None
         self._format: tuple[str, int, int] | None = None
@@ -66,6 +71,11 @@ class Recording:
         self._start_s = 0.0
         self._retry_s = 0.0
         self._pause_s = RETRY_S
+
+    @property
+    def error(self) -> str:
+        """What went wrong last, empty once a later file is being written."""
+        return self._error or (self._put_back.error if self._put_back else "")
 
     def wants_segment(self, stream: CodedStream, unix_s: float) -> bool:
         """Whether a key picture of ``stream`` has to begin a new file."""
@@ -75,7 +85,7 @@ class Recording:
 
     def begin(self, stream: CodedStream, first_frame: int, unix_s: float) -> None:
         """Start the next file with the picture ``first_frame`` taken at ``unix_s``."""
-        self.close()
+        self._end()
         try:
             container = self._create(first_frame, unix_s)
             self._stream = container.add_stream_from_template(stream)
@@ -98,20 +108,40 @@ class Recording:
         packet.time_base, packet.pts, packet.dts, packet.stream = TICK, max(pts, dts), dts, self._stream
         try:
             self._container.mux(packet)
-            self.error, self._pause_s = "", RETRY_S
+            self._error, self._pause_s = "", RETRY_S
+            self._look_after(unix_s)
         except (av.FFmpegError, OSError, ValueError) as error:
             self._fail(error, unix_s)
         packet.pts, packet.dts, packet.time_base = before
 
     def close(self) -> None:
         """Write the end of the file."""
+        self._end()
+        if self._put_back is not None:
+            self._put_back.close()
+
+    def _end(self) -> None:
+        if self._kept is not None:
+            self._kept.close()
+            self._kept = None
         container, self._container, self._stream = self._container, None, None
         if container is None:
             return
         try:
             container.close()
         except (av.FFmpegError, OSError) as error:
-            self.error = self.error or f"recording {self.path}: its end could not be written, {error}"
+            self._error = self._error or f"recording {self.path}: its end could not be written, {error}"
+
+    def _look_after(self, unix_s: float) -> None:
+        """Notice that the file is gone, which FFmpeg never would."""
+        if self._kept is None:
+            self._kept = KeptFile(segment_path(self.path, self.segment))
+        elif self._kept.gone():
+            kept, self._kept = self._kept, None
+            self._end()
+            kept.put_back()
+            self._put_back, self._retry_s = kept, unix_s
+            self._error = f"recording {kept.path}: deleted or moved while it was written"
 
     def _create(self, first_frame: int, unix_s: float) -> OutputContainer:
         while self.segment < MOST_SEGMENTS:
@@ -119,14 +149,20 @@ class Recording:
             path = segment_path(self.path, self.segment)
             if not path.exists():
                 break
+        path.parent.mkdir(parents=True, exist_ok=True)
         container: OutputContainer = av.open(str(path), "w", format="matroska", options=OPTIONS)
         container.metadata.update({FIRST_FRAME: str(first_frame), START_US: str(round(unix_s * 1e6))})
         return container
 
     def _fail(self, error: Exception, unix_s: float) -> None:
-        self.error = f"recording {segment_path(self.path, max(self.segment, 0))}: broken off, {error}"
+        path = segment_path(self.path, max(self.segment, 0))
+        self._error = f"recording {path}: broken off, {error}"
         self._retry_s, self._pause_s = unix_s + self._pause_s, min(2 * self._pause_s, LONGEST_RETRY_S)
-        self.close()
+        self._end()
+        with contextlib.suppress(OSError):
+            if path.stat().st_size == 0:  # nothing of it came on the disk: the next attempt has its name
+                path.unlink()
+                self.segment -= 1
 
 
 def _format(stream: CodedStream) -> tuple[str, int, int]:

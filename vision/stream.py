@@ -229,7 +229,7 @@ class VideoStream:
 
     def _take(self, progress: Progress) -> None:
         """Pictures listed and numbers counted."""
-        if progress.rows:
+        if progress.rows and progress.connected:  # else they are the last ones of a connection that is over
             self._heard_s = time.monotonic()
         for index, t_us in progress.rows:
             self.received, self._last_us = index + 1, t_us

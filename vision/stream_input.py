@@ -51,6 +51,8 @@ class Input:
     container: InputContainer
     arrival_s: Callable[[], float] = time.time
     """Unix time at which the packet that came out last came in."""
+    live: Callable[[], bool] = lambda: True
+    """False once nothing more comes and only what was held back is handed out."""
     drains: bool = False
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
 
@@ -84,10 +86,14 @@ def datagrams(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | 
         return None
     packet = parse(first)
     if source.codec == "mpegts" or (source.codec == "" and _is_mpegts(first)):
-        return replace(_mpegts(source, _Bytes(port, lambda data: 0)), arrival_s=lambda: port.arrival_s)
+        return _of_port(port, _mpegts(source, _Bytes(port, lambda data: 0)))
     if packet is not None and packet.kind == MPEG_TS:
-        return replace(_mpegts(source, _Bytes(port, _rtp_header)), arrival_s=lambda: port.arrival_s)
+        return _of_port(port, _mpegts(source, _Bytes(port, _rtp_header)))
     return _rtp(source, port, go_on)
+
+
+def _of_port(port: Port, opened: Input) -> Input:
+    return replace(opened, arrival_s=lambda: port.arrival_s, live=lambda: port.live)
 
 
 def _open(source: Source) -> InputContainer:
@@ -179,7 +185,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         if opened.stream.codec_context.width:
             decided.set()
             packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
-            return replace(opened, tick_s=1 / TICK_HZ, packets=packets, arrival_s=lambda: port.arrival_s)
+            return _of_port(port, replace(opened, tick_s=1 / TICK_HZ, packets=packets))
         opened.container.close()
     if not go_on():
         return None

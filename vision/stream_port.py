@@ -103,6 +103,11 @@ class Port:
         self._open = self._held is not None
         return self._held[0] if self._held else b""
 
+    @property
+    def live(self) -> bool:
+        """Whether the connection goes on."""
+        return self._open
+
     def read(self) -> bytes:
         """The next datagram of this connection, empty at its end and from then on until ``wait``."""
         data = self._next() if self._open else b""

@@ -134,7 +134,7 @@ class _Connection:
                 self._busy_since_s = now_s
             if packet.size:
                 arrival_s = self._arrive(packet)
-                reader.progress.connected = True
+                reader.progress.connected = self._source.live()
                 if held is not None:
                     # packets buffered while opening came earlier than now: hold them until one comes that is on time
                     held.append((packet, arrival_s))

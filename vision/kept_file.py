@@ -1,0 +1,62 @@
+"""A file that a library writes, held open beside it: when it is deleted, moved or unmounted, it is put back."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+from pathlib import Path
+
+__all__ = ["KeptFile"]
+
+LOOK_S = 0.5
+JOIN_S = 1.5
+
+
+class KeptFile:
+    """One file.
+
+    Attributes:
+        error: why it could not be put back, empty while it could.
+
+    Raises:
+        OSError: it is not there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.error = ""
+        self._file = path.open("rb", buffering=0)
+        self._looked_s = time.monotonic()
+        self._copying: threading.Thread | None = None
+
+    def gone(self) -> bool:
+        """Whether its name is; looked for twice a second."""
+        now_s = time.monotonic()
+        if now_s - self._looked_s < LOOK_S:
+            return False
+        self._looked_s = now_s
+        return not os.fstat(self._file.fileno()).st_nlink or not self.path.exists()
+
+    def put_back(self) -> None:
+        """Copy what was written so far to where it was, in a thread of its own; then let go of it."""
+        self._copying = threading.Thread(target=self._copy, name="put back", daemon=True)
+        self._copying.start()
+
+    def close(self) -> None:
+        """Let go, once it is put back where that was asked for."""
+        if self._copying is None:
+            self._file.close()
+        else:
+            self._copying.join(JOIN_S)
+
+    def _copy(self) -> None:
+        try:
+            with self._file:
+                self.path.parent.mkdir(parents=True, exist_ok=True)
+                self._file.seek(0)
+                with self.path.open("xb") as new:
+                    shutil.copyfileobj(self._file, new, 1 << 20)
+        except OSError as error:
+            self.error = f"recording {self.path}: deleted, and cannot be put back, {error.strerror}"
