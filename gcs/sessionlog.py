@@ -25,8 +25,13 @@ RECORDED = "telemetry.tlog"
 """A log of this name is one that we recorded, and may have segments and tables beside it."""
 
 
+_SILENT = "telemetry.tlog: nothing was received in flight; there is only the video"
+
+
 class SessionLog:
     """Every record once, in the order of arrival.
+
+    A flight with pictures during which nothing was received is a recording too, without a record.
 
     Attributes:
         path: of the first segment.
@@ -41,10 +46,11 @@ class SessionLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         recorded = path.name == RECORDED
-        self._logs, troubles = _open(segments(path) if recorded else [path], path)
+        silent = recorded and bool(segments(path.with_name("frames.csv"))) and _is_empty(path)
+        self._logs, troubles = ([], [_SILENT]) if silent else _open(segments(path) if recorded else [path], path)
         self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
         parts = [log.index.t_us[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
-        stamped_us: Ints = np.concatenate(parts)
+        stamped_us: Ints = np.concatenate([np.empty(0, dtype=np.int64), *parts])
         self._leaps, self._found = 0, not (recorded and _any(path, "clock.csv", "frames.csv"))
         if self._found and len(self._logs) == 1:
             self.steps = steps_of(self._logs[0])
@@ -62,13 +68,13 @@ class SessionLog:
 
     @property
     def start_us(self) -> int:
-        """Earliest record."""
-        return int(self._t_us.min())
+        """Earliest record; 0 where there is none."""
+        return int(self._t_us.min()) if len(self) else 0
 
     @property
     def stop_us(self) -> int:
-        """Latest record."""
-        return int(self._t_us.max())
+        """Latest record; 0 where there is none."""
+        return int(self._t_us.max()) if len(self) else 0
 
     def packets(self) -> Iterator[Packet]:
         """All records; those that were not believed carry the reason."""
@@ -122,6 +128,10 @@ def _open(paths: list[Path], first: Path) -> tuple[list[Tlog], list[str]]:
     if not logs:
         raise TlogError(troubles[0])
     return logs, troubles
+
+
+def _is_empty(path: Path) -> bool:
+    return bool(segments(path)) and not any(part.stat().st_size for part in segments(path))
 
 
 def _any(path: Path, *names: str) -> bool:
