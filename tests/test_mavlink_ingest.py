@@ -470,3 +470,21 @@ def test_records_are_numbered_over_all_processes(started, sender, tmp_path):
     rows = [row.split(",") for table in tables for row in table.read_text().splitlines()[1:]]
     assert [int(row[0]) for row in rows] == numbers
     assert ingest.health().refused == 30
+
+
+@pytest.mark.parametrize("out", ["udpout:{host}:{port}", "udpout:localhost:{port}?ro"])
+def test_an_output_into_a_port_of_our_own_is_refused(tmp_path, out):
+    port = free_port()
+    with pytest.raises(LinkError, match="own udpin"):
+        Ingest(
+            [f"udpin:0.0.0.0:{port}"],
+            tmp_path / "telemetry.tlog",
+            outputs=Outputs(urls=(out.format(host=HOST, port=port),)),
+        )
+    assert is_free(port) and list(tmp_path.iterdir()) == []
+
+
+def test_a_link_given_twice_is_told_as_that(tmp_path):
+    url = f"udpin:{HOST}:{free_port()}"
+    with pytest.raises(LinkError, match="given twice"):
+        Ingest([url, url], tmp_path / "telemetry.tlog")

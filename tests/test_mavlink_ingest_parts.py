@@ -366,3 +366,22 @@ def test_each_change_is_told_once():
     assert told[0] == ("alarm", "udp: lost, trying on") and "1,500 datagrams of strangers" in told[1][1]
     assert "15 packets were recorded and not shown" in told[2][1] and len(told) == 3
     assert changes.of(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [("info", "udp: back")]
+
+
+def test_a_connection_that_is_being_made_is_not_lost_and_one_that_flaps_is_told_now_and_then():
+    changes, told = Changes(), []
+    link = LinkReport(name="tcp", counts=LinkCounts(), connected=False)
+    for connected in [False] * 5 + [True] * 5:
+        told += changes.of(IngestHealth(links=(replace(link, connected=connected),)))
+    assert told == []
+    for look in range(200):
+        told += changes.of(IngestHealth(links=(replace(link, connected=look % 3 == 0),)))
+    assert 4 <= len(told) <= 20 and told[:2] == [("alarm", "tcp: lost, trying on"), ("info", "tcp: back")]
+
+
+def test_a_connection_that_is_never_made_is_told_once():
+    changes, told = Changes(), []
+    link = LinkReport(name="tcp", counts=LinkCounts(), connected=False)
+    for _ in range(60):
+        told += changes.of(IngestHealth(links=(link,)))
+    assert told == [("alarm", "tcp: no connection yet, trying on")]

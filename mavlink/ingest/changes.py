@@ -10,6 +10,10 @@ Told = tuple[str, str]
 """Level and text."""
 GROWN = 2.0
 """A loss is told again when it is so many times what was told."""
+PATIENCE = 10
+"""A connection that is being made is not missed for so many looks, twice a second."""
+QUIET = 20
+"""Nor is one that comes and goes lost again for so many."""
 
 
 class Changes:
@@ -17,6 +21,7 @@ class Changes:
 
     def __init__(self) -> None:
         self._connected: dict[str, bool] = {}
+        self._patience: dict[str, int] = {}
         self._narrow: dict[str, bool] = {}
         self._losses: dict[str, int] = {}
         self._troubles: frozenset[str] = frozenset()
@@ -38,17 +43,25 @@ class Changes:
         return told
 
     def _link(self, link: LinkReport) -> list[Told]:
-        told: list[Told] = []
-        if link.connected != self._connected.get(link.name, True):
-            told.append(
-                ("info", f"{link.name}: back") if link.connected else ("alarm", f"{link.name}: lost, trying on")
-            )
+        told = self._connection(link)
         if link.narrow != self._narrow.get(link.name, False):
             away = f"{link.name}: {link.counts.turned_away:,} datagrams of strangers were turned away"
             start = f"{link.name}: strangers flood this port; only few of their datagrams are let in"
             told.append(("alarm", start) if link.narrow else ("info", f"{away}; the flood is over"))
-        self._connected[link.name], self._narrow[link.name] = link.connected, link.narrow
+        self._narrow[link.name] = link.narrow
         return told
+
+    def _connection(self, link: LinkReport) -> list[Told]:
+        name, before = link.name, self._connected.get(link.name)
+        patience = self._patience[name] = max(self._patience.get(name, PATIENCE + 1) - 1, 0)
+        if link.connected:
+            if before is not True:
+                self._connected[name], self._patience[name] = True, QUIET if before is False else 0
+            return [("info", f"{name}: back")] if before is False else []
+        if before is False or patience:
+            return []
+        self._connected[name] = False
+        return [("alarm", f"{name}: lost, trying on" if before else f"{name}: no connection yet, trying on")]
 
     def _loss(self, name: str, count: int, text: str) -> list[Told]:
         before = self._losses.get(name, 0)

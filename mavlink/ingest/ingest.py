@@ -22,7 +22,7 @@ from mavlink.ingest.process import START_S, IngestProcess
 from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
 from mavlink.keys import SigningError
 from mavlink.link_tally import LinkCounts, now_us
-from mavlink.link_url import parse_url
+from mavlink.link_url import LinkUrl, parse_url
 from mavlink.packet import Packet
 
 __all__ = ["Ingest"]
@@ -69,6 +69,8 @@ class Ingest:
     ) -> None:
         links = [parse_url(url) for url in urls]
         self.names = tuple(link.name for link in links)
+        _check_once(self.names)
+        _check_outputs(links, outputs.urls if outputs else ())
         self._sockets: list[socket.socket | None] = []
         self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
@@ -324,3 +326,23 @@ class Ingest:
             if sock is not None:
                 sock.close()
         os.close(self._memory_fd)
+
+
+def _check_once(names: Sequence[str]) -> None:
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), "")
+    if twice:
+        raise LinkError(f"{twice}: given twice; name each link once")
+
+
+def _check_outputs(links: Sequence[LinkUrl], outputs: Sequence[str]) -> None:
+    """An output into a port of our own would record everything twice."""
+    for output in outputs:
+        out = parse_url(output.partition("?")[0])
+        for link in links:
+            here = out.host == link.host or (_is_local(out.host) and (link.host == "0.0.0.0" or _is_local(link.host)))
+            if out.kind.removesuffix("out") + "in" == link.kind and out.port == link.port and here:
+                raise LinkError(f"{output}: leads back to this station's own {link.name}; forward to another port")
+
+
+def _is_local(host: str) -> bool:
+    return host == "localhost" or host.startswith("127.")
