@@ -174,9 +174,7 @@ def _unheard(snapshot: Snapshot) -> Iterator[Finding]:
 def _link(link: LinkHealth) -> Iterator[Finding]:
     advice = "check radio, cable and port; vehicles send nothing until asked"
     if link.name.startswith("udpout:"):
-        advice = (
-            "the other end answers who speaks to it: give --command, or have it send to a port and listen with udpin"
-        )
+        advice = "only with --command does this station speak first: else have the other end send here, and use udpin"
     if not link.silent_s <= SILENT_S:
         yield Finding(
             key=f"link {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,

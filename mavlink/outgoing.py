@@ -1,14 +1,15 @@
 """The one way out for whatever the station itself says: only to the UAV, numbered in one row, signed, recorded.
 
 Everything not addressed to the UAV is dropped here and counted, whoever made it, but HEARTBEAT and TIMESYNC, which have
-no address and go only to where the UAV is heard. So nothing is ever sent to a ground vehicle.
+no address and go only to where the UAV is heard. So nothing is ever sent to a ground vehicle. On a link whose other end
+sends to nobody before it was spoken to, heartbeats knock until the UAV is heard there.
 """
 
 from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from mavlink.dialect import DEFINITIONS, message_name
 from mavlink.errors import LinkError
@@ -53,6 +54,7 @@ class Outgoing:
             none; a link on which several speak must not pass the frame to the others.
         sign: makes a signed frame of an unsigned one, for a link; None leaves frames unsigned.
         sent: told the link and every frame that left, as it left.
+        knock: links to one address each (``udpout:``) that is told of this station by its heartbeats.
     """
 
     def __init__(
@@ -62,11 +64,13 @@ class Outgoing:
         *,
         sign: Callable[[bytes, int], bytes] | None = None,
         sent: Callable[[int, bytes], None] = lambda link, raw: None,
+        knock: Collection[int] = (),
     ) -> None:
         self._uav = uav
         self._send = send
         self._sign = sign
         self._sent = sent
+        self._knock = tuple(knock)
         self._lock = threading.Lock()
         self._seq = 0
         self._where: dict[int, tuple[int, int]] = {}
@@ -111,20 +115,28 @@ class Outgoing:
                 link = next(iter(self.links), None)
             if link is None or link not in self._where:
                 return False
-            frame = _numbered(raw, self._seq)
-            self._seq = (self._seq + 1) & 0xFF
-            frame = self._sign(frame, link) if self._sign is not None else frame
-            try:
-                self._send(link, self._where[link][0], frame)
-            except LinkError:
-                return False
-            self.count += 1
-            self._sent(link, frame)
-            return True
+            return self._leave(raw, link, self._where[link][0])
 
     def give_everywhere(self, raw: bytes) -> int:
-        """Sends a frame on every link on which the UAV is heard; on how many it left."""
-        return sum(self.give(raw, link) for link in self.links)
+        """Sends a frame wherever the UAV is heard, a heartbeat also where it knocks; on how many links it left."""
+        heard = self.links
+        left = sum(self.give(raw, link) for link in heard)
+        if not only_to_uav(raw, self._uav) or Packet(0, raw).message_id != _HEARTBEAT:
+            return left
+        with self._lock:
+            return left + sum(self._leave(raw, link, 0) for link in self._knock if link not in heard)
+
+    def _leave(self, raw: bytes, link: int, peer: int) -> bool:
+        frame = _numbered(raw, self._seq)
+        self._seq = (self._seq + 1) & 0xFF
+        frame = self._sign(frame, link) if self._sign is not None else frame
+        try:
+            self._send(link, peer, frame)
+        except LinkError:
+            return False
+        self.count += 1
+        self._sent(link, frame)
+        return True
 
 
 def _numbered(raw: bytes, seq: int) -> bytes:

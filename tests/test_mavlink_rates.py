@@ -369,6 +369,17 @@ def test_the_uav_is_spoken_to_where_it_was_heard_last():
     assert out.links == [2], "not heard on the other for long"
 
 
+def test_heartbeats_alone_knock_where_nobody_speaks_first_until_the_uav_is_heard_there():
+    out, left = sent_by(knock=(3,))
+    assert out.give_everywhere(GROUND.heartbeat(GCS)) == 1 and [(link, peer) for link, peer, _ in left] == [(3, 0)]
+    assert out.give_everywhere(GROUND.timesync(0, 1)) == 0
+    assert out.give_everywhere(GROUND.pack(dialect.MAVLink_command_long_message(1, 1, 400, *[0] * 8))) == 0
+    out.heard(packet(UAV.heartbeat(2), link=3, peer=1))
+    assert out.give_everywhere(GROUND.heartbeat(GCS)) == 1 and left[-1][:2] == (3, 1)
+    out.heard(packet(UAV.heartbeat(2), link=0, t_us=30_000_000))
+    assert out.give_everywhere(GROUND.heartbeat(GCS)) == 2, "silent there, it is looked for again"
+
+
 def test_a_link_that_cannot_send_is_no_error():
     def fails(link: int, peer: int, raw: bytes) -> None:
         raise LinkError("unplugged")
