@@ -20,6 +20,7 @@ _BEHIND_US = 500_000  # a link this far behind another tells how the vehicle was
 _FIRST_HAND = 10  # a channel with so many new messages on end has no copies: numbers have come round in its heartbeats
 _ALARM_AFTER = 3
 _ALARM_EVERY_US = 30_000_000
+_ALARM_GROWN = 2  # what goes on all the time is told again when it is so many times what was told
 _REFUSED_AS = {Auth.UNSIGNED: "no signature", Auth.BAD: "bad signature", Auth.REPLAYED: "replayed signature"}
 
 
@@ -83,7 +84,8 @@ class Reception:
         self._channel = _Channel()
         self._copies = Copies()
         self._refused = 0
-        self._alarm_us = -_ALARM_EVERY_US
+        self._alarm_us = self._refused_us = -_ALARM_EVERY_US
+        self._told = 0
 
     def take(self, packet: Packet, message_id: int) -> bool:
         """Counts a packet that may be believed; False for a copy of one that came before."""
@@ -118,9 +120,13 @@ class Reception:
         else:
             self.bad_signature += 1
         self._refused += 1
-        if self._refused < _ALARM_AFTER or abs(packet.t_us - self._alarm_us) < _ALARM_EVERY_US:
+        if abs(packet.t_us - self._refused_us) > _ALARM_EVERY_US:
+            self._told = 0  # it had stopped
+        self._refused_us = packet.t_us
+        grown = self._refused >= max(_ALARM_AFTER, _ALARM_GROWN * self._told)
+        if not grown or abs(packet.t_us - self._alarm_us) < _ALARM_EVERY_US:
             return ""
-        self._alarm_us = packet.t_us
+        self._alarm_us, self._told = packet.t_us, self._refused
         return f"{self._refused} packets refused, {_REFUSED_AS.get(packet.auth, 'signature from the future')}"
 
     @property

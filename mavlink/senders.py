@@ -23,6 +23,7 @@ _SEVERAL_US = 3_000_000
 _LATE_PLACE_M = 10.0
 _BOOT_US = 500_000  # an autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time
 _ADDRESS_TURNS = 4
+_ADDRESSES_US = 600_000_000  # two radios into one port last a whole flight
 _KINDS = 8
 _USUAL, _OTHER = "usual", "other"
 
@@ -43,6 +44,7 @@ class Senders:
         address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
         self.told = Told()
+        self._told_rarely = Told(_ADDRESSES_US)
         self.hardware_text = ""
         """Hardware id in hexadecimal, empty until told."""
         self._links, self._address = links, address
@@ -197,7 +199,7 @@ class Senders:
     def _two_addresses(self, t_us: int, system_id: int) -> str:
         """A second radio into one port looks like this, and so does somebody who says the same: told, not refused."""
         turns = self._addresses
-        if not turns.established(_ADDRESS_TURNS, t_us) or not self.told.due("addresses", t_us):
+        if not turns.established(_ADDRESS_TURNS, t_us) or not self._told_rarely.due("addresses", t_us):
             return ""
         return f"system {system_id} speaks from two addresses ({self.where(turns.other)} and {self.where(turns.where)})"
 

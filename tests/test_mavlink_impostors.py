@@ -351,6 +351,18 @@ def test_signatures_are_counted_and_forgeries_told():
     assert air.status(12).unsigned > 0 and air.status(12).signed == 0
 
 
+def test_what_lasts_is_told_ever_more_rarely_and_again_when_it_comes_back():
+    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV).heartbeat()
+
+    def told(start_s, stop_s):
+        return sum(bool(fleet.feed(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))) for k in range(start_s, stop_s))
+
+    assert 5 <= told(0, 3600) <= 12
+    assert told(4000, 4010) == 1
+    air = Air(Sender(), Sender(peer=2, seq=140, phase_us=100_000)).run(100)
+    assert sum("two addresses" in notice.text for notice in air.notices) == 1
+
+
 def test_the_second_copy_of_a_signed_packet_is_no_replay():
     fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
     for i in range(10):
