@@ -28,6 +28,8 @@ from vision.video import Frame
 __all__ = ["VideoStream"]
 
 STALL_S = 1.0
+AWAKE = 2
+"""Pictures that end a stall."""
 START_PATIENCE_S = 20.0
 """For a process to say its first word."""
 LOOK_S = 0.2
@@ -82,6 +84,7 @@ class VideoStream:
         self._last_us = 0
         self._late = 0
         self._heard_s = time.monotonic()
+        self._waking = 0
         self._stop = threading.Event()
         self._answered = threading.Condition()
         self._answer: Picture | None = None
@@ -229,14 +232,21 @@ class VideoStream:
 
     def _take(self, progress: Progress) -> None:
         """Pictures listed and numbers counted."""
-        if progress.rows and progress.connected:  # else they are the last ones of a connection that is over
-            self._heard_s = time.monotonic()
+        if progress.rows and progress.connected:
+            self._hear(len(progress.rows))
         for index, t_us in progress.rows:
             self.received, self._last_us = index + 1, t_us
             self._list(index, t_us)
         self._progress = progress.after(self._before)
         if progress.ended:
             self._notify(None)
+
+    def _hear(self, pictures: int) -> None:
+        """A lone picture ends no stall: transports hold the last one back until they give up."""
+        if self.stalled and self._waking + pictures < AWAKE:
+            self._waking += pictures
+        else:
+            self._waking, self._heard_s = 0, time.monotonic()
 
     def _list(self, index: int, t_us: int) -> None:
         if self._on_frame is None:

@@ -121,6 +121,8 @@ class Child:
         with closing(opened.container):
             try:
                 self._reader.read(opened, paced=self._source.paced)
+            except av.ExitError:
+                self._complain(f"video {self._source.text}: nothing came for {READ_TIMEOUT_S:g} s")
             except (av.FFmpegError, OSError, ValueError) as error:
                 self._complain(f"video {self._source.text}: {reason(error)}")
 

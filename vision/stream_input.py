@@ -32,6 +32,8 @@ READ_TIMEOUT_S = 2.0
 SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
 """For key pictures that are far apart; a stream that tells its size at once is opened at once."""
 READ_BYTES = 32768
+PATIENCE_S = 6.0
+"""For a first picture in RTP, before it is told that none can be had."""
 GUESS_S = 2.0
 """For the first picture of a codec that was guessed, before it is guessed anew."""
 REORDERED = 2
@@ -173,8 +175,10 @@ def _mpegts(source: Source, file: _Bytes) -> Input:
 def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
     """Open at the first picture that decoding can begin with."""
     depacketizer, decided = Depacketizer(source.codec), threading.Event()
-    units = _units(port, depacketizer, decided if source.codec == "" else None)
+    units = _units(port, depacketizer, decided, guess=source.codec == "")
+    heard = False
     for unit in units:
+        heard = True
         if not unit.key:
             continue
         try:
@@ -189,17 +193,25 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         opened.container.close()
     if not go_on():
         return None
+    if heard:
+        raise VideoError(
+            f"video {source.text}: RTP comes, but no picture yet that decoding can begin with; let the sender repeat "
+            "its SPS and PPS with every key picture, or name its .sdp file instead"
+        )
     raise VideoError(
         f"video {source.text}: what comes is neither MPEG-TS nor RTP with H.264 or H.265 that can be decoded"
     )
 
 
-def _units(port: Port, depacketizer: Depacketizer, decided: threading.Event | None) -> Iterator[Unit]:
-    """Access units; until it is decided what they are, the guess is made anew from time to time."""
-    guessed_s = time.monotonic()
+def _units(port: Port, depacketizer: Depacketizer, decided: threading.Event, *, guess: bool) -> Iterator[Unit]:
+    """Access units; until it is decided what they are, a guess is made anew from time to time, and then given up."""
+    began_s = guessed_s = time.monotonic()
     while data := port.read():
-        if decided is not None and not decided.is_set() and time.monotonic() - guessed_s > GUESS_S:
-            depacketizer.codec, guessed_s = "", time.monotonic()
+        if not decided.is_set():
+            if time.monotonic() - began_s > PATIENCE_S:
+                return
+            if guess and time.monotonic() - guessed_s > GUESS_S:
+                depacketizer.codec, guessed_s = "", time.monotonic()
         datagram = parse(data)
         if datagram is not None:
             yield from depacketizer.feed(datagram)
