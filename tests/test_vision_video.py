@@ -192,6 +192,17 @@ def test_a_recording_in_several_files_is_one_video(tmp_path):
         assert video.n == len(list(video.frames())) == 10
 
 
+def test_a_part_that_somebody_deleted_costs_itself_only(tmp_path):
+    path = broken_off(tmp_path)
+    times = 5_000_000 + np.arange(38) * 40_000
+    (tmp_path / "video.1.mkv").rename(tmp_path / "video.10.mkv")
+    with VideoFile.open(path, times) as video:
+        assert [frame.index for frame in video.frames()] == [*range(20), *range(23, 38)]
+    path.unlink()
+    with VideoFile.open(path, times) as video:
+        assert [(frame.index, number_of(frame.image)) for frame in video.frames()] == [(k, k) for k in range(23, 38)]
+
+
 def test_a_file_of_another_recording_is_not_taken_in(tmp_path):
     path = write(tmp_path / "video.mkv", steady(10))
     write(tmp_path / "video.1.mkv", steady(10))

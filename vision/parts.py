@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from contextlib import closing
 from dataclasses import replace
-from itertools import count, pairwise
+from glob import escape
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from vision.errors import VideoError
 from vision.pictures import PictureIndex, PictureReader, open_video, read_index
-from vision.recording import FIRST_FRAME, START_US, segment_path
+from vision.recording import FIRST_FRAME, START_US
 
 __all__ = ["Part", "read_parts"]
 
@@ -88,10 +89,7 @@ def read_parts(path: Path) -> tuple[Part, ...]:
 
 def _following(path: Path) -> list[Part]:
     parts: list[Part] = []
-    for k in count(1):
-        further = segment_path(path, k)
-        if not further.is_file():
-            return parts
+    for further in _numbered(path):
         try:
             first, start_us = _place(further)
             if first >= 0:
@@ -100,6 +98,13 @@ def _following(path: Path) -> list[Part]:
             # broken off before its first picture
             continue
     return parts
+
+
+def _numbered(path: Path) -> list[Path]:
+    """The files of a recording after the first, in order; one that somebody deleted is no end."""
+    files = path.parent.glob(f"{escape(path.stem)}.*{path.suffix}")
+    named = [(file.stem.removeprefix(f"{path.stem}."), file) for file in files]
+    return [file for _, file in sorted((int(number), file) for number, file in named if number.isdecimal())]
 
 
 def _place(path: Path) -> tuple[int, int]:
