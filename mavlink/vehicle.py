@@ -140,6 +140,8 @@ class Vehicle:
         """SYSTEM_TIME and TIMESYNC of the autopilot: only ever told, no position depends on them."""
         if self._component not in (0, sample.component_id):
             return  # a companion's
+        if self.contested(sample.t_us):
+            self._times.restart()  # two clocks together drift like none
         # a late link goes on telling of the count before a restart
         if isinstance(sample, SystemTime) and sample.unix_us and sample.t_us - self.clock.restarted_us > _LATE_MOST_US:
             self.senders.booted(sample.t_us, self.reception.speaker, sample.unix_us - sample.boot_ms * 1000)

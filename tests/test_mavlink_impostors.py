@@ -351,6 +351,24 @@ def test_signatures_are_counted_and_forgeries_told():
     assert air.status(12).unsigned > 0 and air.status(12).signed == 0
 
 
+def test_clock_readings_of_two_senders_are_no_drift():
+    senders = [
+        Sender(),
+        Sender(peer=2, booted_us=T0 - 61 * S, shift=(-80.0, 0.0), starts_us=BEGIN, ends_us=BEGIN + 5 * S),
+    ]
+    air = Air(*senders)
+    for _ in range(50):
+        air.run(2)
+        for sender in senders:
+            if sender.starts_us <= air.now_us < sender.ends_us:
+                answer = sender.speaker.timesync(
+                    (air.now_us - sender.booted_us) * 1000, (air.now_us - 6000 // sender.peer) * 1000
+                )
+                air.notices += air.fleet.feed(Packet(air.now_us, answer, 0, sender.peer))
+    assert abs(air.status().drift_ppm) < 100
+    assert not any("ppm" in notice.text for notice in air.notices)
+
+
 def test_what_lasts_is_told_ever_more_rarely_and_again_when_it_comes_back():
     fleet, raw = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV).heartbeat()
 
