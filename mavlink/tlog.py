@@ -9,6 +9,7 @@ import mmap
 import os
 import struct
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +144,8 @@ class Tlog:
         except FileExistsError:
             raise TlogError(f"{out}: exists already, and recordings are never overwritten") from None
         except OSError as error:
+            with suppress(OSError):
+                out.unlink()  # a part of a copy, and only ever ours
             raise TlogError(f"{out}: cannot be written: {error.strerror}") from error
         return rows.size
 

@@ -1,3 +1,5 @@
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +90,19 @@ def test_cut_writes_a_new_log_and_never_over_one(log_path, tmp_path):
     with pytest.raises(TlogError, match="never overwritten"):
         log.cut(out)
     assert out.read_bytes() == before
+
+
+def test_a_copy_that_a_full_disk_broke_off_is_not_left(log_path, tmp_path, monkeypatch):
+    def full(log, rows):
+        yield from PACKETS[:5]
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = log_path.read_bytes()
+    monkeypatch.setattr(Tlog, "_packets", full)
+    with pytest.raises(TlogError, match=r"out\.tlog: cannot be written: No space left on device"):
+        Tlog.open(log_path).cut(tmp_path / "out.tlog")
+    assert not (tmp_path / "out.tlog").exists()
+    assert log_path.read_bytes() == before
 
 
 def test_writer_never_overwrites(log_path):
