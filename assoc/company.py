@@ -1,45 +1,73 @@
-"""Who was seen beside whom: a track that was nobody while a vehicle was surely another's is hardly that one later."""
+"""Who was seen beside whom: two boxes in one picture are two vehicles, also after one of them is lost.
+
+While both tracks are seen the matching holds that. Once one of them is lost, what was believed of it goes on speaking
+against those that were seen beside it; one that began only since may be its vehicle.
+"""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = ["Company"]
 
+FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+_MOST = 8.0
+"""Most that lost tracks speak against another, nats: their names may have been wrong."""
+
 
 class Company:
-    """Remembers, for tracks that surely were nobody, the vehicles that surely were in the picture elsewhere."""
+    """Remembers the company of each track, and what was believed of it when it was seen last.
 
-    def __init__(self) -> None:
-        self._beside: dict[int, frozenset[int]] = {}
+    Tracks are columns of the history.
+    """
 
-    def forget(self, columns: Iterable[int]) -> None:
-        """Tracks that began anew, or that may be somebody else by now."""
-        for column in columns:
-            self._beside.pop(column, None)
+    def __init__(self, n_vehicles: int) -> None:
+        self._belief = np.zeros((0, n_vehicles))
+        self._beside = np.zeros((0, 0), np.bool_)
+        """(C, C) whether a track was seen beside another, too far from it to have been exchanged with it."""
 
-    def note(self, nobody: IntArray, named: IntArray, vehicles: IntArray) -> None:
-        """Take in what is sure now.
+    def begin(self, columns: IntArray, width: int) -> None:
+        """Tracks that are new in their ``columns``, of ``width`` in all."""
+        more = width - len(self._belief)
+        self._belief = np.pad(self._belief, ((0, more), (0, 0)))
+        self._beside = np.pad(self._beside, ((0, more), (0, more)))
+        self._belief[columns] = 0.0
+        self._beside[columns] = self._beside[:, columns] = False
+
+    def forget(self, columns: IntArray) -> None:
+        """Tracks that may be somebody else by now."""
+        self._beside[columns] = False
+
+    def note(self, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
+        """Take in the tracks of a frame.
 
         Args:
-            nobody: Columns of tracks that surely are none of ours.
-            named: Columns of those that surely are one of ours.
-            vehicles: Which of ours are surely seen.
+            seen: (s,) their columns.
+            place: (s, 2) on the ground, metres.
+            belief: (s, n) probability of each vehicle.
+            reach_m: Tracks nearer than this may be exchanged.
         """
-        self.forget(named.tolist())
-        seen = frozenset(vehicles.tolist())
-        for column in nobody.tolist():
-            self._beside[column] = self._beside.get(column, frozenset()) | seen
+        away = np.linalg.norm(place[:, None] - place[None], axis=2)
+        self._beside[np.ix_(seen, seen)] = away >= reach_m
+        self._belief[seen] = belief
 
-    def of(self, columns: IntArray, n_vehicles: int) -> BoolArray:
-        """(m, n) vehicles beside which each track was nobody."""
-        beside = np.zeros((len(columns), n_vehicles), np.bool_)
-        for row, column in enumerate(columns.tolist()):
-            beside[row, list(self._beside.get(column, ()))] = True
-        return beside
+    def log_free(self, columns: IntArray, seen: BoolArray) -> FloatArray:
+        """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).
+
+        Args:
+            columns: (m,) tracks.
+            seen: (m,) those in sight; all others are lost.
+
+        Returns:
+            (m, n), −8 at least.
+        """
+        lost = np.any(self._beside[columns], axis=0)
+        lost[columns[seen]] = False
+        held = np.zeros((len(columns), self._belief.shape[1]))
+        for k in np.flatnonzero(lost):
+            held = np.maximum(held, self._beside[columns, k][:, None] * self._belief[k])
+        return np.asarray(np.log(np.maximum(1.0 - held, np.exp(-_MOST))))

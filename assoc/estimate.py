@@ -49,7 +49,7 @@ class Estimator:
         self._memory = BiasMemory(log.n_vehicles)
         self._ended: dict[int, int] = {}
         self._sure: dict[int, int] = {}
-        self._company = Company()
+        self._company = Company(log.n_vehicles)
         self._thetas: list[FloatArray] = []
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
@@ -87,7 +87,7 @@ class Estimator:
         if len(fresh):
             mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
             self._state = restarted(self._state, fresh, mean, var)
-            self._company.forget(fresh.tolist())
+            self._company.begin(fresh, len(self._history.track_id))
             for column in fresh.tolist():
                 self._swaps.forget(column)
                 self._ended.pop(column, None)
@@ -113,8 +113,10 @@ class Estimator:
         found = self._search(scene, camera)
         share = weights(found)
         self._thetas, self.theta_std = [h.theta for h in found[:3]], found[0].theta_std
-        p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, len(live)),
-                            scene.in_view)  # fmt: skip
+        seen = scene.gap_s <= 0.0
+        free = self._company.log_free(live, seen)
+        p = mixed_marginals(found, share, self._bias_std, self._stranger_chance(t, scene), scene.in_view, free)
+        self._company.note(live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, scene, found[0], p, float(share[0]))
         p, self.conflict = self._watch.review(t, scene, found[0], p)
         self._fold(scene, found[0])
@@ -156,7 +158,7 @@ class Estimator:
         return Scene(
             history=self._history, columns=columns, live=len(live),
             gap_s=t - self._history.last_s[live], replaced=replaced(t, self._history, live, self.theta),
-            beside=self._company.of(live, self._log.n_vehicles), anchors=anchors, log=self._log,
+            anchors=anchors, log=self._log,
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
@@ -183,13 +185,16 @@ class Estimator:
 
     def _note_places(self, t: float, seen: IntArray, camera: CameraState) -> None:
         """Tell the watch over tracker's swaps where the tracks are now."""
-        g = ground_now(self._history.ray[self._history.n - 1, seen], camera.R_enu_cam, camera.p_enu, camera.ground_z,
-                       self.theta)  # fmt: skip
         since = self._history.start(self._noted_s + 1e-6)
         missed = np.any(np.isnan(self._history.ray[since : self._history.n, seen, 0]), axis=0)
-        in_danger = self._swaps.note(t, seen, g, missed, self._first_block)
-        self._company.forget(seen[in_danger].tolist())
+        risky = self._swaps.note(t, seen, self._places(seen, camera), missed, self._first_block)
+        self._company.forget(seen[risky])
         self._noted_s = t
+
+    def _places(self, columns: IntArray, camera: CameraState) -> FloatArray:
+        """(m, 2) where tracks are now, NaN unseen."""
+        rays = self._history.ray[self._history.n - 1, columns]
+        return ground_now(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
 
     def _in_view(self, t: float, camera: CameraState) -> FloatArray:
         """(n,) how likely each vehicle is in the picture."""
@@ -229,11 +234,14 @@ class Estimator:
         """(m,) vehicles that the live tracks surely were, −1 none."""
         return np.array([self._sure.get(column, -1) for column in scene.columns[: scene.live].tolist()], np.int64)
 
-    def _stranger_chance(self, t: float, m: int) -> FloatArray:
-        """(m,) prior chance of a look-alike, larger while strangers are about."""
-        q = self._params
-        recent = t - self._stranger_s < _STRANGER_S
-        return np.full(m, q.interloper_seen if recent else q.interloper)
+    def _stranger_chance(self, t: float, scene: Scene) -> float:
+        """Prior chance of a look-alike, larger while strangers are about or more is seen than is expected."""
+        q, seen = self._params, max(int(np.sum(scene.gap_s <= 0.0)), 1)
+        if t - self._stranger_s < _STRANGER_S:
+            return q.interloper_seen
+        # c = c₀ + (c₁ − c₀) max(seen − Σ v, 0) / seen
+        left_over = max(seen - float(np.sum(scene.view)), 0.0) / seen
+        return q.interloper + (q.interloper_seen - q.interloper) * left_over
 
     def _learn(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray, share: float) -> None:
         """Keep what is sure: biases, strangers, anchors, and whether the search may rest."""
@@ -253,7 +261,6 @@ class Estimator:
         nobody = sure & (top == n) & (age > _STRANGE_S)
         if more and np.any(nobody):
             self._stranger_s = t
-        self._company.note(live[nobody], live[rows], top[rows[scene.gap_s[rows] <= 0.0]])
         for row, column in enumerate(live.tolist()):
             self._sure.pop(column, None)
             if sure[row] and top[row] < n:

@@ -31,7 +31,7 @@ def noise_of(q: IdentifierParams, camera: CameraState, *, white_std_m: float, bi
         patience: (n,) see :class:`Noise`.
     """
     height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
-    area = float(np.clip(2.0 * height**2, 500.0, 5e4))
+    area = float(np.clip(2.0 * height**2, 50.0, 5e4))
     return Noise(
         white_var=white_std_m**2 + _EXTRA_WHITE_VAR, bias_std=bias_std, decay=float(np.exp(-q.block_s / tau_s)),
         floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2, log_area=float(np.log(2.0 * area)),

@@ -24,16 +24,17 @@ def weights(hypotheses: list[Hypothesis]) -> FloatArray:
     return np.asarray(w / np.sum(w))
 
 
-def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: float, chance: FloatArray,
-                    in_view: FloatArray) -> FloatArray:  # fmt: skip
+def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: float, chance: float,
+                    in_view: FloatArray, log_free: FloatArray) -> FloatArray:  # fmt: skip
     """Marginals averaged over hypotheses.
 
     Args:
         hypotheses: Joint hypotheses over m tracks and n vehicles.
         share: Their weights.
         bias_std: σ_b, metres.
-        chance: (m,) prior chance that a track is a stranger driving like one of ours.
+        chance: Prior chance that a track is a stranger driving like one of ours.
         in_view: (n,) part of the scores that speaks for a vehicle because it should be in the picture.
+        log_free: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
@@ -43,12 +44,14 @@ def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: f
     for hypothesis, w in zip(hypotheses, share, strict=True):
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
-            total += w * marginals(doubted(hypothesis.score, bias, bias_std, chance, in_view))
+            score = doubted(hypothesis.score, bias, bias_std, chance, in_view)
+            # however well a track drives like a vehicle, it is not the one that was seen beside it
+            total += w * marginals(score + log_free)
             used += w
     return np.asarray(total / used)
 
 
-def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: FloatArray,
+def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float,
             in_view: FloatArray) -> FloatArray:  # fmt: skip
     """Scores with room for strangers that drive like one of ours a few metres away.
 
@@ -60,7 +63,7 @@ def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: FloatA
         score: (m, n) ln ratios.
         bias: (m, n, 2) bias means, metres.
         bias_std: σ_b, metres.
-        chance: (m,) c.
+        chance: c.
         in_view: (n,) part of the scores that does not speak for a stranger who drives like the vehicle.
 
     Returns:

@@ -65,8 +65,8 @@ class IdentifierParams:
     gap_max_s: float = 0.6
     """Longest hole in a track that is bridged by interpolation."""
     interloper: float = 0.003
-    """Chance that a stranger drives like one of ours; raised while strangers are in view."""
+    """Chance that a track is a stranger who drives like one of ours, where no more is seen than is expected."""
     interloper_seen: float = 0.1
-    """The same for 30 s after a track was judged none of ours."""
+    """The same for 30 s after a track was judged none of ours; in between by the share of tracks that is left over."""
     hypotheses: int = 6
     """Joint hypotheses of pose and assignment that are kept."""

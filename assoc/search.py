@@ -31,8 +31,6 @@ _SWAP_LOSS = 40.0
 _ABSENT, _ABSENT_PER_S = 8.0, 20.0
 """Most that speaks for a track that is not seen any more while another began in its place, nats, and what one that is
 not seen loses per second."""
-_BESIDE = 8.0
-"""What has to speak for a track's being a vehicle beside which it was seen as a stranger, nats."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
@@ -52,8 +50,6 @@ class Scene:
     """(m,) seconds since each live track was seen."""
     replaced: BoolArray
     """(m,) whether a track began since near enough to be the same vehicle's."""
-    beside: BoolArray
-    """(m, n) whether each live track surely was nobody while the vehicle was surely another's."""
     anchors: IntArray
     """(T − m,) vehicle of each track that ended."""
     log: ReportLog
@@ -116,10 +112,10 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
 def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
     """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
     final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
-    odds = scene.log_odds + scene.in_view - np.where(scene.beside, _BESIDE, 0.0)
+    odds = scene.log_odds + scene.in_view
     score = final.score[: scene.live] + blocks.heading[: scene.live] + odds
     gap = scene.gap_s[:, None]
-    # a track that is not seen gives way to a new one in its place; those that were beside it are somebody else
+    # a track that is not seen gives way to a new one in its place
     most = np.where(scene.replaced[:, None], _ABSENT, np.inf)
     return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
 

@@ -48,7 +48,7 @@ class SwapRisk:
             first_block: Blocks before are forgotten.
 
         Returns:
-            (m,) which of them were in any danger.
+            (m,) which of them may have changed their owner.
         """
         q = self._params
         lost = ~np.isfinite(ground[:, 0])
@@ -67,7 +67,7 @@ class SwapRisk:
             elif close[k]:
                 rates.setdefault(column, q.switch_rate_close)
         self._rates = {b: s for b, s in self._rates.items() if first_block is None or b >= first_block}
-        return np.asarray(risky | close)
+        return np.asarray(risky)
 
     def places(self, columns: IntArray) -> tuple[FloatArray, FloatArray]:
         """(m,) when each track was last noted in its place, seconds, and (m, 2) where; NaN never."""

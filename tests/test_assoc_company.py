@@ -1,29 +1,78 @@
-"""Strangers remembered by the vehicles that were seen beside them."""
+"""Lost tracks and those that were seen beside them."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from assoc.company import Company
 
-COLUMNS = np.array([0, 1, 2])
+COLUMNS = np.arange(3)
+FAR = np.array([(0.0, 0.0), (5.0, 0.0), (10.0, 0.0)])
+BELIEF = np.array([(0.9, 0.0), (0.05, 0.6), (0.0, 0.2)])
 
 
-def ints(*values):
-    return np.array(values, np.int64)
+def seen_together(place=FAR, belief=BELIEF):
+    company = Company(2)
+    company.begin(COLUMNS, 3)
+    company.note(COLUMNS, place, belief, 3.0)
+    return company
 
 
-def test_a_stranger_is_remembered_beside_whom_it_was_seen():
-    company = Company()
-    company.note(ints(2), ints(0, 1), ints(4, 5))
-    company.note(ints(2), ints(0), ints(6))
-    assert np.flatnonzero(company.of(COLUMNS, 8)[2]).tolist() == [4, 5, 6]
-    assert not company.of(COLUMNS, 8)[:2].any()
+def in_sight(*columns):
+    return np.isin(COLUMNS, columns)
 
 
-def test_who_is_named_or_may_be_another_is_no_stranger_any_more():
-    company = Company()
-    company.note(ints(1, 2), ints(0), ints(4))
-    company.note(ints(), ints(1), ints(5))
-    company.forget([2])
-    assert not company.of(COLUMNS, 8).any()
+def test_while_all_are_seen_nothing_is_held_against_anybody():
+    assert not seen_together().log_free(COLUMNS, in_sight(0, 1, 2)).any()
+
+
+def test_a_lost_track_speaks_against_those_beside_it_as_far_as_it_was_believed():
+    said = seen_together().log_free(COLUMNS, in_sight(1, 2))
+    np.testing.assert_allclose(said, [(0, 0), (np.log(0.1), 0), (np.log(0.1), 0)])
+
+
+def test_of_two_lost_tracks_the_surer_one_speaks():
+    belief = BELIEF.copy()
+    belief[1, 0] = 0.5
+    said = seen_together(belief=belief).log_free(COLUMNS, in_sight(2))
+    np.testing.assert_allclose(said[2], (np.log(0.1), np.log(0.4)))
+
+
+def test_the_surest_name_may_still_have_been_wrong():
+    belief = BELIEF.copy()
+    belief[0, 0] = 1.0
+    assert seen_together(belief=belief).log_free(COLUMNS, in_sight(1, 2))[1, 0] == -8.0
+
+
+def test_one_that_began_since_may_be_the_lost_one():
+    company = seen_together()
+    company.note(COLUMNS[1:], FAR[1:], BELIEF[1:], 3.0)
+    company.begin(np.array([3]), 4)
+    company.note(np.array([1, 2, 3]), FAR, BELIEF, 3.0)
+    said = company.log_free(np.arange(4), np.array([False, True, True, True]))
+    assert said[3, 0] == 0.0
+    assert said[1, 0] < 0.0
+
+
+@pytest.mark.parametrize("near", [(0.0, 2.0), (np.nan, np.nan)])
+def test_one_that_may_have_been_exchanged_with_the_lost_one_may_be_it(near):
+    place = FAR.copy()
+    place[1] = near
+    said = seen_together(place=place).log_free(COLUMNS, in_sight(1, 2))
+    assert said[1, 0] == 0.0
+    assert said[2, 0] < 0.0
+
+
+def test_one_that_may_be_another_by_now_is_free_again():
+    company = seen_together()
+    company.forget(np.array([1]))
+    said = company.log_free(COLUMNS, in_sight(1, 2))
+    assert said[1, 0] == 0.0
+    assert said[2, 0] < 0.0
+
+
+def test_a_new_track_in_an_old_column_has_no_company():
+    company = seen_together()
+    company.begin(np.array([0]), 3)
+    assert not company.log_free(COLUMNS, in_sight(1, 2)).any()

@@ -143,6 +143,28 @@ def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
         assert t < 1.0 or answer.system_id[4] == 0, t
 
 
+@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("gone_s", [1.0, 2.0])
+def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_picture(gone_s, seed):
+    identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0, seed=seed)
+    rng, heard = np.random.default_rng(5), -0.1
+    aside = np.array([-6.0 / 40.0, 0.0, 0.0])
+    for k in range(round(10 * gone_s) + 20):
+        t = k / 10
+        s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
+        left = slice(0 if t < gone_s else 1, None)
+        s = Sighting(
+            t_us=s.t_us, track_id=np.append(s.track_id, 9)[left],
+            ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside])[left],
+            front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside])[left], gap_s=np.zeros(5)[left],
+            score=np.append(s.score, 0.9)[left],
+        )  # fmt: skip
+        answer = identifier.update(s, camera(), fleet.reports(heard, t, rng))
+        heard = t
+        assert answer.system_id[-1] == 0 or answer.confidence[-1] < 0.9, t
+    assert answer.system_id[:-1].tolist() == list(IDS[1:])
+
+
 def test_silence_keeps_the_name_of_an_unbroken_track():
     identifier, fleet = Identifier(IDS), Fleet()
     rng = np.random.default_rng(1)
