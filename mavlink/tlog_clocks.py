@@ -46,7 +46,10 @@ class SenderClock:
     boots: int
     """How often it was running from anew, 1 for a flight without a restart."""
     speed: float
-    """Seconds of its boot clock in a second of stamps, NaN when too short to say; 1 for a flight."""
+    """Seconds of its boot clock in a second of stamps, NaN when too short to say; 1 for a flight.
+
+    Of the longest stretch between two starts.
+    """
     steps: tuple[ClockStep, ...]
 
 
@@ -89,13 +92,13 @@ def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
             speeds.append(speed)
             if 0.8 < speed < 1.25:
                 steps += _steps(tlog, rows[start:stop], t_us[start:stop] - 1000 * boot_ms[start:stop])
-    known = [speed for speed in speeds if speed == speed]
+    known = [(samples, speed) for samples, speed in zip(np.diff(starts), speeds, strict=False) if speed == speed]
     return SenderClock(
         system_id=key >> 8,
         component_id=key & 0xFF,
         samples=rows.size,
         boots=len(starts) - 1,
-        speed=float(np.median(known)) if known else float("nan"),
+        speed=max(known)[1] if known else float("nan"),
         steps=tuple(steps),
     )
 
