@@ -46,7 +46,7 @@ class SessionLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         recorded = path.name == RECORDED
-        silent = recorded and bool(segments(path.with_name("frames.csv"))) and _is_empty(path)
+        silent = recorded and _any(path, "frames.csv") and any(path.parent.glob("video.*")) and _is_empty(path)
         self._logs, troubles = ([], [_SILENT]) if silent else _open(segments(path) if recorded else [path], path)
         self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
         parts = [log.index.t_us[keep] for log, keep in zip(self._logs, self._keep, strict=True)]

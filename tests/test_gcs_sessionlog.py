@@ -16,6 +16,8 @@ from mavlink.pack import COPTER, Speaker
 from mavlink.packet import Auth, Packet
 from mavlink.tlog import Tlog
 from mavlink.tlog_writer import TlogWriter
+from tests.test_vision_video import steady
+from tests.test_vision_video import write as clip
 
 T0 = 1_790_000_000_000_000
 HOUR_US = 3_600_000_000
@@ -83,14 +85,17 @@ def test_a_segment_that_cannot_be_read_is_said(tmp_path):
 
 def test_a_flight_with_pictures_and_a_dead_radio_is_a_recording_too(tmp_path):
     (tmp_path / "session.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
+    (tmp_path / "frames.csv").write_text("frame,time_us\n" + "".join(f"{k},{T0 + k * 40_000}\n" for k in range(10)))
     with pytest.raises(TlogError, match="empty file"):
         write(tmp_path, b"")
-    (tmp_path / "frames.csv").write_text("frame,time_us\n" + "".join(f"{k},{T0 + k * 40_000}\n" for k in range(10)))
+    clip(tmp_path / "video.mp4", steady(10))
+    (tmp_path / "detections.csv").write_text("frame,cx,cy,w,h,angle,score,heading\n")
     log = write(tmp_path, b"", b"")
     assert (len(log), log.start_us, log.stop_us, list(log.packets())) == (0, 0, 0, [])
     assert log.warnings == ("telemetry.tlog: nothing was received in flight; there is only the video",)
     analysis = Analysis(open_session(tmp_path))
     assert [snapshot.t_us for snapshot in analysis.snapshots()] == [T0 + k * 40_000 for k in range(10)]
+    analysis.close()
 
 
 def test_a_session_whose_first_segment_is_gone_is_one_still(tmp_path):
