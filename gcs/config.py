@@ -192,6 +192,11 @@ class Mission:
         """System ids of the ground vehicles, in the order of the file."""
         return tuple(v.system_id for v in self.ugv)
 
+    @property
+    def follows_gimbal(self) -> bool:
+        """Whether the camera looks where the gimbal says that it does."""
+        return self.camera is None or self.camera.mount == "gimbal"
+
     def name_of(self, system_id: int) -> str:
         """Name of a vehicle of this mission, a default for any other id."""
         for vehicle in (self.uav, *self.ugv):

@@ -162,13 +162,18 @@ def _position(row: VehicleRow) -> Iterator[Finding]:
 
 def _unheard(snapshot: Snapshot) -> Iterator[Finding]:
     """One finding for all: at the start of a flight it is everybody."""
-    silent = [row.name for row in snapshot.vehicles if math.isinf(row.heartbeat_age_s)]
+    silent = [row.name for row in snapshot.vehicles if math.isinf(row.heartbeat_age_s) and not _refused(row)]
     if silent and len(silent) < len(snapshot.vehicles):
         names = ", ".join(silent[:MOST_NAMES]) + (f" and {len(silent) - MOST_NAMES} more" * (len(silent) > MOST_NAMES))
         yield Finding(
             key="unheard", level="warning", kind="vehicle", wait_s=15.0, text=f"never heard: {names}",
             advice="switch them on, check their system ids against the mission, or take them out of it",
         )  # fmt: skip
+
+
+def _refused(row: VehicleRow) -> bool:
+    """Whether it is heard and not believed, of which there is a finding already."""
+    return bool(row.bad_signature or row.unsigned)
 
 
 def _link(link: LinkHealth) -> Iterator[Finding]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 from gcs.recorder import Recorder
 from gcs.snapshot import Event, Level
 from mavlink.samples import VideoStreamInformation
+from vision.errors import VideoError
 from vision.stream import VideoStream
 from vision.stream_source import offered, parse_source
 from vision.video import Frame
@@ -22,10 +24,13 @@ def check_source(wanted: str) -> None:
     """Refuse a source that could never be opened, before anything else is.
 
     Raises:
-        VideoError: it is none.
+        VideoError: it is none, or a file that is not there.
     """
-    if wanted not in ("", AUTO):
-        parse_source(wanted)
+    if wanted in ("", AUTO):
+        return
+    source = parse_source(wanted)
+    if source.kind in ("file", "session") and not Path(source.address).is_file():
+        raise VideoError(f"video {wanted}: no such file")
 
 
 class FlightVideo:

@@ -31,7 +31,7 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import KeyRing, read_ring
 from mavlink.outgoing import SYSTEM_ID
-from mavlink.rates import RateKeeper
+from mavlink.rates import RateKeeper, uav_rates
 from vision.detector import Detector
 
 if TYPE_CHECKING:
@@ -94,8 +94,9 @@ class Flight:
             shutil.rmtree(self._recorder.folder, ignore_errors=True)
             raise
         self._video = FlightVideo(plan.video, self._recorder)
-        self._pipeline = Pipeline(mission, links=self._ingest.names)
-        self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids)
+        self._pipeline = Pipeline(mission, links=self._ingest.names, address=self._ingest.address)
+        rates = uav_rates(gimbal=mission.follows_gimbal)
+        self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
         self._faults = Faults(self._recorder.folder / "faults.txt")
         self._fold = FlightFold(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
         self._fold.health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))

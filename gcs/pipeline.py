@@ -6,7 +6,7 @@ The only place where telemetry, vision and association meet. A live flight, a re
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,13 +39,29 @@ MOUNT_DOUBT = np.deg2rad(20.0)
 
 
 class Pipeline:
-    """Folds one mission's packets and frames; owns the fleet, the tracker and the identifier."""
+    """Folds one mission's packets and frames; owns the fleet, the tracker and the identifier.
 
-    def __init__(self, mission: Mission, links: Sequence[str] = ()) -> None:
+    Args:
+        mission: who flies.
+        links: names of the links by index.
+        address: of a link's index and a sender's number, in words; empty where it is not known.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        links: Sequence[str] = (),
+        address: Callable[[int, int], str] = lambda link, peer: "",
+    ) -> None:
         self.mission = mission
         camera_id, gimbal_id = (mission.camera.device, mission.camera.gimbal) if mission.camera else (0, 0)
         self.fleet = Fleet(
-            mission.uav.system_id, mission.ugv_ids, camera_id=camera_id, gimbal_id=gimbal_id, links=links
+            mission.uav.system_id,
+            mission.ugv_ids,
+            camera_id=camera_id,
+            gimbal_id=gimbal_id,
+            links=links,
+            address=address,
         )
         self._tracker: Tracker | None = None
         auto = mission.clock.video_offset_s == "auto"
@@ -56,7 +72,6 @@ class Pipeline:
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._optics = Optics(mission.camera)
         self._mount = mount_of(mission.camera)
-        self._follow_gimbal = mission.camera is None or mission.camera.mount == "gimbal"
         self._view: View | None = None
         self._name_of_track: dict[int, int] = {}
         self._conflict: frozenset[int] = frozenset()
@@ -137,13 +152,13 @@ class Pipeline:
         if self.mission.camera is None and uav.camera is not None:
             # a picture turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
-        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follow_gimbal else None)
+        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self.mission.follows_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
         return View(intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
 
     def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
         """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
-        if self._follow_gimbal or self._mount_doubted or R_enu_gimbal is None:
+        if self.mission.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
             return
         R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
         if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):

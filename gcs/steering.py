@@ -12,6 +12,7 @@ from mavlink.geodesy import LocalFrame
 from mavlink.ingest.ingest import Ingest
 from mavlink.keys import KeyRing
 from mavlink.outgoing import Outgoing
+from mavlink.rates import uav_rates
 from mavlink.signer import Signer
 
 __all__ = ["open_desk", "place_of"]
@@ -44,7 +45,12 @@ def open_desk(
         assert signer is not None
         return signer.sign(frame, time.time_ns() // 1000, link)
 
-    outgoing = Outgoing(uav, lambda link, peer, raw: ingest.send(link, raw, peer), sign=sign if signer else None)
+    outgoing = Outgoing(
+        uav,
+        lambda link, peer, raw: ingest.send(link, raw, peer),
+        sign=sign if signer else None,
+        knock=[index for index, name in enumerate(ingest.names) if name.startswith("udpout:")],
+    )
     return CommandDesk(
         uav=uav,
         ground={system_id: mission.name_of(system_id) for system_id in mission.ugv_ids},
@@ -52,6 +58,7 @@ def open_desk(
         outgoing=outgoing,
         where=where,
         tell=tell,
+        rates=uav_rates(gimbal=mission.follows_gimbal),
     )
 
 

@@ -47,7 +47,7 @@ class GateParams:
     """Beyond what the climb allows."""
 
 
-NOT_YET = frozenset({"no position yet (0/0)", "no GPS fix"})
+NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
 """Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
 _NEAR_ZERO_DEG = 1e-3  # autopilots without a fix report 0/0, or a few units of 1e-7° around it
 _FIX_NONE = 1
@@ -66,7 +66,7 @@ def nonsense(position: GlobalPosition, gps: GpsRaw | None) -> str:
     if not (math.isfinite(lat) and math.isfinite(lon)):
         return "not a number"
     if abs(lat) < _NEAR_ZERO_DEG and abs(lon) < _NEAR_ZERO_DEG:
-        return "no position yet (0/0)"
+        return "no fix (0/0)"
     if abs(lat) > 90.0 or abs(lon) > 180.0:
         return "out of range"
     if gps is not None and gps.fix_type == _FIX_NONE:

@@ -2,7 +2,7 @@
 
 Everything not addressed to the UAV is dropped here and counted, whoever made it, but HEARTBEAT and TIMESYNC, which have
 no address and go only to where the UAV is heard. So nothing is ever sent to a ground vehicle. On a link whose other end
-sends to nobody before it was spoken to, heartbeats knock until the UAV is heard there.
+sends to nobody before it was spoken to, heartbeats knock until the UAV is heard there, or only somebody else is.
 """
 
 from __future__ import annotations
@@ -74,6 +74,7 @@ class Outgoing:
         self._lock = threading.Lock()
         self._seq = 0
         self._where: dict[int, tuple[int, int]] = {}
+        self._others: set[int] = set()
         self._refused: Counter[str] = Counter()
         self.count = 0
         """Frames that left."""
@@ -92,9 +93,13 @@ class Outgoing:
         return [link for _, link in sorted(fresh, reverse=True)]
 
     def heard(self, packet: Packet) -> None:
-        """Learns where the UAV is, from packets that are believed."""
-        if packet.system_id == self._uav and packet.auth <= Auth.GOOD:
+        """Learns where the UAV is, and where only others are, from packets that are believed."""
+        if packet.auth > Auth.GOOD:
+            return
+        if packet.system_id == self._uav:
             self._where[packet.link] = (packet.peer, packet.t_us)
+        else:
+            self._others.add(packet.link)
 
     def give(self, raw: bytes, link: int | None = None) -> bool:
         """Sends a frame if it may leave.
@@ -124,7 +129,11 @@ class Outgoing:
         if not only_to_uav(raw, self._uav) or Packet(0, raw).message_id != _HEARTBEAT:
             return left
         with self._lock:
-            return left + sum(self._leave(raw, link, 0) for link in self._knock if link not in heard)
+            return left + sum(self._leave(raw, link, 0) for link in self._knock if self._waits(link, heard))
+
+    def _waits(self, link: int, heard: Collection[int]) -> bool:
+        """Whether the UAV may be behind a link and not know of this station; not where a ground vehicle answered."""
+        return link not in heard and (link in self._where or link not in self._others)
 
     def _leave(self, raw: bytes, link: int, peer: int) -> bool:
         frame = _numbered(raw, self._seq)

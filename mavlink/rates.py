@@ -33,7 +33,7 @@ from mavlink.rate_requests import (
     stream_request,
 )
 
-__all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper"]
+__all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper", "uav_rates"]
 
 UAV_RATES: Mapping[int, float] = {
     ATTITUDE: 30.0,
@@ -61,6 +61,12 @@ LASTS_S = 2.0
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
 """Messages of equipment that a vehicle need not have: one that never came is not missed."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
+
+
+def uav_rates(*, gimbal: bool) -> Mapping[int, float]:
+    """What is wanted of a UAV whose gimbal is followed, or is not."""
+    return UAV_RATES if gimbal else {message: hz for message, hz in UAV_RATES.items() if message != GIMBAL_ATTITUDE}
+
 
 State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
 

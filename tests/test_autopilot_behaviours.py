@@ -127,7 +127,7 @@ def test_03_positions_before_there_is_one(flight):
         flight.hear(rover.attitude(boot_ms, 0, 0, math.radians(0.13)), t_us)
         flight.hear(flight.place(ROVER_ID, t_us, boot_ms, lat=0, lon=0, alt=20, vx=0, hdg=13), t_us)
     status = flight.status(t_us)
-    assert dict(status.refusals) == {"no position yet (0/0)": 15} and status.position_state == "never"
+    assert dict(status.refusals) == {"no fix (0/0)": 15} and status.position_state == "never"
     assert flight.texts("warning") == [] and len(flight.fleet.take_reports()) == 0
     end_us = flight.drive(t_us + S, 3, booted_us=T0 - S, hdg=4400)  # 44 degrees off while driving north
     state = flight.fleet.at(end_us)

@@ -210,6 +210,11 @@ def test_a_disk_that_fills_says_what_is_left_once_for_each_level(watch):
     ]
 
 
+def test_one_that_is_heard_and_refused_is_not_called_unheard(watch):
+    rows = changed(2, heartbeat_age_s=math.inf, position_state="never", bad_signature=3)
+    assert "unheard" not in watch.see(20, rows)
+
+
 def test_one_flooding_vehicle_does_not_silence_another():
     quiet = Quiet()
     quiet.hear(said(5000))

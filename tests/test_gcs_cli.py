@@ -144,6 +144,16 @@ BAD = {
     "no such mission": (lambda t: ("fly", t / "m.toml", "-l", "14550"), 2, "no such file"),
     "no link": (lambda t: ("fly", SWARM / "session.toml"), 2, "no telemetry link"),
     "a bad link": (lambda t: ("fly", SWARM / "session.toml", "-l", "pigeon:1"), 3, "pigeon"),
+    "a flight of no time": (
+        lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "--headless", "--duration", "nan"),
+        2,
+        "--duration nan: give seconds",
+    ),
+    "no such film": (
+        lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "-v", t / "nothere.mp4", "--sessions", t),
+        2,
+        "nothere.mp4: no such file",
+    ),
     "no such model": (
         lambda t: (
             *("fly", SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "-v", "udp://127.0.0.1:1"),

@@ -128,7 +128,7 @@ def test_nonsense_is_counted_said_once_and_not_used(world):
         frame = bad.global_position_int(world.boot_ms(11, end_us + i * 200_000), lat, lon, 584)
         said += world.feed(frame, end_us + i * 200_000)
     assert [notice.text for notice in said] == [
-        "position not used: no position yet (0/0)",
+        "position not used: no fix (0/0)",
         "position not used: out of range",
     ]
     state = world.fleet.at(end_us + 600_000)

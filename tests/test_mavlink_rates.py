@@ -15,7 +15,7 @@ from mavlink.heartbeat import Heartbeat, TimeSyncer
 from mavlink.outgoing import Outgoing, only_to_uav
 from mavlink.pack import GCS, NO_AUTOPILOT, Speaker
 from mavlink.packet import Auth, Packet
-from mavlink.rates import TRIES, UAV_RATES, RateKeeper
+from mavlink.rates import TRIES, UAV_RATES, RateKeeper, uav_rates
 from mavlink.timesync import Exchanges
 
 UAV, UGV = Speaker(1), Speaker(7)
@@ -378,6 +378,20 @@ def test_heartbeats_alone_knock_where_nobody_speaks_first_until_the_uav_is_heard
     assert out.give_everywhere(GROUND.heartbeat(GCS)) == 1 and left[-1][:2] == (3, 1)
     out.heard(packet(UAV.heartbeat(2), link=0, t_us=30_000_000))
     assert out.give_everywhere(GROUND.heartbeat(GCS)) == 2, "silent there, it is looked for again"
+
+
+def test_a_ground_vehicle_that_answers_is_knocked_at_no_more():
+    out, left = sent_by(knock=(3,))
+    out.heard(packet(UGV.heartbeat(), link=3, auth=Auth.UNSIGNED))
+    assert out.give_everywhere(GROUND.heartbeat(GCS)) == 1, "who is not believed has not answered"
+    out.heard(packet(UGV.heartbeat(), link=3))
+    assert out.give_everywhere(GROUND.heartbeat(GCS)) == 0 and len(left) == 1
+    out.heard(packet(UAV.heartbeat(2), link=3, peer=1))
+    assert out.give_everywhere(GROUND.heartbeat(GCS)) == 1, "a router with both behind it"
+
+
+def test_the_gimbal_is_wanted_where_it_is_followed():
+    assert set(UAV_RATES) - set(uav_rates(gimbal=False)) == {285} and uav_rates(gimbal=True) == UAV_RATES
 
 
 def test_a_link_that_cannot_send_is_no_error():

@@ -48,9 +48,9 @@ class Case:
 NOWHERE = [
     Case("latitude beyond the pole", {"lat": 900_000_001}, "out of range"),
     Case("longitude beyond the date line", {"lon": 1_800_000_001}, "out of range"),
-    Case("0/0", {"lat": 0, "lon": 0}, "no position yet (0/0)"),
-    Case("353/-129 of an autopilot before its fix", {"lat": 353, "lon": -129}, "no position yet (0/0)"),
-    Case("just inside a thousandth of a degree", {"lat": 9_999, "lon": -9_999}, "no position yet (0/0)"),
+    Case("0/0", {"lat": 0, "lon": 0}, "no fix (0/0)"),
+    Case("353/-129 of an autopilot before its fix", {"lat": 353, "lon": -129}, "no fix (0/0)"),
+    Case("just inside a thousandth of a degree", {"lat": 9_999, "lon": -9_999}, "no fix (0/0)"),
     Case("INT32_MAX for unknown", {"lat": INT32_MAX, "lon": INT32_MAX}, "out of range"),
     Case("INT32_MIN for unknown", {"lat": INT32_MIN, "lon": INT32_MIN}, "out of range"),
     Case("a place that nothing drives to", {"lat": -353_580_000}, "farther than it can have driven"),

@@ -85,8 +85,8 @@ def test_signatures_are_right_wrong_or_missing_as_asked():
     ("words", "said"),
     [
         (("--lie", "12:jump"), "position not used: farther than it can have driven"),
-        (("--lie", "12:zero"), "position not used: no position yet (0/0)"),
-        (("--lie", "12:prefix"), "position not used: no position yet (0/0)"),
+        (("--lie", "12:zero"), "position not used: no fix (0/0)"),
+        (("--lie", "12:prefix"), "position not used: no fix (0/0)"),
         (("--duplicate", "12"), "two senders use system id 12"),
         (("--reboot", "12@6"), "system 12 has rebooted"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -51,11 +52,8 @@ def fly(
     if model is not None:
         loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
     links = tuple(link or ()) or loaded.links.telemetry
-    if not links:
-        raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
     screen = not headless and sys.stdout.isatty()
-    if screen and duration is not None:
-        raise GcsError("--duration is for flights without a screen; add --headless")
+    _check(links, duration, screen=screen)
     source = loaded.links.video if video is None else video
     for interrupted in seal_interrupted(sessions):
         note(interrupted.text)
@@ -79,6 +77,15 @@ def fly(
         raise flight.error
     if source and not calls.named:
         raise SystemExit(NO_NAMES)
+
+
+def _check(links: tuple[str, ...], duration: float | None, *, screen: bool) -> None:
+    if not links:
+        raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
+    if screen and duration is not None:
+        raise GcsError("--duration is for flights without a screen; add --headless")
+    if duration is not None and not 0 < duration < math.inf:
+        raise GcsError(f"--duration {duration:g}: give seconds, more than 0")
 
 
 def _wait(flight: Flight, duration: float | None = None) -> None:

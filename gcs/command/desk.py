@@ -22,7 +22,7 @@ from mavlink.heartbeat import Heartbeat, TimeSyncer
 from mavlink.outgoing import COMPONENT_ID, SYSTEM_ID, Outgoing
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
-from mavlink.rates import Rate, RateKeeper
+from mavlink.rates import UAV_RATES, Rate, RateKeeper
 
 __all__ = ["CommandDesk"]
 
@@ -42,6 +42,7 @@ class CommandDesk:
         tell: given events, in the desk's thread or in the one that polls.
         own: system and component id that the station speaks as.
         rules: how orders are carried out.
+        rates: message id → Hz wanted of the UAV.
     """
 
     def __init__(
@@ -55,12 +56,13 @@ class CommandDesk:
         tell: Callable[[Event], None],
         own: tuple[int, int] = (SYSTEM_ID, COMPONENT_ID),
         rules: Rules | None = None,
+        rates: Mapping[int, float] = UAV_RATES,
     ) -> None:
         self._uav_id, self._uav_name, self._ground = uav, uav_name, dict(ground)
         self._outgoing, self._tell = outgoing, tell
         speaker = Speaker(*own)
         self._heartbeat, self._timesync = Heartbeat(speaker), TimeSyncer(speaker)
-        self._rates = RateKeeper(speaker, uav, tuple(ground), own=own[0])
+        self._rates = RateKeeper(speaker, uav, tuple(ground), own=own[0], uav_rates=rates)
         self._look_s = 0.0
         self._own = own
         self._holder: tuple[int, int] | None = None
@@ -77,9 +79,9 @@ class CommandDesk:
         if packet.auth > Auth.GOOD:
             return
         self._rates.take(packet, time.monotonic())
+        self._outgoing.heard(packet)
         if packet.system_id != self._uav_id:
             return
-        self._outgoing.heard(packet)
         self._uav.take(packet)
         self._sdk.feed(packet)
 
