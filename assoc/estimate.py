@@ -35,6 +35,8 @@ _LARGE = 400
 _SHAKEN = 12.0
 """A fall of a seen track's best score by this much from one update to the next, nats, opens the search again."""
 _STRANGE_S, _STRANGER_S = 2.5, 30.0
+_SPARE = 0.5
+"""So many tracks more than the vehicles expected in the picture are no strangers yet."""
 _NOISE_EVERY_S = 3.0
 _HEADING_STD = np.deg2rad(9.0)
 
@@ -239,8 +241,8 @@ class Estimator:
         q, seen = self._params, max(int(np.sum(scene.gap_s <= 0.0)), 1)
         if t - self._stranger_s < _STRANGER_S:
             return q.interloper_seen
-        # c = c₀ + (c₁ − c₀) max(seen − Σ v, 0) / seen
-        left_over = max(seen - float(np.sum(scene.view)), 0.0) / seen
+        # c = c₀ + (c₁ − c₀) max(seen − Σ v − ½, 0) / seen
+        left_over = max(seen - float(np.sum(scene.view)) - _SPARE, 0.0) / seen
         return q.interloper + (q.interloper_seen - q.interloper) * left_over
 
     def _learn(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray, share: float) -> None:
@@ -257,7 +259,7 @@ class Estimator:
             now = (self._bias_std, self._tau_s)
             self._bias_std, self._tau_s = learnt_bias(scene, best, carrying, top[carrying], self._state, now)
         self._memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
-        more = np.sum(scene.gap_s <= 0.0) > np.sum(scene.view) + 0.5
+        more = np.sum(scene.gap_s <= 0.0) > np.sum(scene.view) + _SPARE
         nobody = sure & (top == n) & (age > _STRANGE_S)
         if more and np.any(nobody):
             self._stranger_s = t
