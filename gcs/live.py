@@ -143,6 +143,13 @@ class Flight:
         return FlightError(f"{why}; telemetry and video are recorded all the same") if why else None
 
     @property
+    def faults(self) -> tuple[str, ...]:
+        """A line on faults of the program that were passed over, if there were any."""
+        if not self._faults.count:
+            return ()
+        return (f"{self._faults.count} faults of this program, in faults.txt; last: {self._faults.last}",)
+
+    @property
     def commands(self) -> Commands | None:
         """The command desk, None for a station that listens only."""
         return self._desk
@@ -185,8 +192,6 @@ class Flight:
         self._ingest.stop()
         self._fold.close()
         self.lost = self._recorder.close(self._ingest.health().record)
-        if self._faults.count:
-            self.lost += (f"{self._faults.count} faults of this program, in faults.txt; last: {self._faults.last}",)
 
     def _open_desk(self, mission: Mission) -> CommandDesk:
         # MAVSDK's native library is loaded only by stations that may command

@@ -85,7 +85,7 @@ def open_session(
     toml = path / "session.toml"
     if chosen is None and toml.is_file():
         chosen = load_mission(toml)
-    found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if (path / f"video{suffix}").is_file()]
+    found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if segments(path / f"video{suffix}")]
     return Session(
         path=path,
         mission=chosen,

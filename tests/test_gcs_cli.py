@@ -1,4 +1,6 @@
+import errno
 import json
+import os
 import re
 import socket
 import subprocess
@@ -6,6 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from gcs.cli.console import explained
 
 SWARM = Path(__file__).parents[1] / "sitl_logs" / "ardupilot-swarm"
 
@@ -233,3 +237,17 @@ def test_tlog_info_names_systems_and_messages():
     assert code == 0
     assert "GLOBAL_POSITION_INT" in stdout
     assert "16301" in stdout
+
+
+@pytest.mark.parametrize(("number", "code"), [(errno.ENOSPC, 3), (errno.EROFS, 3), (errno.EIO, 3)])
+def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
+    with pytest.raises(SystemExit) as left, explained():
+        raise OSError(number, os.strerror(number), "/out/identity.csv")
+    assert left.value.code == code
+    said = capsys.readouterr().err
+    assert said == f"gcs: /out/identity.csv: {os.strerror(number)}; free space or choose another place\n"
+
+
+def test_other_errors_of_the_system_are_faults_of_the_program():
+    with pytest.raises(OSError, match="no such device"), explained():
+        raise OSError(errno.ENODEV, "no such device")

@@ -125,5 +125,5 @@ def test_a_flight_whose_fold_fails_goes_on_recording_and_says_so(tmp_path, monke
     finally:
         flight.stop()
     assert len(Tlog.open(flight.folder / "telemetry.tlog").index) == sent
-    assert any("faults of this program" in line for line in flight.lost)
+    assert any("faults of this program" in line for line in flight.faults)
     assert "lost its head" in (flight.folder / "faults.txt").read_text()

@@ -1,12 +1,14 @@
 """What commands print, and the one place where errors become exit codes.
 
 Exit codes: 0 done; 1 a fault of the program; 2 input that cannot be used; 3 a link, port, disk or camera that is not
-to be had; 4 done, but no box could be named; 5 a log that is damaged (``gcs tlog check``).
+to be had, or a flight of which something could not be recorded; 4 done, but no box could be named; 5 a log that is
+damaged (``gcs tlog check``).
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import os
 import sys
@@ -36,6 +38,7 @@ __all__ = [
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
 
+_OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 VIDEO_START = "When a video without frames.csv begins, seconds after the log's first message."
 Graphics = Literal["auto", "blocks", "pixels"]
 
@@ -69,6 +72,11 @@ def explained() -> Iterator[None]:
         raise SystemExit(0) from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None
+    except OSError as error:
+        if error.errno not in _OF_THE_DISK:
+            raise
+        note(_one_line(f"{error.filename or 'the disk'}: {error.strerror}; free space or choose another place"))
+        raise SystemExit(NOT_AVAILABLE) from error
 
 
 def _one_line(error: BaseException) -> str:

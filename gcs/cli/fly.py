@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import NO_NAMES, Graphics, note, quiet_stderr, say, to_file_if_gone
+from gcs.cli.console import NO_NAMES, NOT_AVAILABLE, Graphics, note, quiet_stderr, say, to_file_if_gone
 from gcs.config import load_mission
 from gcs.errors import GcsError
 from gcs.live import Flight, FlightPlan
@@ -71,10 +71,12 @@ def fly(
         flight.stop()
     say(calls.text())
     say(f"{flight.packets} packets received; recorded in {flight.folder}")
-    for line in flight.lost:
+    for line in (*flight.lost, *flight.faults):
         note(line)
     if flight.error:
         raise flight.error
+    if flight.lost:
+        raise SystemExit(NOT_AVAILABLE)
     if source and not calls.named:
         raise SystemExit(NO_NAMES)
 
