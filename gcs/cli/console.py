@@ -79,8 +79,8 @@ def explained() -> Iterator[None]:
         raise SystemExit(NOT_AVAILABLE) from error
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+def _one_line(said: object) -> str:
+    return " ".join(str(said).split())
 
 
 class _Terminal(io.TextIOWrapper):
