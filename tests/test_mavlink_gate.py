@@ -23,9 +23,9 @@ def receiver(fix_type=3, *, h_acc=NAN, hdop=NAN):
     ("lat", "lon", "reason"),
     [
         (-35.36, 149.16, ""),
-        (0.0, 0.0, "no position yet"),
-        (353e-7, -129e-7, "no position yet"),  # what one autopilot sends before its first fix
-        (9e-4, -9e-4, "no position yet"),
+        (0.0, 0.0, "no fix"),
+        (353e-7, -129e-7, "no fix"),  # what one autopilot sends before its first fix
+        (9e-4, -9e-4, "no fix"),
         (0.0, 10.0, ""),  # the equator is a place
         (51.5, 0.0, ""),  # so is the prime meridian
         (214.7483647, 214.7483647, "out of range"),  # INT32_MAX, the sentinel of newer messages
