@@ -1,7 +1,8 @@
 """One time line for a log of which nobody wrote down that its clock was set.
 
-A vehicle's boot clock that goes on while the stamps leap tells by how much they do. What no boot clock explains, other
-flights in the same file or a pause of hours, is closed up to a second: nobody waits for it in a replay.
+A vehicle's boot clock that goes on while the stamps leap tells by how much they do. What no boot clock explains, a day
+and more forwards (another flight in the same file, a clock that was never set before) or half an hour back, is closed up
+to a second. A pause of hours stays: somebody may count from the log's first message.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ __all__ = ["close_leaps", "steps_of"]
 Ints = NDArray[np.int64]
 
 _STEP_US = 2_000_000
-_LEAP_US = 1_800_000_000
+_BACK_US, _AHEAD_US = 1_800_000_000, 86_400_000_000
 _CLOSED_US = 1_000_000
 
 
@@ -36,7 +37,7 @@ def steps_of(log: Tlog) -> Steps:
 
 
 def close_leaps(t_us: Ints) -> tuple[Ints, int]:
-    """(n,) times without leaps of half an hour and more, forwards or backwards, and how many those were."""
+    """(n,) times without leaps of half an hour back or a day ahead, and how many those were."""
     moved = np.diff(t_us, prepend=t_us[:1])
-    far = np.abs(moved) > _LEAP_US
+    far = (moved < -_BACK_US) | (moved > _AHEAD_US)
     return t_us - np.cumsum(np.where(far, moved - _CLOSED_US, 0)), int(np.count_nonzero(far))

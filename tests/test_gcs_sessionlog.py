@@ -239,7 +239,15 @@ def test_flights_in_one_file_follow_one_another(tmp_path, years):
     later = [replace(p, t_us=p.t_us + round(years * 365 * 24 * HOUR_US)) for p in heartbeats(300)]
     log = bare(tmp_path, PACKETS + later)
     assert [p.t_us - T0 for p in log.packets()] == [10_000 * k + (k >= 300) * 990_000 for k in range(600)]
-    assert log.warnings == ("flight.tlog: time leaps by more than half an hour 1 times, which is closed up",)
+    said = "flight.tlog: time leaps by half an hour back or a day ahead 1 times, which is closed up"
+    assert log.warnings == (said,)
+
+
+def test_a_pause_of_hours_stays_in_the_times(tmp_path):
+    later = [replace(p, t_us=p.t_us + 5 * HOUR_US) for p in heartbeats(300)]
+    log = bare(tmp_path, PACKETS + later)
+    assert [p.t_us for p in log.packets()] == [p.t_us for p in PACKETS + later]
+    assert log.warnings == ()
 
 
 def test_a_computer_whose_clock_was_set_from_1970_in_flight(tmp_path):
