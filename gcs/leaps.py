@@ -1,8 +1,8 @@
 """One time line for a log of which nobody wrote down that its clock was set.
 
 A vehicle's boot clock that goes on while the stamps leap tells by how much they do. What no boot clock explains, a day
-and more forwards (another flight in the same file, a clock that was never set before) or half an hour back, is closed up
-to a second. A pause of hours stays: somebody may count from the log's first message.
+and more forwards (another flight in the same file, a clock that was never set before) or half an hour back, is closed
+up to a second. A pause of hours stays: somebody may count from the log's first message.
 """
 
 from __future__ import annotations

@@ -112,7 +112,8 @@ class SessionLog:
             source = "the vehicles' clocks" if self._found else "clock.csv"
             yield f"{source}: the clock was set {len(self.steps)} times; all times are those of the first setting"
         if self._leaps:
-            yield f"{self.path.name}: time leaps by half an hour back or a day ahead {self._leaps} times, which is closed up"
+            leaps = f"time leaps by half an hour back or a day ahead {self._leaps} times"
+            yield f"{self.path.name}: {leaps}, which is closed up"
 
 
 def _open(paths: list[Path], first: Path) -> tuple[list[Tlog], list[str]]:
