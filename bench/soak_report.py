@@ -67,7 +67,7 @@ def report(run: Run, chosen: argparse.Namespace, *, picture: str) -> str:
         rows += _costs(run.samples)
     lines = ["# Soak", "", f"`python -m bench.soak {_words(chosen)}`", "", "| | |", "|---|---|"]
     lines += [f"| {name} | {value} |" for name, value in rows]
-    lines += ["", f"The flight's last words: `{run.said}`"]
+    lines += ["", f"The flight's last words: `{run.said.partition(' recorded in ')[0].rstrip(';')}`"]
     lines += ["", f"![memory, processor, stalls]({picture})"] if picture else []
     return "\n".join(lines) + "\n"
 
