@@ -21,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from bench.ports import free_port
 from mavlink.forward import Forwarder, OutputCounts
 from mavlink.link import Link, open_link
 from mavlink.pack import COPTER, ROVER, Speaker
@@ -30,13 +31,6 @@ from mavlink.tlog import Tlog
 POSITION, MOST_SECONDS, START_SECONDS = 33, 60.0, 30.0
 Seen = dict[int, int]
 """System id → positions heard, or 1 where only the system is known."""
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        port: int = sock.getsockname()[1]
-        return port
 
 
 class Fleet:

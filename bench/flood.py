@@ -12,7 +12,6 @@ import argparse
 import math
 import multiprocessing
 import os
-import socket
 import tempfile
 import threading
 import time
@@ -20,6 +19,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.ports import free_port
 from bench.senders import FLOODER, send_fleet, send_flood
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
@@ -55,12 +55,6 @@ class Result:
     """Processor time of the ingest process for each record, without its start."""
     latency_ms: float
     """99th percentile, from the kernel's stamp to the station."""
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 def run(case: Case, seconds: float, folder: Path) -> Result:

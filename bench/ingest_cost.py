@@ -18,7 +18,7 @@ import timeit
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.flood import free_port
+from bench.ports import free_port
 from bench.senders import fleet_frames, send_fleet
 from mavlink.decode import decode
 from mavlink.ingest.ingest import Ingest

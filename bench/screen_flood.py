@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.flood import free_port
+from bench.ports import free_port
 from bench.senders import send_fleet, send_flood
 from gcs.config import parse_mission
 from gcs.live import Flight, FlightPlan

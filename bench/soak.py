@@ -13,7 +13,6 @@ import argparse
 import csv
 import json
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from bench.log_watch import LogWatch
+from bench.ports import free_port
 from bench.process_tree import cost_of
 from bench.soak_report import COLUMNS, Run, draw, report
 from bench.video_loop import VideoLoop
@@ -60,7 +60,7 @@ def soak(
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
         (folder / "mission.toml").write_text(mission(vehicles))
-        telemetry, camera = _free_port(), _free_port()
+        telemetry, camera = free_port(), free_port()
         words = [*FLY, folder / "mission.toml", "--headless", "--sessions", folder / "sessions",
                  "-l", f"udpin:127.0.0.1:{telemetry}"]  # fmt: skip
         words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
@@ -115,13 +115,6 @@ def _sample(
                 table.writerow(row)
                 file.flush()
     return samples
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def _session(folder: Path, flight: subprocess.Popen[bytes], said: Path) -> Path:

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import socket
 import time
 
+from bench.ports import free_port
 from gcs.command import CommandDesk
 from mavlink.ingest.ingest import Ingest
 from mavlink.outgoing import Outgoing
 from tests.fake_autopilot import FakeVehicle, rover
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        return sock.getsockname()[1]
 
 
 def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bench.ports import free_port
 from gcs.config import parse_mission
 from gcs.faults import LASTING, Faults
 from gcs.flight_fold import MOST_WAITING, FlightFold
@@ -102,9 +103,7 @@ def test_tracebacks_that_cannot_be_kept_are_no_fault(tmp_path):
 
 
 def test_a_flight_whose_fold_fails_goes_on_recording_and_says_so(tmp_path, monkeypatch):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     monkeypatch.setattr("gcs.live.FAULT_PAUSE_S", 0.01)
     monkeypatch.setattr("gcs.live.IDLE_S", 0.01)
     monkeypatch.setattr(Pipeline, "frame", lambda *_, **__: fail("lost its head"))

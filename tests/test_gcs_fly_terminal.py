@@ -13,6 +13,7 @@ import time
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bench.ports import free_port
 from gcs.cli.fly import fly
 from mavlink.tlog import Tlog
 
@@ -23,12 +24,6 @@ os.setsid()
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 os.execv(sys.executable, [sys.executable, "-c", "from gcs.cli.app import main; main()", *sys.argv[1:]])
 """
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def heartbeat():

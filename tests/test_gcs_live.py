@@ -3,7 +3,6 @@
 import csv
 import json
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -12,6 +11,7 @@ from dataclasses import replace
 
 import pytest
 
+from bench.ports import free_port
 from gcs.cli.identify import identify_into
 from gcs.session import open_session, read_times
 from mavlink.tlog import Tlog
@@ -34,12 +34,6 @@ fy = 400.0
 cx = 320.0
 cy = 180.0
 """
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Field:

@@ -6,18 +6,13 @@ import time
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bench.ports import free_port
 from gcs.config import parse_mission
 from gcs.flight_video import AUTO
 from gcs.live import Flight, FlightPlan
 
 MISSION = {"uav": {"system_id": 1}, "ugv": [{"system_id": 11}]}
 RTSP = 0
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def offer(uri):

@@ -142,9 +142,10 @@ def test_a_failing_disk_leaves_segments_that_read_as_one(recorder, disk):
     complete(recorder.folder, 40)
 
 
-def test_a_deleted_session_is_made_anew(recorder):
+def goes_on(recorder, take_away):
+    """The folder is taken away in flight; all that was recorded is in it at the end."""
     fly(recorder, range(10))
-    shutil.rmtree(recorder.folder)
+    take_away(recorder.folder)
     fly(recorder, range(10, 20))
     until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
     assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 6
@@ -152,20 +153,16 @@ def test_a_deleted_session_is_made_anew(recorder):
     assert recorder.close() == ()
     complete(recorder.folder, 30)
     assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
+
+
+def test_a_deleted_session_is_made_anew(recorder):
+    goes_on(recorder, shutil.rmtree)
     assert notes(recorder)["packets"] == 30
 
 
 def test_a_session_that_was_moved_away_is_whole_where_it_belongs(recorder, tmp_path):
     """As after an unmount by force: the files can still be written, and nobody would find them."""
-    fly(recorder, range(10))
-    recorder.folder.rename(tmp_path / "elsewhere")
-    fly(recorder, range(10, 20))
-    until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
-    assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 6
-    fly(recorder, range(20, 30))
-    assert recorder.close() == ()
-    complete(recorder.folder, 30)
-    assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
+    goes_on(recorder, lambda folder: folder.rename(tmp_path / "elsewhere"))
 
 
 def test_what_is_lost_at_the_end_is_said_and_kept_in_the_session(recorder, disk):

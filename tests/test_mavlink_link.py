@@ -7,18 +7,13 @@ import time
 
 import pytest
 
+from bench.ports import free_port
 from mavlink.errors import LinkError
 from mavlink.link import open_link
 from mavlink.link_url import LinkUrl, parse_url
 from mavlink.pack import Speaker
 
 HOST = "127.0.0.1"
-
-
-def free_port(kind=socket.SOCK_DGRAM):
-    with socket.socket(socket.AF_INET, kind) as sock:
-        sock.bind((HOST, 0))
-        return sock.getsockname()[1]
 
 
 def read_until(link, count, timeout_s=3.0):

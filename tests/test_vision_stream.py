@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -14,6 +13,7 @@ import av
 import numpy as np
 import pytest
 
+from bench.ports import free_port
 from tests.video_sender import FPS, number_of, picture
 from vision.arrival import CREEP, ArrivalClock
 from vision.errors import VideoError
@@ -50,12 +50,6 @@ def pictures(stream, within_s=20.0):
         elif ended:
             return
     raise AssertionError(f"no end within {within_s} s: {stream.error}")
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture

@@ -13,7 +13,8 @@ import time
 import numpy as np
 import pytest
 
-from tests.video_sender import FPS, GOP, Sender, coded, free_port, number_of, wait_for
+from bench.ports import free_port
+from tests.video_sender import FPS, GOP, Sender, coded, number_of, wait_for
 from vision.stream import VideoStream
 from vision.video import VideoFile
 

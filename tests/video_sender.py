@@ -57,12 +57,6 @@ def coded(n, times_ms=None):
     return frames
 
 
-def free_port(kind=socket.SOCK_DGRAM):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 class Sender(threading.Thread):
     """Sends pictures to a port of this machine; ``spoil`` turns each datagram into those that arrive."""
 

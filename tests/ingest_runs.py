@@ -1,0 +1,58 @@
+"""A receiving process in tests: what is sent to it, taken from it and found in its log."""
+
+import socket
+import time
+
+from mavlink.pack import Speaker
+from mavlink.segments import segments
+from mavlink.tlog import Tlog
+
+HOST = "127.0.0.1"
+
+
+def is_free(port):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        try:
+            sock.bind((HOST, port))
+        except OSError:
+            return False
+        return True
+
+
+def wait_for(ingest, count, timeout_s=10.0):
+    """Packets until there are enough or time is up."""
+    packets, stop_s = [], time.monotonic() + timeout_s
+    while len(packets) < count and time.monotonic() < stop_s:
+        packets += ingest.read(0.1)
+    return packets
+
+
+def until(condition, timeout_s=10.0):
+    stop_s = time.monotonic() + timeout_s
+    while not condition() and time.monotonic() < stop_s:
+        time.sleep(0.02)
+    return condition()
+
+
+def recorded(folder):
+    """Raw frames of all segments, in order."""
+    return [packet.raw for path in segments(folder / "telemetry.tlog") for packet in Tlog.open(path).packets()]
+
+
+def steady(sock, port, frames, rate):
+    """Sends frames at a steady rate."""
+    began = time.monotonic()
+    for k, frame in enumerate(frames):
+        sock.sendto(frame, (HOST, port))
+        if k % 20 == 19:
+            time.sleep(max(0.0, began + k / rate - time.monotonic()))
+
+
+def bearable(ingest, rate):
+    """A rate of which the system keeps two seconds in the buffer that it has granted; a datagram takes 832 bytes."""
+    return min(rate, ingest.health().links[0].buffer_bytes / 832 / 2.0)
+
+
+def some_frames(count):
+    speakers = [Speaker(k + 1) for k in range(20)]
+    return [speakers[k % 20].heartbeat(custom_mode=k) for k in range(count)]
