@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
 
-__all__ = ["Finding", "counted", "findings"]
+__all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "Finding", "counted", "findings"]
 
 SILENT_S = 3.5
 """A vehicle, or a link, from which nothing came for so long is lost."""

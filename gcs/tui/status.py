@@ -11,6 +11,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
 
+from gcs.findings import LOW_BYTES, LOW_S, SILENT_S
 from gcs.overlay import named_count
 from gcs.snapshot import Health, LinkHealth, Snapshot
 from gcs.tui.alarms import alarm_counts, count_parts
@@ -21,9 +22,6 @@ from gcs.tui.wording import age, bytes_text, clock, duration, plain
 __all__ = ["StatusBar"]
 
 LAG_SHOWN_S = 0.05
-LINK_SILENT_S = 3.5
-DISK_LOW_BYTES = 2_000_000_000
-DISK_LOW_S = 600.0
 FORECAST_S = 86_400.0
 """A disk that lasts longer lasts."""
 
@@ -109,7 +107,7 @@ def _open(health: Health) -> list[Item]:
 
 
 def _silent(link: LinkHealth) -> bool:
-    return not link.silent_s <= LINK_SILENT_S
+    return not link.silent_s <= SILENT_S
 
 
 def _links(health: Health) -> Item:
@@ -133,7 +131,7 @@ def _links_named(health: Health) -> list[Item]:
 
 
 def _disk(health: Health) -> Item:
-    low = health.free_bytes < DISK_LOW_BYTES or health.full_in_s < DISK_LOW_S
+    low = health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S
     free = bytes_text(health.free_bytes)
     if health.write_failing_s > 0:
         return _item(1, f"DISK FAILS {age(health.write_failing_s)}", ALARM)
