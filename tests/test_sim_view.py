@@ -1,8 +1,9 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from sim.camera import body_rotation, view_from
 from sim.flight import UavTruth
@@ -25,6 +26,7 @@ def view(attitude=None, **camera):
 
 
 @settings(max_examples=40, deadline=None)
+@example(yaw=0.0, pitch=-6.103515625e-05, roll=0.0, mount=-90.0, seed=0)
 @given(yaw=angles, pitch=tilts, roll=tilts, mount=st.floats(-90.0, -30.0), seed=st.integers(0, 99))
 def test_projection_is_opencvs(yaw, pitch, roll, mount, seed):
     scenario = Scenario(camera=Camera(mount="fixed", pitch_deg=mount, yaw_deg=10.0, roll_deg=3.0, distortion=BARREL))
@@ -34,11 +36,12 @@ def test_projection_is_opencvs(yaw, pitch, roll, mount, seed):
     points = v.p_enu + along + rng.uniform(-8.0, 8.0, (30, 3))
     K = np.array([[v.fx, 0, v.cx], [0, v.fy, v.cy], [0, 0, 1.0]])
     R_cam_enu = v.R_enu_cam.T
-    want, _ = cv2.projectPoints(points, cv2.Rodrigues(R_cam_enu)[0], -R_cam_enu @ v.p_enu, K, v.distortion)
+    # not by cv2.Rodrigues, which loses digits near half a turn, where cameras that look down are
+    turn = Rotation.from_matrix(R_cam_enu).as_rotvec()
+    want, _ = cv2.projectPoints(points, turn, -R_cam_enu @ v.p_enu, K, v.distortion)
     got, front = project(v, points)
     assert front.all()
-    # the rotation vector that OpenCV takes loses digits near half a turn
-    np.testing.assert_allclose(got, want[:, 0], atol=1e-3)
+    np.testing.assert_allclose(got, want[:, 0], atol=1e-6)
 
 
 @settings(max_examples=40, deadline=None)
