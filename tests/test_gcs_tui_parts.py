@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gcs.tui import playback
@@ -236,6 +236,7 @@ def test_scales_step_there_and_back():
     assert step_scale(0.01, -5) == pytest.approx(0.01)
 
 
+@example(4999.999999999999, 10)
 @given(st.floats(0.01, 5000), st.integers(4, 60))
 @settings(max_examples=60, deadline=None)
 def test_scale_bar_says_its_own_length(metres_per_dot, longest):

@@ -93,7 +93,8 @@ def scale_bar(metres_per_dot: float, longest_cells: int) -> tuple[str, float]:
     """A bar of a round length of 1, 2 or 5 times a power of ten that fits: its text and its metres."""
     longest_m = max(2.0, longest_cells) * 2 * metres_per_dot
     decade = 10.0 ** math.floor(math.log10(longest_m))
-    metres = max(decade * step for step in (1, 2, 5) if decade * step <= longest_m)
+    # just below a power of ten the logarithm rounds up to it
+    metres = max(decade * step for step in (0.5, 1, 2, 5) if decade * step <= longest_m)
     cells = max(2, round(metres / (2 * metres_per_dot)))
     said = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"
     return "├" + "─" * (cells - 2) + "┤ " + said, metres
