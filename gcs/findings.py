@@ -6,12 +6,12 @@ The table of ``docs/operations.md`` has a line for every kind of finding.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
 
-__all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "Finding", "counted", "findings"]
+__all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "Finding", "counted", "findings", "first_of"]
 
 SILENT_S = 3.5
 """A vehicle, or a link, from which nothing came for so long is lost."""
@@ -164,11 +164,16 @@ def _unheard(snapshot: Snapshot) -> Iterator[Finding]:
     """One finding for all: at the start of a flight it is everybody."""
     silent = [row.name for row in snapshot.vehicles if math.isinf(row.heartbeat_age_s) and not _refused(row)]
     if silent and len(silent) < len(snapshot.vehicles):
-        names = ", ".join(silent[:MOST_NAMES]) + (f" and {len(silent) - MOST_NAMES} more" * (len(silent) > MOST_NAMES))
         yield Finding(
-            key="unheard", level="warning", kind="vehicle", wait_s=15.0, text=f"never heard: {names}",
+            key="unheard", level="warning", kind="vehicle", wait_s=15.0, text=f"never heard: {first_of(silent)}",
             advice="switch them on, check their system ids against the mission, or take them out of it",
         )  # fmt: skip
+
+
+def first_of(names: Sequence[str]) -> str:
+    """``a, b, c, d and 16 more``."""
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
 
 
 def _refused(row: VehicleRow) -> bool:

@@ -97,6 +97,35 @@ async def test_one_alarm_is_acknowledged_and_its_vehicle_picked():
         assert station.seen == [ALARMS[0], ALARMS[2], ALARMS[1]], "each once"
 
 
+LOST = tuple(
+    alarm(f"vehicle {i}", text=f"UGV-{i}: no heartbeat", system_id=i, after_s=i * 10.0)
+    for i in (16, 15, 14, 13, 12, 11)
+)
+
+
+async def test_what_befell_the_whole_fleet_is_one_row_and_acknowledged_at_once():
+    elsewhere = alarm("clock 12", "warning", "UGV-12: its clock is wrong", 12)
+    async with running(troubled((*LOST, ALARMS[1], elsewhere))) as (app, pilot, station):
+        await pilot.press("a", "z")
+        said = text_of(app.query_one(AlarmPane))
+        assert "UGV-16, UGV-15, UGV-14, UGV-13 and 2 more: no heartbeat" in said
+        assert said.count("no heartbeat") == 1 and "UGV-12: its clock is wrong" in said
+        assert "7 alarms 1 warning" in said and "8 new" in said
+        await pilot.press("enter")
+        assert station.seen == list(LOST) and app.selected == 16
+        assert "2 new" in text_of(app.query_one(AlarmPane))
+
+
+async def test_a_vehicle_that_joins_a_trouble_makes_its_row_new_again():
+    async with running(troubled(LOST[:2])) as (app, pilot, station):
+        await pilot.press("a", "z", "A")
+        assert "all seen" in text_of(app.query_one(AlarmPane))
+        station.snapshot = replace(station.snapshot, alarms=LOST[:3])
+        await polled(app, pilot)
+        said = text_of(app.query_one(AlarmPane))
+        assert "!! ALARM" in said and "1 new" in said and "UGV-16, UGV-15, UGV-14: no heartbeat" in said
+
+
 async def test_warnings_alone_take_no_alert_row():
     async with running(troubled(ALARMS[2:])) as (app, _, _):
         assert not app.query_one(AlertLine).display

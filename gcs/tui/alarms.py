@@ -11,6 +11,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.snapshot import Alarm
+from gcs.tui.alarm_groups import Group, alike, text_of
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, PANEL, PICKED, WARN, Rgb, ink, level_colour
 from gcs.tui.pane import Pane
@@ -48,7 +49,7 @@ def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:
 
 
 class AlarmPane(Pane):
-    """One alarm on two rows: what, and what to do."""
+    """One trouble on two rows: whose and what, and what to do."""
 
     label: ClassVar[str] = "ALARMS"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -69,23 +70,29 @@ class AlarmPane(Pane):
         """What is wrong now."""
         return () if self.snapshot is None else self.snapshot.alarms
 
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """The same, those that differ only in the vehicle put together."""
+        return alike(self.alarms)
+
     def watch_seen(self) -> None:
         """Some were acknowledged."""
         self.redraw()
 
     def action_move(self, steps: int) -> None:
         """The alarm above or below."""
-        self._at = min(max(self._at + steps, 0), max(0, len(self.alarms) - 1))
+        self._at = min(max(self._at + steps, 0), max(0, len(self.groups) - 1))
         self.redraw()
 
     def action_seen_one(self) -> None:
-        """Acknowledge the alarm at the mark, and pick its vehicle."""
-        if not self.alarms:
+        """Acknowledge what is at the mark, and pick its vehicle, of several the first."""
+        groups = self.groups
+        if not groups:
             return
-        alarm = self.alarms[min(self._at, len(self.alarms) - 1)]
-        self.acknowledge([alarm])
-        if alarm.system_id:
-            self.post_message(VehiclePicked(alarm.system_id))
+        group = groups[min(self._at, len(groups) - 1)]
+        self.acknowledge(group)
+        if group[0].system_id:
+            self.post_message(VehiclePicked(group[0].system_id))
 
     def acknowledge(self, alarms: Iterable[Alarm]) -> None:
         """These have been seen; the station is told of those that had not."""
@@ -106,25 +113,27 @@ class AlarmPane(Pane):
         """The worst first; scrolled to the mark."""
         if self.snapshot is None:
             return []
-        if not self.alarms:
+        groups = self.groups
+        if not groups:
             return [line([(" nothing is wrong that is known of", ink(FAINT))], width)]
         each = ROWS_EACH if height >= ROWS_EACH else 1
         fit = max(1, height // each)
-        self._at = min(self._at, len(self.alarms) - 1)
-        self._first = max(0, min(max(self._first, self._at - fit + 1), self._at, len(self.alarms) - fit))
+        self._at = min(self._at, len(groups) - 1)
+        self._first = max(0, min(max(self._first, self._at - fit + 1), self._at, len(groups) - fit))
         rows: list[Strip] = []
-        for index in range(self._first, min(self._first + fit, len(self.alarms))):
-            rows += self._rows_of(self.alarms[index], marked=self.has_focus and index == self._at, width=width)[:each]
+        for index in range(self._first, min(self._first + fit, len(groups))):
+            rows += self._rows_of(groups[index], marked=self.has_focus and index == self._at, width=width)[:each]
         return rows
 
-    def _rows_of(self, alarm: Alarm, *, marked: bool, width: int) -> list[Strip]:
+    def _rows_of(self, group: Group, *, marked: bool, width: int) -> list[Strip]:
         assert self.snapshot is not None
-        known = token(alarm) in self.seen
+        alarm = group[0]
+        known = not unseen(group, self.seen)
         paper: Rgb = PICKED if marked else PANEL
         colour = FAINT if known else level_colour(alarm.level)
-        since = age(max(0.0, (self.snapshot.t_us - alarm.since_us) * 1e-6))
+        since = age(max(0.0, (self.snapshot.t_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "
-        told = fitted(plain(alarm.text), width - len(head)).rstrip()
+        told = fitted(plain(text_of(group)), width - len(head)).rstrip()
         said = fitted(plain(alarm.advice), width - 4).rstrip()
         what = [(head, ink(colour, paper, bold=not known)), (told, ink(FAINT if known else BRIGHT, paper))]
         advice = [("    ", ink(FAINT, paper)), (said, ink(ACCENT if marked else FAINT, paper))]
@@ -133,7 +142,7 @@ class AlarmPane(Pane):
     def on_click(self, event: events.Click) -> None:
         """Mark the alarm under the pointer."""
         if event.y > 0 and self.alarms:
-            self._at = min(self._first + (event.y - 1) // ROWS_EACH, len(self.alarms) - 1)
+            self._at = min(self._first + (event.y - 1) // ROWS_EACH, len(self.groups) - 1)
             self.redraw()
 
 

@@ -12,6 +12,7 @@ from textual.layout import Layout, WidgetPlacement
 from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
+from gcs.tui.alarm_groups import alike
 from gcs.tui.alarms import ROWS_EACH
 from gcs.tui.arrange import Rect, Wish, arranged
 from gcs.tui.pane import Pane
@@ -68,7 +69,7 @@ class Deck(Widget):
     def fit_to(self, snapshot: Snapshot) -> None:
         """Follow the number of vehicles, whether there is a camera, and the shape of its picture."""
         aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.wish.aspect
-        alarm_rows = max(1, ROWS_EACH * len(snapshot.alarms))
+        alarm_rows = max(1, ROWS_EACH * len(alike(snapshot.alarms)))
         fleet_rows = max(1, len(snapshot.vehicles))
         aspect = min(max(aspect, 0.3), 4.0)
         layout = self.wish.layout
