@@ -8,7 +8,8 @@ waits for the disk:
   order when there is space again;
 - a failed sync: the kernel forgets what it could not write and says so once, so whatever the sync may have lost is
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
-- a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open.
+- a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open;
+- a file that another program cut short: it is told, and a new segment is begun.
 """
 
 from __future__ import annotations
@@ -98,11 +99,11 @@ class AppendFile:
         return first
 
     def tend(self) -> None:
-        """Sync, notice a deleted file, try again what failed; to be called some times a second, not by who writes."""
+        """Sync, notice a deleted or cut file, repair; to be called some times a second, not by who writes."""
         with self._tending:
             if self._fd >= 0:
                 self._sync()
-                self._look_for_deletion()
+                self._look_for_harm()
             if self._reason and not self._closed and time.monotonic() >= self._retry_s:
                 self._repair()
 
@@ -247,15 +248,19 @@ class AppendFile:
                 self._syncing = False
                 self._synced_s = began_s
 
-    def _look_for_deletion(self) -> None:
+    def _look_for_harm(self) -> None:
+        size = self._size  # before the file is asked: it only grows
         try:
-            if self._disk.named(self._fd, segment_path(self.path, self._segment)):
+            if not self._disk.named(self._fd, segment_path(self.path, self._segment)):
+                error = OSError(errno.ENOENT, "deleted or moved while it was written")
+            elif (left := self._disk.size(self._fd)) < size:
+                error = OSError(errno.EIO, f"cut short by another program, {size - left} bytes are gone")
+            else:
                 return
-            error = OSError(errno.ENOENT, "deleted or moved while it was written")
         except OSError as failed:
             error = failed
         with self._lock:
-            self._fail(error)
+            self._fail(error, synced=error.errno == errno.ENOENT)
             if error.errno == errno.ENOENT and self._deleted_fd < 0:
                 self._deleted_fd, self._deleted_size = self._fd, self._size
                 self._fd, self._size, self._retire = -1, 0, False

@@ -53,6 +53,10 @@ class Disk:
             return True  # nothing can be told of it; what is written says more
         return True
 
+    def size(self, fd: int) -> int:
+        """Length of a file in bytes."""
+        return os.fstat(fd).st_size
+
     def read(self, fd: int, size: int, offset: int) -> bytes:
         """Read bytes back."""
         return os.pread(fd, size, offset)

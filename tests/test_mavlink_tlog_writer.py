@@ -187,6 +187,20 @@ def test_a_deleted_file_never_takes_the_place_of_another(writer, path):
     assert segments(path)[1].read_bytes() == expected(2)
 
 
+@pytest.mark.parametrize("left", [0, 30])
+def test_a_log_that_another_program_cuts_short_is_told_and_goes_on_in_a_new_segment(writer, path, left):
+    for k in range(3):
+        writer.write(packet(k))
+    writer.sync()
+    os.truncate(path, left)
+    until(lambda: len(segments(path)) == 2 and writer.state.failing_s == 0)
+    assert writer.state.reason == f"cut short by another program, {len(expected(3)) - left} bytes are gone"
+    writer.write(packet(3))
+    assert path.read_bytes() == expected(3)[:left]
+    assert segments(path)[1].read_bytes() == expected(4)[len(expected(3)) :]
+    assert (writer.state.faults, writer.state.lost) == (1, 0)
+
+
 def test_a_minute_of_full_rate_waits_in_memory(tmp_path, disk):
     writer = TlogWriter(tmp_path / "telemetry.tlog", disk=disk)
     disk.room = 0
