@@ -8,6 +8,8 @@ from mavlink.segments import segments
 from mavlink.tlog import Tlog
 
 HOST = "127.0.0.1"
+PIECE = 200
+"""Datagrams that any system's receive buffer holds, however long nobody gets to read."""
 
 
 def is_free(port):
@@ -20,9 +22,10 @@ def is_free(port):
 
 
 def wait_for(ingest, count, timeout_s=10.0):
-    """Packets until there are enough or time is up."""
-    packets, stop_s = [], time.monotonic() + timeout_s
-    while len(packets) < count and time.monotonic() < stop_s:
+    """Packets until there are enough or time is up; what has come already is taken however late it is."""
+    packets, stop_s, late = [], time.monotonic() + timeout_s, False
+    while len(packets) < count and not late:
+        late = time.monotonic() >= stop_s
         packets += ingest.read(0.1)
     return packets
 
@@ -46,6 +49,20 @@ def steady(sock, port, frames, rate):
         sock.sendto(frame, (HOST, port))
         if k % 20 == 19:
             time.sleep(max(0.0, began + k / rate - time.monotonic()))
+
+
+def in_pieces(frames):
+    return [frames[k : k + PIECE] for k in range(0, len(frames), PIECE)]
+
+
+def send(sock, port, frames, taken):
+    """Sends frames, the next piece when ``taken``, a number of frames, says that all before have arrived."""
+    sent = 0
+    for piece in in_pieces(frames):
+        for frame in piece:
+            sock.sendto(frame, (HOST, port))
+        sent += len(piece)
+        assert until(lambda: taken() >= sent)  # noqa: B023 - asked at once
 
 
 def bearable(ingest, rate):

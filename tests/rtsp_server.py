@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import av
 
+from bench.ports import free_port
 from tests.video_sender import FPS, GOP, picture
 
 PATH = "/main"
@@ -50,7 +51,7 @@ class RtspServer:
 
     Args:
         frames: datagrams by picture.
-        port: 0 for any.
+        port: any free one unless given.
 
     Attributes:
         hold: while set, connections stay open and nothing is sent.
@@ -58,12 +59,13 @@ class RtspServer:
         sent: pictures sent.
     """
 
-    def __init__(self, frames, port=0):
+    def __init__(self, frames, port=None):
         self.frames = frames
         self.hold = threading.Event()
         self.plays = self.sent = 0
-        self._listener = socket.create_server(("127.0.0.1", port))
-        self.port = self._listener.getsockname()[1]
+        # one that nobody is handed while the server is down
+        self.port = port or free_port(socket.SOCK_STREAM)
+        self._listener = socket.create_server(("127.0.0.1", self.port))
         self.url = f"rtsp://127.0.0.1:{self.port}{PATH}"
         self._begin_s = time.monotonic()
         self._clients = []

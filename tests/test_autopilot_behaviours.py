@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bench.ports import free_port
 from mavlink.decode import decode
 from mavlink.dialect import DEFINITIONS
 from mavlink.fleet import Fleet
@@ -81,10 +82,7 @@ def north(flight, t_us):
 
 
 def test_01_plain_text_at_boot_and_between_frames():
-    probe = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    probe.bind(("127.0.0.1", 0))
-    port = probe.getsockname()[1]
-    probe.close()
+    port = free_port()
     link = open_link(f"udpin:127.0.0.1:{port}")
     speaker, rng, packets = Speaker(ROVER_ID), random.Random(1), []
     datagrams = BANNER * 4

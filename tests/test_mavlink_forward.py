@@ -8,6 +8,7 @@ import time
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from bench.ports import free_port
 from mavlink.errors import LinkError
 from mavlink.forward import Forwarder
 from mavlink.frame import Framer, checksum
@@ -24,7 +25,7 @@ class Receiver:
     def __init__(self) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
-        self.socket.settimeout(2.0)
+        self.socket.settimeout(10.0)
 
     @property
     def url(self) -> str:
@@ -75,9 +76,10 @@ def nowhere(link: int, raw: bytes) -> None:
 
 
 def settle(forwarder: Forwarder, sent: list[tuple[int, bytes]], count: int) -> None:
-    """Until so many frames went back, or a moment is over."""
-    end = time.monotonic() + 0.4
-    while len(sent) < count and time.monotonic() < end:
+    """Until so many frames went back, or a moment is over; what is there already is taken however late it is."""
+    end, late = time.monotonic() + 0.4, False
+    while len(sent) < count and not late:
+        late = time.monotonic() >= end
         forwarder.take([], lambda link, raw: sent.append((link, raw)))
         time.sleep(0.005)
 
@@ -286,7 +288,7 @@ def test_a_link_that_fails_costs_its_frame_only(receiver):
             raise LinkError("unplugged")
         sent.append(link)
 
-    end = time.monotonic() + 1.0
+    end = time.monotonic() + 10.0
     while not sent and time.monotonic() < end:
         forwarder.take([], send)
     assert sent == [1]
@@ -294,10 +296,7 @@ def test_a_link_that_fails_costs_its_frame_only(receiver):
 
 
 def test_nobody_there_is_counted_and_waits_for_nobody():
-    free = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    free.bind(("127.0.0.1", 0))
-    port = free.getsockname()[1]
-    free.close()
+    port = free_port()
     forwarder = Forwarder([f"udpout:127.0.0.1:{port}", f"tcp:127.0.0.1:{port}"])
     for _ in range(200):
         forwarder.take(packets(UAV.heartbeat()), nowhere)
@@ -308,9 +307,7 @@ def test_nobody_there_is_counted_and_waits_for_nobody():
 
 
 def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
-    free = socket.create_server(("127.0.0.1", 0))
-    port = free.getsockname()[1]
-    free.close()
+    port = free_port(socket.SOCK_STREAM)
     now_s = [0.0]
     forwarder = Forwarder([f"tcpin:127.0.0.1:{port}"], clock=lambda: now_s[0])
     client = socket.create_connection(("127.0.0.1", port))
@@ -322,8 +319,8 @@ def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
         forwarder.take(packets(*frames), nowhere)
         rounds += 1
     assert forwarder.counts[0].dropped > 0
-    framer, got, end = Framer(), 0, time.monotonic() + 10.0
-    client.settimeout(1.0)
+    framer, got, end = Framer(), 0, time.monotonic() + 60.0
+    client.settimeout(20.0)
     while got < forwarder.counts[0].sent and time.monotonic() < end:
         got += len(framer.feed(client.recv(1 << 16)))
         forwarder.take([], nowhere)
@@ -338,10 +335,7 @@ def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
 
 
 def test_a_udp_port_serves_whoever_spoke_to_it_first():
-    free = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    free.bind(("127.0.0.1", 0))
-    port = free.getsockname()[1]
-    free.close()
+    port = free_port()
     forwarder = Forwarder([f"udpin:127.0.0.1:{port}"])
     forwarder.take(packets(UAV.heartbeat()), nowhere)
     assert forwarder.counts[0].dropped == 1

@@ -17,7 +17,7 @@ from mavlink.ingest.plan import Signing
 from mavlink.keys import write_key
 from mavlink.pack import Speaker
 from mavlink.segments import segments
-from tests.ingest_runs import HOST, bearable, is_free, recorded, some_frames, steady, until, wait_for
+from tests.ingest_runs import HOST, bearable, is_free, recorded, send, some_frames, steady, until, wait_for
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")
 
@@ -105,7 +105,8 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
         pid = int(station.stdout.readline())
         frames = some_frames(2001)
         station.send_signal(signal.SIGSTOP)
-        steady(sender, port, frames[:2000], 2000)
+        log, record_bytes = tmp_path / "telemetry.tlog", 8 + len(frames[0])
+        send(sender, port, frames[:2000], lambda: log.stat().st_size // record_bytes)
         station.send_signal(signal.SIGCONT)
         sender.sendto(frames[2000], (HOST, port))
         assert station.stdout.readline() == "2001\n"
@@ -121,8 +122,8 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
 def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started, sender, tmp_path):
     ingest, port = started(ring_bytes=8192)
     frames = some_frames(1000)
-    steady(sender, port, frames, 2000)
-    assert until(lambda: ingest.health().packets == 1000)
+    send(sender, port, frames, lambda: ingest.health().packets)
+    assert ingest.health().packets == 1000
     packets = wait_for(ingest, 1000, 0.5)
     assert 0 < len(packets) < 1000
     assert ingest.health().overrun == 1000 - len(packets)

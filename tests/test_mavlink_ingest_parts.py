@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench.ports import free_port
 from mavlink.dialect import DEFINITIONS
 from mavlink.frame import split
 from mavlink.ingest.changes import Changes
@@ -132,7 +133,7 @@ def test_the_filter_knows_senders_and_what_looks_like_a_frame(others):
     strange_flag = bytearray(frames["v2"])
     strange_flag[2] = 2
     junk.append(bytes(strange_flag))
-    crowd = [(0x7F000001, 65535 - k) for k in range(others)] + [(0x0A000000 + k, 5) for k in range(others)]
+    crowd = [(0x7F000001, 1 + k) for k in range(others)] + [(0x0A000000 + k, 5) for k in range(others)]
     with udp() as here, udp() as known, udp() as stranger:
         to = here.getsockname()
         address = (0x7F000001, known.getsockname()[1])
@@ -229,9 +230,7 @@ def test_what_is_turned_away_is_not_called_lost():
 def test_without_the_batch_call_everything_is_the_same(monkeypatch):
     monkeypatch.setattr("mavlink.link_udp.available", lambda: False)
     with udp() as sender:
-        probe = udp()
-        port = probe.getsockname()[1]
-        probe.close()
+        port = free_port()
         link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 3)
         frames = [Speaker(k + 1).heartbeat() for k in range(100)]
         for frame in frames:
@@ -247,9 +246,7 @@ def test_without_the_batch_call_everything_is_the_same(monkeypatch):
 
 def test_only_known_systems_make_a_sender_known():
     with udp() as fleet, udp() as stranger:
-        probe = udp()
-        port = probe.getsockname()[1]
-        probe.close()
+        port = free_port()
         link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0, system_ids=(1, 2))
         stranger.sendto(Speaker(200).heartbeat(), (HOST, port))
         fleet.sendto(Speaker(2).heartbeat(), (HOST, port))
@@ -337,9 +334,7 @@ def test_plan_and_health_survive_the_way_between_processes():
 @LINUX
 def test_arrival_is_the_kernels():
     with udp() as sender:
-        probe = udp()
-        port = probe.getsockname()[1]
-        probe.close()
+        port = free_port()
         link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0)
         before_us = time.time_ns() // 1000
         sender.sendto(Speaker(1).heartbeat(), (HOST, port))

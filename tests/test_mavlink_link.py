@@ -16,10 +16,11 @@ from mavlink.pack import Speaker
 HOST = "127.0.0.1"
 
 
-def read_until(link, count, timeout_s=3.0):
-    """Packets of a link until there are enough, or time is up."""
-    packets, deadline = [], time.monotonic() + timeout_s
-    while len(packets) < count and time.monotonic() < deadline:
+def read_until(link, count, timeout_s=10.0):
+    """Packets of a link until there are enough, or time is up; what has come already is taken however late it is."""
+    packets, deadline, late = [], time.monotonic() + timeout_s, False
+    while len(packets) < count and not late:
+        late = time.monotonic() >= deadline
         packets += link.read(0.05)
     return packets
 
@@ -99,7 +100,7 @@ def test_udp_packets_arrive_stamped_and_counted(listener, sender):
     assert times == sorted(times) and before_us - 1000 <= times[0] and times[-1] <= after_us
     counts = listener.counts
     assert (counts.packets, counts.bytes, counts.bad, counts.dropped) == (100, sum(map(len, frames)), 0, 0)
-    assert counts.silent_s < 2.0
+    assert 0 <= counts.silent_s <= (time.time_ns() // 1000 - before_us) * 1e-6
 
 
 def test_udp_asks_for_a_large_buffer_and_says_what_it_got(listener):
@@ -142,7 +143,7 @@ def test_udp_answers_only_those_who_spoke_mavlink(listener, sender):
         sender.sendto(Speaker(1).heartbeat(), (HOST, listener.port))
         assert len(read_until(listener, 1)) == 1
         listener.send(b"hello")
-        sender.settimeout(2.0)
+        sender.settimeout(10.0)
         assert sender.recv(100) == b"hello"
         stranger.settimeout(0.05)
         with pytest.raises(TimeoutError):
@@ -176,7 +177,7 @@ def test_closing_wakes_a_reader(listener):
     thread = threading.Thread(target=lambda: got.append(listener.read(0.3)))
     thread.start()
     listener.close()
-    thread.join(2.0)
+    thread.join(20.0)
     assert got == [[]]
     assert listener.read(0.0) == []
     listener.close()
@@ -189,7 +190,7 @@ def test_tcp_out_connects_again():
         frame = Speaker(1).heartbeat()
         for round_ in range(2):
             server.settimeout(0.01)
-            deadline, peer = time.monotonic() + 4.0, None
+            deadline, peer = time.monotonic() + 20.0, None
             while peer is None and time.monotonic() < deadline:
                 assert link.read(0.05) == []
                 try:
@@ -203,7 +204,7 @@ def test_tcp_out_connects_again():
                 peer.sendall(frame[5:])
                 assert [(p.raw, p.link) for p in read_until(link, 1)] == [(frame, 2)]
                 link.send(b"answer")
-                peer.settimeout(2.0)
+                peer.settimeout(10.0)
                 assert peer.recv(100) == b"answer"
                 assert link.connections == round_ + 1
         assert read_until(link, 1, 0.2) == []
@@ -234,8 +235,8 @@ def test_tcp_in_parses_every_connection_by_itself():
         assert [p.system_id for p in read_until(link, 1)] == [1]
         assert link.clients == 2
         link.send(b"both")
-        one.settimeout(2.0)
-        two.settimeout(2.0)
+        one.settimeout(10.0)
+        two.settimeout(10.0)
         assert one.recv(9) == two.recv(9) == b"both"
     assert read_until(link, 1, 0.15) == []
     assert link.clients == 0
@@ -308,4 +309,4 @@ def test_nothing_is_stamped_earlier_than_it_was_sent_by_a_reader_that_was_held_u
 
     datagrams.receive = held_up
     (arrived_us,) = listener.take().times_us
-    assert 0 <= arrived_us - sent_us[0] < 1_000_000
+    assert sent_us[0] <= arrived_us <= time.time_ns() // 1000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -201,7 +202,7 @@ def test_silence_is_told_and_closing_does_not_wait_for_it(capfd):
 
 
 def test_a_refused_connection_is_tried_again():
-    with VideoStream(f"tcp://127.0.0.1:{free_port()}") as stream:
+    with VideoStream(f"tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}") as stream:
         deadline = time.monotonic() + 10
         while not stream.error and time.monotonic() < deadline:
             time.sleep(0.02)
