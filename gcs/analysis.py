@@ -138,7 +138,8 @@ class Analysis:
         Args:
             images: Put each frame's picture into its snapshot.
         """
-        pipeline = Pipeline(self.mission)
+        heard = self._log.heard
+        pipeline = Pipeline(self.mission, links=heard.names, address=heard.address)
         for text in self.warnings:
             pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
         packets = _Ahead(self._log.packets())

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.clocksteps import Steps
+from gcs.heard import Heard
 from gcs.leaps import close_leaps, steps_of
 from gcs.segmented import read_segments
 from mavlink.errors import TlogError
@@ -36,6 +38,7 @@ class SessionLog:
     Attributes:
         path: of the first segment.
         steps: when the wall clock was set.
+        heard: who sent each record.
         warnings: what an analyst should know, one line each.
 
     Raises:
@@ -49,8 +52,7 @@ class SessionLog:
         silent = recorded and _any(path, "frames.csv") and any(path.parent.glob("video.*")) and _is_empty(path)
         self._logs, troubles = ([], [_SILENT]) if silent else _open(segments(path) if recorded else [path], path)
         self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
-        parts = [log.index.t_us[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
-        stamped_us: Ints = np.concatenate([np.empty(0, dtype=np.int64), *parts])
+        stamped_us: Ints = np.concatenate([np.empty(0, dtype=np.int64), *self._of_each("t_us")])
         self._leaps, self._found = 0, not (recorded and _any(path, "clock.csv", "frames.csv"))
         if self._found and len(self._logs) == 1:
             self.steps = steps_of(self._logs[0])
@@ -61,6 +63,10 @@ class SessionLog:
         refused = path.with_name("refused.csv")
         has_refused = recorded and bool(segments(refused))
         self._auth = _refused(refused, stamped_us) if has_refused else np.zeros(len(stamped_us), dtype=np.uint8)
+        system_id = np.concatenate([np.empty(0, dtype=np.uint8), *self._of_each("system_id")])
+        senders = path.with_name("senders.csv")
+        noted = recorded and bool(segments(senders))
+        self.heard = Heard.read(senders, stamped_us, system_id) if noted else Heard.unknown(len(stamped_us))
         self.warnings = (*troubles, *self._complaints())
 
     def __len__(self) -> int:
@@ -82,10 +88,11 @@ class SessionLog:
         for log, keep in zip(self._logs, self._keep, strict=True):
             stop = start + int(np.count_nonzero(keep))
             kept = (packet for packet, wanted in zip(log.packets(), keep.tolist(), strict=True) if wanted)
-            times, auths = self._t_us[start:stop].tolist(), self._auth[start:stop].tolist()
-            for packet, t_us, auth in zip(kept, times, auths, strict=True):
-                if auth or t_us != packet.t_us:
-                    yield Packet(t_us, packet.raw, auth=Auth(auth))
+            columns = (self._t_us, self.heard.link, self.heard.peer, self._auth)
+            rows = zip(*(column[start:stop].tolist() for column in columns), strict=True)
+            for packet, (t_us, link, peer, auth) in zip(kept, rows, strict=True):
+                if auth or link or peer or t_us != packet.t_us:
+                    yield Packet(t_us, packet.raw, link, peer, Auth(auth))
                 else:
                     yield packet
             start = stop
@@ -100,6 +107,10 @@ class SessionLog:
             yield from (log.packet(row) for row in rows[good].tolist())
             start += int(np.count_nonzero(keep))
 
+    def _of_each(self, column: str) -> list[NDArray[Any]]:
+        """A column of the kept records of each segment."""
+        return [getattr(log.index, column)[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
+
     def _complaints(self) -> Iterator[str]:
         for log in self._logs:
             if log.index.damage:
@@ -108,6 +119,8 @@ class SessionLog:
         refused = int(np.count_nonzero(self._auth > Auth.GOOD))
         if refused:
             yield f"refused.csv: {refused} records were not believed in flight and are left out"
+        if self.heard.skipped:
+            yield f"senders.csv: {self.heard.skipped} rows cannot be read and are left out"
         if len(self.steps):
             source = "the vehicles' clocks" if self._found else "clock.csv"
             yield f"{source}: the clock was set {len(self.steps)} times; all times are those of the first setting"

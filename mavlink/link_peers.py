@@ -126,6 +126,13 @@ class Peers:
             self._told = self.changes, dict(zip(list(self.trusted), hosts, strict=True))
         return self._told[1]
 
+    def address(self, number: int) -> str:
+        """Host and port of a sender; empty where it is forgotten."""
+        if number not in self._keys:
+            return ""
+        _, port, host = _SENDER.unpack(_KEY.pack(self._keys[number]))
+        return f"{socket.inet_ntoa(host)}:{int.from_bytes(port, 'big')}"
+
     def senders(self) -> list[tuple[int, int]]:
         """Addresses and ports of those who are trusted, as numbers."""
         keys = [self._keys[number] for number in list(self.trusted)]

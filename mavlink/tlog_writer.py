@@ -1,11 +1,14 @@
 """Telemetry logs, written as a flight goes: what was accepted survives the death of the process.
 
-Beside ``telemetry.tlog`` and its further segments stand two tables, each made when there is something to say:
-``refused.csv`` the records that were not believed, and ``clock.csv`` when the wall clock was set.
+Beside ``telemetry.tlog`` and its further segments stand tables, each made when there is something to say:
+``senders.csv`` who sent what, ``refused.csv`` the records that were not believed, and ``clock.csv`` when the wall clock
+was set.
 """
 
 from __future__ import annotations
 
+import csv
+import io
 import struct
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,11 +24,12 @@ from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.packet import MAGIC_V2, Auth, Packet
 from mavlink.record_state import RecordState, overall
 
-__all__ = ["CLOCK_COLUMNS", "REFUSED_COLUMNS", "SYNC_S", "TlogWriter"]
+__all__ = ["CLOCK_COLUMNS", "REFUSED_COLUMNS", "SENDERS_COLUMNS", "SYNC_S", "TlogWriter"]
 
 SYNC_S = 0.15
 """Between syncs: with the sync itself a power cut costs at most 0.2 s on a disk that is well."""
 REFUSED_COLUMNS = ("record", "t_us", "link", "peer", "auth")
+SENDERS_COLUMNS = ("record", "t_us", "system_id", "link", "peer", "address", "name")
 CLOCK_COLUMNS = ("record", "t_us", "offset_us", "step_us")
 _TABLE_RAM_BYTES = 8 << 20
 _TIME = struct.Struct(">Q")
@@ -34,7 +38,8 @@ _TIME = struct.Struct(">Q")
 class TlogWriter:
     """Appends packets to a new log.
 
-    ``write``, ``write_records`` and ``refuse`` never raise and never wait for a slow disk; ``state`` tells how it goes.
+    ``write``, ``write_records``, ``refuse`` and ``heard`` never raise and never wait for a slow disk; ``state`` tells
+    how it goes.
 
     Args:
         path: must not exist; nothing recorded is ever overwritten.
@@ -70,8 +75,10 @@ class TlogWriter:
             raise TlogError(f"{self.path}: cannot be made: {error.strerror}") from error
         self._refused = _table(self.path.with_name("refused.csv"), REFUSED_COLUMNS, disk)
         self._clock_steps = _table(self.path.with_name("clock.csv"), CLOCK_COLUMNS, disk)
+        self._senders = _table(self.path.with_name("senders.csv"), SENDERS_COLUMNS, disk)
+        self._files = (self._log, self._refused, self._clock_steps, self._senders)
         self._clock = clock or ClockWatch()
-        self._caretaker = Caretaker((self._log, self._refused, self._clock_steps), SYNC_S)
+        self._caretaker = Caretaker(self._files, SYNC_S)
 
     def write(self, packet: Packet) -> int:
         """Append one packet, and note it when it is not believed.
@@ -101,6 +108,22 @@ class TlogWriter:
         row = f"{number},{packet.t_us},{packet.link},{packet.peer},{int(packet.auth)}\n"
         self._refused.write(row.encode())
 
+    def heard(self, number: int, t_us: int, system_id: int, link: int, peer: int, address: str, name: str) -> None:
+        """Note that a system id is heard from another sender than before, from this record on.
+
+        Args:
+            number: of the record.
+            t_us: its stamp.
+            system_id: whose.
+            link: index of the link it came over.
+            peer: number of the sender on that link.
+            address: of the sender, in words; empty where there is none.
+            name: of the link.
+        """
+        row = io.StringIO()
+        csv.writer(row, lineterminator="\n").writerow((number, t_us, system_id, link, peer, address, name))
+        self._senders.write(row.getvalue().encode())
+
     @property
     def records(self) -> int:
         """Records accepted so far."""
@@ -109,7 +132,7 @@ class TlogWriter:
     @property
     def state(self) -> RecordState:
         """How log and tables are doing."""
-        state = overall((self._log.state, self._refused.state, self._clock_steps.state))
+        state = overall(file.state for file in self._files)
         return replace(state, clock_step_s=self._stepped_us * 1e-6)
 
     def sync(self) -> None:
@@ -119,7 +142,7 @@ class TlogWriter:
             TlogError: the disk says it has not.
         """
         try:
-            for file in (self._log, self._refused, self._clock_steps):
+            for file in self._files:
                 file.sync()
         except OSError as error:
             raise TlogError(f"{self.path}: not safely on disk: {error.strerror}") from error
@@ -127,7 +150,7 @@ class TlogWriter:
     def close(self) -> None:
         """Write what still waits, sync and close; closing twice does nothing. ``state`` then tells what was lost."""
         self._caretaker.stop()
-        for file in (self._log, self._refused, self._clock_steps):
+        for file in self._files:
             file.close()
 
     def _note_step(self, before_us: int, number: int, data: bytes) -> None:

@@ -9,11 +9,13 @@ from pathlib import Path
 
 from mavlink.errors import LinkError
 from mavlink.forward import Forwarder
+from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.ingest.shared import Shared, Word
 from mavlink.link import Link
 from mavlink.link_batch import Batch
 from mavlink.link_tally import now_us
+from mavlink.link_udp import UdpIn, UdpOut
 from mavlink.packet import Auth, Packet
 from mavlink.signing import Verifier, without_secret
 from mavlink.signing_store import StreamStore, open_verifier
@@ -116,12 +118,14 @@ class Receiver:
         self._memory = memory
         self._signatures = signatures
         self._outputs = outputs
+        self._senders = LastSenders()
         self.output_trouble = ""
 
     def take(self, index: int, batch: Batch) -> None:
         """One batch of a link."""
         original = self._hide_secrets(index, batch)
         number = self._record(batch)
+        self._note_senders(index, batch, number)
         auths: list[Auth] | None = None
         packets: list[Packet] = []
         if self._signatures.on or self._outputs:
@@ -171,6 +175,14 @@ class Receiver:
         words[Word.RECORDS] = number + len(batch)
         words[Word.LOG_BYTES] += len(data)
         return number
+
+    def _note_senders(self, index: int, batch: Batch, number: int) -> None:
+        """Who sent what stands beside the log, so that a replay tells senders apart as the flight does."""
+        link = self._links[index]
+        for k, system_id in self._senders.take(index, batch.frames, batch.peers):
+            peer = batch.peers[k]
+            address = link.peers.address(peer) if isinstance(link, (UdpIn, UdpOut)) else ""
+            self._log.heard(number + k, batch.times_us[k], system_id, index, peer, address, link.name)
 
     def _judge(self, index: int, packets: Sequence[Packet], number: int) -> None:
         """Notes what is not believed, and who has proved who it is."""
