@@ -168,5 +168,7 @@ def _map(path: Path) -> Bytes:
             return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)
     except FileNotFoundError:
         raise TlogError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise TlogError(f"{path}: is a folder; name a log in it, such as {path / 'telemetry.tlog'}") from None
     except OSError as error:
         raise TlogError(f"{path}: cannot be read: {error.strerror}") from error

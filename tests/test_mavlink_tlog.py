@@ -143,7 +143,7 @@ def test_what_is_no_log_is_said_in_one_line(tmp_path, content, message):
 
 
 def test_a_folder_is_no_log(tmp_path):
-    with pytest.raises(TlogError, match="cannot be read"):
+    with pytest.raises(TlogError, match="is a folder; name a log in it"):
         Tlog.open(tmp_path)
 
 
