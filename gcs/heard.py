@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.errors import SessionError
 from mavlink.segments import segments
 
 __all__ = ["Heard"]
@@ -52,9 +52,6 @@ class Heard:
             path: of the first segment.
             t_us: (n,) stamps of all records.
             system_id: (n,) of their senders.
-
-        Raises:
-            SessionError: it cannot be opened.
         """
         rows, skipped = _rows(path)
         heard = cls.unknown(len(t_us))
@@ -90,26 +87,24 @@ def _agree(table: Ints, t_us: Ints, system_id: NDArray[np.uint8]) -> bool:
 
 
 def _rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], int]:
+    """Numbers and words of each row of all segments, and how many cannot be read: they are no reason to do without."""
     rows, skipped = [], 0
-    for cells in _cells(path):
+    for part in segments(path):
         try:
-            numbers = tuple(map(int, cells[:_NUMBERS]))
-            address, name = cells[_NUMBERS : _NUMBERS + 2]
-        except ValueError:
-            skipped += 1
-            continue
-        if len(numbers) == _NUMBERS and all(0 <= number < _BOUND for number in numbers):
-            rows.append((numbers, (address, name)))
-        else:
+            with part.open(encoding="utf-8", errors="replace", newline="") as lines:
+                for cells in filter(None, itertools.islice(csv.reader(lines), 1, None)):
+                    row = _row(cells)
+                    rows += [row] if row else []
+                    skipped += not row
+        except (OSError, csv.Error):
             skipped += 1
     return rows, skipped
 
 
-def _cells(path: Path) -> Iterator[list[str]]:
-    """Rows of all segments, without their headings."""
-    for part in segments(path):
-        try:
-            with part.open(encoding="utf-8", errors="replace", newline="") as lines:
-                yield from (cells for k, cells in enumerate(csv.reader(lines)) if k and cells)
-        except (OSError, csv.Error) as error:
-            raise SessionError(f"{part}: cannot be read: {error}") from error
+def _row(cells: list[str]) -> tuple[tuple[int, ...], tuple[str, str]] | None:
+    try:
+        numbers = tuple(map(int, cells[:_NUMBERS]))
+        address, name = cells[_NUMBERS : _NUMBERS + 2]
+    except ValueError:
+        return None
+    return (numbers, (address, name)) if all(0 <= number < _BOUND for number in numbers) else None

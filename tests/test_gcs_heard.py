@@ -5,10 +5,14 @@ from __future__ import annotations
 import random
 import socket
 import struct
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from gcs.analysis import Analysis
 from gcs.heard import Heard
@@ -80,6 +84,17 @@ def test_rows_that_cannot_be_read_are_counted_and_the_rest_holds(tmp_path):
     log = SessionLog(tmp_path / "telemetry.tlog")
     assert list(log.packets()) == packets
     assert log.warnings == ("senders.csv: 4 rows cannot be read and are left out",)
+
+
+@given(st.binary(max_size=400))
+@example(b"x" * 140_000)
+@example(b'0,1,2,3,4,"')
+def test_no_table_however_torn_keeps_a_log_from_being_read(data):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "senders.csv"
+        path.write_bytes(HEAD.encode() + data)
+        heard = Heard.read(path, T0 + np.arange(3), np.array([1, 2, 1], dtype=np.uint8))
+    assert heard.link.shape == heard.peer.shape == (3,) and heard.link.min() >= 0 <= heard.peer.min()
 
 
 def test_records_before_the_first_row_came_from_nobody_known(tmp_path):
