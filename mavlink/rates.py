@@ -32,6 +32,7 @@ from mavlink.rate_requests import (
     interval_request,
     stream_request,
 )
+from mavlink.sequence import SequenceLoss
 
 __all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper", "uav_rates"]
 
@@ -58,6 +59,10 @@ PAUSE_S = 1.5
 """Nothing at all for so long is the link's trouble, not that of a rate."""
 LASTS_S = 2.0
 """A rate is low for so long before it is told."""
+CALM_S = 30.0
+"""And better for so long before it may be told again: one about the limit is one line, not one every ten seconds."""
+LOSSY = 0.1
+"""Share of packets lost from which on the link is named as what makes a rate low."""
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
 """Messages of equipment that a vehicle need not have: one that never came is not missed."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
@@ -87,7 +92,8 @@ class Rate:
     @property
     def words(self) -> str:
         """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: nothing is ever sent to a ground vehicle: ...``."""
-        return f"{self.message} comes at {self.measured_hz:.1f} of {self.wanted_hz:g} Hz: {self.hint}"
+        comes = f"comes at {self.measured_hz:.1f} of {self.wanted_hz:g} Hz" if self.measured_hz else "does not come"
+        return f"{self.message} {comes}: {self.hint}"
 
 
 class _Stream:
@@ -116,12 +122,32 @@ class _Stream:
         return min((count - 1) / span_s, by_count) if span_s > 0.0 else by_count
 
 
+class _Trouble:
+    """What was told of one rate: 1 that it is low, 2 that the message has ceased, 0 nothing."""
+
+    def __init__(self) -> None:
+        self._told = 0
+        self._low_s = self._better_s = math.inf  # since when it is low, and better than what was told
+
+    def news(self, worse: int, now_s: float) -> bool:
+        """Takes how it is now; True when that is to be told."""
+        self._low_s = min(self._low_s, now_s) if worse else math.inf
+        self._better_s = min(self._better_s, now_s) if worse < self._told else math.inf
+        if now_s - self._better_s >= CALM_S:
+            self._told = worse
+        if worse <= self._told or now_s - self._low_s < LASTS_S:
+            return False
+        self._told = worse
+        return True
+
+
 class _Peer:
     """One vehicle on one link."""
 
     def __init__(self, wanted: Mapping[int, float], now_s: float) -> None:
         self.since_s = self.heard_s = now_s
         self.boot_ms = 0
+        self.loss = SequenceLoss()
         self.streams = {message_id: _Stream() for message_id in wanted}
         self.asking: int | None = None
         self.asked_s = -math.inf
@@ -161,8 +187,7 @@ class RateKeeper:
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
         self._lock = threading.Lock()
         self._peers: dict[tuple[int, int], _Peer] = {}
-        self._low_since: dict[tuple[int, int, str], float] = {}
-        self._told: set[tuple[int, int, str]] = set()
+        self._troubles: dict[tuple[int, int, str], _Trouble] = {}
 
     def take(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
@@ -188,6 +213,7 @@ class RateKeeper:
             peer.restart(now_s)
             peer.boot_ms = 0
         peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s
+        peer.loss.take(packet.peer, packet.component_id, packet.seq)
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
             stream.ever = True
@@ -216,16 +242,16 @@ class RateKeeper:
             )
 
     def troubles(self, now_s: float) -> list[Rate]:
-        """Rates that are low for a while and that an operator can do something about, each once until it is well."""
+        """Rates that are low for a while and that an operator can do something about, each once until it is well, and
+        once more when the message ceases.
+        """
         fresh = []
         for rate in self.rates(now_s):
-            key = (rate.system_id, rate.link, rate.message)
-            if rate.state == "ok":
-                self._low_since.pop(key, None)
-                self._told.discard(key)
-            elif rate.hint and now_s - self._low_since.setdefault(key, now_s) >= LASTS_S and key not in self._told:
-                self._told.add(key)
-                fresh.append(rate)
+            if rate.state == "ok" or rate.hint:
+                trouble = self._troubles.setdefault((rate.system_id, rate.link, rate.message), _Trouble())
+                worse = 0 if rate.state == "ok" else 1 if rate.measured_hz else 2
+                if trouble.news(worse, now_s):
+                    fresh.append(rate)
         return fresh
 
     def _ask(self, speaker: Speaker, peer: _Peer, now_s: float) -> list[bytes]:
@@ -267,7 +293,12 @@ class RateKeeper:
         if not stream.ever and message_id in _WHERE_THERE_IS_ONE:
             hint = ""
         elif state == "too slow":
-            hint = _hint(message_id, wanted_hz, ground=system_id != self._uav)
+            lost = peer.loss.share
+            sent_hz = measured_hz / max(1.0 - lost, 0.01)
+            if lost > LOSSY and sent_hz >= ENOUGH * wanted_hz:
+                hint = f"{lost:.0%} of its packets are lost on this link"
+            else:
+                hint = _hint(message_id, wanted_hz, ground=system_id != self._uav)
         return Rate(
             system_id=system_id,
             link=link,

@@ -251,6 +251,46 @@ def test_a_link_that_is_lost_is_no_trouble_of_rates():
     assert told == []
 
 
+def lossy(seconds, kept, rate_hz=5.0):
+    """What is told of a ground vehicle of whose packets some are lost on the way, and the hint that it has then."""
+    made, told, speaker = RateKeeper(None, 1, (7,)), [], Speaker(7)
+    for i in range(int(seconds * 10)):
+        now_s = 100.0 + i * 0.1
+        frames = [speaker.attitude(i, 0.0, 0.0, 0.0)]
+        frames += [speaker.global_position_int(i, 47.0, 8.0, 500.0)] if i % int(10 / rate_hz) == 0 else []
+        for raw in frames:
+            if kept(i):
+                made.take(packet(raw, link=1), now_s)
+        told += made.troubles(now_s)
+    return [rate.words for rate in told]
+
+
+def test_a_rate_about_the_limit_is_told_once():
+    def kept(i):
+        return i % 10 < (5 if i // 100 % 2 else 8)
+
+    assert len(lossy(300, kept)) == 1
+
+
+def test_what_a_lossy_link_swallows_is_not_put_down_to_the_stream_rate():
+    (told,) = lossy(60, lambda i: i % 10 < 5)
+    assert "of its packets are lost on this link" in told
+    assert "SRx" not in told
+    (told,) = lossy(60, lambda i: True, rate_hz=2.0)
+    assert "SRx_POSITION = 5" in told
+
+
+def test_a_message_that_ceases_is_told_though_it_was_slow_before():
+    made, told = RateKeeper(None, 1), []
+    for i in range(400):
+        now_s = 100.0 + i * 0.1
+        made.take(packet(UAV.heartbeat(2)), now_s)
+        if i < 200:
+            made.take(packet(UAV.attitude(i, 0.0, 0.0, 0.0)), now_s)
+        told += [rate.words for rate in made.troubles(now_s) if rate.message == "ATTITUDE"]
+    assert [text.partition(":")[0] for text in told] == ["ATTITUDE comes at 10.0 of 30 Hz", "ATTITUDE does not come"]
+
+
 def test_a_silent_station_measures_and_asks_nothing():
     made = RateKeeper(None, 1)
     for i in range(100):
