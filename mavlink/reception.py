@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 from mavlink.arrivals import Arrivals
 from mavlink.copies import TIMED, Copies
+from mavlink.overtaken import Overtaken
 from mavlink.packet import Auth, Packet
+from mavlink.refusals import Told
 from mavlink.sequence import SequenceLoss, SequenceRuns
-from mavlink.state import ChannelStatus, MessageRate
+from mavlink.state import ChannelStatus, Level, MessageRate
 
 __all__ = ["Reception", "Speaker"]
 
@@ -21,7 +23,13 @@ _FIRST_HAND = 10  # a channel with so many new messages on end has no copies: nu
 _ALARM_AFTER = 3
 _ALARM_EVERY_US = 30_000_000
 _ALARM_GROWN = 2  # what goes on all the time is told again when it is so many times what was told
-_REFUSED_AS = {Auth.UNSIGNED: "no signature", Auth.BAD: "bad signature", Auth.REPLAYED: "replayed signature"}
+_OVERTAKEN, _OVERTAKEN_US = 20, 600_000_000  # so many are told, and again so much later: it lasts a whole flight
+_REFUSED_AS = {
+    Auth.UNSIGNED: "no signature",
+    Auth.BAD: "bad signature",
+    Auth.REPLAYED: "replayed signature",
+    Auth.FUTURE: "signature from the future",
+}
 
 
 class Speaker(NamedTuple):
@@ -66,6 +74,29 @@ class _Channel:
         return runs.take(seq, t_us)
 
 
+class _Refused:
+    """Packets refused for one reason."""
+
+    __slots__ = ("_last_us", "_told", "_told_us", "count")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._told = 0
+        self._told_us = self._last_us = -_ALARM_EVERY_US
+
+    def take(self, t_us: int) -> bool:
+        """Counts one; True when an operator should know."""
+        self.count += 1
+        if abs(t_us - self._last_us) > _ALARM_EVERY_US:
+            self._told = 0  # it had stopped
+        self._last_us = t_us
+        grown = self.count >= max(_ALARM_AFTER, _ALARM_GROWN * self._told)
+        if not grown or abs(t_us - self._told_us) < _ALARM_EVERY_US:
+            return False
+        self._told_us, self._told = t_us, self.count
+        return True
+
+
 class Reception:
     """Counts and sorts one vehicle's packets before anything in them is believed."""
 
@@ -83,9 +114,8 @@ class Reception:
         self._channels: dict[tuple[int, int], _Channel] = {}
         self._channel = _Channel()
         self._copies = Copies()
-        self._refused = 0
-        self._alarm_us = self._refused_us = -_ALARM_EVERY_US
-        self._told = 0
+        self._overtaken, self._told_overtaken = Overtaken(), Told(_OVERTAKEN_US)
+        self._refused: dict[Auth, _Refused] = {}
 
     def take(self, packet: Packet, message_id: int) -> bool:
         """Counts a packet that may be believed; False for a copy of one that came before."""
@@ -106,28 +136,33 @@ class Reception:
         self.speaker = Speaker(packet.link, packet.peer, run)
         if packet.auth is Auth.GOOD:
             self.signed += 1
+            self._overtaken.good(packet)
         else:
             self.unsigned += 1
         return True
 
-    def refuse(self, packet: Packet) -> str:
+    def refuse(self, packet: Packet) -> tuple[Level, str]:
         """Counts a packet whose signature forbids to believe it; says why when an operator should know."""
-        if packet.auth is Auth.REPLAYED and self._copies.first(packet) is not None:
-            self.copies += 1  # the same packet over a second link
-            return ""
+        if packet.auth is Auth.REPLAYED:
+            if self._copies.first(packet) is not None:
+                self.copies += 1  # the same packet over a second link
+                return "info", ""
+            if self._overtaken.late(packet):
+                return "warning", self._late_words(packet.t_us)
         if packet.auth is Auth.UNSIGNED:
             self.unsigned += 1
         else:
             self.bad_signature += 1
-        self._refused += 1
-        if abs(packet.t_us - self._refused_us) > _ALARM_EVERY_US:
-            self._told = 0  # it had stopped
-        self._refused_us = packet.t_us
-        grown = self._refused >= max(_ALARM_AFTER, _ALARM_GROWN * self._told)
-        if not grown or abs(packet.t_us - self._alarm_us) < _ALARM_EVERY_US:
+        refused = self._refused.setdefault(packet.auth, _Refused())
+        if not refused.take(packet.t_us):
+            return "info", ""
+        return "alarm", f"{refused.count} packets refused, {_REFUSED_AS[packet.auth]}"
+
+    def _late_words(self, t_us: int) -> str:
+        number = self._overtaken.count
+        if number < _OVERTAKEN or not self._told_overtaken.due("", t_us):
             return ""
-        self._alarm_us, self._told = packet.t_us, self._refused
-        return f"{self._refused} packets refused, {_REFUSED_AS.get(packet.auth, 'signature from the future')}"
+        return f"{number} signed packets came after newer ones and are refused: out of order, or over a slower radio"
 
     @property
     def late(self) -> bool:

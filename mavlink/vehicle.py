@@ -76,11 +76,11 @@ class Vehicle:
 
     def refuse_packet(self, packet: Packet) -> tuple[Notice, ...]:
         """Counts a packet that must not be believed for its signature."""
-        text = self.reception.refuse(packet)
+        level, text = self.reception.refuse(packet)
         if not text:
             return ()
         where = self.senders.where(Speaker(packet.link, packet.peer, 0))
-        return (self._notice(packet.t_us, "alarm", f"system {self.system_id}: {text} ({where})"),)
+        return (self._notice(packet.t_us, level, f"system {self.system_id}: {text} ({where})"),)
 
     def take_heartbeat(self, sample: Heartbeat) -> Iterator[Notice]:
         """HEARTBEAT of the autopilot; other components' are none of the vehicle's."""

@@ -359,4 +359,7 @@ def test_19_signed_a_minute_ahead_and_nothing_else_is_believed(flight):
     status = flight.status(T0 + 20 * S)
     assert (status.signed, status.unsigned, status.bad_signature) == (20, 20, 20)
     assert status.kind == "rover" and not status.contested
-    assert [text for text in flight.texts("alarm")] == ["system 2: 3 packets refused, bad signature (link 0 address 1)"]
+    assert [text for text in flight.texts("alarm")] == [
+        "system 2: 3 packets refused, bad signature (link 0 address 1)",
+        "system 2: 3 packets refused, no signature (link 0 address 1)",
+    ]

@@ -282,6 +282,14 @@ def test_what_lasts_is_told_ever_more_rarely_and_again_when_it_comes_back():
     assert sum("two addresses" in notice.text for notice in air.notices) == 1
 
 
+def test_a_forger_is_told_at_once_though_unsigned_packets_were_refused_all_along():
+    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV).heartbeat()
+    for k in range(3600):
+        fleet.feed(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))
+    said = [n.text for k in range(5) for n in fleet.feed(Packet(T0 + 3600 * S + k, raw, 0, 2, Auth.BAD))]
+    assert said == ["system 11: 3 packets refused, bad signature (link 0 address 2)"]
+
+
 def test_the_second_copy_of_a_signed_packet_is_no_replay():
     fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
     for i in range(10):
@@ -290,6 +298,30 @@ def test_the_second_copy_of_a_signed_packet_is_no_replay():
         assert fleet.feed(Packet(T0 + i * S + 5000, raw, 1, 1, Auth.REPLAYED)) == ()
     status = fleet.at(T0 + 10 * S).vehicles[1]
     assert (status.signed, status.bad_signature, status.copies) == (10, 0, 10)
+
+
+def test_signed_packets_that_were_overtaken_are_no_replay():
+    """ArduPilot signs for all its radios with one counter: what comes over the slower one is older than the newest."""
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    frames = [speaker.attitude(i * 100, 0.0, 0.0, 0.1) for i in range(200)]
+    told = []
+    for i in range(0, 200, 2):
+        told += fleet.feed(Packet(T0 + i * S // 10, frames[i + 1], 0, 1, Auth.GOOD))
+        told += fleet.feed(Packet(T0 + i * S // 10 + 5000, frames[i], 1, 1, Auth.REPLAYED))
+    status = fleet.at(T0 + 20 * S).vehicles[1]
+    assert (status.signed, status.bad_signature) == (100, 0)
+    (notice,) = [notice for notice in told if "refused" in notice.text]
+    assert notice.level == "warning" and "20 signed packets came after newer ones" in notice.text
+
+
+def test_a_recording_of_minutes_ago_is_a_replay_though_its_packets_were_never_heard():
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    old = [speaker.attitude(i * 100, 0.0, 0.0, 0.1) for i in range(10)]
+    speaker._mav.signing.timestamp += 30 * 100_000
+    fleet.feed(Packet(T0, speaker.heartbeat(), 0, 1, Auth.GOOD))
+    told = [notice for raw in old for notice in fleet.feed(Packet(T0 + S, raw, 0, 2, Auth.REPLAYED))]
+    assert [notice.level for notice in told] == ["alarm"] and "replayed signature" in told[0].text
+    assert fleet.at(T0 + S).vehicles[1].bad_signature == 10
 
 
 def test_loss_rate_and_freshness_are_told_for_each_link():
