@@ -2,7 +2,8 @@
 
 import errno
 import os
-import time
+import shutil
+import threading
 
 from mavlink.disk import Disk
 
@@ -14,13 +15,14 @@ class FaultyDisk(Disk):
         room: bytes that still fit, None without end; past it writes are short, then fail with ``write_error``.
         write_error, sync_error, truncate_error, open_error: errno of every such call, 0 for none.
         most: bytes that one write takes.
-        stall_s: how long a sync takes.
+        may_sync: while cleared, every sync hangs.
     """
 
     def __init__(self):
         self.room = self.most = None
         self.write_error = self.sync_error = self.truncate_error = self.open_error = 0
-        self.stall_s = 0.0
+        self.may_sync = threading.Event()
+        self.may_sync.set()
         self.syncs = 0
 
     def open(self, path):
@@ -41,13 +43,18 @@ class FaultyDisk(Disk):
 
     def fsync(self, fd):
         self.syncs += 1
-        time.sleep(self.stall_s)
+        self.may_sync.wait(20)
         fail(self.sync_error)
         super().fsync(fd)
 
     def ftruncate(self, fd, size):
         fail(self.truncate_error)
         super().ftruncate(fd, size)
+
+
+def delete(folder):
+    """All at once: what is deleted file by file may be made anew before the last is gone."""
+    shutil.rmtree(folder.rename(folder.with_name("deleted")))
 
 
 def fail(code):

@@ -1,6 +1,5 @@
 import errno
 import json
-import shutil
 import time
 import tomllib
 
@@ -18,7 +17,7 @@ from gcs.snapshot import Box, Event, Health, Snapshot
 from mavlink.packet import Packet
 from mavlink.record_state import RecordState
 from mavlink.segments import segments
-from tests.faulty_disk import FaultyDisk
+from tests.faulty_disk import FaultyDisk, delete
 from tests.test_mavlink_tlog_writer import FRAMES, T0, expected, packet, until
 from vision.detections import Detections
 
@@ -156,7 +155,7 @@ def goes_on(recorder, take_away):
 
 
 def test_a_deleted_session_is_made_anew(recorder):
-    goes_on(recorder, shutil.rmtree)
+    goes_on(recorder, delete)
     assert notes(recorder)["packets"] == 30
 
 
