@@ -32,7 +32,7 @@ def air():
         tell=events.append, rules=QUICK,
     )  # fmt: skip
 
-    def until(done, seconds=6.0):
+    def until(done, seconds=30.0):
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             for packet in sock.packets():
@@ -135,7 +135,8 @@ def test_following_ends_when_a_pilot_takes_over(air):
 
 def test_following_ends_by_the_mode_even_when_goals_are_still_accepted(air):
     air.order("follow", UGV, "goes on")
-    air.until(lambda: False, 0.5)
+    settled = 2 + round(QUICK.settle_s / QUICK.fly_s)
+    assert air.until(lambda: len(air.uav.commands(192)) >= settled)
     air.uav.mode = 5
     assert air.until(lambda: any("flight mode was changed to LOITER" in event.text for event in air.events))
 
@@ -177,7 +178,8 @@ def test_hold_return_camera_and_gimbal(air):
         assert (said.param1, said.param2, said.param3) == params, key
         assert (said.get_type(), said.target_system, said.target_component) == ("COMMAND_LONG", 1, 1)
     air.order("photo", 0, "accepted")
-    assert [said.param4 for said in air.uav.commands(2000)] == [1.0, 2.0], "no second picture for a repeated command"
+    numbers = list(dict.fromkeys(said.param4 for said in air.uav.commands(2000)))
+    assert numbers == [1.0, 2.0], "no second picture for a repeated command"
 
 
 def test_neutral_falls_back_to_the_older_command(air):
@@ -226,6 +228,7 @@ def test_without_a_height_or_a_place_nothing_is_sent(air):
 def test_everything_sent_is_recorded_and_in_one_row(air):
     air.order("photo", 0, "accepted")
     assert air.until(lambda: len(air.uav.heard) >= 6)
+    air.desk.close()
     assert air.recorded == air.sock.sent
     assert [raw[4] for raw in air.recorded] == [i % 256 for i in range(len(air.recorded))]
     kinds = {said.get_type() for said in air.uav.heard}
@@ -235,15 +238,18 @@ def test_everything_sent_is_recorded_and_in_one_row(air):
 def test_a_hung_station_falls_silent_though_mavsdk_lives(air):
     """Nothing but the caller's loop beats: MAVSDK's own heartbeats never leave."""
     assert air.until(lambda: any(said.get_type() == "HEARTBEAT" for said in air.uav.heard))
-    time.sleep(0.3)
-    before = sum(said.get_type() == "HEARTBEAT" for said in air.uav.heard)
+
+    def beats():
+        return sum(Packet(0, raw).message_id == 0 for raw in air.sock.sent)
+
+    before = beats()
     time.sleep(2.2)
-    assert sum(said.get_type() == "HEARTBEAT" for said in air.uav.heard) == before
+    assert beats() == before > 0
 
 
 def test_what_mavsdk_asks_by_itself_reaches_the_uav_only(air):
     """It asks every system it hears for messages; it hears the UAV alone."""
-    assert air.until(lambda: any(said.command == 512 for said in air.uav.commands()), 4.0)
+    assert air.until(lambda: any(said.command == 512 for said in air.uav.commands()))
     assert {said.target_system for said in air.uav.commands()} == {UAV}
 
 

@@ -9,10 +9,12 @@ from collections import Counter
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from sim import live
 from sim.errors import PlayError
 from sim.live import play
 from sim.presets import curved_road
 from sim.scenario import Camera
+from sim.speaker import Spoken
 
 CAMERA = Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
 SMALL = dataclasses.replace(curved_road(), camera=CAMERA, occlusions=())
@@ -70,15 +72,13 @@ def test_two_seconds_live(tmp_path):
     assert all(len(used) == 1 for used in ports.values())
     assert len(set.union(*ports.values())) == 8
     assert noise == 4 * 8
-    assert ticks == sorted(ticks)
-    assert ticks[0] < -1.0
-    assert ticks[-1] > 2.5
-    # in real time: the last packets come three seconds after the first frame's time
-    assert telemetry.datagrams[-1][0] == pytest.approx(played.start_us / 1e6 + 3.0, abs=0.5)
+    # in real time: the last packets come three seconds after the first frame's time, or later on a busy machine
+    assert telemetry.datagrams[-1][0] > played.start_us / 1e6 + 2.9
+    assert ticks and all(b - a > 0.199 for a, b in itertools.pairwise(ticks))
     assert all(len(data) % 188 == 0 and data[0] == 0x47 for _, _, data in video.datagrams)
     assert max(len(data) for _, _, data in video.datagrams) == 1316
     assert played.frames + played.frames_skipped == 20
-    assert played.frames >= 5
+    assert played.frames > 0
     with (tmp_path / "truth.csv").open(newline="") as file:
         truth = list(csv.DictReader(file))
     stamps = sorted({int(row["time_us"]) for row in truth})
@@ -90,12 +90,39 @@ def test_two_seconds_live(tmp_path):
 
 def test_a_play_stops_when_told():
     stop = threading.Event()
-    began = time.monotonic()
+    stop.set()
     with Receiver() as telemetry:
-        played = play(SMALL, f"udpout:127.0.0.1:{telemetry.port}", None, on_tick=lambda _: stop.set(), stop=stop)
-    assert time.monotonic() - began < 5.0
-    assert sum(played.packets.values()) < 20
-    assert played.frames == 0
+        played = play(SMALL, f"udpout:127.0.0.1:{telemetry.port}", None, stop=stop)
+    assert sum(played.packets.values()) == len(telemetry.datagrams) == played.frames == 0
+
+
+class Clock:
+    """Time that passes only while somebody waits for it, and the event that ends the wait."""
+
+    def __init__(self, now_s, stop_s):
+        self.now_s, self.stop_s = now_s, stop_s
+
+    def time(self):
+        return self.now_s
+
+    def is_set(self):
+        return self.now_s >= self.stop_s
+
+    def wait(self, seconds):
+        self.now_s = min(self.now_s + seconds, self.stop_s)
+        return self.is_set()
+
+
+def test_every_packet_goes_out_at_its_time_until_told_to_stop(monkeypatch):
+    clock, ticks = Clock(1000.0, stop_s=1004.0), []
+    monkeypatch.setattr(live, "time", clock)
+    due_s = [999.0, 1000.7, 1000.7, 1001.0, 1003.5, 1004.5, 1005.0]
+    packets = [Spoken(t_us=round(t * 1e6), vehicle=0, raw=b"") for t in due_s]
+    sent_s = [clock.now_s for _ in live._on_time(packets, 1_002_000_000, clock, ticks.append)]
+    assert sent_s == pytest.approx([1000.0, 1000.7, 1000.7, 1001.0, 1003.5])
+    assert clock.now_s == 1004.0
+    assert ticks[0] == -2.0 and ticks[-1] > 1.7
+    assert all(0.199 < b - a < 0.401 for a, b in itertools.pairwise(ticks))
 
 
 @pytest.mark.parametrize("url", ["udpout:127.0.0.1", "udpin:0.0.0.0:14550", "127.0.0.1:14550", "udpout:h:99999"])
