@@ -11,11 +11,13 @@ import struct
 from collections import Counter
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
+from itertools import islice
 
 __all__ = ["Peers", "key_of"]
 
 TRUSTED = 256
 NUMBERED = 4096
+TOLD = 32
 QUIET_US = 60_000_000
 """Trust ends when nothing good was heard for this long."""
 BAD_A_LOOK = 100
@@ -125,6 +127,11 @@ class Peers:
             hosts = ((socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders())
             self._told = self.changes, dict(zip(list(self.trusted), hosts, strict=True))
         return self._told[1]
+
+    def strangers(self) -> dict[int, str]:
+        """Number → host and port of the latest who are not trusted, to tell an operator."""
+        latest = (number for number in reversed(self.numbers.values()) if number not in self.trusted)
+        return {number: self.address(number) for number in islice(latest, TOLD)}
 
     def address(self, number: int) -> str:
         """Host and port of a sender; empty where it is forgotten."""

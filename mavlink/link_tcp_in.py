@@ -47,6 +47,7 @@ def listen_tcp(url: LinkUrl) -> socket.socket:
 @dataclass(slots=True)
 class _Client:
     stream: Stream
+    address: str
     heard_s: float
     known: bool = False
 
@@ -82,6 +83,10 @@ class TcpIn(Reader):
     def clients(self) -> int:
         """Connections that stand."""
         return len(self._clients)
+
+    def addresses(self) -> dict[int, str]:
+        """Number → host and port of those who are connected."""
+        return {client.stream.peer: client.address for client in self._clients.values()}
 
     @property
     def port(self) -> int:
@@ -135,7 +140,7 @@ class TcpIn(Reader):
 
     def _accept(self) -> None:
         try:
-            sock, _ = self._server.accept()
+            sock, (host, port) = self._server.accept()
         except OSError:
             return  # nobody, or gone before it was let in
         if len(self._clients) >= _CLIENTS:
@@ -144,7 +149,7 @@ class TcpIn(Reader):
             self._drop(min(order, key=lambda entry: entry[:2])[2])
         sock.setblocking(False)
         self.accepted += 1
-        self._clients[sock] = _Client(Stream(self._tally, self.accepted), time.monotonic())
+        self._clients[sock] = _Client(Stream(self._tally, self.accepted), f"{host}:{port}", time.monotonic())
 
     def _receive(self, sock: socket.socket, batch: Batch) -> None:
         data = receive_now(sock)

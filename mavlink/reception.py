@@ -136,9 +136,10 @@ class Reception:
         self.speaker = Speaker(packet.link, packet.peer, run)
         if packet.auth is Auth.GOOD:
             self.signed += 1
-            self._overtaken.good(packet)
         else:
             self.unsigned += 1
+        if packet.signed:
+            self._overtaken.good(packet)  # in a replay too, which tells only who was refused
         return True
 
     def refuse(self, packet: Packet) -> tuple[Level, str]:

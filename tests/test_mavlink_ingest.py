@@ -89,6 +89,8 @@ def test_with_keys_only_those_who_have_them_are_believed_and_answered(started, s
         packets = wait_for(ingest, 3)
         assert [packet.auth for packet in packets] == [Auth.BAD, Auth.UNSIGNED, Auth.REPLAYED]
         assert ingest.health().links[0].peers <= 1
+        where = f"{HOST}:{stranger.getsockname()[1]}"
+        assert until(lambda: ingest.address(0, packets[0].peer) == where), "an operator is told where a forger is"
         sender.sendto(good.heartbeat(), (HOST, port))
         assert [packet.auth for packet in wait_for(ingest, 1)] == [Auth.GOOD]
         ingest.send(0, b"known")
@@ -103,6 +105,19 @@ def test_with_keys_only_those_who_have_them_are_believed_and_answered(started, s
     assert [row.split(",")[0] for row in rows[1:]] == ["1", "2", "3"]
     assert [int(row.split(",")[1]) for row in rows[1:]] == [packet.t_us for packet in packets]
     assert len(recorded(tmp_path)) == 5
+
+
+def test_the_address_of_a_tcp_client_is_known(started, tmp_path):
+    port = free_port(socket.SOCK_STREAM)
+    ingest = started(f"tcpin:{HOST}:{port}")
+    with socket.create_connection((HOST, port)) as client:
+        client.sendall(Speaker(1).heartbeat())
+        (packet,) = wait_for(ingest, 1)
+        where = f"{HOST}:{client.getsockname()[1]}"
+        assert until(lambda: ingest.address(0, packet.peer) == where)
+        assert ingest.address(0, packet.peer + 1) == ingest.address(1, packet.peer) == ""
+    ingest.stop()
+    assert where in (tmp_path / "senders.csv").read_text()
 
 
 def test_a_key_is_never_recorded_or_handed_over(started, sender, tmp_path):

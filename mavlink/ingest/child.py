@@ -38,7 +38,8 @@ GO = struct.Struct("=Q")
 TICK_S = 0.05
 PAUSE_S = 0.004
 """Datagrams of so long are taken together; when each came the kernel has noted."""
-TELL_S = 0.2
+TELL_S, TELL_SOON_S = 0.2, 0.05
+"""How often the station is told how it goes, and how soon where somebody new is heard: alarms name his address."""
 _FEW = 128
 _UNGUARDED = "{}: this system has no socket filters; a flood of strangers can push others out"
 _ROUNDS = 8
@@ -79,7 +80,7 @@ class _Ingest:
         self._control.setblocking(False)
         self._commands = b""
         self._open = True
-        self._told_s = 0.0
+        self._told_s, self._told_senders = 0.0, 0
         self._send_trouble = ""
         self._reports: tuple[LinkReport, ...] = ()
         self._signatures = Signatures(plan.signing)
@@ -103,7 +104,7 @@ class _Ingest:
                 self._obey()
             if self._outputs and ready.intersection(self._outputs.files):
                 self._receiver.forward(())
-            if time.monotonic() - self._told_s >= TELL_S:
+            if time.monotonic() - self._told_s >= (TELL_S if self._senders() == self._told_senders else TELL_SOON_S):
                 self._tell()
         self._close()
 
@@ -155,7 +156,7 @@ class _Ingest:
 
     def _tell(self) -> None:
         """How it goes, for the station."""
-        self._told_s = time.monotonic()
+        self._told_s, self._told_senders = time.monotonic(), self._senders()
         if self._open or not self._reports:
             self._reports = tuple(_report(link) for link in self._links)
         record = self._log.state
@@ -176,6 +177,10 @@ class _Ingest:
             troubles=tuple(text for text in troubles if text),
         )
         self._memory.tell(health.to_json())
+
+    def _senders(self) -> int:
+        """How many were heard so far."""
+        return sum(map(_last_peer, self._links))
 
     def _close(self) -> None:
         for index, link in enumerate(self._links):
@@ -223,8 +228,15 @@ def _go_on(links: list[Link], status: bytes | None) -> None:
             link.accepted = report.last_peer
 
 
+def _last_peer(link: Link) -> int:
+    """Highest number given to a sender."""
+    if isinstance(link, (UdpIn, UdpOut)):
+        return link.peers.last
+    return link.accepted if isinstance(link, TcpIn) else 1
+
+
 def _report(link: Link) -> LinkReport:
-    report = LinkReport(name=link.name, counts=link.counts)
+    report = LinkReport(name=link.name, counts=link.counts, last_peer=_last_peer(link))
     if isinstance(link, (UdpIn, UdpOut)):
         addresses = tuple((number, host, port) for number, (host, port) in link.peers.addresses().items())
         return replace(
@@ -232,10 +244,10 @@ def _report(link: Link) -> LinkReport:
             buffer_bytes=link.buffer_bytes,
             peers=len(addresses),
             addresses=addresses,
-            last_peer=link.peers.last,
+            others=tuple(link.peers.strangers().items()),
             narrow=link.gate.narrow,
         )
     if isinstance(link, TcpIn):
-        return replace(report, peers=link.clients, last_peer=link.accepted)
+        return replace(report, peers=link.clients, others=tuple(link.addresses().items()))
     assert isinstance(link, (TcpOut, SerialLink))
-    return replace(report, peers=int(link.connected), last_peer=1, connected=link.connected)
+    return replace(report, peers=int(link.connected), connected=link.connected)

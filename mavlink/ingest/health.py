@@ -39,6 +39,8 @@ class LinkReport:
     """Senders that are known."""
     addresses: tuple[tuple[int, str, int], ...] = ()
     """Number, host and port of those, on a UDP port."""
+    others: tuple[tuple[int, str], ...] = ()
+    """Number and address in words of the latest who are not known there, and of those connected by TCP."""
     last_peer: int = 0
     """Highest number given to a sender."""
     connected: bool = True
@@ -101,7 +103,8 @@ def _fields(record: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the datacla
 
 def _link(table: dict[str, Any]) -> LinkReport:
     addresses = tuple((number, host, port) for number, host, port in table["addresses"])
-    return LinkReport(**table | {"counts": LinkCounts(**table["counts"]), "addresses": addresses})
+    others = tuple((number, address) for number, address in table["others"])
+    return LinkReport(**table | {"counts": LinkCounts(**table["counts"]), "addresses": addresses, "others": others})
 
 
 def _sum(now: LinkCounts, before: LinkCounts) -> LinkCounts:

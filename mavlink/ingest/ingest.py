@@ -158,8 +158,10 @@ class Ingest:
             peer: the sender's number on that link.
         """
         links = (self._told() or self._health).links
-        known = links[link].addresses if 0 <= link < len(links) else ()
-        return next((f"{host}:{port}" for number, host, port in known if number == peer), "")
+        if not 0 <= link < len(links):
+            return ""
+        known = {number: f"{host}:{port}" for number, host, port in links[link].addresses}
+        return (dict(links[link].others) | known).get(peer, "")
 
     def health(self) -> IngestHealth:
         """How it is doing, as told some times a second."""
