@@ -106,7 +106,7 @@ class Estimator:
             (m,) columns of the history and (m, n + 1) marginals, the last column "none of ours".
         """
         n, history = self._log.n_vehicles, self._history
-        live = np.flatnonzero((history.track_id != 0) & (history.last_s > t - _RECENT_S))
+        live = np.flatnonzero((history.track_id > 0) & (history.last_s > t - _RECENT_S))
         if not len(live) or not n:
             return live, np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
         self._updates += 1

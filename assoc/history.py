@@ -16,6 +16,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _SPARE_COLUMNS = 8
+_LOOKS = 2.0
+"""Times the step between the last looks: so long may a track be unseen where looks are far apart."""
 
 
 class TrackHistory:
@@ -24,10 +26,10 @@ class TrackHistory:
     Buffers have twice the wanted length; when full, the newest half moves to the front, so views stay contiguous.
     """
 
-    def __init__(self, window_s: float, step_s: float) -> None:
+    def __init__(self, window_s: float, step_s: float, gap_max_s: float) -> None:
         self._keep = max(int(window_s / step_s) + 4, 8)
         self._step_s = step_s
-        self._window_s = window_s
+        self._gap_max_s = gap_max_s
         rows = 2 * self._keep
         self.n = 0
         """Rows in use."""
@@ -39,7 +41,7 @@ class TrackHistory:
         self.ray = np.full((rows, 0, 3), np.nan)
         self.front = np.full((rows, 0, 3), np.nan)
         self.track_id = np.zeros(0, np.int64)
-        """(T,) track of each column, 0 = free."""
+        """(T,) track of each column, 0 = free; below 0: broke off, and perhaps goes on in another column."""
         self.first_s = np.zeros(0)
         self.last_s = np.zeros(0)
         self._column: dict[int, int] = {}
@@ -59,8 +61,9 @@ class TrackHistory:
         row = self.n - 1
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
-        columns, fresh = self._columns_of(sighting.track_id, t)
         seen = sighting.gap_s <= 0.0
+        self._break_off(sighting.track_id[seen], t)
+        columns, fresh = self._columns_of(sighting.track_id, t)
         self.ray[row, columns[seen]] = sighting.ray_cam[seen]
         self.front[row, columns[seen]] = sighting.front_cam[seen]
         self.last_s[columns[seen]] = t
@@ -70,7 +73,7 @@ class TrackHistory:
         """Free the columns of tracks not seen since; returns them."""
         old = np.flatnonzero((self.track_id != 0) & (self.last_s < before_s))
         for column in old:
-            del self._column[int(self.track_id[column])]
+            self._column.pop(int(self.track_id[column]), None)
         self.track_id[old] = 0
         self.ray[:, old] = np.nan
         self.front[:, old] = np.nan
@@ -105,6 +108,18 @@ class TrackHistory:
             array[: self._keep] = array[source].copy()
         self.n = self._keep
 
+    def _break_off(self, track_id: IntArray, t: float) -> None:
+        """End the columns of tracks that come back out of a hole: a tracker may have gone on with somebody else.
+
+        A hole is longer than is bridged, and not only the time from one look to the next.
+        """
+        step = self.t[self.n - 2] - self.t[self.n - 3] if self.n > 2 else np.inf
+        for key in track_id.tolist():
+            column = self._column.get(key, -1)
+            if column >= 0 and t - self.last_s[column] > max(self._gap_max_s, _LOOKS * step):
+                del self._column[key]
+                self.track_id[column] = -key
+
     def _columns_of(self, track_id: IntArray, t: float) -> tuple[IntArray, IntArray]:
         """Column of each track; new tracks take free columns."""
         columns = np.zeros(len(track_id), np.int64)
@@ -120,12 +135,10 @@ class TrackHistory:
 
     def _free_column(self) -> int:
         """A free column; widens the buffers when there is none."""
-        taken = set(self._column.values())
-        width = len(self.track_id)
-        for column in range(width):
-            if column not in taken:
-                return column
-        rows = len(self.t)
+        free = np.flatnonzero(self.track_id == 0)
+        if len(free):
+            return int(free[0])
+        rows, width = len(self.t), len(self.track_id)
         extra = np.full((rows, _SPARE_COLUMNS, 3), np.nan)
         self.ray = np.concatenate([self.ray, extra], axis=1)
         self.front = np.concatenate([self.front, extra], axis=1)

@@ -172,7 +172,7 @@ class Identifier:
 
 def _parts(n: int, params: IdentifierParams) -> tuple[TrackHistory, ReportLog, Estimator]:
     """Empty memory for n vehicles."""
-    history = TrackHistory(params.window_s + 2.0, params.frame_step_s)
+    history = TrackHistory(params.window_s + 2.0, params.frame_step_s, params.gap_max_s)
     log = ReportLog(n, params.window_s + 2.0)
     return history, log, Estimator(history, log, params)
 

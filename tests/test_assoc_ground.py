@@ -10,7 +10,7 @@ from tests.assoc_scene import Fleet, camera
 
 def history(frames=30, yaw_rate=0.1):
     fleet, rng = Fleet(), np.random.default_rng(0)
-    kept = TrackHistory(20.0, 0.09)
+    kept = TrackHistory(20.0, 0.09, 0.6)
     for k in range(frames):
         t = k / 10
         view = camera(p=(1.5 * t, -t, 40.0 + 0.2 * t), yaw=yaw_rate * t)
@@ -66,7 +66,7 @@ def test_off_axis_is_zero_on_the_ray():
 
 
 def test_history_keeps_a_window_and_thins():
-    kept, fleet = TrackHistory(2.0, 0.09), Fleet()
+    kept, fleet = TrackHistory(2.0, 0.09, 0.6), Fleet()
     rng = np.random.default_rng(0)
     for k in range(600):
         t = k / 30

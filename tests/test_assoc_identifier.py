@@ -81,6 +81,21 @@ def test_swapped_tracks_are_found_out():
     assert np.all(said(answers, 8.0) == IDS)
 
 
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_tracks_that_come_out_of_the_dark_exchanged_are_not_trusted(seed):
+    identifier, fleet = Identifier(IDS), Fleet(spacing_m=5.0, seed=seed)
+    play(identifier, fleet, 6.0)
+    rng = np.random.default_rng(5)
+    identifier.hear(fleet.reports(5.9, 7.5, rng))
+    for k in range(75, 90):
+        t = k / 10
+        s = fleet.sighting(t, camera(), [2, 1, 4, 3], rng)
+        answer = identifier.update(s, camera(), fleet.reports(t - 0.1, t, rng) if k > 75 else None)
+        wrong = (answer.system_id != IDS) & (answer.system_id > 0)
+        assert not np.any(wrong & (answer.confidence > 0.9)), t
+    assert answer.system_id.tolist() == list(IDS)
+
+
 def test_new_track_of_a_known_vehicle_is_named_within_a_quarter_second():
     def ids(t):
         return [1, 2, 3, 4] if t < 5.0 else [9, 2, 3, 4]
