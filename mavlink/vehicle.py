@@ -24,6 +24,7 @@ __all__ = ["Vehicle"]
 
 _GPS_FRESH_US = 5_000_000
 _LATE_MOST_US = 60_000_000
+_STALE_S = 1.0  # radios are a few tenths of a second late, and that is no trouble
 _CHANGE_US = 200_000  # no vehicle changes its mode more often; a flood of forged ones does
 _REFUSED_VERDICTS = {"jump": "farther than it can have driven", "leap": "higher or lower than it can have flown"}
 _QUIET_VERDICTS = {"late": "out of order, seconds late", "frozen": "moving, and at the same place as before"}
@@ -305,17 +306,20 @@ class Vehicle:
         )
 
     def position_state(self, t_us: int, estimate: Estimate | None) -> PositionState:
-        """How far the position may be relied on: stale after twice its own period, lost after three seconds."""
+        """How far the position may be relied on: stale after a second and twice its own period, lost after three."""
         if self.contested(t_us):
             return "contested"
         refused = self.refusals.last_us > 0 and t_us - self.refusals.last_us < LOST_S * 1e6
         if estimate is None:
             return "refused" if refused and self.refusals.reason not in NOT_YET else "never"
         period_s = self.positions.period_s
-        if estimate.bracketed or estimate.age_s <= (1.0 if math.isnan(period_s) else 2.0 * period_s):
+        due_s = _STALE_S if math.isnan(period_s) else 2.0 * period_s
+        if estimate.bracketed or estimate.age_s <= due_s:
             return "ok"
         if refused and self.refusals.reason:
             return "refused"
+        if estimate.age_s <= _STALE_S:
+            return "ok"
         return "stale" if estimate.age_s <= LOST_S else "lost"
 
     def _fix(self, boot_us: int, sample: GlobalPosition, frame: LocalFrame, home_up: float) -> Fix:

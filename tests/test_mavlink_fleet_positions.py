@@ -57,9 +57,11 @@ def test_stale_then_lost(world):
     end_us = world.run(5)
     world.run(5, start_us=end_us, ids=[1, 12])
     silent_us = end_us - 200_000  # the last report of rover 11
-    states = {dt: world.fleet.at(silent_us + int(dt * S)) for dt in (0.3, 1.9, 2.1, 3.1, 4.0)}
-    assert [states[dt].vehicles[1].position_state for dt in states] == ["ok", "stale", "stale", "lost", "lost"]
-    assert [bool(states[dt].valid[0]) for dt in states] == [True, True, False, False, False]
+    states = {dt: world.fleet.at(silent_us + int(dt * S)) for dt in (0.3, 0.9, 1.1, 2.1, 3.1, 4.0)}
+    assert [states[dt].vehicles[1].position_state for dt in states] == [
+        *("ok", "ok", "stale", "stale", "lost", "lost")  # radios that are a few tenths late are no trouble
+    ]
+    assert [bool(states[dt].valid[0]) for dt in states] == [True, True, True, False, False, False]
     assert states[4.0].age_s[0] == pytest.approx(4.0, abs=0.02)
     assert states[4.0].vehicles[1].heartbeat_age_s > 4.0
     assert all(state.valid[1] for state in states.values())
