@@ -32,6 +32,7 @@ from mavlink.rate_requests import (
     interval_request,
     stream_request,
 )
+from mavlink.rate_trouble import Trouble
 from mavlink.sequence import SequenceLoss
 
 __all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper", "uav_rates"]
@@ -55,12 +56,10 @@ WINDOW_S = 3.0
 ANSWER_S = 1.0
 AGAIN_S = 4.0
 SILENT_S = 3.5
+BEHIND_S = 10.0
+"""For so long after a packet that was refused as replayed nothing is said of a link's rates."""
 PAUSE_S = 1.5
 """Nothing at all for so long is the link's trouble, not that of a rate."""
-LASTS_S = 2.0
-"""A rate is low for so long before it is told."""
-CALM_S = 30.0
-"""And better for so long before it may be told again: one about the limit is one line, not one every ten seconds."""
 LOSSY = 0.1
 """Share of packets lost from which on the link is named as what makes a rate low."""
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
@@ -122,30 +121,12 @@ class _Stream:
         return min((count - 1) / span_s, by_count) if span_s > 0.0 else by_count
 
 
-class _Trouble:
-    """What was told of one rate: 1 that it is low, 2 that the message has ceased, 0 nothing."""
-
-    def __init__(self) -> None:
-        self._told = 0
-        self._low_s = self._better_s = math.inf  # since when it is low, and better than what was told
-
-    def news(self, worse: int, now_s: float) -> bool:
-        """Takes how it is now; True when that is to be told."""
-        self._low_s = min(self._low_s, now_s) if worse else math.inf
-        self._better_s = min(self._better_s, now_s) if worse < self._told else math.inf
-        if now_s - self._better_s >= CALM_S:
-            self._told = worse
-        if worse <= self._told or now_s - self._low_s < LASTS_S:
-            return False
-        self._told = worse
-        return True
-
-
 class _Peer:
     """One vehicle on one link."""
 
     def __init__(self, wanted: Mapping[int, float], now_s: float) -> None:
         self.since_s = self.heard_s = now_s
+        self.behind_s = -math.inf  # when a packet was refused because another link had brought newer ones
         self.boot_ms = 0
         self.loss = SequenceLoss()
         self.streams = {message_id: _Stream() for message_id in wanted}
@@ -187,7 +168,7 @@ class RateKeeper:
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
         self._lock = threading.Lock()
         self._peers: dict[tuple[int, int], _Peer] = {}
-        self._troubles: dict[tuple[int, int, str], _Trouble] = {}
+        self._troubles: dict[tuple[int, int, str], Trouble] = {}
 
     def take(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
@@ -197,10 +178,13 @@ class RateKeeper:
             now_s: monotonic seconds.
         """
         wanted = self._wanted.get(packet.system_id)
-        if wanted is None or packet.auth > Auth.GOOD:
+        if wanted is None:
             return
         with self._lock:
-            self._count(packet, wanted, now_s)
+            if packet.auth <= Auth.GOOD:
+                self._count(packet, wanted, now_s)
+            elif packet.auth is Auth.REPLAYED and (peer := self._peers.get((packet.system_id, packet.link))):
+                peer.behind_s = now_s
 
     def _count(self, packet: Packet, wanted: Mapping[int, float], now_s: float) -> None:
         peer = self._peers.get((packet.system_id, packet.link))
@@ -248,7 +232,7 @@ class RateKeeper:
         fresh = []
         for rate in self.rates(now_s):
             if rate.state == "ok" or rate.hint:
-                trouble = self._troubles.setdefault((rate.system_id, rate.link, rate.message), _Trouble())
+                trouble = self._troubles.setdefault((rate.system_id, rate.link, rate.message), Trouble())
                 worse = 0 if rate.state == "ok" else 1 if rate.measured_hz else 2
                 if trouble.news(worse, now_s):
                     fresh.append(rate)
@@ -288,7 +272,8 @@ class RateKeeper:
         stream = peer.streams[message_id]
         measured_hz = stream.hz(now_s)
         state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._speaker is not None and system_id == self._uav)
-        if state != "ok" and (now_s - peer.since_s < WINDOW_S or now_s - peer.heard_s > PAUSE_S):
+        unsettled = now_s - peer.since_s < WINDOW_S or now_s - peer.heard_s > PAUSE_S
+        if state != "ok" and (unsettled or now_s - peer.behind_s < BEHIND_S):
             state, hint = "measuring", ""
         if not stream.ever and message_id in _WHERE_THERE_IS_ONE:
             hint = ""

@@ -312,5 +312,17 @@ def test_refused_packets_measure_nothing():
     assert made.rates(10.0) == () and made.poll(10.0) == []
 
 
+def test_a_slower_radio_whose_packets_are_refused_says_nothing_of_rates():
+    """A vehicle signs for two radios with one counter: while both bring it, little of the slower one counts."""
+    made, told = RateKeeper(None, 1, (7,)), []
+    for i in range(600):
+        now_s, raw = 100.0 + i * 0.1, UGV.global_position_int(i, 47.0, 8.0, 500.0)
+        if i % 2 == 0:
+            made.take(packet(raw, link=0, auth=Auth.GOOD), now_s)
+            made.take(packet(raw, link=1, auth=Auth.GOOD if i % 20 == 0 else Auth.REPLAYED), now_s)
+        told += made.troubles(now_s)
+    assert told == []
+
+
 def test_the_gimbal_is_wanted_where_it_is_followed():
     assert set(UAV_RATES) - set(uav_rates(gimbal=False)) == {285} and uav_rates(gimbal=True) == UAV_RATES
