@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -265,6 +268,15 @@ def test_quality_figures():
     assert quality.heading_deg == pytest.approx(np.degrees(0.1))
     nothing = measure([Detections.empty()], [real])
     assert (nothing.recall, nothing.ap50) == (0.0, 0.0)
+
+
+def test_importing_says_nothing_to_anybody_and_leaves_nothing_in_the_home_folder(tmp_path):
+    environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
+    environment |= {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
+    code = "import vision.detector, os; print(os.environ['ORT_DISABLE_TELEMETRY'])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    assert (done.stdout, done.stderr) == ("1\n", "")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_shipped_readme_names_this_very_file():

@@ -3,3 +3,8 @@
 Pixels (x right, y down, from the picture's edge), radians, ENU metres, Unix µs (``t_us``). Box angle: image +x to the
 width axis, clockwise on screen; image heading: clockwise from image up. Camera frame: x right, y down, z forward.
 """
+
+import os
+
+# Unless told not to, onnxruntime numbers the computer in the user's home and sends what it measures to its maker.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
