@@ -109,7 +109,7 @@ def test_udp_asks_for_a_large_buffer_and_says_what_it_got(listener):
 
 
 def test_poison_of_a_stranger_costs_nobody_anything(listener, sender):
-    frames = [Speaker(i % 250 + 1).heartbeat() for i in range(400)]
+    frames, packets = [Speaker(i % 250 + 1).heartbeat() for i in range(400)], []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for i, frame in enumerate(frames):
             sender.sendto(frame, (HOST, listener.port))
@@ -117,7 +117,8 @@ def test_poison_of_a_stranger_costs_nobody_anything(listener, sender):
                 stranger.sendto(
                     (b"\xfd\xff\x00", b"\xfd\xff\x01", frame[:9], b"\n\nInit")[i % 4], (HOST, listener.port)
                 )
-    packets = read_until(listener, 400)
+            if i % 100 == 99:  # no more than any system's buffer holds
+                packets += read_until(listener, 100)
     assert [p.raw for p in packets] == frames
     assert listener.counts.junk_bytes > 0
 
