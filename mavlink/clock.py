@@ -35,6 +35,8 @@ class ClockParams:
     """Drift is taken as 0 until the points span this much."""
     known_after_us: int = 60 * _S
     """And is worth telling from here on: over less, the delays of a busy host look like hundreds of ppm."""
+    sure: float = 150e-6
+    """By how much a half's drift may differ from the whole's. Raise for jittery links."""
     late_us: int = 5 * _S
     """A delay beyond this is either a late copy or a step of the host's clock."""
     early_us: int = _S
@@ -164,6 +166,13 @@ class VehicleClock:
     def drift_known(self) -> bool:
         """Whether the drift was measured: long enough, not of a sender without a clock, nor beyond what is believed."""
         return self._measured and not self._by_arrival and abs(self._drift) < self.params.max_drift
+
+    @property
+    def drift_sure(self) -> bool:
+        """Whether both halves of what is remembered drift alike: a link that became slower looks like a drift too."""
+        points = list(self._bins)
+        halves = points[: len(points) // 2], points[len(points) // 2 :]
+        return self.drift_known and all(abs(_hull_slope(half) - self._drift) <= self.params.sure for half in halves)
 
     @property
     def restarted_us(self) -> int:

@@ -55,8 +55,8 @@ class Timekeeping:
         yield from self._drift_text(sample.t_us, clock)
 
     def _drift_text(self, t_us: int, clock: VehicleClock) -> Iterator[str]:
-        drift_ppm = self.drift_ppm(clock)
-        if abs(drift_ppm) > _DRIFT_PPM and self._told.due("drift", t_us):
+        drift_ppm, exchanged = self.drift_ppm(clock), not math.isnan(self._exchanges.drift)
+        if abs(drift_ppm) > _DRIFT_PPM and (exchanged or clock.drift_sure) and self._told.due("drift", t_us):
             way = "slow" if drift_ppm > 0 else "fast"
             yield f"its clock runs {abs(drift_ppm):.0f} ppm {way}; its positions are timed with that taken out"
 

@@ -80,6 +80,23 @@ def test_a_drift_is_told_when_it_was_measured_for_a_minute():
     assert clock.drift_known
 
 
+@pytest.mark.parametrize("after_s", [70, 90, 110])
+def test_a_link_that_becomes_slower_is_no_sure_drift(after_s):
+    clock, vehicle = VehicleClock(), Vehicle(3, drift=130e-6)
+    run(clock, vehicle, T0, 130)
+    vehicle.least_delay_us = 80_000
+    run(clock, vehicle, T0 + 130 * S, after_s)
+    assert clock.drift > 300e-6 and not clock.drift_sure
+    run(clock, vehicle, T0 + (130 + after_s) * S, 200 - after_s)
+    assert clock.drift == pytest.approx(130e-6, abs=60e-6) and clock.drift_sure
+
+
+def test_a_fast_drift_is_sure():
+    clock = VehicleClock()
+    run(clock, Vehicle(3, drift=400e-6), T0, 120)
+    assert clock.drift_sure
+
+
 def test_reboot_is_seen_within_half_a_second():
     clock, vehicle = VehicleClock(), Vehicle(2)
     run(clock, vehicle, T0, 60)
