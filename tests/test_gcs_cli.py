@@ -222,6 +222,13 @@ def test_without_the_uavs_attitude_it_says_so(tmp_path):
     assert code in (0, 4)
 
 
+def test_without_a_camera_nothing_is_said_of_the_uavs_attitude(tmp_path):
+    (tmp_path / "mission.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
+    mission = ("--mission", tmp_path / "mission.toml")
+    code, _, stderr = gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
+    assert code == 4 and "no [camera]" in stderr and "attitude" not in stderr
+
+
 def test_vehicles_that_never_report_stay_unnamed(tmp_path):
     kept = tmp_path / "kept.tlog"
     assert gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, "--system", "1")[0] == 0

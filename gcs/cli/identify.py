@@ -43,6 +43,7 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
     start = time.monotonic()
     calls = RollCall(analysis.mission)
     last: Snapshot | None = None
+    blind = False
     try:
         with IdentityLog(out) as log:
             events = EventLog(out / "events.jsonl")
@@ -50,12 +51,13 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
                 log.write(last)
                 events.write(last.events)
                 calls.add(last)
+                blind |= last.pose == "no attitude"
             events.close()
     finally:
         analysis.close()
     if last is None:
         raise SessionError(f"{session.path}: not one frame in it")
-    for text in _doubts(last, calls):
+    for text in _doubts(last, calls, blind=blind):
         note(text)
     took = time.monotonic() - start
     span = (int(analysis.times_us[-1]) - int(analysis.times_us[0])) * 1e-6
@@ -63,13 +65,13 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
     return calls
 
 
-def _doubts(last: Snapshot, calls: RollCall) -> list[str]:
-    """What an operator should know about inputs that were lacking."""
+def _doubts(last: Snapshot, calls: RollCall, *, blind: bool) -> list[str]:
+    """What an operator should know about inputs that were lacking; blind: the attitude was all that lacked once."""
     doubts = []
     uav = last.vehicles[0]
     if uav.position_state == "never":
         doubts.append(f"the UAV (system id {uav.system_id}) never reported a position: nothing can be placed or named")
-    elif calls.attitude_frames == 0:
+    elif blind and calls.attitude_frames == 0:
         doubts.append("the UAV never reported its attitude: names rest on motion alone and take longer")
     silent = [row.name for row in last.vehicles[1:] if row.position_state == "never"]
     if silent:
