@@ -38,7 +38,7 @@ def expected(stop, start=0):
     return b"".join(map(record, range(start, stop)))
 
 
-def until(condition, timeout_s=10.0):
+def until(condition, timeout_s=60.0):
     end = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < end, "waited in vain"
