@@ -6,8 +6,8 @@ import math
 
 __all__ = ["Trouble"]
 
-LASTS_S = 2.0
-"""A rate is low for so long before it is told."""
+LASTS_S = 5.0
+"""A rate is low for so long before it is told: a pause of the link is not yet out of what was measured after three."""
 CALM_S = 30.0
 """And better for so long before it may be told again: one about the limit is one line, not one every ten seconds."""
 

@@ -60,6 +60,8 @@ BEHIND_S = 10.0
 """For so long after a packet that was refused as replayed nothing is said of a link's rates."""
 PAUSE_S = 1.5
 """Nothing at all for so long is the link's trouble, not that of a rate."""
+LOSS_MEMORY = 50.0
+"""Packets over which the loss of a link is measured: a few seconds."""
 LOSSY = 0.1
 """Share of packets lost from which on the link is named as what makes a rate low."""
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
@@ -128,7 +130,7 @@ class _Peer:
         self.since_s = self.heard_s = now_s
         self.behind_s = -math.inf  # when a packet was refused because another link had brought newer ones
         self.boot_ms = 0
-        self.loss = SequenceLoss()
+        self.loss = SequenceLoss(memory=LOSS_MEMORY)
         self.streams = {message_id: _Stream() for message_id in wanted}
         self.asking: int | None = None
         self.asked_s = -math.inf

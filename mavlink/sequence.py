@@ -4,7 +4,6 @@ from __future__ import annotations
 
 __all__ = ["SequenceLoss", "SequenceRuns"]
 
-_MEMORY = 400.0  # packets after which old ones count half
 _LATE = 128  # steps forward from here on are really steps back: a packet that was overtaken
 _CHANNELS = 32
 _AHEAD, _BEHIND = 16, 8  # steps that still continue a run: losses, and packets that were overtaken
@@ -13,11 +12,16 @@ _RUNS = 4
 
 
 class SequenceLoss:
-    """Share of packets lost lately; every sender counts its packets per channel, modulo 256."""
+    """Share of packets lost lately; every sender counts its packets per channel, modulo 256.
 
-    __slots__ = ("_last", "expected", "received")
+    Args:
+        memory: packets after which old ones count half.
+    """
 
-    def __init__(self) -> None:
+    __slots__ = ("_last", "_memory", "expected", "received")
+
+    def __init__(self, memory: float = 400.0) -> None:
+        self._memory = memory
         self._last: dict[tuple[int, int], int] = {}
         self.expected = 0.0
         """Packets sent lately, by their numbers; old ones count less."""
@@ -36,7 +40,7 @@ class SequenceLoss:
             return
         self._last[key] = seq
         self.expected += step
-        if self.expected > _MEMORY:
+        if self.expected > self._memory:
             self.expected *= 0.5
             self.received *= 0.5
 
