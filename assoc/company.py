@@ -55,6 +55,19 @@ class Company:
         self._beside[np.ix_(seen, seen)] = away >= reach_m
         self._belief[seen] = belief
 
+    def log_claims(self, before: IntArray, change: float) -> FloatArray:
+        """What tracks that broke off say of those that a tracker went on with: ln (p + (1 − p) c).
+
+        Args:
+            before: (k,) their columns, −1 none.
+            change: c, chance that a tracker went on with another one.
+
+        Returns:
+            (k, n), 0 where nothing broke off.
+        """
+        claim = np.log(change + (1.0 - change) * self._belief[before])
+        return np.asarray(np.where(before[:, None] >= 0, claim, 0.0))
+
     def log_free(self, columns: IntArray, seen: BoolArray) -> FloatArray:
         """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).
 

@@ -52,6 +52,8 @@ class Estimator:
         self._ended: dict[int, int] = {}
         self._sure: dict[int, int] = {}
         self._company = Company(log.n_vehicles)
+        self._claim = np.zeros((0, log.n_vehicles))
+        """(T, n) what speaks for a vehicle from before a track broke off."""
         self._thetas: list[FloatArray] = []
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
         self._stranger_s = self._noise_s = -np.inf
@@ -89,7 +91,10 @@ class Estimator:
         if len(fresh):
             mean, var = self._memory.recall(t, self._bias_std, self._tau_s)
             self._state = restarted(self._state, fresh, mean, var)
-            self._company.begin(fresh, len(self._history.track_id))
+            width = len(self._history.track_id)
+            self._company.begin(fresh, width)
+            self._claim = np.pad(self._claim, ((0, width - len(self._claim)), (0, 0)))
+            self._claim[fresh] = self._company.log_claims(self._history.before[fresh], self._params.switch_rate_leap)
             for column in fresh.tolist():
                 self._swaps.forget(column)
                 self._ended.pop(column, None)
@@ -166,7 +171,8 @@ class Estimator:
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
             prior=prior_of(q, camera),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
-            log_odds=q.prior_log_odds, view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
+            log_odds=q.prior_log_odds, claim=self._claim[live],
+            view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
         )  # fmt: skip
 

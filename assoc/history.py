@@ -42,6 +42,8 @@ class TrackHistory:
         self.front = np.full((rows, 0, 3), np.nan)
         self.track_id = np.zeros(0, np.int64)
         """(T,) track of each column, 0 = free; below 0: broke off, and perhaps goes on in another column."""
+        self.before = np.zeros(0, np.int64)
+        """(T,) column in which each track broke off before it went on here, −1 none."""
         self.first_s = np.zeros(0)
         self.last_s = np.zeros(0)
         self._column: dict[int, int] = {}
@@ -62,8 +64,9 @@ class TrackHistory:
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
         seen = sighting.gap_s <= 0.0
-        self._break_off(sighting.track_id[seen], t)
+        broken = self._broken_off(sighting.track_id[seen], t)
         columns, fresh = self._columns_of(sighting.track_id, t)
+        self.before[fresh] = [broken.get(key, -1) for key in self.track_id[fresh].tolist()]
         self.ray[row, columns[seen]] = sighting.ray_cam[seen]
         self.front[row, columns[seen]] = sighting.front_cam[seen]
         self.last_s[columns[seen]] = t
@@ -108,17 +111,22 @@ class TrackHistory:
             array[: self._keep] = array[source].copy()
         self.n = self._keep
 
-    def _break_off(self, track_id: IntArray, t: float) -> None:
+    def _broken_off(self, track_id: IntArray, t: float) -> dict[int, int]:
         """End the columns of tracks that come back out of a hole: a tracker may have gone on with somebody else.
 
         A hole is longer than is bridged, and not only the time from one look to the next.
+
+        Returns:
+            The columns that ended, by track.
         """
+        broken: dict[int, int] = {}
         step = self.t[self.n - 2] - self.t[self.n - 3] if self.n > 2 else np.inf
         for key in track_id.tolist():
             column = self._column.get(key, -1)
             if column >= 0 and t - self.last_s[column] > max(self._gap_max_s, _LOOKS * step):
-                del self._column[key]
+                broken[key] = self._column.pop(key)
                 self.track_id[column] = -key
+        return broken
 
     def _columns_of(self, track_id: IntArray, t: float) -> tuple[IntArray, IntArray]:
         """Column of each track; new tracks take free columns."""
@@ -143,6 +151,7 @@ class TrackHistory:
         self.ray = np.concatenate([self.ray, extra], axis=1)
         self.front = np.concatenate([self.front, extra], axis=1)
         self.track_id = np.concatenate([self.track_id, np.zeros(_SPARE_COLUMNS, np.int64)])
+        self.before = np.concatenate([self.before, np.full(_SPARE_COLUMNS, -1)])
         self.first_s = np.concatenate([self.first_s, np.zeros(_SPARE_COLUMNS)])
         self.last_s = np.concatenate([self.last_s, np.zeros(_SPARE_COLUMNS)])
         return width

@@ -59,7 +59,7 @@ class IdentifierParams:
     switch_rate_close: float = 1e-8
     """The same while another box is near or the track is not being seen."""
     switch_rate_leap: float = 0.05
-    """The same in a second in which the track moved further than a vehicle can."""
+    """The same in a second in which the track moved further than a vehicle can, or across a hole in it."""
     close_m: float = 3.0
     """Boxes nearer than this may be swapped by a tracker."""
     gap_max_s: float = 0.6

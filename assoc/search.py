@@ -67,6 +67,8 @@ class Scene:
     """(B + 1, T)."""
     log_odds: float
     """ln odds, before any evidence, that a track close enough is the vehicle."""
+    claim: FloatArray
+    """(m, n) what is added to them because the track was somebody before it broke off."""
     view: FloatArray
     """(n,) how likely each vehicle is in the picture."""
     in_view: FloatArray
@@ -112,7 +114,7 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
 def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
     """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
     final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
-    odds = scene.log_odds + scene.in_view
+    odds = scene.log_odds + scene.claim + scene.in_view
     score = final.score[: scene.live] + blocks.heading[: scene.live] + odds
     gap = scene.gap_s[:, None]
     # a track that is not seen gives way to a new one in its place

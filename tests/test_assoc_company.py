@@ -76,3 +76,9 @@ def test_a_new_track_in_an_old_column_has_no_company():
     company = seen_together()
     company.begin(np.array([0]), 3)
     assert not company.log_free(COLUMNS, in_sight(1, 2)).any()
+
+
+def test_what_broke_off_claims_those_it_went_on_as():
+    company = seen_together()
+    said = company.log_claims(np.array([0, 2, -1]), 0.1)
+    np.testing.assert_allclose(said, [np.log((0.91, 0.1)), np.log((0.1, 0.28)), (0.0, 0.0)])

@@ -43,6 +43,7 @@ def test_after_a_hole_that_is_not_bridged_a_track_begins_anew(hole):
     column = int(np.flatnonzero(kept.track_id == 1)[0])
     assert kept.first_s[column] == 1.4
     assert kept.track_id[0] == -1
+    assert kept.before[column] == 0
     assert kept.last_s[0] == 0.7
     assert np.isnan(kept.ray[: kept.n - 1, column]).all()
 
@@ -63,3 +64,4 @@ def test_columns_of_broken_tracks_are_freed_in_time():
     assert kept.release(1.0).tolist() == [0, 1]
     assert sorted(kept.track_id.tolist())[-2:] == [1, 2]
     assert kept.append(1.5, sighting((1, 2, 3)), camera()).tolist() == [0]
+    assert kept.before[0] == -1

@@ -96,6 +96,17 @@ def test_tracks_that_come_out_of_the_dark_exchanged_are_not_trusted(seed):
     assert answer.system_id.tolist() == list(IDS)
 
 
+def test_where_looks_are_rare_and_reports_poor_a_name_is_kept_across_holes():
+    identifier, fleet = Identifier(IDS), Fleet(spacing_m=6.0, white_m=3.0, bias_m=0.1)
+    play(identifier, fleet, 8.0)
+    rng, heard, named = np.random.default_rng(5), 7.9, []
+    for t in np.cumsum(np.tile([0.1, 0.1, 0.1, 0.7], 8)) + 8.0:
+        s = fleet.sighting(float(t), camera(), [1, 2, 3, 4], rng)
+        named.append(identifier.update(s, camera(), fleet.reports(heard, float(t), rng)).system_id)
+        heard = float(t)
+    assert np.mean(np.array(named) == IDS) > 0.95
+
+
 def test_new_track_of_a_known_vehicle_is_named_within_a_quarter_second():
     def ids(t):
         return [1, 2, 3, 4] if t < 5.0 else [9, 2, 3, 4]
