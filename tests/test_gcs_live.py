@@ -55,9 +55,9 @@ class Field:
             stderr=subprocess.PIPE,
             text=True,
         )
-        self.session = self._recording()
+        self.session = None
 
-    def _recording(self):
+    def recording(self):
         for _ in range(300):
             found = list((self.folder / "sessions").glob("*/telemetry.tlog"))
             if found:
@@ -76,6 +76,18 @@ class Field:
         )
 
 
+@pytest.fixture
+def field(tmp_path):
+    """Flies until its test is over, however that ends."""
+    field = Field(tmp_path)
+    try:
+        field.session = field.recording()
+        yield field
+    finally:
+        field.process.kill()
+        field.process.communicate()
+
+
 def newest_us(session):
     """Times of the newest packet and of the newest picture recorded, 0 before the first."""
     log, rows = session / "telemetry.tlog", (session / "frames.csv").read_text().splitlines()[1:]
@@ -87,8 +99,7 @@ def records(session):
     return len(Tlog.open(session / "telemetry.tlog").index)
 
 
-def test_every_packet_and_frame_is_kept(tmp_path):
-    field = Field(tmp_path)
+def test_every_packet_and_frame_is_kept(field, tmp_path):
     sent = field.fly(6.0)
     time.sleep(1.0)
     field.process.send_signal(signal.SIGINT)
@@ -124,8 +135,7 @@ def said_again(session, out):
 
 
 @pytest.mark.parametrize("after_s", [5.0, 6.3])
-def test_a_kill_loses_at_most_the_last_second(tmp_path, after_s):
-    field = Field(tmp_path)
+def test_a_kill_loses_at_most_the_last_second(field, after_s):
     stop = threading.Event()
     sent = []
     player = threading.Thread(target=lambda: sent.append(field.fly(60.0, stop)))
