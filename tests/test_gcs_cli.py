@@ -229,6 +229,15 @@ def test_without_a_camera_nothing_is_said_of_the_uavs_attitude(tmp_path):
     assert code == 4 and "no [camera]" in stderr and "attitude" not in stderr
 
 
+def test_what_others_wrote_in_a_session_gives_the_terminal_no_orders(tmp_path):
+    name = r"A\u001b]0;owned\u0007\u009b31m\u202eB"
+    (tmp_path / "mission.toml").write_text(f'[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 99\nname = "{name}"\n')
+    mission = ("--mission", tmp_path / "mission.toml")
+    _, stdout, stderr = gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
+    assert "owned" in stdout and "owned" in stderr
+    assert all(character.isprintable() or character == "\n" for character in stdout + stderr)
+
+
 def test_vehicles_that_never_report_stay_unnamed(tmp_path):
     kept = tmp_path / "kept.tlog"
     assert gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, "--system", "1")[0] == 0

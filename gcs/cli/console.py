@@ -45,14 +45,19 @@ Graphics = Literal["auto", "blocks", "pixels"]
 
 def say(text: str) -> None:
     """A line of the command's result, on stdout."""
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(_plain(text) + "\n")
     sys.stdout.flush()
 
 
 def note(text: str) -> None:
     """A line beside the result, on stderr."""
-    sys.stderr.write(f"gcs: {text}\n")
+    sys.stderr.write(f"gcs: {_plain(text)}\n")
     sys.stderr.flush()
+
+
+def _plain(text: str) -> str:
+    """Names and reasons may be others' words: what would give the terminal orders is shown as a replacement mark."""
+    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
 @contextlib.contextmanager
