@@ -40,6 +40,10 @@ class _State:
     seen_us: int
     worst_us: int
     """When it was last found at the level it has."""
+    found_us: int = 0
+    """When it was last found at any level."""
+    lower_us: int = 0
+    """Since when it has been found at a lower level only, 0 while it is not."""
     raised_us: int = 0
     """When it became an alarm, 0 not yet."""
     raises: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_DOUBLINGS + 1))
@@ -70,7 +74,8 @@ class Alarms:
         events: list[Event] = []
         for finding in (*findings(snapshot), *self._growing(snapshot, now_us)):
             events += self._found(finding, now_us)
-        for key in [key for key, state in self._states.items() if state.seen_us < now_us]:
+        for key in [key for key, state in self._states.items() if state.found_us < now_us]:
+            self._states[key].lower_us = 0
             events += self._gone(key, now_us)
         raised = [_alarm(state) for state in self._states.values() if state.raised_us]
         raised.sort(key=lambda alarm: (-rank(alarm.level), -alarm.since_us, alarm.key))
@@ -90,7 +95,13 @@ class Alarms:
         state = self._states.get(finding.key)
         if state is None:
             state = self._states[finding.key] = _State(finding, now_us, now_us, now_us)
-        before = state.finding
+        before, state.found_us = state.finding, now_us
+        if rank(finding.level) >= rank(before.level):
+            state.lower_us = 0
+        elif state.raised_us:
+            state.lower_us = state.lower_us or now_us
+            if now_us - state.lower_us < finding.wait_s * 1e6:
+                return self._gone(finding.key, now_us)  # too short yet to be a trouble of its own
         state.first_us = state.first_us or now_us
         state.seen_us = now_us
         if rank(finding.level) >= rank(before.level) or now_us - state.worst_us > HOLD_US or not state.raised_us:

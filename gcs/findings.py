@@ -16,7 +16,10 @@ __all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "Finding", "counted", "findings", "
 SILENT_S = 3.5
 """A vehicle, or a link, from which nothing came for so long is lost."""
 BEATLESS_S = 10.0
+BEATS_S = 1.5
+"""One that was heard so lately speaks: what it does not say is missing."""
 """One whose positions come is not lost for a few heartbeats that a bad link has swallowed; after this long it is."""
+NO_ATTITUDE_S = 3.0
 LATE_S = 1.0
 CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
 STEP_S = 0.5
@@ -47,6 +50,7 @@ def findings(snapshot: Snapshot) -> Iterator[Finding]:
     for row in snapshot.vehicles:
         yield from _vehicle(row, row.system_id in snapshot.conflicts)
     yield from _unheard(snapshot)
+    yield from _attitude(snapshot)
     for link in snapshot.health.links:
         yield from _link(link)
     yield from _video(snapshot.health)
@@ -68,7 +72,7 @@ def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
             yield row.bad_signature, Finding(
                 key=f"signature {i}", level="alarm", kind="link", system_id=i, told=True,
                 text=f"{whose}: packets with a wrong signature are refused",
-                advice="somebody poses as it, replays it, or its autopilot has another key: compare with gcs keys",
+                advice="somebody poses as it or replays it, its key is another, or it was just restarted twice: gcs keys",
             )  # fmt: skip
         if keyed and row.unsigned:
             yield row.unsigned, Finding(
@@ -140,13 +144,12 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
 def _position(row: VehicleRow) -> Iterator[Finding]:
     whose, i, state = row.name, row.system_id, row.position_state
     if state == "refused":
-        reason = max(row.refusals, key=row.refusals.__getitem__, default="")
         yield Finding(
             key=f"vehicle {i}", level="alarm", kind="vehicle", system_id=i, wait_s=1.0,
-            text=f"{whose}: its positions cannot be right" + (f": {reason}" if reason else ""),
+            text=f"{whose}: its positions cannot be right" + (f": {row.refused_for}" if row.refused_for else ""),
             advice="its receiver fails, is jammed or is spoofed; do not act on its name",
         )  # fmt: skip
-    elif state in ("lost", "stale"):
+    elif state in ("lost", "stale") and row.heartbeat_age_s < BEATS_S:
         level: Level = "alarm" if state == "lost" else "warning"
         yield Finding(
             key=f"vehicle {i}", level=level, kind="vehicle", system_id=i, wait_s=1.0,
@@ -170,6 +173,17 @@ def _unheard(snapshot: Snapshot) -> Iterator[Finding]:
         )  # fmt: skip
 
 
+def _attitude(snapshot: Snapshot) -> Iterator[Finding]:
+    if snapshot.pose != "no attitude":
+        return
+    for row in snapshot.vehicles:
+        if row.role == "uav" and row.heartbeat_age_s < BEATS_S:
+            yield Finding(
+                key="attitude", level="alarm", kind="vehicle", system_id=row.system_id, wait_s=NO_ATTITUDE_S,
+                text=f"{row.name}: no attitude", advice="nothing can be named without it: check its stream rates",
+            )  # fmt: skip
+
+
 def first_of(names: Sequence[str]) -> str:
     """``a, b, c, d and 16 more``."""
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
@@ -185,10 +199,13 @@ def _link(link: LinkHealth) -> Iterator[Finding]:
     advice = "check radio, cable and port; vehicles send nothing until asked"
     if link.name.startswith("udpout:"):
         advice = "only with --command does this station speak first: else have the other end send here, and use udpin"
+    what = "nothing comes"
+    if link.junk_bytes and not link.packets:
+        what, advice = "what comes is no MAVLink", "check the baud rate, and what sends there"
     if not link.silent_s <= SILENT_S:
         yield Finding(
             key=f"link {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,
-            text=f"{link.name}: nothing comes", advice=advice,
+            text=f"{link.name}: {what}", advice=advice,
         )  # fmt: skip
 
 

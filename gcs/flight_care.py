@@ -116,4 +116,5 @@ def _link(link: LinkReport) -> LinkHealth:
         bad=counts.bad,
         dropped=counts.dropped,
         silent_s=counts.silent_s,
+        junk_bytes=counts.junk_bytes,
     )

@@ -149,6 +149,7 @@ def vehicle_rows(
                 unsigned=status.unsigned,
                 bad_signature=status.bad_signature,
                 refusals=dict(status.refusals),
+                refused_for=status.refused_for,
                 drift_ppm=status.drift_ppm,
                 clock_error_s=status.clock_error_s,
             )

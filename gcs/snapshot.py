@@ -98,6 +98,8 @@ class VehicleRow:
     """Packets with a wrong, repeated or future signature: refused."""
     refusals: Mapping[str, int] = field(default_factory=dict)
     """Positions that were not used, by reason."""
+    refused_for: str = ""
+    """Why the latest was not, empty when it was."""
     drift_ppm: float = NAN
     """By how much Unix time runs faster than its clock, NaN unknown."""
     clock_error_s: float = NAN
@@ -150,10 +152,12 @@ class LinkHealth:
     packets: int
     bytes: int
     bad: int
-    """Damaged frames and stray bytes skipped."""
+    """Damaged frames."""
     dropped: int
     """Datagrams the kernel dropped before we could read them."""
     silent_s: float
+    junk_bytes: int = 0
+    """Stray bytes that are no MAVLink."""
     packets_per_s: float = NAN
     """Lately, NaN unknown."""
     bytes_per_s: float = NAN

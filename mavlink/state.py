@@ -145,6 +145,8 @@ class VehicleStatus:
     """Two senders use this system id: its reports are not used."""
     refusals: tuple[tuple[str, int], ...] = ()
     """What was left out, by reason: positions, and single values of positions that were used without them."""
+    refused_for: str = ""
+    """Why the latest position was not used, empty when it was."""
     copies: int = 0
     """Packets that had come before, over another link or twice over one."""
     signed: int = 0

@@ -293,6 +293,7 @@ class Vehicle:
             last_text=self._texts.last,
             contested=self.contested(t_us),
             refusals=self.refusals.counts,
+            refused_for=self.refusals.reason,
             copies=air.copies,
             signed=air.signed,
             unsigned=air.unsigned,

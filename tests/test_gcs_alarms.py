@@ -136,6 +136,50 @@ def test_getting_worse_is_told_and_is_the_same_alarm(watch):
     assert len(watch.events) == 2 and watch.active[0].text == "UGV-11: no heartbeat"
 
 
+def silent(age_s):
+    """How a vehicle looks that beats once a second, reports ten times a second and has been silent for so long."""
+    state = "ok" if age_s < 1 else "stale" if age_s < 3 else "lost"
+    return changed(1, heartbeat_age_s=age_s + 0.5, position_age_s=age_s, position_state=state)
+
+
+def test_one_that_falls_silent_and_comes_back_is_one_trouble(watch):
+    for tenth in range(80):
+        watch.see(0.1, silent(tenth * 0.1))
+    watch.see(3.2, changed(1, position_state="ok"))
+    watch.see(0.3, changed(1, position_state="stale"))
+    watch.see(10)
+    assert [event.text.split(": ")[-1] for event in watch.events] == ["no heartbeat", "no heartbeat"]
+    assert [event.level for event in watch.events] == ["alarm", "info"]
+
+
+def test_what_stays_of_a_trouble_is_told_once_it_has_lasted(watch):
+    watch.see(8, changed(1, heartbeat_age_s=9.0, position_state="lost"))
+    watch.see(8, changed(1, position_state="stale"))
+    assert [event.text for event in watch.events] == ["UGV-11: no heartbeat", "UGV-11: position stale"]
+    assert watch.active[0].level == "warning"
+
+
+def test_a_uav_without_attitude_is_an_alarm_unless_it_is_silent_altogether(watch):
+    assert watch.see(2.5, pose="no attitude") == {}
+    assert watch.see(1, pose="no attitude")["attitude"].text == "UAV: no attitude"
+    gone = Watch()
+    assert set(gone.see(20, changed(0, heartbeat_age_s=9.0, position_state="lost"), pose="no attitude")) == {
+        "vehicle 1"
+    }
+
+
+def test_the_present_reason_is_told_not_the_most_frequent(watch):
+    often = {"altitude, far from the ground": 500, "0/0": 3}
+    active = watch.see(5, changed(1, position_state="refused", refusals=often, refused_for="0/0"))
+    assert active["vehicle 11"].text == "UGV-11: its positions cannot be right: 0/0"
+
+
+def test_bytes_that_are_no_mavlink_are_told_as_such(watch):
+    garbled = replace(LINK, packets=0, junk_bytes=4000, silent_s=math.inf)
+    (alarm,) = watch.see(12, health=replace(WELL, links=(garbled,))).values()
+    assert alarm.text.endswith("what comes is no MAVLink") and "baud" in alarm.advice
+
+
 def test_heartbeats_that_a_bad_link_swallows_are_no_loss_while_positions_come(watch):
     assert watch.see(20, changed(1, heartbeat_age_s=6.0)) == {}
     assert set(watch.see(1, changed(1, heartbeat_age_s=11.0))) == {"vehicle 11"}
@@ -237,7 +281,7 @@ def test_rates_of_the_links():
 def everything_wrong():
     """Snapshots in which, together, every finding is found."""
     rows = (
-        replace(ROWS[0], position_state="refused", refusals={"jump": 2}),
+        replace(ROWS[0], position_state="refused", refusals={"jump": 2}, refused_for="jump"),
         replace(ROWS[1], contested=True, position_state="stale", bad_signature=3, unsigned=3, drift_ppm=900.0),
         replace(ROWS[2], heartbeat_age_s=math.inf),
         VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),
@@ -250,7 +294,8 @@ def everything_wrong():
         undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,
         time_offset_std_s=0.01,
     )  # fmt: skip
-    yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
+    yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}), pose="no attitude")
+    yield replace(BASE, health=replace(WELL, links=(replace(LINK, packets=0, junk_bytes=9, silent_s=math.inf),)))
     yield replace(BASE, health=replace(WELL, lag_s=2.0, keys=0, full_in_s=300.0))
 
 
