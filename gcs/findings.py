@@ -72,7 +72,7 @@ def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
             yield row.bad_signature, Finding(
                 key=f"signature {i}", level="alarm", kind="link", system_id=i, told=True,
                 text=f"{whose}: packets with a wrong signature are refused",
-                advice="somebody poses as it or replays it, its key is another, or it was just restarted twice: gcs keys",
+                advice="somebody poses as it or replays it, its key is another, or it just restarted twice: gcs keys",
             )  # fmt: skip
         if keyed and row.unsigned:
             yield row.unsigned, Finding(

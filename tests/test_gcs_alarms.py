@@ -162,10 +162,8 @@ def test_what_stays_of_a_trouble_is_told_once_it_has_lasted(watch):
 def test_a_uav_without_attitude_is_an_alarm_unless_it_is_silent_altogether(watch):
     assert watch.see(2.5, pose="no attitude") == {}
     assert watch.see(1, pose="no attitude")["attitude"].text == "UAV: no attitude"
-    gone = Watch()
-    assert set(gone.see(20, changed(0, heartbeat_age_s=9.0, position_state="lost"), pose="no attitude")) == {
-        "vehicle 1"
-    }
+    gone = changed(0, heartbeat_age_s=9.0, position_state="lost")
+    assert set(Watch().see(20, gone, pose="no attitude")) == {"vehicle 1"}
 
 
 def test_the_present_reason_is_told_not_the_most_frequent(watch):
