@@ -47,8 +47,9 @@ class Finding:
 
 def findings(snapshot: Snapshot) -> Iterator[Finding]:
     """All that is wrong now."""
+    looked = snapshot.pose != "no attitude"  # else a place in the picture is a guess
     for row in snapshot.vehicles:
-        yield from _vehicle(row, row.system_id in snapshot.conflicts)
+        yield from _vehicle(row, looked and row.system_id in snapshot.conflicts)
     yield from _unheard(snapshot)
     yield from _attitude(snapshot)
     for link in snapshot.health.links:

@@ -125,6 +125,7 @@ def test_unsigned_packets_without_keys_are_only_told_as_such(watch):
 
 def test_conflict_with_the_picture(watch):
     assert watch.see(1, conflicts=frozenset({12}))["conflict 12"].system_id == 12
+    assert set(Watch().see(5, conflicts=frozenset({12}), pose="no attitude")) == {"attitude"}
 
 
 def test_getting_worse_is_told_and_is_the_same_alarm(watch):
@@ -292,8 +293,9 @@ def everything_wrong():
         undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,
         time_offset_std_s=0.01,
     )  # fmt: skip
-    yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}), pose="no attitude")
-    yield replace(BASE, health=replace(WELL, links=(replace(LINK, packets=0, junk_bytes=9, silent_s=math.inf),)))
+    yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
+    garbled = replace(LINK, packets=0, junk_bytes=9, silent_s=math.inf)
+    yield replace(BASE, pose="no attitude", health=replace(WELL, links=(garbled,)))
     yield replace(BASE, health=replace(WELL, lag_s=2.0, keys=0, full_in_s=300.0))
 
 
