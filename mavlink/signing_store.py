@@ -4,8 +4,9 @@ Two files take turns, each with its number and a checksum: whatever happens whil
 They are written every second while a flight runs, when a stream is new, and at the end, by a thread of their own.
 
 After a crash the last second is missing in them. Senders follow the clock, so a stream has advanced by no more than the
-time that went by since its newest frame known: it is taken as advanced by that, of the time without a file by a minute
-at most. What stays open is a stream first heard in the last hundredths of a second before a crash.
+time that went by since its newest frame known would have come without delay: it is taken as advanced by that, of the
+time without a file by a minute at most. What stays open is a stream first heard in the last hundredths of a second
+before a crash.
 """
 
 from __future__ import annotations

@@ -22,6 +22,8 @@ is heard again after as long at most."""
 BEHIND = 60 * SECOND
 """A stream never heard before may be this far behind."""
 MOST_STREAMS = 16_384
+_DELAYED = 5 * SECOND
+"""A frame that comes so much later than the quickest was not under way so long: its sender's clock has changed."""
 
 
 def ticks_of(t_us: int) -> int:
@@ -38,14 +40,14 @@ class Row(NamedTuple):
     timestamp: int
     """Of its newest frame."""
     heard: int
-    """When that came."""
+    """When that came, or would have come if it had been under way no longer than the quickest frame of its stream."""
 
 
 class Streams:
     """The table of streams. Only who has a key gets in; who fills it up throws out streams of its own."""
 
     def __init__(self) -> None:
-        # by system, then by component << 8 | link id: timestamp of the newest frame, and when it came
+        # by system, then by component << 8 | link id: timestamp of the newest frame, and when that came, as in Row
         self._of: list[dict[int, tuple[int, int]]] = [{} for _ in range(256)]
         self._count = 0
         self.births = 0
@@ -74,7 +76,8 @@ class Streams:
             self._add()
         elif timestamp <= known[0]:
             return False
-        streams[stream] = timestamp, now
+        heard = known[1] + timestamp - known[0] if known else now
+        streams[stream] = timestamp, heard if 0 <= now - heard < _DELAYED else now
         if timestamp > self.proven + AHEAD:
             self.proven = timestamp - AHEAD
         return True

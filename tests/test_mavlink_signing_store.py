@@ -79,6 +79,26 @@ def test_frames_from_before_a_crash_are_refused_though_the_last_were_not_saved(t
     again.close()
 
 
+def test_frames_that_were_held_up_before_the_last_save_open_no_gap(tmp_path):
+    store = StreamStore(tmp_path, period_s=30)
+    now = ticks_of(now_us())
+    for timestamp, heard in ((now - 2 * SECOND, now - 2 * SECOND), (now - SECOND * 3 // 2, now - SECOND // 2)):
+        assert store.streams.admit(7, 1, 0, timestamp, heard)
+    store._save(ended=False)
+    assert store.streams.admit(7, 1, 0, now, now)  # never saved
+    abandon(store)
+    again = StreamStore(tmp_path, period_s=30)
+    assert not again.streams.admit(7, 1, 0, now, ticks_of(now_us()))
+    again.close()
+
+
+def test_a_clock_that_was_a_minute_ahead_and_is_right_again_is_no_delay():
+    streams, now = Streams(), ticks_of(now_us())
+    streams.admit(7, 1, 0, now + 60 * SECOND, now)
+    streams.admit(7, 1, 0, now + 61 * SECOND, now + 61 * SECOND)
+    assert [row.heard for row in streams.rows()] == [now + 61 * SECOND]
+
+
 def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
     store = StreamStore(tmp_path, period_s=30)
     then = ticks_of(now_us()) - 30 * SECOND
