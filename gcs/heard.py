@@ -54,7 +54,7 @@ class Heard:
             system_id: (n,) of their senders.
         """
         rows, skipped = _rows(path)
-        heard = cls.unknown(len(t_us))
+        link, peer = np.zeros((2, len(t_us)), dtype=np.int64)
         table = np.array([row[:_NUMBERS] for row, _ in rows], dtype=np.int64).reshape(len(rows), _NUMBERS)
         table = table[np.argsort(table[:, 0], kind="stable")]
         numbered = _agree(table, t_us, system_id)
@@ -62,12 +62,12 @@ class Heard:
             of_id, mine = table[table[:, 2] == i], np.flatnonzero(system_id == i)
             since, moments = (of_id[:, 0], mine) if numbered else (of_id[:, 1], t_us[mine])
             row = np.searchsorted(since, moments, side="right") - 1
-            heard.link[mine], heard.peer[mine] = np.where(row >= 0, of_id[row, 3:5].T, 0)
+            link[mine], peer[mine] = np.where(row >= 0, of_id[row, 3:5].T, 0)
         last = max((numbers[3] for numbers, _ in rows), default=-1)
         named = {numbers[3]: words[1] for numbers, words in rows}
         return cls(
-            link=heard.link,
-            peer=heard.peer,
+            link=link,
+            peer=peer,
             names=tuple(named.get(k, f"link {k}") for k in range(min(last + 1, 256))),
             addresses={(numbers[3], numbers[4]): words[0] for numbers, words in rows},
             skipped=skipped,

@@ -46,6 +46,9 @@ class Link(Protocol):
     def tend(self) -> None:
         """Connects again, adapts filters; to be called every tenth of a second or so by who does not use ``read``."""
 
+    def address(self, peer: int) -> str:
+        """Host and port of the sender with this number; empty where there is none or it is not known."""
+
     def trust(self, peers: Set[int], t_us: int) -> None:
         """These senders have proved who they are."""
 

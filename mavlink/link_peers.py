@@ -35,6 +35,10 @@ def key_of(address: tuple[str, int]) -> int:
     return int(_KEY.unpack(packed)[0])
 
 
+def _dotted(host: int) -> str:
+    return socket.inet_ntoa(host.to_bytes(4, "big"))
+
+
 @dataclass(slots=True)
 class _Trust:
     heard_us: int
@@ -124,7 +128,7 @@ class Peers:
     def addresses(self) -> dict[int, tuple[str, int]]:
         """Number → address of those who are trusted, as sockets take them."""
         if self._told[0] != self.changes:
-            hosts = ((socket.inet_ntoa(host.to_bytes(4, "big")), port) for host, port in self.senders())
+            hosts = ((_dotted(host), port) for host, port in self.senders())
             self._told = self.changes, dict(zip(list(self.trusted), hosts, strict=True))
         return self._told[1]
 
@@ -137,14 +141,16 @@ class Peers:
         """Host and port of a sender; empty where it is forgotten."""
         if number not in self._keys:
             return ""
-        _, port, host = _SENDER.unpack(_KEY.pack(self._keys[number]))
-        return f"{socket.inet_ntoa(host)}:{int.from_bytes(port, 'big')}"
+        host, port = self._sender(number)
+        return f"{_dotted(host)}:{port}"
 
     def senders(self) -> list[tuple[int, int]]:
         """Addresses and ports of those who are trusted, as numbers."""
-        keys = [self._keys[number] for number in list(self.trusted)]
-        parts = (_SENDER.unpack(_KEY.pack(key)) for key in keys)
-        return [(int.from_bytes(host, "big"), int.from_bytes(port, "big")) for _, port, host in parts]
+        return [self._sender(number) for number in list(self.trusted)]
+
+    def _sender(self, number: int) -> tuple[int, int]:
+        _, port, host = _SENDER.unpack(_KEY.pack(self._keys[number]))
+        return int.from_bytes(host, "big"), int.from_bytes(port, "big")
 
     def _drop(self, number: int) -> None:
         if self.trusted.pop(number, None) is not None:

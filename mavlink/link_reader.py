@@ -39,6 +39,11 @@ class Reader(ABC):
     def tend(self) -> None:  # noqa: B027 - most links need none
         """Looks after the link; to be called every tenth of a second or so."""
 
+    def address(self, peer: int) -> str:
+        """Host and port of a sender; empty where there is none or it is not known."""
+        del peer
+        return ""
+
     def read(self, timeout_s: float) -> list[Packet]:
         """Waits for packets; empty after the timeout and when closed."""
         stop_s = time.monotonic() + timeout_s

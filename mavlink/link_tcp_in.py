@@ -108,6 +108,10 @@ class TcpIn(Reader):
                 self._receive(sock, batch)
         return batch
 
+    def address(self, peer: int) -> str:
+        """Host and port of one who is connected, empty for others."""
+        return self.addresses().get(peer, "")
+
     def trust(self, peers: Set[int], t_us: int) -> None:
         """These clients have proved who they are: they may be sent to."""
         for client in self._clients.values():

@@ -88,6 +88,10 @@ class _Udp(Reader):
             self.adapt(now)
         return batch
 
+    def address(self, peer: int) -> str:
+        """Host and port of a sender; empty where it is forgotten."""
+        return self.peers.address(peer)
+
     def trust(self, peers: Set[int], t_us: int) -> None:
         """These senders have proved who they are: they always pass, and may be sent to."""
         self.peers.trust(peers, t_us)

@@ -12,17 +12,7 @@ from mavlink.errors import LinkError
 from mavlink.link import open_link
 from mavlink.link_url import LinkUrl, parse_url
 from mavlink.pack import Speaker
-
-HOST = "127.0.0.1"
-
-
-def read_until(link, count, timeout_s=10.0):
-    """Packets of a link until there are enough, or time is up; what has come already is taken however late it is."""
-    packets, deadline, late = [], time.monotonic() + timeout_s, False
-    while len(packets) < count and not late:
-        late = time.monotonic() >= deadline
-        packets += link.read(0.05)
-    return packets
+from tests.ingest_runs import HOST, wait_for
 
 
 @pytest.fixture
@@ -92,7 +82,7 @@ def test_udp_packets_arrive_stamped_and_counted(listener, sender):
     before_us = time.time_ns() // 1000
     for frame in frames:
         sender.sendto(frame, (HOST, listener.port))
-    packets = read_until(listener, 100)
+    packets = wait_for(listener, 100)
     after_us = time.time_ns() // 1000
     assert [p.raw for p in packets] == frames
     assert {p.link for p in packets} == {3}
@@ -118,7 +108,7 @@ def test_poison_of_a_stranger_costs_nobody_anything(listener, sender):
                     (b"\xfd\xff\x00", b"\xfd\xff\x01", frame[:9], b"\n\nInit")[i % 4], (HOST, listener.port)
                 )
             if i % 100 == 99:  # no more than any system's buffer holds
-                packets += read_until(listener, 100)
+                packets += wait_for(listener, 100)
     assert [p.raw for p in packets] == frames
     assert listener.counts.junk_bytes > 0
 
@@ -142,7 +132,7 @@ def test_udp_answers_only_those_who_spoke_mavlink(listener, sender):
         stranger.bind((HOST, 0))
         stranger.sendto(b"\xfd\xff\x00", (HOST, listener.port))
         sender.sendto(Speaker(1).heartbeat(), (HOST, listener.port))
-        assert len(read_until(listener, 1)) == 1
+        assert len(wait_for(listener, 1)) == 1
         listener.send(b"hello")
         sender.settimeout(10.0)
         assert sender.recv(100) == b"hello"
@@ -161,7 +151,7 @@ def test_udp_out_is_silent_until_it_sends(sender):
     data, address = sender.recvfrom(100)
     assert data == Speaker(255).heartbeat()
     sender.sendto(Speaker(7).heartbeat(), address)
-    assert [p.system_id for p in read_until(link, 1)] == [7]
+    assert [p.system_id for p in wait_for(link, 1)] == [7]
     link.close()
 
 
@@ -203,12 +193,12 @@ def test_tcp_out_connects_again():
                 peer.sendall(b"Init" + frame[:5])
                 assert link.read(0.5) == []
                 peer.sendall(frame[5:])
-                assert [(p.raw, p.link) for p in read_until(link, 1)] == [(frame, 2)]
+                assert [(p.raw, p.link) for p in wait_for(link, 1)] == [(frame, 2)]
                 link.send(b"answer")
                 peer.settimeout(10.0)
                 assert peer.recv(100) == b"answer"
                 assert link.connections == round_ + 1
-        assert read_until(link, 1, 0.2) == []
+        assert wait_for(link, 1, 0.2) == []
         link.close()
     assert link.counts.packets == 2
 
@@ -229,17 +219,17 @@ def test_tcp_in_parses_every_connection_by_itself():
         link.send(b"x")
     with socket.create_connection((HOST, link.port)) as one, socket.create_connection((HOST, link.port)) as two:
         one.sendall(a[:11])
-        assert read_until(link, 1, 0.15) == []
+        assert wait_for(link, 1, 0.15) == []
         two.sendall(b * 3)
-        assert [p.system_id for p in read_until(link, 3)] == [2, 2, 2]
+        assert [p.system_id for p in wait_for(link, 3)] == [2, 2, 2]
         one.sendall(a[11:])
-        assert [p.system_id for p in read_until(link, 1)] == [1]
+        assert [p.system_id for p in wait_for(link, 1)] == [1]
         assert link.clients == 2
         link.send(b"both")
         one.settimeout(10.0)
         two.settimeout(10.0)
         assert one.recv(9) == two.recv(9) == b"both"
-    assert read_until(link, 1, 0.15) == []
+    assert wait_for(link, 1, 0.15) == []
     assert link.clients == 0
     with pytest.raises(LinkError, match=rf"TCP port {link.port} is in use"):
         open_link(f"tcpin:{HOST}:{link.port}")
@@ -254,11 +244,11 @@ def test_serial_port():
     link = open_link(f"{name},57600", 4)
     frame = Speaker(9, version=1).heartbeat()
     os.write(controller, b"\xfe\xff" + frame[:6])
-    assert read_until(link, 1, 0.1) == []
+    assert wait_for(link, 1, 0.1) == []
     os.write(controller, frame[6:])
     # the false start claims more bytes than came, so the frame comes out with what follows
     os.write(controller, frame * 16)
-    packets = read_until(link, 17)
+    packets = wait_for(link, 17)
     assert [(p.raw, p.link) for p in packets] == [(frame, 4)] * 17
     link.send(b"out")
     assert os.read(controller, 10) == b"out"
@@ -291,7 +281,7 @@ def test_what_the_system_drops_is_counted(listener, sender):
     while more := listener.read(0.3):
         packets += more
     sender.sendto(frame, (HOST, listener.port))
-    packets += read_until(listener, 1)
+    packets += wait_for(listener, 1)
     assert len(packets) + listener.counts.dropped == sent + 1
     assert listener.counts.dropped > 0
 

@@ -7,13 +7,11 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from mavlink.append import AppendFile
-from mavlink.clock_watch import ClockWatch
 from mavlink.errors import TlogError
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
@@ -342,62 +340,6 @@ def test_states_of_several_files_are_told_as_one():
     assert (both.name, both.rows, both.failing_s, both.reason) == ("telemetry.tlog", 7, 2.0, "a.csv: full")
     assert (both.waiting, both.lost, both.sync_age_s, both.clock_step_s) == (6, 4, 1.5, 2.0)
     assert overall((log,)) == log
-
-
-class Clocks:
-    """A wall clock that can be set, over a monotonic one that cannot."""
-
-    def __init__(self):
-        self.mono_us = 5_000_000
-        self.offset_us = T0 - self.mono_us
-
-    def watch(self):
-        return ClockWatch(lambda: (self.mono_us + self.offset_us) * 1000, lambda: self.mono_us * 1000)
-
-    @property
-    def wall_us(self):
-        return self.mono_us + self.offset_us
-
-
-@pytest.mark.parametrize("step_us", [3_600_000_000, -3_600_000_000, 60_000])
-def test_a_clock_that_is_set_is_noted_with_the_first_record_it_stamped(tmp_path, step_us):
-    clocks = Clocks()
-    writer = TlogWriter(tmp_path / "telemetry.tlog", clock=clocks.watch())
-
-    def stamped():
-        clocks.mono_us += 100
-        return replace(packet(0), t_us=clocks.wall_us)
-
-    batch = [stamped() for _ in range(3)]
-    for each in batch:
-        writer.write(each)
-    before = [stamped(), stamped()]
-    clocks.offset_us += step_us
-    after = [stamped()]
-    raw = b"".join(struct.pack(">Q", p.t_us) + p.raw for p in before + after)
-    assert writer.write_records(raw, 3) == 3
-    clocks.offset_us += 40_000
-    writer.write(stamped())
-    writer.close()
-    assert writer.state.clock_step_s == pytest.approx(step_us * 1e-6)
-    assert (tmp_path / "clock.csv").read_text() == (
-        f"record,t_us,offset_us,step_us\n5,{clocks.wall_us - 40_100},{clocks.offset_us - 40_000},{step_us}\n"
-    )
-
-
-def test_a_reading_of_the_clocks_that_was_interrupted_is_no_step():
-    clocks = Clocks()
-    watch = clocks.watch()
-    pause_us = 200_000
-
-    def wall_ns():
-        clocks.mono_us += pause_us
-        return clocks.wall_us * 1000
-
-    watch._wall_ns = wall_ns
-    assert watch.stepped() is None
-    pause_us = 0
-    assert watch.stepped() is None
 
 
 def test_tables_keep_their_header_in_every_segment(tmp_path, disk):

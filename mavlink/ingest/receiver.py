@@ -15,8 +15,6 @@ from mavlink.ingest.shared import Shared, Word
 from mavlink.link import Link
 from mavlink.link_batch import Batch
 from mavlink.link_tally import now_us
-from mavlink.link_tcp_in import TcpIn
-from mavlink.link_udp import UdpIn, UdpOut
 from mavlink.packet import Auth, Packet
 from mavlink.signing import Verifier, without_secret
 from mavlink.signing_store import StreamStore, open_verifier
@@ -182,12 +180,7 @@ class Receiver:
         link = self._links[index]
         for k, system_id in self._senders.take(index, batch.frames, batch.peers):
             peer = batch.peers[k]
-            address = ""
-            if isinstance(link, (UdpIn, UdpOut)):
-                address = link.peers.address(peer)
-            elif isinstance(link, TcpIn):
-                address = link.addresses().get(peer, "")
-            self._log.heard(number + k, batch.times_us[k], system_id, index, peer, address, link.name)
+            self._log.heard(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
     def _judge(self, index: int, packets: Sequence[Packet], number: int) -> None:
         """Notes what is not believed, and who has proved who it is."""
