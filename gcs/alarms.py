@@ -73,7 +73,10 @@ class Alarms:
         now_us = self._now_us = max(self._now_us, snapshot.t_us)
         events: list[Event] = []
         for finding in (*findings(snapshot), *self._growing(snapshot, now_us)):
-            events += self._found(finding, now_us)
+            if finding.raises:
+                events += self._found(finding, now_us)
+            elif (state := self._states.get(finding.key)) and state.raised_us:
+                state.seen_us = state.found_us = now_us
         for key in [key for key, state in self._states.items() if state.found_us < now_us]:
             self._states[key].lower_us = 0
             events += self._gone(key, now_us)

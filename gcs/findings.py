@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
 
@@ -43,6 +43,8 @@ class Finding:
     """How long it must last before it is an alarm."""
     told: bool = False
     """Somebody else makes the events of it."""
+    raises: bool = True
+    """False: keeps an alarm that was raised before, and raises none: another finding says it better now."""
 
 
 def findings(snapshot: Snapshot) -> Iterator[Finding]:
@@ -127,14 +129,14 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
     if math.isinf(row.heartbeat_age_s):
         return
     speaks = row.position_state == "ok" and row.heartbeat_age_s < BEATLESS_S
-    if row.heartbeat_age_s > SILENT_S and not speaks:
+    silent = row.heartbeat_age_s > SILENT_S and not speaks
+    if silent:
         yield Finding(
-            key=f"vehicle {i}", level="alarm", kind="vehicle", system_id=i, text=f"{whose}: no heartbeat",
+            key=f"silent {i}", level="alarm", kind="vehicle", system_id=i, text=f"{whose}: no heartbeat",
             advice="its radio or power is gone, or it is out of range; its last place stays on the map",
         )  # fmt: skip
-    else:
-        # of a silent vehicle it would be the same trouble twice
-        yield from _position(row)
+    # that a silent vehicle sends no positions goes without saying; what was wrong before is not over by that
+    yield from (replace(finding, raises=not silent) for finding in _position(row, silent))
     if abs(row.clock_error_s) > CLOCK_ERROR_S or abs(row.drift_ppm) > DRIFT_PPM:
         yield Finding(
             key=f"clock {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
@@ -142,24 +144,24 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def _position(row: VehicleRow) -> Iterator[Finding]:
+def _position(row: VehicleRow, silent: bool) -> Iterator[Finding]:
     whose, i, state = row.name, row.system_id, row.position_state
-    if state == "refused":
+    if state == "refused" or (silent and row.refused_for):
         yield Finding(
-            key=f"vehicle {i}", level="alarm", kind="vehicle", system_id=i, wait_s=1.0,
+            key=f"refused {i} {row.refused_for}".rstrip(), level="alarm", kind="vehicle", system_id=i, wait_s=1.0,
             text=f"{whose}: its positions cannot be right" + (f": {row.refused_for}" if row.refused_for else ""),
             advice="its receiver fails, is jammed or is spoofed; do not act on its name",
         )  # fmt: skip
-    elif state in ("lost", "stale") and row.heartbeat_age_s < BEATS_S:
+    elif state in ("lost", "stale") and (silent or row.heartbeat_age_s < BEATS_S):
         level: Level = "alarm" if state == "lost" else "warning"
         yield Finding(
-            key=f"vehicle {i}", level=level, kind="vehicle", system_id=i, wait_s=1.0,
+            key=f"position {i}", level=level, kind="vehicle", system_id=i, wait_s=1.0,
             text=f"{whose}: position {state}",
             advice="heartbeats come, positions do not: check its stream rates and its receiver",
         )  # fmt: skip
     elif state == "never":
         yield Finding(
-            key=f"vehicle {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
+            key=f"no position {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
             text=f"{whose}: no position yet", advice="wait for its GPS fix; ask for its position stream",
         )  # fmt: skip
 
@@ -200,12 +202,12 @@ def _link(link: LinkHealth) -> Iterator[Finding]:
     advice = "check radio, cable and port; vehicles send nothing until asked"
     if link.name.startswith("udpout:"):
         advice = "only with --command does this station speak first: else have the other end send here, and use udpin"
-    what = "nothing comes"
+    key, what = "link", "nothing comes"
     if link.junk_bytes and not link.packets:
-        what, advice = "what comes is no MAVLink", "check the baud rate, and what sends there"
+        key, what, advice = "junk", "what comes is no MAVLink", "check the baud rate, and what sends there"
     if not link.silent_s <= SILENT_S:
         yield Finding(
-            key=f"link {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,
+            key=f"{key} {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,
             text=f"{link.name}: {what}", advice=advice,
         )  # fmt: skip
 

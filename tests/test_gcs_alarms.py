@@ -55,13 +55,13 @@ def test_nothing_wrong_nothing_said(watch):
 @pytest.mark.parametrize(
     ("rows", "key", "level"),
     [
-        (changed(1, position_state="stale"), "vehicle 11", "warning"),
-        (changed(1, position_state="lost"), "vehicle 11", "alarm"),
-        (changed(1, position_state="refused", refusals={"jump": 3}), "vehicle 11", "alarm"),
-        (changed(1, heartbeat_age_s=4.0, position_state="lost"), "vehicle 11", "alarm"),
+        (changed(1, position_state="stale"), "position 11", "warning"),
+        (changed(1, position_state="lost"), "position 11", "alarm"),
+        (changed(1, position_state="refused", refusals={"jump": 3}), "refused 11", "alarm"),
+        (changed(1, heartbeat_age_s=4.0, position_state="lost"), "silent 11", "alarm"),
         (changed(2, contested=True), "contested 12", "alarm"),
         (changed(2, heartbeat_age_s=math.inf, position_state="never"), "unheard", "warning"),
-        (changed(2, position_state="never"), "vehicle 12", "warning"),
+        (changed(2, position_state="never"), "no position 12", "warning"),
         (changed(2, clock_error_s=-1024 * 604800.0), "clock 12", "warning"),
         (changed(2, drift_ppm=900.0), "clock 12", "warning"),
     ],
@@ -129,12 +129,34 @@ def test_conflict_with_the_picture(watch):
 
 
 def test_getting_worse_is_told_and_is_the_same_alarm(watch):
-    first = watch.see(5, changed(1, position_state="stale"))["vehicle 11"]
-    second = watch.see(5, changed(1, position_state="lost"))["vehicle 11"]
+    first = watch.see(5, changed(1, position_state="stale"))["position 11"]
+    second = watch.see(5, changed(1, position_state="lost"))["position 11"]
     assert second.since_us == first.since_us and second.level == "alarm"
     assert [event.level for event in watch.events] == ["warning", "alarm"]
-    watch.see(5, changed(1, heartbeat_age_s=9.0, position_state="lost"))
-    assert len(watch.events) == 2 and watch.active[0].text == "UGV-11: no heartbeat"
+
+
+def test_each_trouble_of_one_vehicle_comes_and_goes_for_itself(watch):
+    watch.see(5, changed(1, position_state="refused", refused_for="0/0"))
+    watch.see(5, changed(1, position_state="refused", refused_for="jump"))
+    watch.see(5, changed(1, heartbeat_age_s=9.0, position_state="lost", refused_for="jump"))
+    assert {alarm.key for alarm in watch.active} == {"refused 11 jump", "silent 11"}
+    watch.see(12, changed(1, position_state="lost", drift_ppm=900.0))
+    watch.see(20)
+    refused = "its positions cannot be right"
+    told = [event.text.removeprefix("UGV-11: ").replace("UGV-11: ", "") for event in watch.events]
+    coming = [text for text in told if not text.startswith("over")]
+    assert coming == [
+        f"{refused}: 0/0", f"{refused}: jump", "no heartbeat", "position lost", "its clock is wrong"
+    ]  # fmt: skip
+    assert sorted(text.partition(" s: ")[2] for text in told if text.startswith("over")) == sorted(coming)
+
+
+def test_a_trouble_that_a_silent_vehicle_had_before_is_not_over_while_it_is_silent(watch):
+    watch.see(5, changed(1, position_state="lost"))
+    watch.see(30, changed(1, heartbeat_age_s=30.0, position_state="lost"))
+    assert [event.text for event in watch.events] == ["UGV-11: position lost", "UGV-11: no heartbeat"]
+    assert {alarm.key for alarm in watch.active} == {"position 11", "silent 11"}
+    assert watch.see(5) == {} and len(watch.events) == 4
 
 
 def silent(age_s):
@@ -156,32 +178,34 @@ def test_one_that_falls_silent_and_comes_back_is_one_trouble(watch):
 def test_what_stays_of_a_trouble_is_told_once_it_has_lasted(watch):
     watch.see(8, changed(1, heartbeat_age_s=9.0, position_state="lost"))
     watch.see(8, changed(1, position_state="stale"))
-    assert [event.text for event in watch.events] == ["UGV-11: no heartbeat", "UGV-11: position stale"]
-    assert watch.active[0].level == "warning"
+    told = ["UGV-11: no heartbeat", "UGV-11: position stale", "over after 8 s: UGV-11: no heartbeat"]
+    assert [event.text for event in watch.events] == told
+    assert [alarm.level for alarm in watch.active] == ["warning"]
 
 
 def test_a_uav_without_attitude_is_an_alarm_unless_it_is_silent_altogether(watch):
     assert watch.see(2.5, pose="no attitude") == {}
     assert watch.see(1, pose="no attitude")["attitude"].text == "UAV: no attitude"
     gone = changed(0, heartbeat_age_s=9.0, position_state="lost")
-    assert set(Watch().see(20, gone, pose="no attitude")) == {"vehicle 1"}
+    assert set(Watch().see(20, gone, pose="no attitude")) == {"silent 1"}
 
 
 def test_the_present_reason_is_told_not_the_most_frequent(watch):
     often = {"altitude, far from the ground": 500, "0/0": 3}
     active = watch.see(5, changed(1, position_state="refused", refusals=often, refused_for="0/0"))
-    assert active["vehicle 11"].text == "UGV-11: its positions cannot be right: 0/0"
+    assert active["refused 11 0/0"].text == "UGV-11: its positions cannot be right: 0/0"
 
 
 def test_bytes_that_are_no_mavlink_are_told_as_such(watch):
     garbled = replace(LINK, packets=0, junk_bytes=4000, silent_s=math.inf)
-    (alarm,) = watch.see(12, health=replace(WELL, links=(garbled,))).values()
+    ((key, alarm),) = watch.see(12, health=replace(WELL, links=(garbled,))).items()
+    assert key.startswith("junk ")
     assert alarm.text.endswith("what comes is no MAVLink") and "baud" in alarm.advice
 
 
 def test_heartbeats_that_a_bad_link_swallows_are_no_loss_while_positions_come(watch):
     assert watch.see(20, changed(1, heartbeat_age_s=6.0)) == {}
-    assert set(watch.see(1, changed(1, heartbeat_age_s=11.0))) == {"vehicle 11"}
+    assert set(watch.see(1, changed(1, heartbeat_age_s=11.0))) == {"silent 11"}
 
 
 def test_short_troubles_are_no_alarms(watch):
@@ -203,7 +227,7 @@ def test_coming_and_going_does_not_flap(watch):
 def test_time_that_steps_back_raises_nothing(watch):
     watch.see(5, changed(1, position_state="lost"))
     watch.t_us -= 3_600_000_000
-    assert "vehicle 11" in watch.see(5, changed(1, position_state="lost"))
+    assert "position 11" in watch.see(5, changed(1, position_state="lost"))
     assert len(watch.events) == 1
 
 
@@ -211,7 +235,7 @@ def test_the_worst_and_newest_come_first(watch):
     watch.see(5, changed(1, position_state="stale"))
     watch.see(5, changed(1, position_state="stale"), replace(WELL, links=(replace(LINK, silent_s=9.0),)))
     watch.see(5, changed(1, position_state="stale"), replace(WELL, links=(replace(LINK, silent_s=9.0),), keys=0))
-    assert [alarm.key for alarm in watch.active] == ["link udpin:0.0.0.0:14550", "no keys", "vehicle 11"]
+    assert [alarm.key for alarm in watch.active] == ["link udpin:0.0.0.0:14550", "no keys", "position 11"]
 
 
 def said(number, *, hz=1000.0, texts=("a",), start_us=START_US, system_id=11):

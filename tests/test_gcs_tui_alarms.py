@@ -116,6 +116,18 @@ async def test_what_befell_the_whole_fleet_is_one_row_and_acknowledged_at_once()
         assert "2 new" in text_of(app.query_one(AlarmPane))
 
 
+async def test_several_troubles_of_one_vehicle_are_one_row_and_each_is_an_alarm():
+    lost = replace(alarm("position 12", text="UGV-12: position lost", system_id=12), advice="check its receiver")
+    drifts = alarm("clock 12", "warning", "UGV-12: its clock is wrong", 12)
+    async with running(troubled((alarm(), lost, drifts))) as (app, pilot, station):
+        await pilot.press("a", "z")
+        said = text_of(app.query_one(AlarmPane))
+        assert "UGV-12: position lost; its clock is wrong" in said and "check its receiver; look at its radio" in said
+        assert "2 alarms 1 warning" in said and "3 new" in said
+        await pilot.press("down", "enter")
+        assert station.seen == [lost, drifts] and app.selected == 12
+
+
 async def test_a_vehicle_that_joins_a_trouble_makes_its_row_new_again():
     async with running(troubled(LOST[:2])) as (app, pilot, station):
         await pilot.press("a", "z", "A")

@@ -11,7 +11,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.snapshot import Alarm
-from gcs.tui.alarm_groups import Group, alike, text_of
+from gcs.tui.alarm_groups import Group, advice_of, alike, text_of
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, PANEL, PICKED, WARN, Rgb, ink, level_colour
 from gcs.tui.pane import Pane
@@ -72,7 +72,7 @@ class AlarmPane(Pane):
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The same, those that differ only in the vehicle put together."""
+        """The same, put together where several vehicles have the same trouble, or one vehicle has several."""
         return alike(self.alarms)
 
     def watch_seen(self) -> None:
@@ -134,7 +134,7 @@ class AlarmPane(Pane):
         since = age(max(0.0, (self.snapshot.t_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "
         told = fitted(plain(text_of(group)), width - len(head)).rstrip()
-        said = fitted(plain(alarm.advice), width - 4).rstrip()
+        said = fitted(plain(advice_of(group)), width - 4).rstrip()
         what = [(head, ink(colour, paper, bold=not known)), (told, ink(FAINT if known else BRIGHT, paper))]
         advice = [("    ", ink(FAINT, paper)), (said, ink(ACCENT if marked else FAINT, paper))]
         return [line(what, width, paper), line(advice, width, paper)]
