@@ -92,6 +92,8 @@ class VehicleClock:
         """How often the vehicle's count started anew."""
         self.epoch = 0
         """Changes whenever boot times before and after cannot be compared: a reboot, or a clock given up."""
+        self.restarts = 0
+        """Changes whenever boot times are mapped anew: what came before keeps the Unix time it was given then."""
         self.stray = False
         """Whether the last boot time did not fit: a late copy, another sender, or a reboot not yet believed."""
         self.late = False
@@ -104,6 +106,7 @@ class VehicleClock:
         self._restart(0, 0)
 
     def _restart(self, boot_us: int, arrival_us: int) -> None:
+        self.restarts += 1
         self._newest = boot_us
         self._newest_arrival = arrival_us
         self._offset = float(arrival_us - boot_us)  # of the line, at _anchor

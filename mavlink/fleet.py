@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,6 +54,24 @@ _OF_MODEMS = (109, 166)  # RADIO_STATUS, RADIO
 _NOWHERE = Fix(*[math.nan] * 9)
 
 
+class _Report(NamedTuple):
+    """A position that nobody has taken yet."""
+
+    vehicle: Vehicle
+    boot_us: int
+    fix: Fix
+    restarts: int
+    """Of the clock that boot_us is on."""
+    dated_us: int
+    """Unix µs of boot_us by that clock, as it was when the report came."""
+
+    @property
+    def made_us(self) -> int:
+        """Unix µs of boot_us: by the clock as it is known now, unless that is another since, as after a reboot."""
+        clock = self.vehicle.clock
+        return clock.unix_of(self.boot_us) if clock.restarts == self.restarts else self.dated_us
+
+
 class Fleet:
     """Folds packets into the fleet's state.
 
@@ -93,9 +111,9 @@ class Fleet:
         self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
         self._strangers: set[int] = set()
         self._home_up = math.nan
-        self._waiting: deque[tuple[Vehicle, int, GlobalPosition]] = deque(maxlen=_WAITING)
+        self._waiting: deque[tuple[Vehicle, int, int, GlobalPosition]] = deque(maxlen=_WAITING)
         self._waiting_since_us = 0
-        self._reports: deque[tuple[Vehicle, int, Fix]] = deque(maxlen=_REPORTS)
+        self._reports: deque[_Report] = deque(maxlen=_REPORTS)
         self._gimbals = Gimbals(gimbal_id)
         self._camera = CameraReports(camera_id)
         self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
@@ -170,10 +188,10 @@ class Fleet:
     def take_reports(self) -> Reports:
         """Positions of ground vehicles accepted since the last call."""
         taken, self._reports = self._reports, deque(maxlen=_REPORTS)
-        rows = np.array([fix for _, _, fix in taken], dtype=np.float64).reshape(-1, len(_NOWHERE))
+        rows = np.array([report.fix for report in taken], dtype=np.float64).reshape(-1, len(_NOWHERE))
         return Reports(
-            t_us=np.array([vehicle.clock.unix_of(boot_us) for vehicle, boot_us, _ in taken], dtype=np.int64),
-            system_id=np.array([vehicle.system_id for vehicle, _, _ in taken], dtype=np.int64),
+            t_us=np.array([report.made_us for report in taken], dtype=np.int64),
+            system_id=np.array([report.vehicle.system_id for report in taken], dtype=np.int64),
             p_enu=rows[:, 0:3],
             v_enu=rows[:, 3:6],
             heading=rows[:, 6],
@@ -183,7 +201,7 @@ class Fleet:
     def _told(self, vehicle: Vehicle, notices: tuple[Notice, ...]) -> tuple[Notice, ...]:
         """Passes notices on; reports not yet taken of a vehicle that turns out to have two senders are dropped."""
         if notices and self._reports and vehicle.contested(notices[-1].t_us):
-            kept = (report for report in self._reports if report[0] is not vehicle)
+            kept = (report for report in self._reports if report.vehicle is not vehicle)
             self._reports = deque(kept, maxlen=_REPORTS)
         return notices
 
@@ -223,13 +241,14 @@ class Fleet:
         """Sets the origin if this report may; else keeps the report for when it is known."""
         self._waiting_since_us = self._waiting_since_us or sample.t_us
         if vehicle is not self._uav and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
-            self._waiting.append((vehicle, boot_us, sample))
+            self._waiting.append((vehicle, vehicle.clock.epoch, boot_us, sample))
             return False
         self.origin = LocalFrame(sample.lat_deg, sample.lon_deg, sample.alt_m)
         if vehicle is self._uav:
             self._learn_home(sample)
-        for waiting in self._waiting:
-            self._place(*waiting)
+        for spoke, epoch, since_us, said in self._waiting:
+            if epoch == spoke.clock.epoch:  # boot times from before a reboot are those of another count
+                self._place(spoke, since_us, said)
         self._waiting.clear()
         return True
 
@@ -243,7 +262,8 @@ class Fleet:
         if fix is not None and vehicle is self._uav:
             self._learn_home(sample)
         elif fix is not None:
-            self._reports.append((vehicle, boot_us, fix))
+            clock = vehicle.clock
+            self._reports.append(_Report(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
     def _gimbal(self, vehicle: Vehicle, sample: GimbalSample) -> tuple[Notice, ...]:

@@ -121,6 +121,32 @@ def test_reports_carry_the_vehicles_own_time(world):
     assert len(world.fleet.take_reports()) == 0
 
 
+def restart(world, end_us, off_s):
+    """Everybody is switched off at a time and on again: boot times begin anew."""
+    world.booted_us = dict.fromkeys(world.booted_us, end_us + (off_s - 1) * S)
+    return end_us + off_s * S
+
+
+@pytest.mark.parametrize("off_s", [2, 35, 600])
+def test_reports_that_nobody_has_taken_keep_their_time_when_the_vehicle_reboots(world, off_s):
+    start_us = restart(world, world.run(5), off_s)
+    world.run(5, start_us=start_us)
+    reports = world.fleet.take_reports()
+    of_one = reports.t_us[reports.system_id == 11]
+    before, after = of_one[of_one < start_us], of_one[of_one >= start_us]
+    assert before == pytest.approx([T0 + k * 200_000 for k in range(25)], abs=4000)
+    assert len(after) >= 20 and after[-1] == pytest.approx(start_us + 4_800_000, abs=4000)
+
+
+def test_a_reboot_before_the_origin_is_known_does_not_shut_the_vehicle_out():
+    world = World()
+    start_us = restart(world, world.run(3, ids=[11]), 3)
+    world.run(2, start_us=start_us, ids=[11])
+    end_us = world.run(5, start_us=start_us + 2 * S)
+    assert world.fleet.at(end_us).valid[0]
+    assert world.fleet.at(end_us).p_enu[0, 1] == pytest.approx(world.rover_truth(11, end_us)[1], abs=0.1)
+
+
 def test_nonsense_is_counted_said_once_and_not_used(world):
     end_us = world.run(3)
     world.fleet.take_reports()
