@@ -167,4 +167,4 @@ class Recorder:
         lost = {name: state.lost for name, state in states.items() if state.lost}
         log = states.get(self.tlog_path.name, RecordState(name=""))
         self._session.close({"packets": log.rows} | ({"lost": lost} if lost else {}))
-        return tuple(f"{name}: {rows} rows lost: {states[name].reason}" for name, rows in lost.items())
+        return tuple(f"{name}: {rows} rows lost{states[name].because}" for name, rows in lost.items())

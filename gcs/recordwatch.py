@@ -35,7 +35,7 @@ class RecordWatch:
 
     def _changes(self, name: str, before: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
         if state.faults > before.faults or (state.failing_s and state.reason != before.reason):
-            yield "alarm", f"cannot be written: {state.reason}; kept in memory until it can"
+            yield "alarm", f"cannot be written{state.because}; kept in memory until it can"
         if state.failing_s == 0 and (before.failing_s > 0 or state.faults > before.faults):
             goes_on = f", goes on in {state.name}" if state.name != before.name else ""
             yield "info", f"written again{goes_on}"
@@ -43,7 +43,7 @@ class RecordWatch:
             self._told_lost.pop(name, None)
         if state.lost and state.lost >= self._told_lost.get(name, 0) * LOST_EVERY:
             self._told_lost[name] = state.lost
-            yield "alarm", f"{state.lost} rows lost: {state.reason}"
+            yield "alarm", f"{state.lost} rows lost{state.because}"
         slow = state.sync_age_s > SLOW_S
         if slow != (name in self._slow):
             self._slow ^= {name}

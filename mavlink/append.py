@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import math
 import os
 import threading
 import time
@@ -75,6 +76,7 @@ class AppendFile:
         self._torn = self._retire = self._named = self._closed = False
         self._accepted = first
         self._faults = 0
+        self._failed_s = -math.inf
         self._reason = self._last_reason = ""
         self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
         self._waiting = Backlog(ram_bytes)
@@ -139,6 +141,7 @@ class AppendFile:
     @property
     def state(self) -> RecordState:
         """How it is doing now; without the lock, since who asks must not hang with the disk."""
+        faults = self._faults  # before the reason, which is set before them
         now_s, waiting, closed = time.monotonic(), self._waiting, self._closed
         failing = bool(self._reason) and not closed
         return RecordState(
@@ -147,7 +150,8 @@ class AppendFile:
             bytes=self._earlier_bytes + self._size,
             failing_s=max(now_s - self._failing_since_s, 1e-3) if failing else 0.0,
             reason=self._last_reason,
-            faults=self._faults,
+            faults=faults,
+            failed_ago_s=max(now_s - self._failed_s, 0.0),
             waiting=0 if closed else waiting.rows,
             waiting_bytes=0 if closed else waiting.bytes,
             lost=waiting.dropped + (waiting.rows if closed else 0),
@@ -202,10 +206,14 @@ class AppendFile:
 
     def _fail(self, error: OSError, *, synced: bool = True) -> None:
         now_s = time.monotonic()
-        if not self._reason:
+        began = not self._reason
+        if began:
             self._failing_since_s = now_s
-            self._faults += 1
-        self._reason = self._last_reason = error.strerror or str(error)
+        # in this order: who reads the state does not take the lock, and is to see no failure without its reason
+        self._failed_s = now_s
+        self._last_reason = error.strerror or str(error) or type(error).__name__
+        self._reason = self._last_reason
+        self._faults += began
         self._retire = self._fd >= 0 and (
             not synced or (self._size > len(self._header) and error.errno not in _SPACE_MAY_RETURN)
         )

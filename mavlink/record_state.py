@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ class RecordState:
     """Why it fails or last failed, in the system's words."""
     faults: int = 0
     """How often it began to fail, repaired since or not."""
+    failed_ago_s: float = math.inf
+    """Since it last failed, inf where it never did."""
     waiting: int = 0
     """Rows in memory that wait for the disk."""
     waiting_bytes: int = 0
@@ -34,18 +37,24 @@ class RecordState:
     clock_step_s: float = 0.0
     """By how much the wall clock was set since the recording began."""
 
+    @property
+    def because(self) -> str:
+        """The reason as the end of a sentence, empty where there is none."""
+        return f": {self.reason}" if self.reason else ""
+
 
 def overall(states: Iterable[RecordState]) -> RecordState:
     """Several files as one: the longest failure with its reason, the oldest unsynced row, all else summed up.
+
+    Where none fails any more the reason is that of the file that failed last.
 
     Name and rows are those of the first.
     """
     first, *rest = states
     every = (first, *rest)
     worst = max(every, key=lambda state: state.failing_s)
-    reason = first.reason
-    if worst.failing_s:
-        reason = worst.reason if worst is first else f"{worst.name}: {worst.reason}"
+    told = worst if worst.failing_s else min(every, key=lambda state: state.failed_ago_s)
+    reason = told.reason if told is first or not told.reason else f"{told.name}: {told.reason}"
     return RecordState(
         name=first.name,
         rows=first.rows,
@@ -53,6 +62,7 @@ def overall(states: Iterable[RecordState]) -> RecordState:
         failing_s=worst.failing_s,
         reason=reason,
         faults=sum(state.faults for state in every),
+        failed_ago_s=min(state.failed_ago_s for state in every),
         waiting=sum(state.waiting for state in every),
         waiting_bytes=sum(state.waiting_bytes for state in every),
         lost=sum(state.lost for state in every),

@@ -2,6 +2,7 @@ import errno
 import json
 import time
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from gcs.segmented import read_segments
 from gcs.session import open_session, read_detections, read_times
 from gcs.snapshot import Box, Event, Health, Snapshot
 from mavlink.packet import Packet
-from mavlink.record_state import RecordState
+from mavlink.record_state import RecordState, overall
 from mavlink.segments import segments
 from tests.faulty_disk import FaultyDisk, delete
 from tests.test_mavlink_tlog_writer import FRAMES, T0, expected, packet, until
@@ -233,12 +234,26 @@ def test_every_fault_is_told_once_with_its_end():
             ],
         ),
         (state(name="a.2.csv"), []),
-        (state(name="a.2.csv", lost=1), [("alarm", "a.csv: 1 rows lost: ")]),
+        (state(name="a.2.csv", lost=1), [("alarm", "a.csv: 1 rows lost")]),
     ]
     for now, told in story:
         events = watch.update(T0, now)
         assert [event.level for event in events] == [level for level, _ in told]
         assert [event.text for event, (_, text) in zip(events, told, strict=True) if text] == [t for _, t in told if t]
+
+
+def test_a_fault_that_is_over_keeps_the_reason_of_the_file_that_had_it():
+    log = RecordState(name="telemetry.tlog", rows=5, reason="full", faults=1, failed_ago_s=60.0)
+    senders = RecordState(name="senders.csv", reason="bad", faults=1, failed_ago_s=0.1)
+    assert overall((log, senders)).reason == "senders.csv: bad"
+    assert overall((replace(log, failed_ago_s=0.05), senders)).reason == "full"
+    never = RecordState(name="telemetry.tlog")
+    told = RecordWatch().update(T0, {"telemetry": overall((never, senders))})
+    assert [event.text for event in told] == [
+        "telemetry: cannot be written: senders.csv: bad; kept in memory until it can",
+        "telemetry: written again",
+    ]
+    assert overall((never, never)).reason == "" == overall((never, never)).because
 
 
 def test_a_kept_packet_keeps_its_time(tmp_path):

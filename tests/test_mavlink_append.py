@@ -159,3 +159,30 @@ def test_closing_twice_and_writing_afterwards_counts_as_lost(tmp_path):
     assert file.state.failing_s == 0
     assert (tmp_path / "a.csv").read_bytes() == b"1\n"
     assert segments(tmp_path / "a.csv") == [tmp_path / "a.csv"]
+
+
+class Watched(AppendFile):
+    """Its state is asked for after every change of it, as another thread may."""
+
+    def __init__(self, path):
+        self.seen = None
+        super().__init__(path)
+        self.seen = []
+
+    def __setattr__(self, name, value):
+        super().__setattr__(name, value)
+        if self.__dict__.get("seen") is not None:
+            self.seen.append(self.state)
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "full"), OSError()])
+def test_nobody_ever_sees_a_failure_without_its_reason(tmp_path, error):
+    file = Watched(tmp_path / "a.csv")
+    for failure in (error, OSError(errno.EIO, "bad")):
+        file._fail(failure)
+        file._reason = ""  # repaired
+    failed = [state for state in file.seen if state.faults or state.failing_s]
+    assert max(state.faults for state in failed) == 2
+    assert all(state.reason for state in failed)
+    assert all(state.reason == "bad" for state in failed if state.faults == 2)
+    file.close()
