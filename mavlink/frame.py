@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 from fastcrc import crc16
 
@@ -66,6 +66,14 @@ class _Verdict(IntEnum):
 _NOTHING, _GOOD, _BAD, _UNKNOWN, _MORE = _Verdict
 
 
+class _Wait(Enum):
+    """For which unfinished frames to wait."""
+
+    FOR_ALL = "all"
+    FOR_LAST = "those that no good frame stands behind"
+    FOR_NONE = "none"
+
+
 def checksum(frame: bytes, extra: int) -> int:
     """X.25 CRC of an unsigned or signed frame's header and payload, with the definition's CRC extra at the end."""
     covered = (10 if frame[0] == MAGIC_V2 else 6) + frame[1]
@@ -111,6 +119,11 @@ def _holds_good(data: bytes, start: int, stop: int) -> _Verdict:
     return found
 
 
+def _hides(data: bytes, pos: int) -> bool:
+    """Whether a good frame stands behind the magic byte of an unfinished one."""
+    return _holds_good(data, pos + 1, len(data)) is _GOOD
+
+
 def _cut_in_signature(data: bytes, pos: int, length: int) -> bool:
     """Whether a good frame begins in a signed frame's signature, which no checksum covers."""
     end = pos + length
@@ -132,7 +145,7 @@ def _fits(data: bytes, pos: int, length: int, in_step: bool, final: bool) -> _Ve
     return _UNKNOWN if after is _GOOD else _NOTHING
 
 
-def _scan(data: bytes, final: bool, in_step: bool) -> tuple[list[bytes], int, FrameCounts, bool]:
+def _scan(data: bytes, wait: _Wait, in_step: bool) -> tuple[list[bytes], int, FrameCounts, bool]:
     """Frames, the position up to which the data is used up, counts, and whether the last byte used ended a frame."""
     frames: list[bytes] = []
     good = bad = junk = unknown = pos = bad_until = 0
@@ -147,13 +160,13 @@ def _scan(data: bytes, final: bool, in_step: bool) -> tuple[list[bytes], int, Fr
         if verdict is _GOOD and _cut_in_signature(data, pos, length):
             verdict = _BAD
         elif verdict is _UNKNOWN:
-            verdict = _fits(data, pos, length, in_step, final)
+            verdict = _fits(data, pos, length, in_step, wait is not _Wait.FOR_ALL)
         if verdict is _GOOD or verdict is _UNKNOWN:
             frames.append(data[pos : pos + length])
             good, unknown = (good + 1, unknown) if verdict is _GOOD else (good, unknown + 1)
             pos, in_step = pos + length, True
             continue
-        if verdict is _MORE and not final:
+        if verdict is _MORE and (wait is _Wait.FOR_ALL or (wait is _Wait.FOR_LAST and not _hides(data, pos))):
             break
         if verdict is _BAD and pos >= bad_until:
             bad, bad_until = bad + 1, pos + length
@@ -180,7 +193,7 @@ def split(data: bytes) -> tuple[list[bytes], FrameCounts]:
     """
     if _is_one_good_frame(data):
         return [data], _ONE_GOOD
-    frames, _, counts, _ = _scan(data, final=True, in_step=True)
+    frames, _, counts, _ = _scan(data, _Wait.FOR_NONE, in_step=True)
     return frames, counts
 
 
@@ -192,16 +205,26 @@ class Framer:
         self._rest = b""
         self._in_step = True
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait for the rest of the frame that they seem to begin."""
+        return len(self._rest)
+
     def feed(self, data: bytes) -> list[bytes]:
         """Takes the next bytes and returns the frames that they complete, in order."""
-        return self._scan(self._rest + data, final=False)
+        return self._scan(self._rest + data, _Wait.FOR_ALL)
+
+    def give_up(self) -> list[bytes]:
+        """What stands behind an unfinished frame whose bytes have not come in time: three bytes of noise may claim
+        the next 280. As long as nothing good stands behind it, it may still be finished."""
+        return self._scan(self._rest, _Wait.FOR_LAST)
 
     def finish(self) -> list[bytes]:
         """Takes the end of the stream: whatever was hidden behind an unfinished frame comes out."""
-        return self._scan(self._rest, final=True)
+        return self._scan(self._rest, _Wait.FOR_NONE)
 
-    def _scan(self, data: bytes, final: bool) -> list[bytes]:
-        frames, used, counts, self._in_step = _scan(data, final, self._in_step)
+    def _scan(self, data: bytes, wait: _Wait) -> list[bytes]:
+        frames, used, counts, self._in_step = _scan(data, wait, self._in_step)
         self._rest = data[used:]
         self.counts = self.counts + counts
         return frames

@@ -40,8 +40,15 @@ class Link(Protocol):
     def files(self) -> tuple[int, ...]:
         """File descriptors to wait for; they change as connections come and go."""
 
+    @property
+    def overdue(self) -> bool:
+        """Whether :meth:`take` may have something though no file is ready: what an unfinished frame has hidden."""
+
     def take(self) -> Batch:
         """What is there, without waiting."""
+
+    def rest(self) -> Batch:
+        """What an unfinished frame still hides, before the link is closed."""
 
     def tend(self) -> None:
         """Connects again, adapts filters; to be called every tenth of a second or so by who does not use ``read``."""

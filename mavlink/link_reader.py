@@ -32,9 +32,18 @@ class Reader(ABC):
     def files(self) -> tuple[int, ...]:
         """File descriptors to wait for; they change as connections come and go."""
 
+    @property
+    def overdue(self) -> bool:
+        """Whether :meth:`take` may have something though no file is ready."""
+        return False
+
     @abstractmethod
     def take(self) -> Batch:
         """What is there, without waiting."""
+
+    def rest(self) -> Batch:
+        """What was held back so far, before the link is closed."""
+        return Batch()
 
     def tend(self) -> None:  # noqa: B027 - most links need none
         """Looks after the link; to be called every tenth of a second or so."""

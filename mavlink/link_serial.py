@@ -10,13 +10,15 @@ import serial
 from mavlink.errors import LinkError
 from mavlink.link_batch import Batch
 from mavlink.link_reader import Reader
-from mavlink.link_stream import Backoff, Stream
+from mavlink.link_stream import PATIENCE_S, Backoff, Stream
 from mavlink.link_tally import LinkCounts, Tally, now_us
 from mavlink.link_url import LinkUrl
 
 __all__ = ["SerialLink"]
 
 _CHUNK = 4096
+_FRAME_BITS = 280 * 10
+"""The longest frame; a byte goes as ten bits."""
 
 
 class SerialLink(Reader):
@@ -38,7 +40,7 @@ class SerialLink(Reader):
         self._device = url.device
         self._baud = url.baud
         self._tally = Tally()
-        self._stream = Stream(self._tally, 1)
+        self._stream = self._new_stream()
         self._backoff = Backoff()
         self._port: serial.Serial | None = None
         try:
@@ -66,6 +68,11 @@ class SerialLink(Reader):
         except (OSError, ValueError):
             return ()
 
+    @property
+    def overdue(self) -> bool:
+        """Whether an unfinished frame has hidden others for too long."""
+        return self._port is not None and self._stream.overdue
+
     def take(self) -> Batch:
         """What is there, without waiting; nothing while the port is unplugged and when closed."""
         batch, port = Batch(), self._port
@@ -77,9 +84,14 @@ class SerialLink(Reader):
             data = port.read(min(max(waiting, 1), _CHUNK))
         except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
             self._lose()
-            return batch
-        if data:
-            self._stream.take(data, now_us(), batch)
+            return self.rest()
+        self._stream.take(data or None, now_us(), batch)
+        return batch
+
+    def rest(self) -> Batch:
+        """What an unfinished frame still hides."""
+        batch = Batch()
+        self._stream.take(b"", now_us(), batch)
         return batch
 
     def trust(self, peers: Set[int], t_us: int) -> None:
@@ -114,10 +126,14 @@ class SerialLink(Reader):
         self._open = False
         self._lose()
 
+    def _new_stream(self) -> Stream:
+        # twice what the longest frame takes at this rate, where that is longer than anybody pauses
+        return Stream(self._tally, 1, patience_s=max(PATIENCE_S, 2.0 * _FRAME_BITS / self._baud))
+
     def _plug_in(self) -> None:
         self._port = serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
         self.connections += 1
-        self._stream = Stream(self._tally, 1)
+        self._stream = self._new_stream()
         self._backoff.succeeded()
 
     def _lose(self) -> None:

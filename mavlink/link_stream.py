@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
+
 from mavlink.dialect import DEFINITIONS
 from mavlink.frame import FrameCounts, Framer
 from mavlink.link_batch import Batch
 from mavlink.link_tally import Tally
 from mavlink.packet import Packet
 
-__all__ = ["Backoff", "Stream"]
+__all__ = ["PATIENCE_S", "Backoff", "Stream"]
+
+
+PATIENCE_S = 0.3
+"""For so long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses between."""
 
 
 class Stream:
@@ -17,21 +25,49 @@ class Stream:
     Args:
         tally: of the link.
         peer: number of the sender.
+        patience_s: for how long an unfinished frame may hold up what stands behind it.
+        clock_s: monotonic.
     """
 
-    def __init__(self, tally: Tally, peer: int) -> None:
+    def __init__(
+        self,
+        tally: Tally,
+        peer: int,
+        *,
+        patience_s: float = PATIENCE_S,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
         self.peer = peer
         self._framer = Framer()
         self._tally = tally
+        self._patience_s = patience_s
+        self._clock_s = clock_s
+        self._since_s = math.inf
+        """Since when the frame is unfinished that is waited for."""
+        self._searched = 0
+        """So many of the waiting bytes hide nothing."""
 
-    def take(self, data: bytes, t_us: int, batch: Batch) -> int:
-        """Adds the frames that these bytes complete; empty bytes are the end of the stream.
+    @property
+    def overdue(self) -> bool:
+        """Whether :meth:`take` has something to look for though nothing may have come."""
+        waiting = self._framer.waiting
+        return waiting > self._searched and self._clock_s() - self._since_s >= self._patience_s
+
+    def take(self, data: bytes | None, t_us: int, batch: Batch) -> int:
+        """Adds the frames that these bytes complete, and those hidden behind a frame that is waited for too long.
+
+        Args:
+            data: what came; None: nothing; empty: the end of the stream.
+            t_us: now.
+            batch: gets the frames.
 
         Returns:
             How many of them have a right checksum.
         """
         before = self._framer.counts
-        frames = self._framer.feed(data) if data else self._framer.finish()
+        frames = self._feed(data) if data else [] if data is None else self._framer.finish()
+        if self.overdue:
+            frames += self._give_up()
         after = self._framer.counts
         counts = FrameCounts(
             after.good - before.good,
@@ -39,7 +75,7 @@ class Stream:
             after.junk_bytes - before.junk_bytes,
             after.unknown - before.unknown,
         )
-        self._tally.take(len(data), counts)
+        self._tally.take(len(data or b""), counts)
         for frame in frames:
             if counts.unknown and Packet(0, frame).message_id not in DEFINITIONS:
                 batch.unchecked.add(len(batch))
@@ -47,6 +83,22 @@ class Stream:
             batch.frames.append(frame)
             batch.peers.append(self.peer)
         return counts.good
+
+    def _feed(self, data: bytes) -> list[bytes]:
+        """Frames that these bytes complete; notes when another frame is begun that they do not."""
+        waited = self._framer.waiting
+        frames = self._framer.feed(data)
+        if not waited or self._framer.waiting < waited + len(data):
+            self._since_s, self._searched = self._clock_s(), 0
+        return frames
+
+    def _give_up(self) -> list[bytes]:
+        waited = self._framer.waiting
+        frames = self._framer.give_up()
+        self._searched = self._framer.waiting
+        if self._searched < waited:
+            self._since_s = self._clock_s()  # another frame is waited for now
+        return frames
 
 
 class Backoff:

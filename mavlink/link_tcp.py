@@ -77,6 +77,8 @@ class TcpOut(Reader):
         self._stream = Stream(self._tally, 1)
         self._socket: socket.socket | None = None
         self._calling: socket.socket | None = None
+        self._broken = False
+        """Whether the connection does not take what is sent: what has come is read before it is let go."""
         self._backoff = Backoff()
         self._give_up_s = 0.0
 
@@ -88,7 +90,12 @@ class TcpOut(Reader):
     @property
     def connected(self) -> bool:
         """Whether the connection stands, as far as is known."""
-        return self._socket is not None
+        return self._socket is not None and not self._broken
+
+    @property
+    def overdue(self) -> bool:
+        """Whether an unfinished frame has hidden others for too long, or the connection is to be let go."""
+        return self._socket is not None and (self._broken or self._stream.overdue)
 
     @property
     def files(self) -> tuple[int, ...]:
@@ -99,12 +106,20 @@ class TcpOut(Reader):
     def take(self) -> Batch:
         """What is there, without waiting; at the end of the connection what was hidden behind an unfinished frame."""
         batch, sock = Batch(), self._socket
-        data = receive_now(sock) if sock is not None else None
-        if data is None:
+        if sock is None:
             return batch
+        data = receive_now(sock)
+        if data is None and self._broken:
+            data = b""
         self._stream.take(data, now_us(), batch)
-        if not data:
+        if data == b"":
             self._lose()
+        return batch
+
+    def rest(self) -> Batch:
+        """What an unfinished frame still hides."""
+        batch = Batch()
+        self._stream.take(b"", now_us(), batch)
         return batch
 
     def trust(self, peers: Set[int], t_us: int) -> None:
@@ -125,10 +140,10 @@ class TcpOut(Reader):
             LinkError: not connected, or the connection broke.
         """
         sock = self._socket
-        if sock is None:
+        if sock is None or self._broken:
             raise LinkError(f"{self.name}: not connected")
         if not send_now(sock, data):
-            self._lose()
+            self._broken = True
             raise LinkError(f"{self.name}: the connection broke, or does not take what is sent")
 
     def close(self) -> None:
@@ -158,7 +173,7 @@ class TcpOut(Reader):
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.connections += 1
         self._stream = Stream(self._tally, 1)
-        self._socket, self._calling = sock, None
+        self._socket, self._calling, self._broken = sock, None, False
         self._backoff.succeeded()
 
     def _hang_up(self) -> None:

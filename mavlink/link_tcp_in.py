@@ -50,6 +50,8 @@ class _Client:
     address: str
     heard_s: float
     known: bool = False
+    broken: bool = False
+    """Whether it does not take what is sent: what has come from it is read before it is closed."""
 
 
 class TcpIn(Reader):
@@ -103,9 +105,21 @@ class TcpIn(Reader):
         """What is there on all connections, without waiting."""
         batch = Batch()
         if self._open:
-            self._accept()
+            self._accept(batch)
             for sock in list(self._clients):
                 self._receive(sock, batch)
+        return batch
+
+    @property
+    def overdue(self) -> bool:
+        """Whether an unfinished frame of somebody has hidden others for too long, or somebody is to be closed."""
+        return any(client.broken or client.stream.overdue for client in self._clients.values())
+
+    def rest(self) -> Batch:
+        """What unfinished frames still hide."""
+        batch = Batch()
+        for client in self._clients.values():
+            client.stream.take(b"", now_us(), batch)
         return batch
 
     def address(self, peer: int) -> str:
@@ -128,12 +142,13 @@ class TcpIn(Reader):
             LinkError: nobody is connected.
         """
         clients = list(self._clients.items())
-        known = [sock for sock, client in clients if client.known and peer in (0, client.stream.peer)]
+        heard = [(sock, client.stream.peer) for sock, client in clients if client.known and not client.broken]
+        known = [sock for sock, number in heard if peer in (0, number)]
         if not known:
             raise LinkError(f"{self.name}: nobody is connected who was heard")
         for sock in known:
             if not send_now(sock, data):
-                self._drop(sock)
+                self._clients[sock].broken = True
 
     def close(self) -> None:
         """Closes everything; a read in another thread comes back empty."""
@@ -142,7 +157,7 @@ class TcpIn(Reader):
             sock.close()
         self._clients.clear()
 
-    def _accept(self) -> None:
+    def _accept(self, batch: Batch) -> None:
         try:
             sock, (host, port) = self._server.accept()
         except OSError:
@@ -150,22 +165,26 @@ class TcpIn(Reader):
         if len(self._clients) >= _CLIENTS:
             # whoever says nothing makes room, and of those who do the one who has been silent longest
             order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
-            self._drop(min(order, key=lambda entry: entry[:2])[2])
+            oldest = min(order, key=lambda entry: entry[:2])[2]
+            self._receive(oldest, batch)
+            self._drop(oldest, batch)
         sock.setblocking(False)
         self.accepted += 1
         self._clients[sock] = _Client(Stream(self._tally, self.accepted), f"{host}:{port}", time.monotonic())
 
     def _receive(self, sock: socket.socket, batch: Batch) -> None:
-        data = receive_now(sock)
-        client = self._clients.get(sock)
-        if data is None or client is None:
-            return
+        data, client = receive_now(sock), self._clients[sock]
+        if data is None and client.broken:
+            data = b""
         if client.stream.take(data, now_us(), batch):
             client.heard_s = time.monotonic()
             client.known = client.known or self._vouch
-        if not data:
-            self._drop(sock)
+        if data == b"":
+            self._drop(sock, batch)
 
-    def _drop(self, sock: socket.socket) -> None:
-        self._clients.pop(sock, None)
+    def _drop(self, sock: socket.socket, batch: Batch) -> None:
+        """Closes a connection; what its last unfinished frame hides comes out."""
+        client = self._clients.pop(sock, None)
+        if client is not None:
+            client.stream.take(b"", now_us(), batch)
         sock.close()

@@ -97,7 +97,7 @@ class _Ingest:
             self._memory.words[Word.BEAT] += 1
             ready = self._wait()
             for index, link in enumerate(self._links):
-                if ready.intersection(link.files):
+                if link.overdue or ready.intersection(link.files):
                     self._drain(index, link)
                 link.tend()
             if self._control.fileno() in ready:
@@ -185,6 +185,8 @@ class _Ingest:
     def _close(self) -> None:
         for index, link in enumerate(self._links):
             self._drain(index, link)
+            if (rest := link.rest()).frames:
+                self._receiver.take(index, rest)
         self._reports = ()
         self._tell()
         for link in self._links:
