@@ -201,7 +201,7 @@ class Flight:
             mission,
             self._ingest,
             self._ring,
-            where=lambda system_id: place_of(system_id, self._fold.latest, self._pipeline.fleet.origin),
+            where=lambda system_id: place_of(system_id, self._fold.latest),
             tell=self._fold.tell,
         )
 

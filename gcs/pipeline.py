@@ -24,6 +24,7 @@ from gcs.quiet import Quiet
 from gcs.snapshot import Event, Health, Level, Snapshot
 from gcs.trends import Trends
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
+from mavlink.geodesy import LocalFrame
 from mavlink.packet import Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
 from vision.detections import Detections
@@ -68,7 +69,9 @@ class Pipeline:
         params = IdentifierParams(threshold=mission.identity.threshold)
         if auto:
             params = replace(params, time_offset_std_s=UNKNOWN_OFFSET_STD_S)
+        self._params = params
         self._identifier = Identifier(mission.ugv_ids, params)
+        self._origin: LocalFrame | None = None
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._optics = Optics(mission.camera)
         self._mount = mount_of(mission.camera)
@@ -114,6 +117,7 @@ class Pipeline:
             health: How the program is doing, passed on.
         """
         state = self.fleet.at(self._telemetry_time(t_us))
+        self._follow_origin()
         view = self._look(state, image)
         self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
@@ -127,6 +131,13 @@ class Pipeline:
         identities = quarantined(self._identify(t_us, detections, tracks, view), state)
         self._tell(t_us, identities)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
+
+    def _follow_origin(self) -> None:
+        """Begin the names anew when places are told in another frame: what was seen and heard was in the one before."""
+        if self._origin is not None and self.fleet.origin is not self._origin:
+            self._identifier = Identifier(self.mission.ugv_ids, self._params)
+            self._view = None
+        self._origin = self.fleet.origin
 
     def _size(self, image: NDArray[np.uint8] | None) -> tuple[int, int] | None:
         """Width and height of the picture, None while nothing tells."""
@@ -257,6 +268,7 @@ class Pipeline:
             health=self._believed(self._trends.of(t_us, health or Health())),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             conflicts=self._conflict,
+            origin=self.fleet.origin,
         )
         alarms, changes = self._alarms.update(snapshot)
         events = (*self._events, *self._quiet.overdue(t_us), *changes)

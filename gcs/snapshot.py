@@ -14,6 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink.geodesy import LocalFrame
+
 __all__ = ["Alarm", "Box", "Event", "Health", "Level", "LinkHealth", "Snapshot", "Standing", "VehicleRow"]
 
 NAN = float("nan")
@@ -234,6 +236,8 @@ class Snapshot:
     """What is known of where the camera was and how it looked."""
     events: tuple[Event, ...] = field(default=())
     """What is new since the snapshot before."""
+    origin: LocalFrame | None = None
+    """Of the ENU metres here, None while no place is known; it moves when the UAV turns out to be elsewhere."""
     conflicts: frozenset[int] = frozenset()
     """System ids whose reports contradict the picture."""
     alarms: tuple[Alarm, ...] = ()

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from gcs.command import CommandDesk, Place
 from gcs.config import Mission
 from gcs.snapshot import Event, Snapshot
-from mavlink.geodesy import LocalFrame
 from mavlink.ingest.ingest import Ingest
 from mavlink.keys import KeyRing
 from mavlink.outgoing import Outgoing
@@ -62,14 +61,14 @@ def open_desk(
     )
 
 
-def place_of(system_id: int, snapshot: Snapshot | None, origin: LocalFrame | None) -> Place | None:
+def place_of(system_id: int, snapshot: Snapshot | None) -> Place | None:
     """Where a vehicle is by its own reports, None when they are old, doubted or contested."""
-    if snapshot is None or origin is None or time.time_ns() // 1000 - snapshot.t_us > FRESH_US:
+    if snapshot is None or snapshot.origin is None or time.time_ns() // 1000 - snapshot.t_us > FRESH_US:
         return None
     for row in snapshot.vehicles:
         if row.system_id == system_id:
             if row.position_state != "ok" or row.contested or system_id in snapshot.conflicts:
                 return None
-            lat_deg, lon_deg, _ = origin.to_geodetic(row.p_enu)
+            lat_deg, lon_deg, _ = snapshot.origin.to_geodetic(row.p_enu)
             return Place(float(lat_deg), float(lon_deg))
     return None

@@ -17,13 +17,14 @@ from mavlink.attitudes import ATTITUDE_LOST_S, Pose
 from mavlink.camera_report import CameraReports, CameraSample
 from mavlink.decode import decode
 from mavlink.dialect import DEFINITIONS
-from mavlink.gate import GateParams, altitude_known
+from mavlink.gate import GateParams
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.gimbal import Gimbals, GimbalSample
 from mavlink.hardware import AUTOPILOT_VERSION
 from mavlink.modes import is_vehicle, kind_name
+from mavlink.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.packet import Auth, Packet
-from mavlink.positions import Estimate, Fix
+from mavlink.positions import Estimate, Fix, in_frame
 from mavlink.samples import (
     Attitude,
     CameraFov,
@@ -40,7 +41,7 @@ from mavlink.samples import (
     TimeSync,
     VideoStreamInformation,
 )
-from mavlink.state import CameraReport, FleetState, MessageRate, Notice, Reports, UavState, VehicleStatus
+from mavlink.state import CameraReport, FleetState, Level, MessageRate, Notice, Reports, UavState, VehicleStatus
 from mavlink.vehicle import Vehicle
 
 __all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState", "VehicleStatus"]
@@ -100,7 +101,7 @@ class Fleet:
         links: Sequence[str] = (),
         address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
-        self.origin = origin
+        self._origin = Origin(origin)
         self._ids = np.array(ugv_ids, dtype=np.int64)
         names, params = tuple(links), params or GateParams()
         flies = GateParams(max_speed=_UAV_SPEED, max_acceleration=_UAV_ACCELERATION)
@@ -110,7 +111,6 @@ class Fleet:
         ]
         self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
         self._strangers: set[int] = set()
-        self._home_up = math.nan
         self._waiting: deque[tuple[Vehicle, int, int, GlobalPosition]] = deque(maxlen=_WAITING)
         self._waiting_since_us = 0
         self._reports: deque[_Report] = deque(maxlen=_REPORTS)
@@ -181,6 +181,11 @@ class Fleet:
         )
 
     @property
+    def origin(self) -> LocalFrame | None:
+        """Of the ENU frame, None until a place is known; another one once the UAV turns out to be elsewhere."""
+        return self._origin.frame
+
+    @property
     def video_offer(self) -> VideoStreamInformation | None:
         """The video stream that the UAV offers, None while it offers none."""
         return self._camera.stream
@@ -231,11 +236,29 @@ class Fleet:
         if reason and vehicle.clock.stray:
             vehicle.refusals.count(reason)  # a reboot that is not yet believed begins without a fix
             return notices
+        far = not reason and self._origin.distance_m(sample) > FLEET_SPAN_M
+        if not reason and self._outlying(vehicle, sample, far):
+            reason = TOO_FAR
         if reason:
             return notices + vehicle.refuse(sample.t_us, reason)
         if self.origin is None and not self._found_origin(vehicle, boot_us, sample):
             return notices
+        if far and vehicle is not self._uav:
+            notices += self._move_origin(sample)
         return notices + self._place(vehicle, boot_us, sample)
+
+    def _outlying(self, vehicle: Vehicle, sample: GlobalPosition, far: bool) -> bool:
+        """Whether a vehicle is too far from the others to be right.
+
+        Where most agree on a place, who is not there is wrong. Where they do not, the UAV is believed: it may jump, and
+        takes the origin with it, and a ground vehicle must be near.
+        """
+        if not vehicle.clock.stray and not vehicle.contested(sample.t_us):
+            self._origin.hear(sample)
+        if self.origin is not None and not far:
+            return False
+        with_most = self._origin.with_most(sample)
+        return with_most is False or (with_most is None and far and vehicle is not self._uav)
 
     def _found_origin(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> bool:
         """Sets the origin if this report may; else keeps the report for when it is known."""
@@ -243,28 +266,44 @@ class Fleet:
         if vehicle is not self._uav and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
             self._waiting.append((vehicle, vehicle.clock.epoch, boot_us, sample))
             return False
-        self.origin = LocalFrame(sample.lat_deg, sample.lon_deg, sample.alt_m)
+        self._origin.put(sample)
         if vehicle is self._uav:
-            self._learn_home(sample)
+            self._origin.learn_home(sample)
         for spoke, epoch, since_us, said in self._waiting:
-            if epoch == spoke.clock.epoch:  # boot times from before a reboot are those of another count
+            # boot times from before a reboot are those of another count
+            if epoch == spoke.clock.epoch and self._origin.distance_m(said) <= FLEET_SPAN_M:
                 self._place(spoke, since_us, said)
         self._waiting.clear()
         return True
 
-    def _learn_home(self, sample: GlobalPosition) -> None:
-        if self.origin is not None and altitude_known(sample.relative_alt_m):
-            self._home_up = sample.alt_m - sample.relative_alt_m - self.origin.alt_m
-
     def _place(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> tuple[Notice, ...]:
         assert self.origin is not None
-        fix, notices = vehicle.take_position(boot_us, sample, self.origin, self._home_up)
+        fix, notices = vehicle.take_position(boot_us, sample, self.origin, self._origin.home_alt_m)
         if fix is not None and vehicle is self._uav:
-            self._learn_home(sample)
+            self._origin.learn_home(sample)
+            if math.hypot(*fix[:3]) > LOCAL_REACH_M:
+                notices += self._move_origin(sample)
         elif fix is not None:
             clock = vehicle.clock
             self._reports.append(_Report(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
+
+    def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
+        """Puts the origin where a vehicle is; what is kept of places moves along, what is too far away is dropped."""
+        before, distance_m = self.origin, self._origin.distance_m(sample)
+        self._origin.put(sample)
+        now = self.origin
+        assert before is not None and now is not None
+        for vehicle in self._vehicles.values():
+            vehicle.move(before, now)
+        moved = in_frame([report.fix for report in self._reports], before, now)
+        reports = (report._replace(fix=fix) for report, fix in zip(self._reports, moved, strict=True))
+        near = (report for report in reports if math.hypot(*report.fix[:3]) <= FLEET_SPAN_M)
+        self._reports = deque(near, maxlen=_REPORTS)
+        whom = "the UAV" if sample.system_id == self._uav.system_id else "where most vehicles are"
+        text = f"the local origin moves by {distance_m * 1e-3:,.0f} km to {whom}; names begin anew"
+        level: Level = "warning" if distance_m > 2.0 * LOCAL_REACH_M else "info"
+        return (Notice(t_us=sample.t_us, level=level, kind="vehicle", text=text, system_id=self._uav.system_id),)
 
     def _gimbal(self, vehicle: Vehicle, sample: GimbalSample) -> tuple[Notice, ...]:
         if vehicle is not self._uav or vehicle.reception.late:

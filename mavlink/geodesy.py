@@ -23,10 +23,13 @@ __all__ = [
     "quaternion_from_euler",
     "rotation_from_euler",
     "rotation_from_quaternion",
+    "separation_m",
     "wrap_pi",
 ]
 
 Array = NDArray[np.float64]
+
+_EARTH_RADIUS_M = 6_371_009.0  # mean; good to half a percent anywhere
 
 R_ENU_NED: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """Maps NED vectors into ENU, and ENU vectors into NED: it is its own inverse."""
@@ -105,6 +108,15 @@ class LocalFrame:
         )
         lost = ~np.isfinite(np.asarray(lat))
         return tuple(np.where(lost, np.nan, a) for a in (lat, lon, alt))  # type: ignore[return-value]
+
+
+def separation_m(lat_a_deg: float, lon_a_deg: float, lat_b_deg: float, lon_b_deg: float) -> float:
+    """Distance of two places over a spherical Earth, metres; for the question of which country, not of which lane."""
+    lat_a, lat_b = math.radians(lat_a_deg), math.radians(lat_b_deg)
+    # hav c = hav Δφ + cos φ₁ cos φ₂ hav Δλ
+    across = math.sin(0.5 * math.radians(lon_b_deg - lon_a_deg))
+    hav = math.sin(0.5 * (lat_b - lat_a)) ** 2 + math.cos(lat_a) * math.cos(lat_b) * across * across
+    return 2.0 * _EARTH_RADIUS_M * math.asin(math.sqrt(min(hav, 1.0)))
 
 
 def enu_from_ned(v_ned: ArrayLike) -> Array:

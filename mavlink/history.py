@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Callable
 from typing import Generic, Literal, TypeVar
 
 __all__ = ["History", "Outcome"]
@@ -64,6 +65,11 @@ class History(Generic[Row]):
         before = (self._times[place - 1], self._rows[place - 1]) if place else None
         after = (self._times[place], self._rows[place]) if place < len(self._times) else None
         return before, after
+
+    def replace(self, change: Callable[[list[Row]], list[Row]]) -> None:
+        """Puts other rows in the place of all, in the same order."""
+        if self._rows:
+            self._rows = change(self._rows)
 
     def clear(self) -> None:
         """Forgets everything."""

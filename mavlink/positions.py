@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from mavlink.gate import GateParams, climbs_too_fast, course_gap, too_far
-from mavlink.geodesy import wrap_pi
+from mavlink.geodesy import LocalFrame, wrap_pi
 from mavlink.history import History
 from mavlink.samples import GlobalPosition
 
-__all__ = ["LOST_S", "Estimate", "Fix", "Positions", "Verdict"]
+__all__ = ["LOST_S", "Estimate", "Fix", "Positions", "Verdict", "in_frame"]
 
 Verdict = Literal["new", "standing", "moved", "frozen", "duplicate", "late", "jump", "leap"]
 """new: usable; standing: usable, says nothing new; moved: usable after a jump; the others are not used (jump: too far,
@@ -40,6 +43,13 @@ class Fix(NamedTuple):
     std_m: float
     height_m: float
     """Above home as reported."""
+
+
+def in_frame(fixes: Sequence[Fix], before: LocalFrame, now: LocalFrame) -> list[Fix]:
+    """The same places in another local frame. Velocities and headings stay: they are told by the north of the place."""
+    p_enu = np.array([fix[:3] for fix in fixes], dtype=np.float64).reshape(-1, 3)
+    moved = now.to_enu(*before.to_geodetic(p_enu)).tolist()
+    return [fix._replace(east=p[0], north=p[1], up=p[2]) for p, fix in zip(moved, fixes, strict=True)]
 
 
 class Estimate(NamedTuple):
@@ -78,6 +88,13 @@ class Positions:
         self._elsewhere.clear()
         self._place = (math.nan, math.nan)
         self._reported_us = 0
+
+    def move(self, before: LocalFrame, now: LocalFrame, reach_m: float) -> None:
+        """Tells every position in another local frame; forgets them where the newest is farther than it reaches."""
+        self._history.replace(lambda fixes: in_frame(fixes, before, now))
+        self._elsewhere.clear()
+        if self.last is not None and math.hypot(*self.last[1][:3]) > reach_m:
+            self.clear()
 
     @property
     def known(self) -> bool:

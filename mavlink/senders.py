@@ -133,6 +133,10 @@ class Senders:
             detail = f"two places, {dissent.gap:.0f} m apart"
             self._contest.take("place", speaker, speaker, t_us, detail, dissent.other)
 
+    def forget_places(self) -> None:
+        """Places heard from now on are told in another local frame."""
+        self._places.clear()
+
     def late_place(self, t_us: int, speaker: Speaker, fix: Fix, then: Estimate | None) -> None:
         """A place that came late: the vehicle's own word is known to the one that it gave then."""
         if then is None or not then.bracketed:

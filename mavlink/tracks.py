@@ -61,6 +61,10 @@ class PlaceTracks:
         tracks[speaker] = _Place(boot_us, t_us, fix, noise_m)
         return dissent
 
+    def clear(self) -> None:
+        """Forgets every place."""
+        self._tracks.clear()
+
     def _gap(self, track: _Place, boot_us: int, fix: Fix) -> tuple[float, float]:
         """Distance from where a track would be by now, and how far a vehicle may have left its straight line."""
         dt = (boot_us - track.boot_us) * 1e-6

@@ -10,6 +10,7 @@ from mavlink.clock import VehicleClock
 from mavlink.gate import NOT_YET, GateParams, altitude_known, nonsense, position_std, speed_possible
 from mavlink.geodesy import LocalFrame
 from mavlink.modes import fix_name, kind_name, mode_name
+from mavlink.origin import FLEET_SPAN_M
 from mavlink.packet import Packet
 from mavlink.positions import LOST_S, Estimate, Fix, Positions
 from mavlink.reception import Reception, Speaker
@@ -209,7 +210,7 @@ class Vehicle:
         return nonsense(sample, self._fresh_gps(sample.t_us))
 
     def take_position(
-        self, boot_us: int, sample: GlobalPosition, frame: LocalFrame, home_up: float
+        self, boot_us: int, sample: GlobalPosition, frame: LocalFrame, home_alt_m: float
     ) -> tuple[Fix | None, tuple[Notice, ...]]:
         """Judges a report that is a place.
 
@@ -217,12 +218,12 @@ class Vehicle:
             boot_us: from :meth:`learn_time`.
             sample: GLOBAL_POSITION_INT.
             frame: ENU.
-            home_up: ENU height of the home plane in metres, NaN unknown.
+            home_alt_m: altitude of the home plane, NaN unknown.
 
         Returns:
             The position if it is new evidence, and notices.
         """
-        fix = self._fix(boot_us, sample, frame, home_up)
+        fix = self._fix(boot_us, sample, frame, home_alt_m)
         if not math.isfinite(fix.up):
             return None, self.refuse(sample.t_us, "altitude unknown")
         t_us, speaker = sample.t_us, self.reception.speaker
@@ -249,6 +250,11 @@ class Vehicle:
         if verdict in _QUIET_VERDICTS:
             self.refusals.count(_QUIET_VERDICTS[verdict])
         return None, ()
+
+    def move(self, before: LocalFrame, now: LocalFrame) -> None:
+        """Tells all that is kept of places in another local frame."""
+        self.positions.move(before, now, FLEET_SPAN_M)
+        self.senders.forget_places()
 
     def _evidence(self, t_us: int, fix: Fix) -> Fix | None:
         return None if self.contested(t_us) else fix
@@ -323,18 +329,16 @@ class Vehicle:
             return "ok"
         return "stale" if estimate.age_s <= LOST_S else "lost"
 
-    def _fix(self, boot_us: int, sample: GlobalPosition, frame: LocalFrame, home_up: float) -> Fix:
+    def _fix(self, boot_us: int, sample: GlobalPosition, frame: LocalFrame, home_alt_m: float) -> Fix:
         alt_m = sample.alt_m if altitude_known(sample.alt_m) else math.nan
-        east, north, up = frame.to_enu_point(
-            sample.lat_deg, sample.lon_deg, frame.alt_m if math.isnan(alt_m) else alt_m
-        )
-        if math.isnan(alt_m):
-            up = math.nan
-        if self._drives and not abs(up - home_up) <= self._params.height_gap_m:
+        if self._drives and not abs(alt_m - home_alt_m) <= self._params.height_gap_m:
             # rovers report sea level as their altitude until their filter has started, and more after
-            if math.isfinite(home_up):
+            if math.isfinite(home_alt_m):
                 self.refusals.count("altitude, far from the ground")
-            up = home_up if math.isfinite(home_up) else up if math.isfinite(up) else 0.0
+            alt_m = home_alt_m if math.isfinite(home_alt_m) else alt_m if math.isfinite(alt_m) else frame.alt_m
+        known = math.isfinite(alt_m)
+        east, north, up = frame.to_enu_point(sample.lat_deg, sample.lon_deg, alt_m if known else frame.alt_m)
+        up = up if known else math.nan
         v_east, v_north = sample.v_east, sample.v_north
         if not speed_possible(sample, self._params):
             self.refusals.count("faster than it can be")

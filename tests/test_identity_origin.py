@@ -1,0 +1,69 @@
+"""A UAV whose receiver is wrong for a while costs the names of that while, and none after it."""
+
+import struct
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from gcs.analysis import Analysis
+from gcs.session import open_session
+from mavlink.dialect import DEFINITIONS
+from mavlink.frame import checksum
+from mavlink.tlog import Tlog
+
+SWARM = Path("sitl_logs/ardupilot-swarm")
+FRAMES, SETTLED = 190, 140
+"""Nineteen seconds; from frame 140 on names are compared."""
+
+
+def folded(session):
+    """Name of each box by frame, and the texts of all events and alarms."""
+    names, texts = [], []
+    for snapshot in islice(Analysis(open_session(session)).snapshots(images=False), FRAMES):
+        names.append([box.system_id for box in snapshot.boxes])
+        texts += [event.text for event in snapshot.events]
+    return names, texts
+
+
+def elsewhere(raw, degrees_e7):
+    """The same GLOBAL_POSITION_INT with another latitude and longitude."""
+    payload = bytearray(raw[10 : 10 + raw[1]])
+    lat, lon = struct.unpack_from("<ii", payload, 4)
+    struct.pack_into("<ii", payload, 4, lat + degrees_e7[0], lon + degrees_e7[1])
+    body = raw[:10] + bytes(payload)
+    return body + struct.pack("<H", checksum(body, DEFINITIONS[33][1]))
+
+
+@pytest.fixture(scope="module")
+def expected():
+    return folded(SWARM)[0]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "start_s", "stop_s", "alarm"),
+    [
+        ((0, -45), -1.0, 0.05, "the local origin moves by 4,"),
+        ((0, -45), -1.0, 6.0, "farther from the others than a radio reaches"),
+        ((85, 0), 5.0, 7.5, "farther from the others than a radio reaches"),
+        ((0.5, 0), 4.0, 6.0, "the local origin moves by 56 km to the UAV"),
+    ],
+    ids=["45° at first", "45° for six seconds", "85° in flight", "half a degree in flight"],
+)
+def test_names_after_a_false_place_of_the_uav_are_those_without_it(tmp_path, expected, degrees, start_s, stop_s, alarm):
+    log, start_us = tmp_path / "telemetry.tlog", None
+    for path in SWARM.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    with log.open("wb") as file:
+        for packet in Tlog.open(SWARM / "telemetry.tlog").packets():
+            raw = packet.raw
+            if packet.system_id == 1 and packet.message_id == 33:
+                start_us = start_us or packet.t_us
+                if start_s <= (packet.t_us - start_us) * 1e-6 < stop_s:
+                    raw = elsewhere(raw, [round(value * 1e7) for value in degrees])
+            file.write(struct.pack(">Q", packet.t_us) + raw)
+    names, texts = folded(tmp_path)
+    assert names[SETTLED:] == expected[SETTLED:]
+    settled = [name for frame in expected[SETTLED:] for name in frame]
+    assert sum(map(bool, settled)) > 0.8 * len(settled)
+    assert not alarm or any(alarm in text for text in texts)
