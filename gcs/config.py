@@ -8,7 +8,7 @@ radians.
 from __future__ import annotations
 
 import os
-import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,8 +16,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gcs.config_values import Ranges, build, refuse_unknown
+from gcs.config_values import MOST_TOML_BYTES, Ranges, build, parse_toml, refuse_unknown
 from gcs.errors import ConfigError
+from mavlink.files import read_small
 from vision.errors import CameraError
 from vision.intrinsics import Intrinsics
 from vision.lens_file import read_lens
@@ -182,8 +183,8 @@ class Mission:
     signing: Signing = field(default_factory=Signing)
 
     def __post_init__(self) -> None:
-        ids = [self.uav.system_id, *(v.system_id for v in self.ugv)]
-        twice = sorted({i for i in ids if ids.count(i) > 1})
+        ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))
+        twice = sorted(i for i, count in ids.items() if count > 1)
         if twice:
             raise ConfigError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
 
@@ -246,14 +247,12 @@ def load_mission(path: Path) -> Mission:
         ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_small(path, MOST_TOML_BYTES)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read as text: {error}") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise ConfigError(f"{path}: not valid TOML: {error}") from error
-    mission = parse_mission(table, str(path))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read as text: {error.strerror}") from error
+    mission = parse_mission(parse_toml(data, str(path)), str(path))
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
     signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
     return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera, signing=signing)

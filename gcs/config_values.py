@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import difflib
+import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from types import UnionType
@@ -10,10 +12,45 @@ from typing import Any, Literal, TypeGuard, Union, get_args, get_origin, get_typ
 
 from gcs.errors import ConfigError
 
-__all__ = ["Ranges", "build", "refuse_unknown"]
+__all__ = ["MOST_TOML_BYTES", "Ranges", "build", "parse_toml", "refuse_unknown"]
+
+MOST_TOML_BYTES = 256 << 10
+"""Ten times what a mission with 255 vehicles, each with a comment, takes."""
+_MOST_DEPTH = 16
+"""Tables in tables; ours have two levels, and what is nested without end ends the programs that go through it."""
+_MOST_SHOWN = 100
+"""Letters of a wrong value that a message repeats."""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_DEPTH}}}""")
+"""A key of so many parts: the parser takes the square of their number in time and memory."""
 
 Ranges = Mapping[tuple[type, str], tuple[float, float]]
 """Least and most of numbers, and of each in a list of them, by dataclass and key."""
+
+
+def parse_toml(data: bytes, where: str) -> dict[str, Any]:
+    """Parse a TOML file's bytes; ``where`` goes into messages.
+
+    Raises:
+        ConfigError: not UTF-8, not TOML, nested too deeply, or with a number beyond 64 bits.
+    """
+    try:
+        text = data.decode()
+        if _LONG_KEY.search(text):
+            raise ConfigError(f"{where}: a key has more than {_MOST_DEPTH} parts")
+        table = tomllib.loads(text)
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{where}: cannot be read as text: {error}") from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a bare ValueError
+        raise ConfigError(f"{where}: not valid TOML: {error}") from error
+    level: list[Any] = [table]
+    for _ in range(_MOST_DEPTH):
+        level = [value for part in level for value in (part.values() if isinstance(part, dict) else part)]
+        if any(type(value) is int and value.bit_length() > 63 for value in level):
+            raise ConfigError(f"{where}: not valid TOML: a whole number has more than 64 bits")
+        level = [value for value in level if isinstance(value, dict | list)]
+    if level:
+        raise ConfigError(f"{where}: more than {_MOST_DEPTH} tables or lists are nested in each other")
+    return table
 
 
 def build(kind: type, table: object, where: str, ranges: Ranges) -> Any:  # noqa: ANN401 - of the kind given
@@ -53,7 +90,12 @@ def _value(kind: type, name: str, value: object, where: str, ranges: Ranges) -> 
     needed = " or ".join(map(repr, choices)) or next((_NEEDED[o] for o in options if o in _NEEDED), "a number")
     if choices and float in options:
         needed = f"a number or {needed}"
-    raise ConfigError(f"{where}: {name} is {value!r}; {needed} is needed")
+    raise ConfigError(f"{where}: {name} is {_shown(value)}; {needed} is needed")
+
+
+def _shown(value: object) -> str:
+    said = repr(value)
+    return said if len(said) <= _MOST_SHOWN else said[:_MOST_SHOWN] + "…"
 
 
 _NEEDED: dict[object, str] = {
@@ -90,4 +132,4 @@ def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str)
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
-            raise ConfigError(f"{where}: unknown key {key!r}; {hint}")
+            raise ConfigError(f"{where}: unknown key {_shown(key)}; {hint}")

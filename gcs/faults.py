@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 import traceback
 from pathlib import Path
+
+from mavlink.files import open_to_append
 
 __all__ = ["Faults"]
 
@@ -65,5 +68,5 @@ class Faults:
     def _keep(self, job: str, error: Exception) -> None:
         text = f"{time.strftime('%FT%TZ', time.gmtime())} {job}\n{''.join(traceback.format_exception(error))}\n"
         # a fault must not fail on a full disk
-        with contextlib.suppress(OSError), self._path.open("a", encoding="utf-8", errors="replace") as file:
-            file.write(text)
+        with contextlib.suppress(OSError), os.fdopen(open_to_append(self._path), "ab") as file:
+            file.write(text.encode(errors="replace"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mavlink.files import open_to_read
 from mavlink.segments import segments
 
 __all__ = ["Heard"]
@@ -91,7 +93,7 @@ def _rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], in
     rows, skipped = [], 0
     for part in segments(path):
         try:
-            with part.open(encoding="utf-8", errors="replace", newline="") as lines:
+            with os.fdopen(open_to_read(part), encoding="utf-8", errors="replace", newline="") as lines:
                 for cells in filter(None, itertools.islice(csv.reader(lines), 1, None)):
                     row = _row(cells)
                     rows += [row] if row else []

@@ -162,6 +162,10 @@ class Flight:
         """What happened so far."""
         return self._fold.events()
 
+    def tell(self, event: Event) -> None:
+        """Something that the operator is to know, for screen and event log."""
+        self._fold.tell(event)
+
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these: an event each."""
         now_us = time.time_ns() // 1000

@@ -149,7 +149,7 @@ def create_folder(parent: Path, now: datetime | None = None) -> Path:
     for k in range(1000):
         folder = parent / (f"{stem}.{k}" if k else stem)
         try:
-            folder.mkdir(parents=True)
+            folder.mkdir(mode=0o755, parents=True)  # others may not write to it, whatever the umask
         except FileExistsError:
             continue
         except OSError as error:

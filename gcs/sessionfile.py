@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
-import tomllib
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -16,14 +16,20 @@ from typing import Any
 import tomli_w
 
 from gcs.config import Mission
-from gcs.errors import SessionError
+from gcs.config_values import MOST_TOML_BYTES, parse_toml
+from gcs.errors import ConfigError, SessionError
 from gcs.session import mission_table
 from gcs.sessionlog import SessionLog
 from mavlink.errors import TlogError
+from mavlink.files import create, open_to_read
+from mavlink.segments import segments
 
-__all__ = ["Interrupted", "SessionFile", "seal", "seal_interrupted"]
+__all__ = ["Interrupted", "SessionFile", "recorded_folders", "seal"]
 
 NAME = "session.toml"
+MOST_COUNTED_BYTES = 8 << 30
+"""A day at 100 kB/s; to count the records of more would take minutes."""
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
 
 class SessionFile:
@@ -51,7 +57,7 @@ class SessionFile:
         """Write it again when somebody deleted it; a disk that does not take it is tried again at the next call."""
         if not self._path.exists():
             with contextlib.suppress(OSError):  # the alarm is that of the files beside it
-                self._path.parent.mkdir(parents=True, exist_ok=True)
+                self._path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
                 self._write()
 
     def close(self, notes: Mapping[str, Any]) -> None:
@@ -64,27 +70,35 @@ class SessionFile:
             self._fd = -1
 
     def _write(self) -> None:
-        fd = _replace(self._path, mission_table(self._mission, self._notes))
+        folder = os.open(self._path.parent, _FOLDER)
+        try:
+            fd = _replace(folder, mission_table(self._mission, self._notes))
+        finally:
+            os.close(folder)
         if self._fd >= 0:
             os.close(self._fd)
         self._fd = fd
 
 
-def _replace(path: Path, text: str) -> int:
-    """Put a new file in the place of the old one, in one step and locked from the start; returns it open."""
-    new = path.with_name(path.name + ".new")
-    fd = os.open(new, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o644)
+def _replace(folder: int, text: str) -> int:
+    """Put a new file in the place of the old one, in one step and locked from the start; returns it open.
+
+    The new file has a name that nobody can have foreseen and put a link at.
+
+    Args:
+        folder: descriptor of the session's folder.
+        text: of the file.
+    """
+    new = f"{NAME}.{secrets.token_hex(8)}.new"
+    fd = create(new, folder=folder)
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         with os.fdopen(fd, "wb", closefd=False) as file:
             file.write(text.encode())
         os.fsync(fd)
-        new.replace(path)
-    except BlockingIOError:
-        os.close(fd)  # somebody else is at it
-        raise
+        os.rename(new, NAME, src_dir_fd=folder, dst_dir_fd=folder)
     except OSError:
-        new.unlink(missing_ok=True)
+        os.unlink(new, dir_fd=folder)
         os.close(fd)
         raise
     return fd
@@ -95,60 +109,79 @@ class Interrupted:
     """A recording that nobody had ended."""
 
     folder: Path
-    records: int
-    """Telemetry records that can be read."""
-    ended: datetime
-    """When its last file was written."""
+    records: int | None = None
+    """Telemetry records that can be read; None: not counted."""
+    ended: datetime | None = None
+    """When its last file was written; None where that could not be found out."""
     trouble: str = ""
     """Why it could not be sealed; empty: it was."""
 
     @property
     def text(self) -> str:
         """One line for the operator."""
-        found = f"{self.folder.name}: interrupted at {self.ended:%Y-%m-%d %H:%M:%S}Z, {self.records} telemetry records"
-        return f"{found}; cannot be sealed: {self.trouble}" if self.trouble else f"{found}; sealed"
+        when = f"interrupted at {self.ended:%Y-%m-%d %H:%M:%S}Z, " if self.ended else ""
+        held = f"{self.records} telemetry records; " if self.records is not None else ""
+        return f"{self.folder.name}: {when}{held}" + (f"cannot be sealed: {self.trouble}" if self.trouble else "sealed")
 
 
-def seal_interrupted(parent: Path) -> list[Interrupted]:
-    """Seal the sessions in a folder that were interrupted; those of living processes and all data are left alone."""
-    return [found for file in sorted(parent.glob(f"*/{NAME}")) if (found := seal(file.parent)) is not None]
+def recorded_folders(parent: Path) -> list[Path]:
+    """The session folders in a folder, the newest first."""
+    return sorted((file.parent for file in parent.glob(f"*/{NAME}")), reverse=True)
 
 
 def seal(folder: Path) -> Interrupted | None:
-    """Note in an interrupted session when it ended and what it holds; None: ended, being written, or not recorded."""
-    path = folder / NAME
+    """Note in an interrupted session when it ended and what it holds; None: ended, being written, or not recorded.
+
+    Neither the folder nor its files may be links: they could lead to what its author must not read or change.
+    """
     try:
-        fd = os.open(path, os.O_RDONLY)
+        at = os.open(folder, _FOLDER | os.O_NOFOLLOW)
     except OSError:
         return None
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if os.fstat(fd).st_ino != path.stat().st_ino:
-            return None  # sealed by somebody else a moment ago
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        notes = table.get("session", {})
-        return _seal(folder, table) if "started" in notes and "ended" not in notes else None
+        return _seal_locked(folder, at)
     except BlockingIOError:
         return None
-    except (OSError, ValueError, TypeError) as error:
-        return Interrupted(folder=folder, records=0, ended=datetime.fromtimestamp(0, UTC), trouble=f"{NAME}: {error}")
+    except OSError as error:
+        return Interrupted(folder=folder, trouble=f"{NAME}: {error.strerror}")
+    except (ConfigError, ValueError, TypeError) as error:
+        return Interrupted(folder=folder, trouble=str(error))
     finally:
-        os.close(fd)
+        os.close(at)
 
 
-def _seal(folder: Path, table: dict[str, Any]) -> Interrupted:
-    last_s = max(file.stat().st_mtime for file in folder.iterdir())
+def _seal_locked(folder: Path, at: int) -> Interrupted | None:
+    fd = open_to_read(NAME, links=False, folder=at)
+    with os.fdopen(fd, "rb") as file:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(fd).st_ino != os.stat(NAME, dir_fd=at, follow_symlinks=False).st_ino:
+            return None  # sealed by somebody else a moment ago
+        data = file.read(MOST_TOML_BYTES + 1)
+        if len(data) > MOST_TOML_BYTES:
+            return Interrupted(folder=folder, trouble=f"{NAME}: larger than {MOST_TOML_BYTES >> 10} KiB")
+        table = parse_toml(data, NAME)
+        notes = table.get("session", {})
+        return _seal(folder, at, table) if "started" in notes and "ended" not in notes else None
+
+
+def _seal(folder: Path, at: int, table: dict[str, Any]) -> Interrupted:
+    with os.scandir(at) as files:
+        last_s = max(file.stat(follow_symlinks=False).st_mtime for file in files)
     found = Interrupted(folder=folder, records=_records(folder), ended=datetime.fromtimestamp(int(last_s), UTC))
-    table["session"] |= {"ended": found.ended, "packets": found.records, "interrupted": True}
+    counted = {} if found.records is None else {"packets": found.records}
+    table["session"] |= {"ended": found.ended, **counted, "interrupted": True}
     try:
-        os.close(_replace(folder / NAME, tomli_w.dumps(table)))
+        os.close(_replace(at, tomli_w.dumps(table)))
     except OSError as error:
         return replace(found, trouble=error.strerror or str(error))
     return found
 
 
-def _records(folder: Path) -> int:
+def _records(folder: Path) -> int | None:
+    path = folder / "telemetry.tlog"
     try:
-        return len(SessionLog(folder / "telemetry.tlog"))
+        if sum(part.stat().st_size for part in segments(path)) > MOST_COUNTED_BYTES:
+            return None
+        return len(SessionLog(path))
     except (TlogError, SessionError):
         return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import SessionError
+from mavlink.files import open_to_read
 
 __all__ = ["Table", "read_table"]
 
@@ -40,7 +42,7 @@ def read_table(path: Path, required: Sequence[str], optional: Sequence[str] = ()
         SessionError: no such file, no header, or a required column is missing.
     """
     try:
-        with path.open(encoding="utf-8", errors="replace", newline="") as lines:
+        with os.fdopen(open_to_read(path), encoding="utf-8", errors="replace", newline="") as lines:
             reader = csv.reader(lines)
             header = [name.strip() for name in next(reader, [])]
             missing = [name for name in required if name not in header]

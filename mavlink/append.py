@@ -281,7 +281,7 @@ class AppendFile:
             if self._retire:
                 self._end_segment()
             if self._fd < 0:
-                segment_path(self.path, self._segment + 1).parent.mkdir(parents=True, exist_ok=True)
+                segment_path(self.path, self._segment + 1).parent.mkdir(mode=0o755, parents=True, exist_ok=True)
                 self._begin_segment()
             if self._deleted_fd >= 0:
                 self._copy_deleted()

@@ -15,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.geodesy import euler_from_quaternion
 from mavlink.packet import MAGIC_V2, Packet
+from mavlink.plain_text import plain
 from mavlink.samples import (
     Attitude,
     CameraFov,
@@ -63,8 +64,7 @@ _Values = tuple[Any, ...]
 
 def clean_text(raw: bytes) -> str:
     """Text from the air: cut at the first NUL, bad UTF-8 and control characters replaced by U+FFFD."""
-    text = raw.split(b"\0", 1)[0].decode("utf-8", "replace")
-    return text if text.isprintable() else "".join(c if c.isprintable() else "\ufffd" for c in text)
+    return plain(raw.split(b"\0", 1)[0].decode("utf-8", "replace"))
 
 
 def _heartbeat(head: _Head, v: _Values) -> Heartbeat:

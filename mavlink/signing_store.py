@@ -130,7 +130,7 @@ class StreamStore:
     def _locked(self) -> int:
         path = self.folder / "streams.lock"
         try:
-            lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+            lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
         except OSError as error:
             raise SigningError(f"{path}: cannot be made: {error.strerror}; the key folder must be writable") from None
         try:
@@ -181,7 +181,7 @@ class StreamStore:
 
 
 def _write(path: Path, data: bytes) -> None:
-    fd = os.open(path, os.O_WRONLY | os.O_CREAT, 0o600)
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o600)
     try:
         while data:
             data = data[os.write(fd, data) :]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink.errors import TlogError
+from mavlink.files import open_to_read
 from mavlink.packet import Packet
 from mavlink.tlog_columns import read_columns
 from mavlink.tlog_hint import looks_like
@@ -162,7 +163,7 @@ class Tlog:
 def _map(path: Path) -> Bytes:
     """The file's bytes, read from the disk as they are touched."""
     try:
-        with path.open("rb") as file:
+        with os.fdopen(open_to_read(path), "rb") as file:
             if os.fstat(file.fileno()).st_size == 0:
                 raise TlogError(f"{path}: empty file")
             return np.frombuffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ), dtype=np.uint8)

@@ -12,7 +12,7 @@ import pytest
 from gcs.config import Mission, Vehicle
 from gcs.recorder import Recorder
 from gcs.session import open_session
-from gcs.sessionfile import SessionFile, seal, seal_interrupted
+from gcs.sessionfile import SessionFile, recorded_folders, seal
 from tests.test_mavlink_tlog_writer import expected
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"),))
@@ -39,6 +39,10 @@ def flight(tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         yield process, Path(process.stdout.readline().strip())
         process.kill()
+
+
+def seal_interrupted(parent):
+    return [found for folder in recorded_folders(parent) if (found := seal(folder)) is not None]
 
 
 def content(folder):
@@ -86,7 +90,7 @@ def test_a_damaged_session_file_is_said_and_left(tmp_path):
     folder.mkdir()
     (folder / "session.toml").write_text("[session\n")
     (found,) = seal_interrupted(tmp_path)
-    assert "cannot be sealed: session.toml: Expected" in found.text
+    assert "cannot be sealed: session.toml: not valid TOML: Expected" in found.text
     assert (folder / "session.toml").read_text() == "[session\n"
 
 

@@ -1,4 +1,8 @@
-"""A file that a library writes, held open beside it: when it is deleted, moved or unmounted, it is put back."""
+"""A file that a library writes, made here and held open beside it.
+
+A library by itself would write over what is there, and through a link. When the file is deleted, moved or unmounted, it
+is put back.
+"""
 
 from __future__ import annotations
 
@@ -15,21 +19,26 @@ JOIN_S = 1.5
 
 
 class KeptFile:
-    """One file.
+    """One new file.
 
     Attributes:
         error: why it could not be put back, empty while it could.
 
     Raises:
-        OSError: it is not there.
+        OSError: something of that name is there, or it cannot be made.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.error = ""
-        self._file = path.open("rb", buffering=0)
+        self._file = path.open("x+b", buffering=0)
         self._looked_s = time.monotonic()
         self._copying: threading.Thread | None = None
+
+    @property
+    def name(self) -> str:
+        """Under which a library opens this file and no other, while it is held here."""
+        return f"/dev/fd/{self._file.fileno()}"
 
     def gone(self) -> bool:
         """Whether its name is; looked for twice a second."""
@@ -54,7 +63,7 @@ class KeptFile:
     def _copy(self) -> None:
         try:
             with self._file:
-                self.path.parent.mkdir(parents=True, exist_ok=True)
+                self.path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
                 self._file.seek(0)
                 with self.path.open("xb") as new:
                     shutil.copyfileobj(self._file, new, 1 << 20)

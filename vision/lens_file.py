@@ -24,6 +24,8 @@ CORNER_PX = 0.5
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 KNOWN = (*NUMBERS, "distortion", "calibration")
 YAML = (".yaml", ".yml")
+MOST_BYTES = 256 << 10
+"""A lens takes less than 1 KiB; calibration programs add tables to it."""
 PINHOLE = ("", "plumb_bob", "rational_polynomial")
 
 
@@ -41,6 +43,10 @@ def read_lens(path: Path) -> Intrinsics:
         CameraError: no such file, or no description of a camera in it.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise CameraError(f"{path}: not a regular file")
+        if path.stat().st_size > MOST_BYTES:
+            raise CameraError(f"{path}: larger than {MOST_BYTES >> 10} KiB, which no lens file is")
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise CameraError(f"{path}: no such file; gcs calibrate makes one from a video of a chessboard") from None
@@ -55,7 +61,7 @@ def read_lens(path: Path) -> Intrinsics:
 def _from_toml(text: str) -> Intrinsics:
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a bare ValueError
         raise CameraError(f"not valid TOML: {error}") from error
     unknown = [key for key in table if key not in KNOWN]
     if unknown:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import heapq
+import os
 from fractions import Fraction
 from pathlib import Path
 
@@ -121,22 +122,19 @@ class Recording:
             self._put_back.close()
 
     def _end(self) -> None:
-        if self._kept is not None:
-            self._kept.close()
-            self._kept = None
         container, self._container, self._stream = self._container, None, None
-        if container is None:
-            return
         try:
-            container.close()
+            if container is not None:
+                container.close()
         except (av.FFmpegError, OSError) as error:
             self._error = self._error or f"recording {self.path}: its end could not be written, {error}"
+        kept, self._kept = self._kept, None
+        if kept is not None:
+            kept.close()
 
     def _look_after(self, unix_s: float) -> None:
         """Notice that the file is gone, which FFmpeg never would."""
-        if self._kept is None:
-            self._kept = KeptFile(segment_path(self.path, self.segment))
-        elif self._kept.gone():
+        if self._kept is not None and self._kept.gone():
             kept, self._kept = self._kept, None
             self._end()
             kept.put_back()
@@ -147,10 +145,11 @@ class Recording:
         while self.segment < MOST_SEGMENTS:
             self.segment += 1
             path = segment_path(self.path, self.segment)
-            if not path.exists():
+            if not os.path.lexists(path):
                 break
-        path.parent.mkdir(parents=True, exist_ok=True)
-        container: OutputContainer = av.open(str(path), "w", format="matroska", options=OPTIONS)
+        path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+        self._kept = KeptFile(path)
+        container: OutputContainer = av.open(self._kept.name, "w", format="matroska", options=OPTIONS)
         container.metadata.update({FIRST_FRAME: str(first_frame), START_US: str(round(unix_s * 1e6))})
         return container
 

@@ -33,9 +33,10 @@ class Process:
         self._closing = threading.Lock()
         self._words = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         fds = theirs_in.fileno(), theirs_out.fileno(), slot_fd, socket_fd
+        # the package is found where this one is, whatever folder the station was started in
         paths = [ROOT, os.environ.get("PYTHONPATH", "")]
         self._child = subprocess.Popen(
-            [sys.executable, "-m", "vision.stream_child", *map(str, fds)],
+            [sys.executable, "-P", "-m", "vision.stream_child", *map(str, fds)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=self._words,

@@ -20,6 +20,7 @@ from typing import Literal
 from assoc.errors import AssocError
 from gcs.errors import GcsError
 from mavlink.errors import LinkError, MavlinkError
+from mavlink.files import open_to_append
 from sim.errors import SimError
 from vision.errors import VisionError
 
@@ -115,7 +116,7 @@ def to_file_if_gone(path: Path) -> None:
             try:
                 termios.tcgetattr(stream.fileno())
             except termios.error:
-                with path.open("ab") as file:
+                with os.fdopen(open_to_append(path), "ab") as file:
                     os.dup2(file.fileno(), stream.fileno())
 
 
@@ -126,7 +127,11 @@ def quiet_stderr(path: Path | None) -> Iterator[None]:
     Textual draws on ``sys.__stderr__``, which keeps the terminal under another descriptor, and may be gone: an error of
     writing would end Textual's writer, and what waits for that would wait for ever.
     """
-    target = os.open(path or os.devnull, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    target = os.open(os.devnull, os.O_WRONLY)
+    if path is not None:
+        with contextlib.suppress(OSError):  # a file that cannot be had is no reason to do without the screen
+            os.dup2(console := open_to_append(path), target)
+            os.close(console)
     sys.stderr.flush()
     before = sys.__stderr__
     terminal = _Terminal(os.fdopen(os.dup(2), "wb"), encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +12,7 @@ import typer
 
 from gcs.cli.console import note, say
 from gcs.errors import GcsError
+from mavlink.files import create
 
 if TYPE_CHECKING:
     import numpy as np
@@ -134,12 +136,13 @@ def _write(out: Path, as_json: str, text: str, pictures: list[Picture], found: l
 
     from vision.evaluation.sheet import worst_sheet
 
+    sheet = cv2.imencode(".png", worst_sheet(pictures, found, score))[1].tobytes()
+    words = text + "\n![worst frames](worst.png)\n"
     try:
         out.mkdir(parents=True, exist_ok=True)
-        (out / "eval.json").write_text(as_json, encoding="utf-8")
-        (out / "eval.md").write_text(text + "\n![worst frames](worst.png)\n", encoding="utf-8")
+        for name, data in (("eval.json", as_json.encode()), ("eval.md", words.encode()), ("worst.png", sheet)):
+            with os.fdopen(create(out / name), "wb") as file:
+                file.write(data)
     except OSError as error:
-        raise GcsError(f"{out}: cannot be written: {error.strerror}; give another folder") from error
-    if not cv2.imwrite(str(out / "worst.png"), worst_sheet(pictures, found, score)):
-        raise GcsError(f"{out / 'worst.png'}: cannot be written; is there room on the disk?")
+        raise GcsError(f"{error.filename or out}: cannot be written: {error.strerror}; give another folder") from error
     note(f"wrote {out}")

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import time
 import traceback
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,9 @@ from gcs.config import load_mission
 from gcs.errors import GcsError
 from gcs.live import Flight, FlightPlan
 from gcs.rollcall import RollCall
-from gcs.sessionfile import seal_interrupted
+from gcs.sealing import Sealing
+from gcs.snapshot import Event, Level
+from mavlink.files import is_shared
 
 __all__ = ["fly"]
 
@@ -55,12 +58,11 @@ def fly(
     screen = not headless and sys.stdout.isatty()
     _check(links, duration, screen=screen)
     source = loaded.links.video if video is None else video
-    for interrupted in seal_interrupted(sessions):
-        note(interrupted.text)
     forward = tuple(out or ()) or loaded.links.forward
     plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions, forward=forward, command=command)
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
+    sealing = _look_around(flight, sessions, screen=screen)
     try:
         if not screen:
             note(f"recording in {flight.folder}; stop with Ctrl-C")
@@ -68,6 +70,7 @@ def fly(
         elif not _screen(flight, graphics, bell):
             _go_on(flight)
     finally:
+        sealing.close()
         flight.stop()
     say(calls.text())
     say(f"{flight.packets} packets received; recorded in {flight.folder}")
@@ -79,6 +82,20 @@ def fly(
         raise SystemExit(NOT_AVAILABLE)
     if source and not calls.named:
         raise SystemExit(NO_NAMES)
+
+
+def _look_around(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
+    """See to what stands where a flight is recorded; what there is to be told goes to the flight, and to stderr while
+    that is no screen's."""
+
+    def tell(text: str, level: Level = "info") -> None:
+        flight.tell(Event(t_us=time.time_ns() // 1000, level=level, kind="recording", text=text))
+        if not screen:
+            note(text)
+
+    for folder in filter(is_shared, (flight.folder, sessions)):
+        tell(f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning")
+    return Sealing(sessions, tell)
 
 
 def _check(links: tuple[str, ...], duration: float | None, *, screen: bool) -> None:

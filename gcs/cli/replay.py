@@ -24,7 +24,7 @@ def replay(
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
     """Play, seek and step through a recording."""
-    if session.is_dir() and (interrupted := seal(session)):
+    if session.is_dir() and (interrupted := seal(session.resolve())):
         note(interrupted.text)
     raise SystemExit(
         show_replay(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import av
 
-from gcs.errors import SessionError
+from gcs.identitylog import open_new
 from gcs.overlay import draw
 from gcs.snapshot import Snapshot
 
@@ -20,13 +20,9 @@ class VideoExport:
     """Frames keep their time stamps, so the film runs in step with the log."""
 
     def __init__(self, path: Path) -> None:
-        if path.exists():
-            raise SessionError(f"{path}: exists already and is never overwritten; choose another place")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._film = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
-        except OSError as error:
-            raise SessionError(f"{path}: cannot be written: {error.strerror}") from error
+        self._file = open_new(path)
+        # FFmpeg by itself would write over what is there, and through a link
+        self._film = av.open(f"/dev/fd/{self._file.fileno()}", "w", format="mp4", options={"movflags": "+faststart"})
         self._stream: av.VideoStream | None = None
         self._start_us = 0
         self._last = -1
@@ -53,3 +49,4 @@ class VideoExport:
         if self._stream is not None:
             self._film.mux(self._stream.encode(None))
         self._film.close()
+        self._file.close()

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-import unicodedata
 from datetime import UTC, datetime
 
 from gcs.snapshot import Standing
+from mavlink.plain_text import plain
 
 __all__ = [
     "age",
@@ -22,17 +22,6 @@ __all__ = [
     "standing_word",
     "sure",
 ]
-
-
-def plain(text: str) -> str:
-    """Text from the air made harmless for a terminal: one line, no control, format, surrogate or private characters."""
-    return "".join(_plain_letter(letter) for letter in text)
-
-
-def _plain_letter(letter: str) -> str:
-    if letter in "\t\r\n\u2028\u2029":
-        return " "
-    return "\u00b7" if unicodedata.category(letter)[0] == "C" else letter
 
 
 def age(seconds: float) -> str:
