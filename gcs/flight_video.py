@@ -11,6 +11,7 @@ from gcs.snapshot import Event, Level
 from mavlink.samples import VideoStreamInformation
 from vision.errors import VideoError
 from vision.stream import VideoStream
+from vision.stream_secrets import concealed
 from vision.stream_source import offered, parse_source
 from vision.video import Frame
 
@@ -30,7 +31,7 @@ def check_source(wanted: str) -> None:
         return
     source = parse_source(wanted)
     if source.kind in ("file", "session") and not Path(source.address).is_file():
-        raise VideoError(f"video {wanted}: no such file")
+        raise VideoError(f"video {source.text}: no such file")
 
 
 class FlightVideo:
@@ -91,11 +92,13 @@ class FlightVideo:
         self._offered = offer.uri
         url = offered(offer.type, offer.uri, offer.encoding)
         if not url:
-            return _event("warning", "video", f"the UAV offers a video that cannot be opened: {offer.uri}")
+            return _event("warning", "video", f"the UAV offers a video that cannot be opened: {concealed(offer.uri)}")
         if self._wanted == AUTO:
             self._open(url)
         return _event(
-            "info", "video", f"the UAV offers video at {url}{'' if self._wanted else ', --video auto shows it'}"
+            "info",
+            "video",
+            f"the UAV offers video at {concealed(url)}{'' if self._wanted else ', --video auto shows it'}",
         )
 
     def _troubles(self, stream: VideoStream) -> Iterator[Event]:

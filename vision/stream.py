@@ -22,6 +22,7 @@ from vision.recording import require_new
 from vision.stream_messages import Picture, Progress, Settings, make_slot
 from vision.stream_port import bind
 from vision.stream_process import Process
+from vision.stream_secrets import conceal_in
 from vision.stream_source import Source, parse_source
 from vision.video import Frame
 
@@ -53,6 +54,7 @@ class VideoStream:
         stall_s: without a picture for so long the stream is stalled.
 
     Attributes:
+        url: the source as it may be shown.
         received: pictures listed so far, in all files of the recording.
         restarts: how often the video's process was started again.
 
@@ -73,7 +75,8 @@ class VideoStream:
         source = parse_source(url)
         if record_path is not None:
             require_new(record_path)
-        self.url = url
+        self.url = source.text
+        self._conceal = partial(conceal_in, address=url)
         self.received = self.restarts = 0
         self._settings = Settings(source=url, record=str(record_path or ""), offset_s=offset_s)
         self._on_frame = on_frame
@@ -139,12 +142,12 @@ class VideoStream:
     @property
     def error(self) -> str:
         """Last trouble in a line, empty when there is none."""
-        return self._progress.error or self._trouble or self._rows_error
+        return self._conceal(self._progress.error or self._trouble or self._rows_error)
 
     @property
     def recording_error(self) -> str:
         """Why the recording broke off, empty while it is well."""
-        return self._progress.recording_error
+        return self._conceal(self._progress.recording_error)
 
     @property
     def process_id(self) -> int:

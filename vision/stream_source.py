@@ -21,6 +21,7 @@ from typing import Literal
 from urllib.parse import parse_qsl, urlsplit
 
 from vision.errors import VideoError
+from vision.stream_secrets import concealed
 
 __all__ = ["Codec", "Source", "offered", "parse_source"]
 
@@ -46,7 +47,7 @@ class Source:
     """A place that video comes from."""
 
     text: str
-    """As it was given."""
+    """As it was given, without passwords: what is shown, logged and recorded."""
     kind: Literal["datagrams", "network", "camera", "session", "file"]
     address: str = ""
     """For FFmpeg: a URL, device or path."""
@@ -70,16 +71,17 @@ def parse_source(text: str) -> Source:
     """
     if text.startswith("/dev/"):
         return _camera(text)
+    shown = concealed(text)
     if "://" not in text:
-        return Source(text=text, kind="session" if text.lower().endswith(".sdp") else "file", address=text)
+        return Source(text=shown, kind="session" if text.lower().endswith(".sdp") else "file", address=text)
     scheme = text.partition("://")[0].lower()
     if scheme in DATAGRAMS:
         return _datagrams(text, DATAGRAMS[scheme])
     if scheme == "file":
         return Source(text=text, kind="file", address=urlsplit(text).path)
     if scheme in NETWORK:
-        return Source(text=text, kind="network", address=text, options=_network_options(scheme))
-    raise VideoError(f"video {text}: no source begins with {scheme}://; known are {', '.join((*DATAGRAMS, *NETWORK))}")
+        return Source(text=shown, kind="network", address=text, options=_network_options(scheme))
+    raise VideoError(f"video {shown}: no source begins with {scheme}://; known are {', '.join((*DATAGRAMS, *NETWORK))}")
 
 
 def offered(stream_type: int, uri: str, encoding: int = 0) -> str:
@@ -132,13 +134,18 @@ def _datagrams(text: str, codec: Codec) -> Source:
         parts = urlsplit(text)
         # FFmpeg's way to write "any address" is udp://@:5600
         port, host = parts.port or PORT, parts.hostname or ""
-    except ValueError as error:
-        raise VideoError(f"video {text}: not an address ({error}); write for example udp://0.0.0.0:5600") from error
+    except ValueError:
+        # not from the error, which repeats a part of the text
+        raise VideoError(f"video {concealed(text)}: not an address; write for example udp://0.0.0.0:5600") from None
     named = dict(parse_qsl(parts.query)).get("codec", "").lower()
     if named not in CODECS:
-        raise VideoError(f"video {text}: codec {named!r} is not known here; use h264, h265 or mpegts")
+        raise VideoError(f"video {concealed(text)}: codec {named!r} is not known here; use h264, h265 or mpegts")
     return Source(
-        text=text, kind="datagrams", host="" if host == "0.0.0.0" else host, port=port, codec=CODECS[named] or codec
+        text=concealed(text),
+        kind="datagrams",
+        host="" if host == "0.0.0.0" else host,
+        port=port,
+        codec=CODECS[named] or codec,
     )
 
 

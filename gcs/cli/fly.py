@@ -15,6 +15,7 @@ from typing import Annotated
 
 import typer
 
+from gcs.cli.arguments import blot_out
 from gcs.cli.console import NO_NAMES, NOT_AVAILABLE, Graphics, note, quiet_stderr, say, to_file_if_gone
 from gcs.config import load_mission
 from gcs.errors import GcsError
@@ -23,6 +24,7 @@ from gcs.rollcall import RollCall
 from gcs.sealing import Sealing
 from gcs.snapshot import Event, Level
 from mavlink.files import is_shared
+from vision.stream_secrets import secrets_of
 
 __all__ = ["fly"]
 
@@ -51,6 +53,8 @@ def fly(
     bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
+    if video is not None:
+        _hide(video)
     loaded = load_mission(mission)
     if model is not None:
         loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
@@ -82,6 +86,14 @@ def fly(
         raise SystemExit(NOT_AVAILABLE)
     if source and not calls.named:
         raise SystemExit(NO_NAMES)
+
+
+def _hide(video: str) -> None:
+    """A password on the command line is taken from the list of processes, where it stood until now."""
+    secrets = secrets_of(video)
+    if secrets:
+        blot_out(video, secrets)
+        note("other users could see the password in --video for a moment; [links] video in a mission file is safer")
 
 
 def _look_around(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
