@@ -81,7 +81,8 @@ class AppendFile:
         self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
         self._waiting = Backlog(ram_bytes)
         self._unsynced = Backlog(ram_bytes)
-        self._syncing = self._writing = False
+        self._syncing = False
+        self._writing_since_s: float | None = None
         if not lazy:
             self._fd = disk.open(path)
             self._segment = 0
@@ -142,6 +143,7 @@ class AppendFile:
     def state(self) -> RecordState:
         """How it is doing now; without the lock, since who asks must not hang with the disk."""
         faults = self._faults  # before the reason, which is set before them
+        since_s = self._writing_since_s
         now_s, waiting, closed = time.monotonic(), self._waiting, self._closed
         failing = bool(self._reason) and not closed
         return RecordState(
@@ -155,7 +157,8 @@ class AppendFile:
             waiting=0 if closed else waiting.rows,
             waiting_bytes=0 if closed else waiting.bytes,
             lost=waiting.dropped + (waiting.rows if closed else 0),
-            sync_age_s=now_s - self._synced_s if self._unsynced or self._syncing or self._writing else 0.0,
+            sync_age_s=now_s - self._synced_s if self._unsynced or self._syncing or since_s is not None else 0.0,
+            stalled_s=0.0 if since_s is None else now_s - since_s,
         )
 
     # ---- by who writes and by the caretaker, under the lock
@@ -164,7 +167,7 @@ class AppendFile:
         """Write rows at once; False: the disk did not take them."""
         if not self._unsynced and not self._syncing:
             self._synced_s = time.monotonic()
-        self._writing = True
+        self._writing_since_s = time.monotonic()
         try:
             if self._fd < 0:
                 self._begin_segment()
@@ -173,7 +176,7 @@ class AppendFile:
             self._fail(error)
             return False
         finally:
-            self._writing = False
+            self._writing_since_s = None
         self._unsynced.append(data, rows)
         return True
 

@@ -28,12 +28,14 @@ class RecordState:
     failed_ago_s: float = math.inf
     """Since it last failed, inf where it never did."""
     waiting: int = 0
-    """Rows in memory that wait for the disk."""
+    """Rows in memory only, on their way to the disk."""
     waiting_bytes: int = 0
     lost: int = 0
     """Rows given up because too many waited."""
     sync_age_s: float = 0.0
     """Age of the oldest row that is perhaps not on the disk; 0: all are."""
+    stalled_s: float = 0.0
+    """For how long the disk has not answered to a row that it was given; 0: none waits for its answer."""
     clock_step_s: float = 0.0
     """By how much the wall clock was set since the recording began."""
 
@@ -67,5 +69,6 @@ def overall(states: Iterable[RecordState]) -> RecordState:
         waiting_bytes=sum(state.waiting_bytes for state in every),
         lost=sum(state.lost for state in every),
         sync_age_s=max(state.sync_age_s for state in every),
+        stalled_s=max(state.stalled_s for state in every),
         clock_step_s=first.clock_step_s,
     )

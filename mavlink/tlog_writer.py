@@ -21,8 +21,10 @@ from mavlink.clock_watch import ClockWatch
 from mavlink.disk import OS_DISK, Disk
 from mavlink.errors import TlogError
 from mavlink.frame import SIGNATURE_LENGTH
+from mavlink.journal import Journal
 from mavlink.packet import MAGIC_V2, Auth, Packet
 from mavlink.record_state import RecordState, overall
+from mavlink.scribe import Scribe
 
 __all__ = ["CLOCK_COLUMNS", "REFUSED_COLUMNS", "SENDERS_COLUMNS", "SYNC_S", "TlogWriter"]
 
@@ -33,13 +35,16 @@ SENDERS_COLUMNS = ("record", "t_us", "system_id", "link", "peer", "address", "na
 CLOCK_COLUMNS = ("record", "t_us", "offset_us", "step_us")
 _TABLE_RAM_BYTES = 8 << 20
 _TIME = struct.Struct(">Q")
+_LOG, _REFUSED, _CLOCK, _SENDERS = range(4)
+"""The files, as a journal numbers them."""
 
 
 class TlogWriter:
     """Appends packets to a new log.
 
-    ``write``, ``write_records``, ``refuse`` and ``heard`` never raise and never wait for a slow disk; ``state`` tells
-    how it goes.
+    ``write``, ``write_records``, ``refuse`` and ``heard`` never raise and never wait for a disk that fails or syncs
+    slowly; ``state`` tells how it goes. What is written is with the kernel at once, for which a disk that hangs has to be
+    waited for; with a journal it is in shared memory at once, soon with the kernel, and nobody waits.
 
     Args:
         path: must not exist; nothing recorded is ever overwritten.
@@ -48,6 +53,7 @@ class TlogWriter:
         ram_bytes: most bytes kept in memory while the disk fails.
         disk: the operating system, or a test's.
         clock: tells when the wall clock was set.
+        journal: keeps rows until they are in their files; the caller's. What it holds already is written first.
 
     Raises:
         TlogError: the file exists or cannot be made.
@@ -63,6 +69,7 @@ class TlogWriter:
         ram_bytes: int = RAM_BYTES,
         disk: Disk = OS_DISK,
         clock: ClockWatch | None = None,
+        journal: Journal | None = None,
     ) -> None:
         self.path = Path(path)
         try:
@@ -73,40 +80,44 @@ class TlogWriter:
             raise TlogError(f"{self.path}: exists already, and recordings are never overwritten") from None
         except OSError as error:
             raise TlogError(f"{self.path}: cannot be made: {error.strerror}") from error
-        self._refused = _table(self.path.with_name("refused.csv"), REFUSED_COLUMNS, disk)
-        self._clock_steps = _table(self.path.with_name("clock.csv"), CLOCK_COLUMNS, disk)
-        self._senders = _table(self.path.with_name("senders.csv"), SENDERS_COLUMNS, disk)
-        self._files = (self._log, self._refused, self._clock_steps, self._senders)
+        tables = (("refused", REFUSED_COLUMNS), ("clock", CLOCK_COLUMNS), ("senders", SENDERS_COLUMNS))
+        self._files = (self._log, *(_table(self.path.with_name(f"{name}.csv"), row, disk) for name, row in tables))
         self._clock = clock or ClockWatch()
+        self._journal = journal
+        self._scribe: Scribe | None = None
+        self._abandoned = False
+        if journal is not None:
+            goes_on = journal.take_over()
+            self._scribe = Scribe(journal, self._files, _whole, goes_on=goes_on)
         self._caretaker = Caretaker(self._files, SYNC_S)
 
-    def write(self, packet: Packet) -> int:
+    def write(self, packet: Packet) -> int | None:
         """Append one packet, and note it when it is not believed.
 
         Returns:
-            Its running number over all segments, from 0.
+            Its running number over all segments, from 0; None when the journal has no room: it is lost, and counted.
         """
         number = self.write_records(_TIME.pack(packet.t_us) + packet.raw, 1)
-        if packet.auth > Auth.GOOD:
+        if packet.auth > Auth.GOOD and number is not None:
             self.refuse(number, packet)
         return number
 
-    def write_records(self, data: bytes, count: int) -> int:
-        """Append whole records, each eight bytes of big-endian Unix µs and a frame, with one system call.
+    def write_records(self, data: bytes, count: int) -> int | None:
+        """Append whole records, each eight bytes of big-endian Unix µs and a frame.
 
         Returns:
-            The running number of the first of them.
+            The running number of the first of them; None when the journal has no room: they are lost, and counted.
         """
         before_us = self._clock.stepped()
-        number = self._log.write(data, count)
+        number = self._put(_LOG, data, count)
         if before_us is not None:
-            self._note_step(before_us, number, data)
+            self._note_step(before_us, self.records if number is None else number, data)
         return number
 
     def refuse(self, number: int, packet: Packet) -> None:
         """Note that a record is not to be believed; readers of the session leave it out."""
         row = f"{number},{packet.t_us},{packet.link},{packet.peer},{int(packet.auth)}\n"
-        self._refused.write(row.encode())
+        self._put(_REFUSED, row.encode(), 1)
 
     def heard(self, number: int, t_us: int, system_id: int, link: int, peer: int, address: str, name: str) -> None:
         """Note that a system id is heard from another sender than before, from this record on.
@@ -122,18 +133,28 @@ class TlogWriter:
         """
         row = io.StringIO()
         csv.writer(row, lineterminator="\n").writerow((number, t_us, system_id, link, peer, address, name))
-        self._senders.write(row.getvalue().encode())
+        self._put(_SENDERS, row.getvalue().encode(), 1)
 
     @property
     def records(self) -> int:
         """Records accepted so far."""
-        return self._log.rows
+        return self._log.rows if self._journal is None else self._journal.rows
 
     @property
     def state(self) -> RecordState:
         """How log and tables are doing."""
-        state = overall(file.state for file in self._files)
-        return replace(state, clock_step_s=self._stepped_us * 1e-6)
+        state = replace(overall(file.state for file in self._files), clock_step_s=self._stepped_us * 1e-6)
+        journal = self._journal
+        if journal is None:
+            return state
+        waiting = journal.rows - journal.written
+        return replace(
+            state,
+            rows=journal.written,
+            waiting=0 if self._abandoned else waiting,
+            waiting_bytes=0 if self._abandoned else journal.waiting_bytes,
+            lost=state.lost + journal.lost + (waiting if self._abandoned else 0),
+        )
 
     def sync(self) -> None:
         """Wait until the disk has everything.
@@ -148,10 +169,19 @@ class TlogWriter:
             raise TlogError(f"{self.path}: not safely on disk: {error.strerror}") from error
 
     def close(self) -> None:
-        """Write what still waits, sync and close; closing twice does nothing. ``state`` then tells what was lost."""
+        """Write what still waits, sync and close; closing twice does nothing. ``state`` then tells what was lost.
+
+        A disk that hangs is left after some seconds, with the files open.
+        """
+        if self._scribe is not None and not self._scribe.stop():
+            self._abandoned = True
+            return
         self._caretaker.stop()
         for file in self._files:
             file.close()
+
+    def _put(self, file: int, data: bytes, rows: int) -> int | None:
+        return self._files[file].write(data, rows) if self._journal is None else self._journal.put(file, data, rows)
 
     def _note_step(self, before_us: int, number: int, data: bytes) -> None:
         """One row: the first record stamped by the clock that was set, its time then, its offset, and by how much."""
@@ -159,7 +189,7 @@ class TlogWriter:
         was_us, is_us = now_us + before_us, now_us + after_us
         stamped_before = sum(abs(t_us - was_us) < abs(t_us - is_us) for t_us in _times(data))
         row = f"{number + stamped_before},{is_us},{after_us},{after_us - before_us}\n"
-        self._clock_steps.write(row.encode())
+        self._put(_CLOCK, row.encode(), 1)
         self._stepped_us += after_us - before_us
 
     def __enter__(self) -> TlogWriter:
@@ -174,13 +204,26 @@ def _table(path: Path, columns: tuple[str, ...], disk: Disk) -> AppendFile:
     return AppendFile(path, header=header, ram_bytes=_TABLE_RAM_BYTES, lazy=True, disk=disk)
 
 
-def _times(data: bytes) -> Iterator[int]:
-    """Stamps of whole records, Unix µs."""
+def _places(data: bytes) -> Iterator[int]:
+    """Where each record begins that is whole but for its end, and then where the last one ends or would end."""
     place = 0
     while place + 10 < len(data):
-        yield _TIME.unpack_from(data, place)[0]
+        yield place
         length = data[place + 9]
         if data[place + 8] == MAGIC_V2:
             place += 8 + 12 + length + (SIGNATURE_LENGTH if data[place + 10] & 1 else 0)
         else:
             place += 8 + 8 + length
+    yield place
+
+
+def _times(data: bytes) -> Iterator[int]:
+    """Stamps of whole records, Unix µs."""
+    return (_TIME.unpack_from(data, place)[0] for place in list(_places(data))[:-1])
+
+
+def _whole(file: int, data: bytes) -> int:
+    """Bytes of the whole rows in what begins with one."""
+    if file != _LOG:
+        return data.rfind(b"\n") + 1
+    return max(place for place in _places(data) if place <= len(data))

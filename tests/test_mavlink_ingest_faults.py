@@ -110,6 +110,7 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
         station.send_signal(signal.SIGCONT)
         sender.sendto(frames[2000], (HOST, port))
         assert station.stdout.readline() == "2001\n"
+        assert until(lambda: log.stat().st_size == len(frames) * record_bytes)
         assert recorded(tmp_path) == frames
     finally:
         station.kill()

@@ -315,6 +315,7 @@ def test_plan_and_health_survive_the_way_between_processes():
         urls=("udpin:0.0.0.0:14550",),
         sockets=(5,),
         memory=3,
+        journal=6,
         control=4,
         log="/tmp/x.tlog",
         system_ids=(1, 2),

@@ -20,14 +20,15 @@ from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth, LinkReport
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
-from mavlink.ingest.record import open_log
 from mavlink.ingest.shared import Shared, Word
+from mavlink.journal import Journal
 from mavlink.link import Link
 from mavlink.link_serial import SerialLink
 from mavlink.link_tcp import TcpOut
 from mavlink.link_tcp_in import TcpIn
 from mavlink.link_udp import UdpIn, UdpOut
 from mavlink.link_url import parse_url
+from mavlink.tlog_writer import TlogWriter
 
 __all__ = ["COMMAND", "GO", "main"]
 
@@ -87,7 +88,9 @@ class _Ingest:
         self._links: list[Link] = [_open_link(plan, k, self._signatures.on) for k in range(len(plan.urls))]
         _go_on(self._links, memory.status())
         self._outputs = open_outputs(plan.outputs, plan.system_ids)
-        self._log = open_log(Path(plan.log), plan.generation, memory)
+        self._journal = Journal(plan.journal)
+        written = self._journal.written if plan.generation > 1 else None
+        self._log = TlogWriter(Path(plan.log), resume_after=written, journal=self._journal)
         self._receiver = Receiver(self._links, self._log, memory, self._signatures, self._outputs)
         self._tell()
 
@@ -121,8 +124,10 @@ class _Ingest:
     def _drain(self, index: int, link: Link) -> None:
         """Takes what a link has."""
         for _ in range(_ROUNDS):
+            self._memory.words[Word.IN_HAND] = index + 1
             batch = link.take()
             if not batch.frames:
+                self._memory.words[Word.IN_HAND] = 0
                 return
             self._receiver.take(index, batch)
             with contextlib.suppress(OSError):  # it has not read for long: the ring counts what does not fit
@@ -160,7 +165,6 @@ class _Ingest:
         if self._open or not self._reports:
             self._reports = tuple(_report(link) for link in self._links)
         record = self._log.state
-        self._memory.words[Word.WAITING] = record.waiting
         outputs = self._outputs.counts if self._outputs else ()
         troubles = [self._send_trouble, self._receiver.output_trouble, *self._signatures.troubles]
         troubles += [
@@ -171,7 +175,8 @@ class _Ingest:
             outputs=outputs,
             record=record,
             refused=self._memory.words[Word.REFUSED],
-            packets=self._memory.words[Word.RECORDS],
+            packets=record.rows,
+            sent=self._memory.words[Word.SENT],
             overrun=self._memory.words[Word.OVERRUN],
             cpu_s=time.process_time(),
             troubles=tuple(text for text in troubles if text),

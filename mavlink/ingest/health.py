@@ -58,7 +58,9 @@ class IngestHealth:
     refused: int = 0
     """Packets recorded and not believed."""
     packets: int = 0
-    """Recorded in all, over restarts."""
+    """Recorded in all, over restarts, those of this station too."""
+    sent: int = 0
+    """Of those, what this station sent."""
     overrun: int = 0
     """Packets recorded that the station was too slow to take."""
     restarts: int = 0

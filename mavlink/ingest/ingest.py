@@ -20,7 +20,9 @@ from mavlink.ingest.lent import lend, small_buffers
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
 from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
+from mavlink.journal import Journal, make_journal
 from mavlink.keys import SigningError
+from mavlink.link_mmsg import BATCH
 from mavlink.link_tally import LinkCounts, now_us
 from mavlink.link_url import LinkUrl, parse_url
 from mavlink.packet import Packet
@@ -80,6 +82,8 @@ class Ingest:
         self._stopping = threading.Event()
         self._memory_fd = make_memory(ring_bytes)
         self._memory = Shared(self._memory_fd)
+        self._journal_fd = make_journal()
+        self._journal = Journal(self._journal_fd)
         self._process: IngestProcess | None = None
         self._spare: IngestProcess | None = None
         """Takes over at once when the process is replaced."""
@@ -93,6 +97,7 @@ class Ingest:
                 urls=tuple(opened),
                 sockets=tuple(-1 if sock is None else sock.fileno() for sock in self._sockets),
                 memory=self._memory_fd,
+                journal=self._journal_fd,
                 control=-1,
                 log=str(log),
                 system_ids=tuple(system_ids),
@@ -169,8 +174,11 @@ class Ingest:
         if told is not None:
             self._health = told
         total = self._health.plus(self._before)
+        written = self._journal.written
         return replace(
             total,
+            packets=written,
+            record=replace(total.record, rows=written),
             links=tuple(replace(link, name=name) for link, name in zip(total.links, self.names, strict=False)),
             overrun=self._memory.words[Word.OVERRUN] if not self._stopping.is_set() else total.overrun,
             restarts=self._restarts,
@@ -195,14 +203,18 @@ class Ingest:
             if self._process is not None:
                 self._process.stop()
                 self._process = None
-        self.health()
+        record = self.health().record
+        if record.waiting:  # the disk does not answer: nobody will write them
+            lost = replace(record, waiting=0, waiting_bytes=0, lost=record.lost + record.waiting)
+            self._health = replace(self._health, record=lost)
+            self._memory.tell(b"")
         self._let_go()
 
     # ---- opening
 
     def _start(self) -> IngestProcess:
         files = [sock.fileno() for sock in self._sockets if sock is not None]
-        return IngestProcess(self._plan, self._memory, [*files, self._memory_fd])
+        return IngestProcess(self._plan, self._memory, [*files, self._memory_fd, self._journal_fd])
 
     def _wait_until_ready(self, process: IngestProcess) -> None:
         while not process.ready:
@@ -268,12 +280,20 @@ class Ingest:
             if self._stopping.is_set():
                 return
             process.kill()
+            why += self._in_hand()
             self._add_up()
             self._process, self._spare = self._spare, None
             self._restarts += 1
             with contextlib.suppress(LinkError):  # it has died as well: seen in the next round
                 self._process.go(process.generation + 1)
         self._tell_gap(self._process, alive_s, why)
+
+    def _in_hand(self) -> str:
+        """What a process had taken off a socket and not yet put where it outlives it, in words."""
+        index, self._memory.words[Word.IN_HAND] = self._memory.words[Word.IN_HAND], 0
+        if not index:
+            return ""
+        return f" while it took packets off {self.names[index - 1]}, of which at most {BATCH} are lost,"
 
     def _add_up(self) -> None:
         """Keeps what the process before had counted."""
@@ -328,6 +348,7 @@ class Ingest:
             if sock is not None:
                 sock.close()
         os.close(self._memory_fd)
+        os.close(self._journal_fd)
 
 
 def _check_once(names: Sequence[str]) -> None:

@@ -40,6 +40,8 @@ class Plan:
     """File descriptor of each link that the station has opened; −1: the process opens it."""
     memory: int
     """File descriptor of the shared memory."""
+    journal: int
+    """File descriptor of the memory in which records wait for the disk."""
     control: int
     """File descriptor of the socket between the two."""
     log: str

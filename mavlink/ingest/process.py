@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -23,6 +24,8 @@ __all__ = ["IngestProcess"]
 START_S = 20.0
 """A start that takes longer has failed."""
 _STOP_S = 15.0
+_KILL_S = 2.0
+"""One that waits for the disk in the kernel ends only when the disk answers: it is not waited for longer."""
 _SEND_S = 0.2
 _LAST_WORDS = 2000
 
@@ -153,6 +156,7 @@ class IngestProcess:
         self._let_go()
 
     def _let_go(self) -> None:
-        self._process.wait()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(_KILL_S)
         self.control.close()
         self._words.close()

@@ -124,7 +124,9 @@ class Receiver:
         """One batch of a link."""
         original = self._hide_secrets(index, batch)
         number = self._record(batch)
-        self._note_senders(index, batch, number)
+        self._memory.words[Word.IN_HAND] = 0
+        if number is not None:
+            self._note_senders(index, batch, number)
         auths: list[Auth] | None = None
         packets: list[Packet] = []
         if self._signatures.on or self._outputs:
@@ -162,18 +164,14 @@ class Receiver:
             LinkError: there is no such link, or it does not take it; then it is not recorded.
         """
         self.send(link, data, peer)
-        self._record(Batch(times_us=[now_us()], frames=[data], peers=[0]))
+        if self._record(Batch(times_us=[now_us()], frames=[data], peers=[0])) is not None:
+            self._memory.words[Word.SENT] += 1
 
-    def _record(self, batch: Batch) -> int:
-        """Into the log, with one system call; returns the first record's number."""
-        words, pack = self._memory.words, _TIME.pack
-        pairs = zip(batch.times_us, batch.frames, strict=True)
+    def _record(self, batch: Batch) -> int | None:
+        """On the way to the log; returns the first record's number, None when they are lost."""
+        pack, pairs = _TIME.pack, zip(batch.times_us, batch.frames, strict=True)
         data = b"".join([piece for t_us, raw in pairs for piece in (pack(t_us), raw)])
-        words[Word.PENDING] = len(batch)
-        number = self._log.write_records(data, len(batch))
-        words[Word.RECORDS] = number + len(batch)
-        words[Word.LOG_BYTES] += len(data)
-        return number
+        return self._log.write_records(data, len(batch))
 
     def _note_senders(self, index: int, batch: Batch, number: int) -> None:
         """Who sent what stands beside the log, so that a replay tells senders apart as the flight does."""
@@ -182,12 +180,13 @@ class Receiver:
             peer = batch.peers[k]
             self._log.heard(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
-    def _judge(self, index: int, packets: Sequence[Packet], number: int) -> None:
+    def _judge(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
         """Notes what is not believed, and who has proved who it is."""
         known = set()
         for k, packet in enumerate(packets):
             if packet.auth > Auth.GOOD:
-                self._log.refuse(number + k, packet)
+                if number is not None:
+                    self._log.refuse(number + k, packet)
                 self._memory.words[Word.REFUSED] += 1
             elif packet.auth is Auth.GOOD:
                 known.add(packet.peer)

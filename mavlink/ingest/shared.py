@@ -11,10 +11,10 @@ from __future__ import annotations
 import mmap
 import os
 import struct
-import tempfile
 from collections.abc import Sequence
 from enum import IntEnum
 
+from mavlink.nameless import make_nameless
 from mavlink.packet import Auth, Packet
 
 __all__ = ["RING_BYTES", "Shared", "Word", "make_memory"]
@@ -40,19 +40,15 @@ class Word(IntEnum):
     """Bytes ever taken out of it."""
     OVERRUN = 4
     """Packets that found no room in the ring; they are in the log."""
-    RECORDS = 5
-    """Records that the log has."""
-    LOG_BYTES = 6
-    """Bytes that the log has."""
-    PENDING = 7
-    """Records being written now: the log has them if it is longer than ``LOG_BYTES``."""
+    REFUSED = 5
+    """Records that were not believed."""
+    SENT = 6
+    """Records of what this station sent."""
+    IN_HAND = 7
+    """One more than the index of the link whose packets are being taken off its socket and are not yet accepted."""
     STATUS = 8
     """Odd while the status is being written."""
     STATUS_LENGTH = 9
-    WAITING = 10
-    """Records that were in memory only when the status was last told."""
-    REFUSED = 11
-    """Records that were not believed."""
 
 
 def make_memory(ring_bytes: int = RING_BYTES) -> int:
@@ -61,14 +57,7 @@ def make_memory(ring_bytes: int = RING_BYTES) -> int:
     Raises:
         OSError: no memory is left.
     """
-    size = _RING_AT + ring_bytes
-    if hasattr(os, "memfd_create"):
-        fd = os.memfd_create("rollcall-ingest")
-    else:
-        with tempfile.TemporaryFile() as file:
-            fd = os.dup(file.fileno())
-    os.ftruncate(fd, size)
-    return fd
+    return make_nameless(_RING_AT + ring_bytes)
 
 
 class Shared:
