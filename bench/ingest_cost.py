@@ -25,6 +25,7 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.ingest.shared import Shared, make_memory
+from mavlink.journal import Journal, make_journal
 from mavlink.link_udp import UdpIn
 from mavlink.link_url import parse_url
 from mavlink.packet import Packet
@@ -73,10 +74,11 @@ def quiet_moment() -> tuple[float, float]:
     link = UdpIn(parse_url(f"udpin:127.0.0.1:{free_port()}"), 0)
     memory_fd = make_memory()
     memory = Shared(memory_fd)
+    journal_fd = make_journal()
     receive_s = read_s = math.inf
     with (
         tempfile.TemporaryDirectory() as folder,
-        TlogWriter(Path(folder) / "telemetry.tlog") as log,
+        TlogWriter(Path(folder) / "telemetry.tlog", journal=Journal(journal_fd)) as log,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock,
     ):
         receiver = Receiver([link], log, memory, Signatures(Signing()), None)
@@ -95,6 +97,7 @@ def quiet_moment() -> tuple[float, float]:
     link.close()
     memory.close()
     os.close(memory_fd)
+    os.close(journal_fd)
     return receive_s * 1e6 / _BATCH, read_s * 1e6 / _BATCH
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
 
-__all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "Finding", "counted", "findings", "first_of"]
+__all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "STALLED_S", "Finding", "counted", "findings", "first_of"]
 
 SILENT_S = 3.5
 """A vehicle, or a link, from which nothing came for so long is lost."""
@@ -27,6 +27,8 @@ CLOCK_ERROR_S, DRIFT_PPM = 30.0, 500.0
 MOST_NAMES = 4
 LOW_BYTES, ALMOST_FULL_BYTES = 2_000_000_000, 200_000_000
 LOW_S, ALMOST_FULL_S = 600.0, 120.0
+STALLED_S = 1.0
+"""A disk that has not answered for so long hangs: a busy one answers within some tenths."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,6 +255,12 @@ def _recording(health: Health) -> Iterator[Finding]:
             key="disk", level="alarm", kind="recording", told=True,
             text="the recording cannot be written" + reason,
             advice="packets wait in memory for a minute at least: free space or bring the disk back",
+        )  # fmt: skip
+    if health.write_stalled_s > STALLED_S:
+        yield Finding(
+            key="disk hangs", level="alarm", kind="recording", told=True,
+            text="the disk does not answer: what comes is kept in memory",
+            advice="packets wait in memory for a minute at least, video is not recorded: bring the disk back",
         )  # fmt: skip
     full = health.free_bytes < ALMOST_FULL_BYTES or health.full_in_s < ALMOST_FULL_S
     if full or health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S:

@@ -96,6 +96,7 @@ class FlightCare:
             full_in_s=recorder.full_in_s,
             write_failing_s=worst.failing_s,
             write_reason=worst.reason if worst.failing_s else "",
+            write_stalled_s=max(state.stalled_s for state in states),
             write_waiting=sum(state.waiting for state in states),
             write_lost=sum(state.lost for state in states),
             keys=self._keys,

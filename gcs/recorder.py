@@ -33,6 +33,8 @@ __all__ = ["Recorder"]
 FRAME_COLUMNS = "frame,time_us\n"
 DETECTION_COLUMNS = "frame,cx,cy,w,h,angle,score,heading\n"
 SYNC_S = 0.5
+SETTLE_S = 0.05
+"""A look at the files waits so long, all together, for lines that are just being written."""
 
 
 class Recorder:
@@ -124,7 +126,9 @@ class Recorder:
         self._session.restore()
         with contextlib.suppress(OSError):  # a folder that was deleted is being made anew
             self._free_bytes = shutil.disk_usage(self.folder).free
-        t_us = time.time_ns() // 1000
+        t_us, settled_s = time.time_ns() // 1000, time.monotonic() + SETTLE_S
+        for file in self._files:
+            file.settle(max(settled_s - time.monotonic(), 0.0))
         told = self._watch.update(t_us, self.states(telemetry))
         self.full_in_s = self._space.update(time.monotonic(), self._free_bytes, self.bytes)
         return told
@@ -166,5 +170,6 @@ class Recorder:
         states = self.states(telemetry)
         lost = {name: state.lost for name, state in states.items() if state.lost}
         log = states.get(self.tlog_path.name, RecordState(name=""))
-        self._session.close({"packets": log.rows} | ({"lost": lost} if lost else {}))
+        if not any(state.stalled_s for state in states.values()):  # it would wait, and the next start seals it too
+            self._session.close({"packets": log.rows} | ({"lost": lost} if lost else {}))
         return tuple(f"{name}: {rows} rows lost{states[name].because}" for name, rows in lost.items())

@@ -196,6 +196,8 @@ class Health:
     """For how long the recording cannot be written, 0 while it can."""
     write_reason: str = ""
     """Why, in the system's words."""
+    write_stalled_s: float = 0.0
+    """For how long the disk has not answered, 0 while it does."""
     write_waiting: int = 0
     """Packets in memory that wait for the disk."""
     write_lost: int = 0

@@ -43,7 +43,7 @@ class TlogWriter:
     """Appends packets to a new log.
 
     ``write``, ``write_records``, ``refuse`` and ``heard`` never raise and never wait for a disk that fails or syncs
-    slowly; ``state`` tells how it goes. What is written is with the kernel at once, for which a disk that hangs has to be
+    slowly; ``state`` tells how it goes. What is written is with the kernel at once, so that a disk that hangs has to be
     waited for; with a journal it is in shared memory at once, soon with the kernel, and nobody waits.
 
     Args:

@@ -52,6 +52,19 @@ class FaultyDisk(Disk):
         super().ftruncate(fd, size)
 
 
+class HangingDisk(FaultyDisk):
+    """While ``may_write`` is cleared, no write returns."""
+
+    def __init__(self):
+        super().__init__()
+        self.may_write = threading.Event()
+        self.may_write.set()
+
+    def write(self, fd, data):
+        assert self.may_write.wait(20)
+        return super().write(fd, data)
+
+
 def delete(folder):
     """All at once: what is deleted file by file may be made anew before the last is gone."""
     shutil.rmtree(folder.rename(folder.with_name("deleted")))

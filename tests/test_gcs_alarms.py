@@ -88,6 +88,7 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
         (replace(WELL, recording=False), "recording", "alarm"),
         (replace(WELL, write_failing_s=0.4, write_reason="No space left on device"), "disk", "alarm"),
+        (replace(WELL, write_stalled_s=1.2), "disk hangs", "alarm"),
         (replace(WELL, free_bytes=1_000_000_000), "disk space", "warning"),
         (replace(WELL, full_in_s=500.0), "disk space", "warning"),
         (replace(WELL, full_in_s=100.0), "disk space", "alarm"),
@@ -313,7 +314,8 @@ def everything_wrong():
     )
     health = replace(
         WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4),), recording=False, write_failing_s=3.0,
-        write_reason="No space left on device", write_lost=5, free_bytes=1, ingest_restarts=1, ring_dropped=3,
+        write_reason="No space left on device", write_stalled_s=2.0, write_lost=5, free_bytes=1, ingest_restarts=1,
+        ring_dropped=3,
         undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,
         time_offset_std_s=0.01,
     )  # fmt: skip

@@ -18,7 +18,7 @@ from gcs.snapshot import Box, Event, Health, Snapshot
 from mavlink.packet import Packet
 from mavlink.record_state import RecordState, overall
 from mavlink.segments import segments
-from tests.faulty_disk import FaultyDisk, delete
+from tests.faulty_disk import FaultyDisk, HangingDisk, delete
 from tests.test_mavlink_tlog_writer import FRAMES, T0, expected, packet, until
 from vision.detections import Detections
 
@@ -58,6 +58,7 @@ def fly(recorder, frames):
         recorder.frame_time(frame, T0 + 100_000 * frame)
         recorder.detections(frame, boxes(frame))
         recorder.snapshot(snapshot(frame))
+    assert all(file.settle(10.0) for file in recorder._files), "the system has it, or has refused it"
 
 
 def complete(folder, frames):
@@ -192,6 +193,41 @@ def test_a_recording_that_cannot_begin_leaves_nothing(tmp_path, disk):
     with pytest.raises(SessionError, match="cannot be made: No space left on device"):
         Recorder(tmp_path / "sessions", MISSION, video=True, disk=disk)
     assert list((tmp_path / "sessions").iterdir()) == []
+
+
+def test_a_disk_that_hangs_holds_up_neither_the_flight_nor_its_end(tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.linefile.HANG_S", 1.0)
+    disk = HangingDisk()
+    recorder = Recorder(tmp_path, MISSION, video=True, telemetry=False, disk=disk)
+    recorder.snapshot(snapshot(0))
+    assert recorder.check() == ()
+    disk.may_write.clear()
+    began_s = time.monotonic()
+    for k in range(1, 50):
+        recorder.frame_time(k, T0 + k)
+        recorder.detections(k, boxes(k))
+        recorder.snapshot(snapshot(k))
+    assert time.monotonic() - began_s < 0.5
+    told = []
+    until(lambda: told.extend(recorder.check()) or told, 10.0)
+    assert [(event.level, event.text.partition(" for ")[0]) for event in told] == [
+        ("alarm", "the disk has not answered")
+    ], "one for all files"
+    states = recorder.states()
+    assert states["identity.csv"].waiting >= 49 and states["identity.csv"].stalled_s > 1.0
+    assert len((recorder.folder / "events.jsonl").read_text().splitlines()) == 1
+    disk.may_write.set()
+    until(lambda: not any(state.waiting for state in recorder.states().values()))
+    assert [event.text.partition(",")[0] for event in recorder.check()] == ["the disk answers again"]
+    disk.may_write.clear()
+    recorder.snapshot(snapshot(50))
+    until(lambda: recorder.states()["identity.csv"].stalled_s > 0.0)
+    began_s = time.monotonic()
+    lost = recorder.close()
+    assert time.monotonic() - began_s < 10.0
+    assert {line.partition(":")[0] for line in lost} == {"identity.csv", "identity.jsonl", "events.jsonl"}
+    assert "ended" not in notes(recorder), "the next start seals it"
+    disk.may_write.set()
 
 
 def test_no_file_is_ever_overwritten(tmp_path):

@@ -13,7 +13,7 @@ from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
 from mavlink.segments import segments
 from mavlink.tlog_writer import TlogWriter
-from tests.faulty_disk import FaultyDisk
+from tests.faulty_disk import FaultyDisk, HangingDisk
 from tests.ingest_runs import bearable, recorded, some_frames, steady, until, wait_for
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")
@@ -134,8 +134,11 @@ def test_what_is_killed_in_between_is_told(started, sender, tmp_path):
     assert log == frames or "at most 256 are lost" in told[0]
 
 
-def record(k, raw=Speaker(1).heartbeat()):
-    return struct.pack(">Q", T0 + k) + raw
+BEAT = Speaker(1).heartbeat()
+
+
+def record(k):
+    return struct.pack(">Q", T0 + k) + BEAT
 
 
 @pytest.fixture
@@ -145,24 +148,11 @@ def journal():
     os.close(fd)
 
 
-class HangingDisk(FaultyDisk):
-    """While ``may_write`` is cleared, no write returns."""
-
-    def __init__(self):
-        super().__init__()
-        self.may_write = threading.Event()
-        self.may_write.set()
-
-    def write(self, fd, data):
-        assert self.may_write.wait(20)
-        return super().write(fd, data)
-
-
 def test_past_the_bound_new_records_are_lost_and_counted_and_numbers_have_no_gaps(tmp_path, journal):
     disk = HangingDisk()
     writer = TlogWriter(tmp_path / "telemetry.tlog", disk=disk, journal=journal)
     disk.may_write.clear()
-    numbers = [writer.write(Packet(T0 + k, record(k)[8:], auth=Auth.BAD)) for k in range(12_000)]
+    numbers = [writer.write(Packet(T0 + k, BEAT, auth=Auth.BAD)) for k in range(12_000)]
     taken = [number for number in numbers if number is not None]
     assert taken == list(range(len(taken))) and 5000 < len(taken) < 12_000
     assert until(lambda: writer.state.stalled_s > 0.0)
@@ -171,7 +161,7 @@ def test_past_the_bound_new_records_are_lost_and_counted_and_numbers_have_no_gap
     assert state.lost >= 12_000 - len(taken)
     disk.may_write.set()
     assert until(lambda: writer.state.waiting == 0)
-    writer.write(Packet(T0 + 12_000, record(0)[8:], auth=Auth.BAD))
+    writer.write(Packet(T0 + 12_000, BEAT, auth=Auth.BAD))
     writer.close()
     kept = [k for k, number in enumerate(numbers) if number is not None]
     assert (tmp_path / "telemetry.tlog").read_bytes() == b"".join(map(record, [*kept, 12_000]))
@@ -185,7 +175,7 @@ def test_a_full_disk_keeps_its_records_where_they_outlive_the_process(tmp_path, 
     writer = TlogWriter(tmp_path / "telemetry.tlog", disk=disk, journal=journal)
     disk.room = 50
     for k in range(100):
-        writer.write(Packet(T0 + k, record(k)[8:]))
+        writer.write(Packet(T0 + k, BEAT))
     assert until(lambda: writer.state.failing_s > 0.0)
     assert (writer.state.rows, writer.state.waiting, writer.state.lost) == (0, 100, 0)
     assert journal.waiting_bytes > 100 * len(record(0))
@@ -208,7 +198,7 @@ def test_the_next_process_completes_what_the_one_before_had_begun(tmp_path, jour
     journal.put(1, f"3,{T0},0,0,3\n".encode(), 1)
     (tmp_path / "refused.csv").write_text(f"record,t_us,link,peer,auth\n3,{T0},0,0,3\n")
     writer = TlogWriter(path, resume_after=100, journal=journal)
-    assert writer.write(Packet(T0 + 110, record(0)[8:])) == 10
+    assert writer.write(Packet(T0 + 110, BEAT)) == 10
     assert until(lambda: writer.state.waiting == 0)
     writer.close()
     whole = written // size

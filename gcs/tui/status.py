@@ -11,7 +11,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.findings import LOW_BYTES, LOW_S, SILENT_S
+from gcs.findings import LOW_BYTES, LOW_S, SILENT_S, STALLED_S
 from gcs.overlay import named_count
 from gcs.snapshot import Health, LinkHealth, Snapshot
 from gcs.tui.alarms import alarm_counts, count_parts
@@ -135,6 +135,8 @@ def _disk(health: Health) -> Item:
     free = bytes_text(health.free_bytes)
     if health.write_failing_s > 0:
         return _item(1, f"DISK FAILS {age(health.write_failing_s)}", ALARM)
+    if health.write_stalled_s > STALLED_S:
+        return _item(1, f"DISK HANGS {age(health.write_stalled_s)}", ALARM)
     if health.full_in_s < FORECAST_S:
         free += f", full in {age(health.full_in_s)}"
     return _item(2, f"disk LOW {free}", ALARM) if low else _item(6, f"disk {free} free", FAINT)
