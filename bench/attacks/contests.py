@@ -1,0 +1,211 @@
+"""Two senders of one system id, and single ones that must not be taken for two."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from bench.attacks.actors import Body, lines_of, rover, uav
+from bench.attacks.records import first_told
+from bench.attacks.report import Row
+from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
+from bench.attacks.stage import FALSE, Line, udp_to
+from bench.attacks.takeover import CONTEST
+from bench.attacks.wire import Voice
+
+__all__ = ["duplicates", "jammed", "late_links"]
+
+BEGIN_S = 5.0
+"""When second senders begin: the true ones are known by then."""
+FROM_BOOT = -BEGIN_S
+"""As a boot clock: it is switched on when it begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twin:
+    """A second vehicle with the id of another."""
+
+    clock_s: float
+    """Its boot clock minus the true one's; NaN: it is switched on as it begins."""
+    apart_m: float
+    rate_hz: float = 5.0
+    """Of its positions."""
+
+    @property
+    def name(self) -> str:
+        clock = "clock from zero" if self.clock_s != self.clock_s else f"clock {self.clock_s:+g} s"
+        return f"{clock}, {self.apart_m:g} m, {self.rate_hz:g} Hz"
+
+
+NAN = float("nan")
+TWINS = (
+    Twin(clock_s=0.0, apart_m=245.0),
+    Twin(clock_s=-58.0, apart_m=245.0),
+    Twin(clock_s=58.0, apart_m=245.0),
+    Twin(clock_s=NAN, apart_m=245.0),
+    Twin(clock_s=-0.5, apart_m=30.0),
+    Twin(clock_s=0.5, apart_m=1000.0, rate_hz=10.0),
+    Twin(clock_s=-3.0, apart_m=100.0, rate_hz=2.0),
+    Twin(clock_s=-10.0, apart_m=10_000.0),
+    Twin(clock_s=10.0, apart_m=50.0, rate_hz=10.0),
+    Twin(clock_s=-120.0, apart_m=50.0),
+    Twin(clock_s=120.0, apart_m=1000.0, rate_hz=2.0),
+    Twin(clock_s=-30.0, apart_m=30.0, rate_hz=10.0),
+)
+
+
+def duplicates(options: Options) -> list[Row]:
+    """A second vehicle with the same id: a grid of boot clocks, distances and rates."""
+    ids = {11 + k: twin for k, twin in enumerate(TWINS)}
+
+    def lines(port: int) -> list[Line]:
+        found = lines_of(uav(), Voice(1), udp_to(port).send)
+        for system_id, twin in ids.items():
+            body = rover(system_id, boot_s=300.0)
+            found += lines_of(body, Voice(system_id), udp_to(port).send)
+            boot_s = FROM_BOOT if twin.clock_s != twin.clock_s else body.boot_s + twin.clock_s
+            other = replace(body.moved(twin.apart_m), boot_s=boot_s, phase=body.phase + 1.0)
+            found += lines_of(
+                other, Voice(system_id), udp_to(port).send, FALSE, rates_hz={"position": twin.rate_hz}, start_s=BEGIN_S
+            )
+        return found
+
+    flown = fly(options, "duplicates", list(ids), lines, 15.0 if options.quick else 25.0)
+    return [_judge_twin(flown, system_id, twin) for system_id, twin in ids.items()]
+
+
+def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> Row:
+    begin_s = flown.sent.first_s[FALSE, system_id]
+    alarm = first_told(flown.told, r"two senders|several senders|contest", system_id)
+    after_s = alarm.t_s - begin_s if alarm else NAN
+    true = rover(system_id, boot_s=300.0)
+    since_s = begin_s + PROMISE_S + SLACK_S
+    wrong_s = believed_false_s(flown.believed(system_id), true, twin.apart_m, since_s, flown.flown_s)
+    held = 0.0 <= after_s <= PROMISE_S + SLACK_S and wrong_s == 0.0
+    return Row(
+        attack="duplicates", case=twin.name, **flown.counts(system_id), believed_s=wrong_s, alarm_s=after_s, held=held,
+        note="" if alarm else "no alarm",
+    )  # fmt: skip
+
+
+class Echo:
+    """A second link that brings the same packets again: late, with losses, out of order.
+
+    Args:
+        send: of the first link.
+        delay_s: by which the second is later.
+        loss: share of packets that it loses.
+        jitter_s: by which packets are further late, each by another time: they overtake one another.
+    """
+
+    def __init__(self, send: Callable[[bytes], object], delay_s: float, loss: float, jitter_s: float) -> None:
+        self._send, self._delay_s, self._loss, self._jitter_s = send, delay_s, loss, jitter_s
+        self._now_s = 0.0
+        self._order = itertools.count()
+        self._waiting: list[tuple[float, int, bytes]] = []
+        self._rng = random.Random(1)
+
+    def send(self, raw: bytes) -> None:
+        """As the first link."""
+        self._send(raw)
+        if self._rng.random() >= self._loss:
+            late_s = self._delay_s + self._rng.random() * self._jitter_s
+            heapq.heappush(self._waiting, (self._now_s + late_s, next(self._order), raw))
+
+    def due(self, t_s: float) -> list[bytes]:
+        """What the second link brings now."""
+        self._now_s = t_s
+        found = []
+        while self._waiting and self._waiting[0][0] <= t_s:
+            found.append(heapq.heappop(self._waiting)[2])
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondLink:
+    """How a vehicle's second link differs from the first."""
+
+    delay_s: float
+    copied: bool
+    """The same bytes again, as a router sends them; else a radio of the autopilot's own, with counters of its own."""
+
+    @property
+    def name(self) -> str:
+        return f"{'copies' if self.copied else 'own counters'}, {self.delay_s:g} s late"
+
+
+DELAYS_S = (0.0, 0.05, 0.3, 1.0, 3.0, 10.0)
+LINKS = tuple(SecondLink(delay_s=delay_s, copied=copied) for copied in (True, False) for delay_s in DELAYS_S)
+LOSS = 0.1
+
+
+def late_links(options: Options) -> list[Row]:
+    """Innocent: two links of one vehicle, the second 0 to 10 s late, with losses and reordering."""
+    ids = {11 + k: link for k, link in enumerate(LINKS)}
+
+    def lines(port: int, other: int) -> list[Line]:
+        found = lines_of(uav(), Voice(1), udp_to(port).send)
+        for system_id, link in ids.items():
+            body, second = rover(system_id), udp_to(other).send
+            if link.copied:
+                echo = Echo(udp_to(port).send, link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
+                found += lines_of(body, Voice(system_id), echo.send)
+                found.append(Line(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
+            else:
+                found += lines_of(body, Voice(system_id), udp_to(port).send)
+                found += lines_of(
+                    body, Voice(system_id), second, FALSE, start_s=link.delay_s, delay_s=link.delay_s
+                )  # fmt: skip
+        return found
+
+    flown = fly(options, "late-links", list(ids), lines, 18.0 if options.quick else 60.0, ports=2)
+    return [_judge_quiet(flown, "late links", system_id, link.name) for system_id, link in ids.items()]
+
+
+def _judge_quiet(flown: Flown, attack: str, system_id: int, case: str) -> Row:
+    """Of a vehicle that is all right: no alarm, believed throughout."""
+    alarms = [event for event in flown.told if event.loud and event.system_id == system_id and event.kind != "text"]
+    seen = [belief for belief in flown.believed(system_id) if belief.t_s > 2.0]
+    unsure_s = sum(not belief.sure for belief in seen) / 5.0
+    wrong_s = believed_false_s(seen, rover(system_id), 10.0, 2.0, flown.flown_s)
+    counts = flown.counts(system_id)
+    note = f"told: {alarms[0].text}" if alarms else f"not believed for {unsure_s:.1f} s" if unsure_s >= 1.0 else ""
+    held = not alarms and unsure_s < 1.0 and wrong_s == 0.0 and not counts["lost"]
+    return Row(attack=attack, case=case, **counts, believed_s=wrong_s, held=held, note=note)
+
+
+class Jumping(Body):
+    """A vehicle whose receiver is jammed: its estimate jumps between two places."""
+
+    __slots__ = ()
+
+    def at(self, t_s: float) -> tuple[float, float]:
+        east, north = Body.at(self, t_s)
+        return (east + JUMP_M, north) if t_s > BEGIN_S and t_s % 1.0 < 0.5 else (east, north)
+
+
+JUMP_M = 111.0
+
+
+def jammed(options: Options) -> list[Row]:
+    """Innocent: one receiver that jumps by 111 m twice a second is no second sender, but has an alarm."""
+    steady = rover(11)
+    jumping = Jumping(**{name: getattr(steady, name) for name in Body.__slots__})
+
+    def lines(port: int) -> list[Line]:
+        found = lines_of(uav(), Voice(1), udp_to(port).send)
+        found += lines_of(jumping, Voice(11), udp_to(port).send)
+        return found + lines_of(rover(12), Voice(12), udp_to(port).send)
+
+    flown = fly(options, "jammed", [11, 12], lines, 15.0)
+    wrong = first_told(flown.told, CONTEST, 11)
+    alarm = first_told(flown.told, "position|jam|GPS", 11, BEGIN_S)
+    after_s = alarm.t_s - BEGIN_S if alarm else NAN
+    note = f"told as: {wrong.text}" if wrong else "" if alarm else "no alarm"
+    held = wrong is None and after_s <= PROMISE_S + SLACK_S
+    jumps = Row(attack="jammed", case="jumps of 111 m from one address", **flown.counts(11), alarm_s=after_s,
+                held=held, note=note)  # fmt: skip
+    return [jumps, _judge_quiet(flown, "jammed", 12, "the vehicle beside it")]

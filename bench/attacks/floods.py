@@ -1,0 +1,146 @@
+"""Floods: of strangers, with junk in a vehicle's name beside it, and of valid frames under a known id."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from collections.abc import Callable, Sequence
+
+from bench.attacks.actors import lines_of, rover, uav
+from bench.attacks.records import first_told
+from bench.attacks.report import Row
+from bench.attacks.run import Flown, Options, fly
+from bench.attacks.stage import FALSE, TRUE, Line, udp_to
+from bench.attacks.station import key_of, write_keys
+from bench.attacks.wire import Voice, ticks_now
+
+__all__ = ["known_id", "spoofed_junk"]
+
+STRANGER = 0
+"""System id of a party that has none."""
+BEGIN_S = 4.0
+"""The vehicles are known by then."""
+TICK_HZ = 200.0
+FLOOD_HZ, JUNK_HZ, PADDING_HZ = 15_000.0, 2_000.0, 200.0
+KNOWN_HZ, FLEET_HZ = 15_000.0, 2_400.0
+FLEET = 20
+PORTS = 300
+FLOODED = r"flood|too many|limit|barred|turned away|more than"
+"""Words of what tells of a flood, or of an address that is limited."""
+TOLD_S = 5.0
+FAIR = 0.5
+"""A vehicle whose id is flooded keeps at least this share of its packets: it is one of two who speak."""
+
+
+def _padding(voice: Voice) -> Callable[[float], list[bytes]]:
+    """Further traffic of a vehicle, each packet with another value."""
+    numbers = itertools.count()
+    return lambda t_s: [voice.parameter(next(numbers))]
+
+
+def _words_of(size: int) -> Callable[[float], list[bytes]]:
+    rng = random.Random(3)
+    return lambda t_s: [rng.randbytes(size)]
+
+
+def _in_turn(datagrams: Sequence[bytes], rate_hz: float) -> Callable[[float], list[bytes]]:
+    """The same datagrams round and round, so many at each tick that the rate comes out."""
+    ring = itertools.cycle(datagrams)
+    each = max(round(rate_hz / TICK_HZ), 1)
+    return lambda t_s: list(itertools.islice(ring, each))
+
+
+def _junk() -> list[bytes]:
+    """Mostly frames with a wrong checksum, which nobody can tell from good ones before they are read."""
+    rng = random.Random(7)
+    forged = bytearray(Voice(201).heartbeat())
+    forged[-1] ^= 1
+    return [each for k in range(64) for each in (b"\xfd\xff\x00", rng.randbytes(1 + k * 3), *[bytes(forged)] * 4)]
+
+
+def _lost(flown: Flown, ids: Sequence[int]) -> int:
+    return sum(flown.sent.count[TRUE, i] - flown.recorded[TRUE, i] for i in ids)
+
+
+def spoofed_junk(options: Options) -> list[Row]:
+    """Junk of 8 bytes from a vehicle's own address and port, beside a flood of strangers; without and with keys."""
+    return [_spoofed(options, signed) for signed in (False, True)]
+
+
+def _spoofed(options: Options, signed: bool) -> Row:
+    ids = (11, 12, 13)
+    keys = write_keys(options.folder / "keys-junk", (1, *ids)) if signed else "none"
+
+    def voice(system_id: int) -> Voice:
+        return Voice(system_id, key=key_of(system_id), stamp=ticks_now()) if signed else Voice(system_id)
+
+    def lines(port: int) -> list[Line]:
+        found = lines_of(uav(), voice(1), udp_to(port).send)
+        for system_id in ids:
+            speaks, send = voice(system_id), udp_to(port).send
+            found += lines_of(rover(system_id), speaks, send)
+            found.append(Line(party=(TRUE, system_id), make=_padding(speaks), send=send, rate_hz=PADDING_HZ))
+            if system_id == ids[0]:
+                found.append(
+                    Line(party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ,
+                         start_s=BEGIN_S)
+                )  # fmt: skip
+        flood = Line(party=(FALSE, STRANGER), make=_in_turn(_junk(), FLOOD_HZ * options.rate), send=udp_to(port).send,
+                     rate_hz=TICK_HZ, start_s=BEGIN_S)  # fmt: skip
+        return [*found, flood]
+
+    flown = fly(options, f"junk-{signed}", ids, lines, 12.0 if options.quick else 16.0, keys=str(keys))
+    others = _lost(flown, ids[1:])
+    silent = first_told(flown.told, "no heartbeat")
+    limited = first_told(flown.told, FLOODED)
+    counts = flown.counts(ids[0])
+    notes = [f"{others} of others lost"] * bool(others) + ([f"false: {silent.text}"] if silent else [])
+    notes += [] if limited else ["nothing told"]
+    return Row(
+        attack="spoofed junk", case="with keys" if signed else "without keys",
+        **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, STRANGER]},
+        alarm_s=limited.t_s - BEGIN_S if limited else float("nan"),
+        held=not counts["lost"] and not others and silent is None, note="; ".join(notes),
+    )  # fmt: skip
+
+
+def known_id(options: Options) -> list[Row]:
+    """Valid frames of a vehicle's id in a flood, from 300 ports and from one, beside a fleet of 2,400 packets/s."""
+    return [_known(options, ports) for ports in (PORTS, 1)]
+
+
+def _known(options: Options, ports: int) -> Row:
+    ids = [11 + k for k in range(FLEET - 1)]
+
+    def lines(port: int) -> list[Line]:
+        found = lines_of(uav(), Voice(1), udp_to(port).send)
+        for system_id in ids:
+            voice, send = Voice(system_id), udp_to(port).send
+            found += lines_of(rover(system_id), voice, send)
+            found.append(
+                Line(party=(TRUE, system_id), make=_padding(voice), send=send,
+                     rate_hz=FLEET_HZ * options.rate / len(ids))
+            )  # fmt: skip
+        false = Voice(ids[0])
+        frames = [false.parameter(-1.0 - k) for k in range(256)]
+        senders = itertools.cycle([udp_to(port).send for _ in range(ports)])
+        flood = Line(party=(FALSE, ids[0]), make=_in_turn(frames, KNOWN_HZ * options.rate),
+                     send=lambda raw: next(senders)(raw), rate_hz=TICK_HZ, start_s=BEGIN_S)  # fmt: skip
+        return [*found, flood]
+
+    flown = fly(options, f"known-id-{ports}", ids, lines, 14.0 if options.quick else 24.0)
+    others = _lost(flown, ids[1:])
+    counts = flown.counts(ids[0])
+    share = 1.0 - counts["lost"] / max(counts["sent"], 1)
+    alarm = first_told(flown.told, FLOODED, since_s=BEGIN_S)
+    over = [event for event in flown.told if "over" in event.text and "flood" in event.text]
+    early = [event for event in over if event.t_s < flown.flown_s - 1.0]
+    notes = [f"{others} of the {len(ids) - 1} others lost", f"{share:.0%} of the imitated one kept"]
+    notes += [] if alarm else ["no alarm"]
+    notes += [f"said to be over after {early[0].t_s - BEGIN_S:.0f} s"] if early else []
+    notes += [f"sender {flown.sent.late_s:.1f} s late"] if flown.sent.late_s > 0.5 else []
+    told_s = alarm.t_s - BEGIN_S if alarm else float("nan")
+    return Row(
+        attack="flood of a known id", case=f"from {ports} ports" if ports > 1 else "from one port", **counts,
+        alarm_s=told_s, held=not others and share >= FAIR and told_s <= TOLD_S and not early, note="; ".join(notes),
+    )  # fmt: skip

@@ -1,0 +1,91 @@
+"""Flights in which nothing is wrong: whatever alarm comes is a false one."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from bench.attacks.actors import lines_of, rover, uav
+from bench.attacks.records import Told, frames, sender_of, told
+from bench.attacks.report import Row
+from bench.attacks.run import Flown, Options, fly
+from bench.attacks.stage import TRUE, Line, Stage, udp_to
+from bench.attacks.station import Station
+from bench.attacks.wire import Voice, redated
+from bench.ports import free_port
+
+__all__ = ["healthy_fleet", "played_recording"]
+
+FLEET = tuple(range(11, 23))
+EXPECTED = r"nothing is authenticated"
+"""True of every flight without keys."""
+OF_THE_RECORDING = rf"{EXPECTED}|comes at .* Hz|the gimbal reports another direction"
+"""True of it as well: its messages were thinned out, and its gimbal says otherwise than its mission file."""
+
+
+def _false_alarms(events: Sequence[Told], until_s: float, expected: str = EXPECTED) -> list[Told]:
+    loud = [event for event in events if event.loud and event.t_s < until_s and event.kind != "text"]
+    return [event for event in loud if not re.search(expected, event.text)]
+
+
+def healthy_fleet(options: Options) -> list[Row]:
+    """Innocent: a UAV and twelve vehicles that do nothing wrong, for --minutes."""
+
+    def lines(port: int) -> list[Line]:
+        found = lines_of(uav(), Voice(1), udp_to(port).send)
+        for system_id in FLEET:
+            found += lines_of(rover(system_id), Voice(system_id), udp_to(port).send)
+        return found
+
+    flown: Flown = fly(options, "quiet", FLEET, lines, 60.0 * (0.25 if options.quick else options.minutes))
+    false = _false_alarms(flown.told, flown.flown_s)
+    sent = sum(count for party, count in flown.sent.count.items() if party[0] == TRUE)
+    lost = sent - sum(count for party, count in flown.recorded.items() if party[0] == TRUE)
+    unsure_s = sum(not b.sure for i in FLEET for b in flown.believed(i) if b.t_s > 2.0) / 5.0
+    note = f"{flown.flown_s / 60:.1f} min, {len(false)} false alarms" + (f": {false[0].text}" if false else "")
+    note += f"; not believed for {unsure_s:.1f} s" if unsure_s > 0.5 else ""
+    note += f"; sender {flown.sent.late_s:.1f} s late" if flown.sent.late_s > 0.5 else ""
+    return [Row(attack="quiet", case="a healthy fleet", sent=sent, lost=lost, held=not false and not lost, note=note)]
+
+
+def played_recording(options: Options) -> list[Row]:
+    """Innocent: a recording played live with its own timing, a port for each vehicle."""
+    records = list(frames(options.recording))
+    start_us = records[0][0]
+    length_s = (records[-1][0] - start_us) * 1e-6
+    length_s = min(length_s, 15.0 if options.quick else 60.0 * options.minutes)
+    port = free_port()
+    outlets: dict[int, socket.socket] = {}
+    place = shift_us = 0
+
+    def due(t_s: float) -> list[bytes]:
+        nonlocal place
+        first = place
+        while place < len(records) and records[place][0] - start_us <= t_s * 1e6:
+            place += 1
+        return [redated(raw, shift_us) for _, raw in records[first:place]]
+
+    def send(raw: bytes) -> None:
+        sender = sender_of(raw)
+        (outlets.get(sender) or outlets.setdefault(sender, udp_to(port))).send(raw)
+
+    mission = (options.recording / "session.toml").read_text()
+    station = Station(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
+    stage = Stage([Line(party=(TRUE, 0), make=due, send=send, rate_hz=200.0)])
+    shift_us = time.time_ns() // 1000 - start_us
+    stage.start()
+    try:
+        stage.wait(length_s)
+        count = sum(stage.sent.count.values())
+    finally:
+        station.end()  # before the silence at its end
+        sent = stage.stop()
+    false = _false_alarms(told(station.session, sent), length_s, OF_THE_RECORDING)
+    found = sum(1 for _ in frames(Path(station.session)))
+    shown = f"{options.recording.name}, {length_s:.0f} s"
+    note = f"{len(false)} false alarms" + (f": {false[0].text}" if false else "")
+    note += f"; sender {sent.late_s:.1f} s late" if sent.late_s > 0.5 else ""
+    return [Row(attack="quiet", case=shown, sent=count, lost=max(count - found, 0), held=not false, note=note)]

@@ -1,0 +1,144 @@
+"""What a flight left: packets recorded and refused, what was told, and what is believed of it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from bench.attacks.stage import Party, Sent
+
+__all__ = ["Belief", "Told", "beliefs", "beliefs_of", "first_told", "frames", "recorded", "sender_of", "told"]
+
+FOLD_S = 120.0
+_BARE = {0xFD: 12, 0xFE: 8}
+"""Bytes of a frame beside its payload, by its first byte."""
+_SIGNATURE = 13
+
+
+def frames(session: Path) -> Iterator[tuple[int, bytes]]:
+    """Unix µs and bytes of every record of all segments; what is torn at the end is left out.
+
+    Raises:
+        ValueError: something in between is no record.
+    """
+    for path in sorted(session.glob("telemetry*.tlog")):
+        data, at = path.read_bytes(), 0
+        while at + 10 < len(data):
+            bare = _BARE.get(data[at + 8], 0)
+            if not bare:
+                raise ValueError(f"{path}: no record at byte {at}")
+            stop = at + 8 + bare + data[at + 9] + (_SIGNATURE if bare == 12 and data[at + 10] & 1 else 0)
+            if stop > len(data):
+                break
+            yield int.from_bytes(data[at : at + 8], "big"), data[at + 8 : stop]
+            at = stop
+
+
+def sender_of(raw: bytes) -> int:
+    """System id in a frame."""
+    return raw[5] if raw[0] == 0xFD else raw[3]
+
+
+def recorded(session: Path, sent: Sent) -> Counter[Party]:
+    """How many of each party's packets were recorded.
+
+    Bytes that two sent are counted for the one who sent them first, as often as it did.
+    """
+    found: Counter[Party] = Counter()
+    for raw, count in Counter(raw for _, raw in frames(session)).items():
+        left = count
+        for party, often in sent.owners.get(raw, Counter()).items():
+            found[party] += min(left, often)
+            left -= min(left, often)
+        found["unknown", 0] += left
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Told:
+    """One line of the event log."""
+
+    t_s: float
+    """Since the stage began."""
+    level: str
+    kind: str
+    text: str
+    system_id: int
+
+    @property
+    def loud(self) -> bool:
+        """Whether it is a warning or an alarm."""
+        return self.level in ("warning", "alarm")
+
+
+def told(session: Path, sent: Sent) -> list[Told]:
+    """The event log in its order."""
+    found = []
+    for path in sorted(session.glob("events*.jsonl")):
+        for line in path.read_text(errors="replace").splitlines():
+            row = json.loads(line)
+            found.append(
+                Told(
+                    t_s=(row["time_us"] - sent.start_us) * 1e-6, level=row["level"], kind=row["kind"],
+                    text=row["text"], system_id=row["system_id"] or 0,
+                )
+            )  # fmt: skip
+    return found
+
+
+def first_told(events: Sequence[Told], pattern: str, system_id: int = 0, since_s: float = 0.0) -> Told | None:
+    """The first warning or alarm since a time whose text has the pattern; of one system, or 0 of any."""
+    for event in events:
+        its = system_id in (0, event.system_id) or (not event.system_id and re.search(rf"\b{system_id}\b", event.text))
+        if event.loud and its and event.t_s >= since_s and re.search(pattern, event.text, re.IGNORECASE):
+            return event
+    return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """What was believed of one vehicle at one moment."""
+
+    t_s: float
+    place: tuple[float, float] | None
+    """East and north of the UAV, metres."""
+    state: str
+    contested: bool
+    beat: bool
+    """Whether a heartbeat came lately."""
+
+    @property
+    def sure(self) -> bool:
+        """Whether the place is used."""
+        return self.place is not None and not self.contested and self.state in ("ok", "stale")
+
+
+def beliefs(python: str, session: Path, sent: Sent) -> list[dict[str, Any]]:
+    """What the station under test believes of its recording, five times a second.
+
+    Raises:
+        RuntimeError: it cannot fold it.
+    """
+    probe = Path(__file__).with_name("fold_probe.py")
+    done = subprocess.run([python, str(probe), str(session)], capture_output=True, text=True, timeout=FOLD_S)
+    if done.returncode:
+        raise RuntimeError(f"the recording cannot be folded: {done.stderr.strip()[-400:]}")
+    return [row | {"t_s": (row["t_us"] - sent.start_us) * 1e-6} for row in map(json.loads, done.stdout.splitlines())]
+
+
+def beliefs_of(rows: Sequence[dict[str, Any]], system_id: int) -> list[Belief]:
+    """What was believed of one vehicle."""
+    found = []
+    for row in rows:
+        if (its := row["rows"].get(str(system_id))) is not None:
+            place = (its["place"][0], its["place"][1]) if its["place"] else None
+            found.append(
+                Belief(t_s=row["t_s"], place=place, state=its["state"], contested=its["contested"], beat=its["beat"])
+            )
+    return found

@@ -1,0 +1,103 @@
+"""Rows of results, as a table and as a file to compare with later."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+__all__ = ["Row", "page", "read_rows", "write_rows"]
+
+NAN = math.nan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """What became of one case of an attack."""
+
+    attack: str
+    case: str
+    sent: int = 0
+    """Packets of the true vehicles."""
+    lost: int = 0
+    """Of those, not recorded or, with keys, refused."""
+    false_sent: int = 0
+    false_recorded: int = 0
+    believed_s: float = NAN
+    """For how long something false was believed that could have been known to be false."""
+    alarm_s: float = NAN
+    """From when it could be known to the alarm; NaN: none came, or none was due."""
+    held: bool
+    note: str = ""
+
+    @property
+    def summary(self) -> str:
+        """For the column of an earlier run."""
+        words = [] if self.held else ["not held"]
+        words += [f"{self.lost:,} lost"] if self.lost else []
+        words += [f"believed {self.believed_s:.1f} s"] if self.believed_s > 0 else []
+        words += [f"alarm {self.alarm_s:.1f} s"] if math.isfinite(self.alarm_s) else []
+        words += [self.note] if self.note else []
+        return "; ".join(words) or "held"
+
+
+HEAD = ("attack", "case", "true sent", "lost", "false sent", "recorded", "false believed", "alarm after", "verdict",
+        "note")  # fmt: skip
+
+
+def page(rows: Sequence[Row], title: str, words: str, before: Sequence[Row] = ()) -> str:
+    """A Markdown page.
+
+    Args:
+        rows: the results.
+        title: heading.
+        words: what stands between heading and table.
+        before: results of an earlier build; gives a column more.
+    """
+    then = {(row.attack, row.case): row for row in before}
+    head = [*HEAD, *(["before"] if before else [])]
+    lines = [f"# {title}", "", words.strip(), "", f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    for row in rows:
+        cells = [
+            row.attack, row.case, _count(row.sent), _count(row.lost) if row.sent else "–", _count(row.false_sent),
+            _count(row.false_recorded) if row.false_sent else "–", _seconds(row.believed_s), _seconds(row.alarm_s),
+            "held" if row.held else "**not held**", row.note,
+        ]  # fmt: skip
+        if before:
+            earlier = then.get((row.attack, row.case))
+            cells.append(earlier.summary if earlier else "–")
+        lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
+    held = sum(row.held for row in rows)
+    return "\n".join([*lines, "", f"{held} of {len(rows)} cases held.", ""])
+
+
+def _count(number: int) -> str:
+    return f"{number:,}" if number else "0"
+
+
+def _seconds(value: float) -> str:
+    return f"{value:.1f} s" if math.isfinite(value) else "–"
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Keep results for a later comparison."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow([each.name for each in fields(Row)])
+        table.writerows([getattr(row, each.name) for each in fields(Row)] for row in rows)
+
+
+def read_rows(path: Path) -> list[Row]:
+    """What :func:`write_rows` wrote."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return [
+            Row(
+                attack=row["attack"], case=row["case"], sent=int(row["sent"]), lost=int(row["lost"]),
+                false_sent=int(row["false_sent"]), false_recorded=int(row["false_recorded"]),
+                believed_s=float(row["believed_s"]), alarm_s=float(row["alarm_s"]), held=row["held"] == "True",
+                note=row["note"],
+            )
+            for row in csv.DictReader(file)
+        ]  # fmt: skip

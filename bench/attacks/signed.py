@@ -1,0 +1,270 @@
+"""Signed fleets whose stamps are those of real autopilots, and recordings of them that are played again."""
+
+from __future__ import annotations
+
+import csv
+import threading
+from collections.abc import Callable, Set
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bench.attacks.actors import UAV_ID, Body, lines_of, rover, uav
+from bench.attacks.records import beliefs, beliefs_of, frames, sender_of, told
+from bench.attacks.report import Row
+from bench.attacks.run import PROMISE_S, SLACK_S, Options
+from bench.attacks.stage import FALSE, TRUE, Line, Party, Stage, udp_to
+from bench.attacks.station import Station, StationError, key_of, mission_text, write_keys
+from bench.attacks.wire import Voice, ticks_now
+from bench.ports import free_port
+
+__all__ = ["late_start", "replayed", "restarts"]
+
+DAY_S = 86_400.0
+LATE_S = 20.0
+FLY_S = 8.0
+CYCLE_S, OFF_S = 11.0, 2.0
+"""When a vehicle is switched off, and for how long."""
+PAUSE_S = 4.0
+"""Between the end of a flight and the next start."""
+MOST_REPLAYED = 400
+RETRY_S = 10.0
+"""A flight that was killed may hold its port for a moment."""
+BOOT_AHEAD_S = 60.0
+"""ArduPilot adds a minute to the stamp that it had kept, at each start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """How one vehicle stamps."""
+
+    name: str
+    system_id: int
+    ahead_s: float
+    """Of the time, when the station starts."""
+    runs: bool
+    """With the time; else it takes one unit for each packet, as ArduPilot's does while it is armed and hears nobody."""
+    recorded: bool = False
+    """It is no vehicle, but a recording of one that is switched off."""
+    cycled: bool = False
+    """It is switched off and on in flight, and boots with its stamp a minute on."""
+
+    def voice(self) -> Voice:
+        return Voice(self.system_id, key=key_of(self.system_id), stamp=ticks_now(self.ahead_s))
+
+    def tick(self, voice: Voice) -> Callable[[float], None]:
+        """Sets the stamp ahead of each packet."""
+
+        def set_stamp(t_s: float) -> None:
+            if self.runs:
+                voice.stamp = max(voice.stamp + 1, ticks_now(self.ahead_s))
+
+        return set_stamp
+
+
+LATE = (
+    Clock(name="ArduPilot armed, 110 s behind", system_id=11, ahead_s=-110.0, runs=False),
+    Clock(name="ArduPilot armed, 150 s behind", system_id=12, ahead_s=-150.0, runs=False),
+    Clock(name="ArduPilot armed, 195 s behind", system_id=13, ahead_s=-195.0, runs=False),
+    Clock(name="PX4, the time itself", system_id=14, ahead_s=0.0, runs=True),
+    Clock(name="ArduPilot disarmed, a minute ahead", system_id=15, ahead_s=BOOT_AHEAD_S - 0.5, runs=True),
+    Clock(name="ArduPilot, switched off and on", system_id=18, ahead_s=-30.0, runs=False, cycled=True),
+    Clock(
+        name="ArduPilot armed, 150 s behind, switched off and on", system_id=19, ahead_s=-150.0, runs=False, cycled=True
+    ),
+    Clock(name="hostile: a recording of yesterday", system_id=16, ahead_s=-DAY_S, runs=True, recorded=True),
+    Clock(name="hostile: a recording of an hour ago", system_id=17, ahead_s=-3600.0, runs=True, recorded=True),
+)
+STEADY = (Clock(name="ArduPilot armed", system_id=11, ahead_s=0.0, runs=False), *LATE[3:5])
+
+
+def _lines(port: int, clocks: tuple[Clock, ...]) -> list[Line]:
+    found = []
+    for clock in (Clock(name="UAV", system_id=UAV_ID, ahead_s=0.0, runs=True), *clocks):
+        voice, send = clock.voice(), udp_to(port).send
+        body: Body = uav() if clock.system_id == UAV_ID else rover(clock.system_id)
+        role = FALSE if clock.recorded else TRUE
+        stop_s = CYCLE_S if clock.cycled else float("inf")
+        found += lines_of(body, voice, send, role, before=clock.tick(voice), stop_s=stop_s)
+        if clock.cycled:
+            again = replace(clock, ahead_s=clock.ahead_s + BOOT_AHEAD_S)
+            booted = replace(body, boot_s=-CYCLE_S - OFF_S)
+            found += lines_of(booted, again.voice(), udp_to(port).send, role, start_s=CYCLE_S + OFF_S)
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """One vehicle in one session."""
+
+    sent: int
+    refused: int
+    believed_after_s: float
+    """From its first record; inf never."""
+    sure_s: float
+
+
+def _judge(
+    options: Options, session: Path, stage: Stage, system_id: int, since_s: float = 0.0, again: Set[bytes] = frozenset()
+) -> Judged:
+    """What became of a vehicle's packets since a time of the stage, without those that somebody sent again."""
+    numbers = refused_records(session)
+    since_us = stage.sent.start_us + since_s * 1e6
+    its = [
+        (number, t_us) for number, (t_us, raw) in enumerate(frames(session))
+        if sender_of(raw) == system_id and raw not in again and t_us >= since_us
+    ]  # fmt: skip
+    refused = sum(number in numbers for number, _ in its)
+    first_s = (its[0][1] - stage.sent.start_us) * 1e-6 if its else float("inf")
+    seen = beliefs_of(beliefs(options.python, session, stage.sent), system_id)
+    sure = [belief for belief in seen if belief.sure and belief.t_s >= first_s]
+    # five times a second is looked: what was so at the first look is so at once
+    after_s = max(sure[0].t_s - first_s - 0.2, 0.0) if sure else float("inf")
+    return Judged(sent=len(its), refused=refused, believed_after_s=after_s, sure_s=len(sure) / 5.0)
+
+
+def refused_records(session: Path) -> set[int]:
+    """Numbers of the records that were not believed."""
+    found: set[int] = set()
+    for path in session.glob("refused*.csv"):
+        with path.open(newline="") as file:
+            found |= {int(row["record"]) for row in csv.DictReader(file)}
+    return found
+
+
+def _row(attack: str, case: str, judged: Judged, hostile: bool) -> Row:
+    if hostile:
+        return Row(attack=attack, case=case, false_sent=judged.sent, false_recorded=judged.sent,
+                   believed_s=judged.sure_s, held=judged.refused == judged.sent > 0 and not judged.sure_s,
+                   note=f"{judged.sent - judged.refused} not refused")  # fmt: skip
+    after_s = judged.believed_after_s
+    note = f"believed after {after_s:.1f} s" if judged.sure_s else "never believed"
+    return Row(attack=attack, case=case, sent=judged.sent, lost=judged.refused, held=after_s <= PROMISE_S + SLACK_S,
+               note=f"{note}, {judged.refused:,} refused")  # fmt: skip
+
+
+def late_start(options: Options) -> list[Row]:
+    """A signed fleet that was armed long before the station starts: stamps that stand still, minutes behind."""
+    port, ids = free_port(), [clock.system_id for clock in LATE]
+    keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
+    with ExitStack() as stack:
+        stage = Stage(_lines(port, LATE))
+        stage.start()
+        stack.callback(stage.stop)
+        station = Station(
+            options.gcs, options.folder / "late", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
+        )  # fmt: skip
+        stack.callback(station.kill)
+        stage.wait(LATE_S)
+        station.end()
+        return [
+            _row("signed, late start", clock.name,
+                 _judge(options, station.session, stage, clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0),
+                 clock.recorded) for clock in LATE
+        ]  # fmt: skip
+
+
+def restarts(options: Options) -> list[Row]:
+    """A signed fleet whose station is killed and started again, then ended and started again; with replays."""
+    port, ids = free_port(), [clock.system_id for clock in STEADY]
+    keys = write_keys(options.folder / "keys-restart", (UAV_ID, *ids))
+    earlier: list[bytes] = []
+    flying = threading.Event()
+
+    def keep(t_s: float, party: Party, raw: bytes) -> None:
+        if party[0] == TRUE and flying.is_set() and len(earlier) < MOST_REPLAYED:
+            earlier.append(raw)
+
+    rows = []
+    with ExitStack() as stack:
+        stage = Stage(_lines(port, STEADY), keep)
+        stage.start()
+        stack.callback(stage.stop)
+        for after in ("", "a crash", "a clean end"):
+            station = _started(options, stage, mission_text(ids, str(keys)), port)
+            stack.callback(station.kill)
+            begun_s = stage.now_s
+            flying.set()
+            if after:
+                _replay(port, earlier)
+            stage.wait(begun_s + FLY_S)
+            if not after:
+                station.kill()
+                stage.wait(stage.now_s + PAUSE_S)
+                continue
+            station.end()
+            stage.wait(stage.now_s + PAUSE_S)
+            again = set(earlier)
+            for clock in STEADY:
+                judged = _judge(options, station.session, stage, clock.system_id, again=again)
+                rows.append(_row("signed, restart", f"{clock.name}, after {after}", judged, hostile=False))
+            rows.append(_replayed_row(station.session, again, f"hostile: frames of the first flight, after {after}"))
+    return rows
+
+
+def _started(options: Options, stage: Stage, mission: str, port: int) -> Station:
+    """A flight on a port that the one before may still hold for a moment."""
+    until_s = stage.now_s + RETRY_S
+    while True:
+        try:
+            return Station(options.gcs, options.folder / "restart", mission, [f"udpin:127.0.0.1:{port}"])
+        except StationError:
+            if stage.now_s > until_s:
+                raise
+            stage.wait(stage.now_s + 0.5)
+
+
+def _replay(port: int, packets: list[bytes]) -> None:
+    with udp_to(port) as sock:
+        for raw in packets:
+            sock.send(raw)
+
+
+def _replayed_row(session: Path, packets: Set[bytes], case: str) -> Row:
+    numbers = refused_records(session)
+    found = [number for number, (_, raw) in enumerate(frames(session)) if raw in packets]
+    believed = sum(number not in numbers for number in found)
+    return Row(attack="signed, restart", case=case, false_sent=len(packets), false_recorded=len(found),
+               held=bool(found) and not believed, note=f"{believed} of them believed")  # fmt: skip
+
+
+def replayed(options: Options) -> list[Row]:
+    """Signed packets that come again seconds later from another address: refused, and told for what they are."""
+    port, ids = free_port(), [clock.system_id for clock in STEADY]
+    keys = write_keys(options.folder / "keys-replay", (UAV_ID, *ids))
+    waiting: list[tuple[float, bytes]] = []
+
+    def keep(t_s: float, party: Party, raw: bytes) -> None:
+        if party == (TRUE, ids[0]):
+            waiting.append((t_s, raw))
+
+    def due(t_s: float) -> list[bytes]:
+        found = []
+        while waiting and waiting[0][0] <= t_s - 5.0:
+            found.append(waiting.pop(0)[1])
+        return found
+
+    with ExitStack() as stack:
+        again = Line(party=(FALSE, ids[0]), make=due, send=udp_to(port).send, rate_hz=50.0)
+        stage = Stage([*_lines(port, STEADY), again], keep)
+        station = Station(
+            options.gcs, options.folder / "replay", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
+        )  # fmt: skip
+        stack.callback(station.kill)
+        stage.start()
+        stack.callback(stage.stop)
+        stage.wait(14.0)
+        sent = stage.stop()
+        station.end()
+        false = (FALSE, ids[0])
+        its = [event for event in told(station.session, sent) if event.loud and event.system_id == ids[0]]
+        named = [event for event in its if "replay" in event.text or "recording" in event.text or "again" in event.text]
+        judged = _judge(options, station.session, stage, ids[0])
+        believed = sent.count[false] - judged.refused
+        note = f"{max(believed, 0)} believed; told: {(named or its)[0].text if its else 'nothing'}"
+        return [
+            Row(attack="signed, replayed", case="5 s later, from another address", sent=sent.count[TRUE, ids[0]],
+                lost=max(-believed, 0), false_sent=sent.count[false], false_recorded=sent.count[false],
+                alarm_s=named[0].t_s - sent.first_s[false] if named else float("nan"),
+                held=bool(named) and believed <= 0, note=note)
+        ]  # fmt: skip

@@ -1,0 +1,133 @@
+"""A real ``gcs fly --headless`` in a process of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from bench.process_tree import family
+
+__all__ = ["Station", "StationError", "key_of", "mission_text", "write_keys"]
+
+START_S, END_S = 40.0, 40.0
+"""Patience with a flight that begins, and with one that seals its recording."""
+_BEGUN = re.compile(r"recording in (.*); stop with")
+
+
+class StationError(RuntimeError):
+    """The flight did not begin, with what it said."""
+
+
+def mission_text(ugvs: Sequence[int], keys: str = "none", more: str = "") -> str:
+    """A mission file for UAV 1 and these vehicles."""
+    vehicles = "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs)
+    return f'[uav]\nsystem_id = 1\n{vehicles}[signing]\nkeys = "{keys}"\n{more}'
+
+
+def key_of(system_id: int) -> bytes:
+    """The 32 bytes that a vehicle of an attack signs with."""
+    return hashlib.sha256(f"attack {system_id}".encode()).digest()
+
+
+def write_keys(folder: Path, ids: Sequence[int]) -> Path:
+    """A folder of keys as ``gcs keys`` makes it; returned again."""
+    folder.mkdir(parents=True, mode=0o700)
+    for system_id in ids:
+        file = folder / f"{system_id}.key"
+        file.touch(mode=0o600)
+        file.write_text(key_of(system_id).hex() + "\n")
+    return folder
+
+
+class Station:
+    """Starts the flight and waits until it records.
+
+    Args:
+        gcs: the command, as words.
+        folder: where the mission, the sessions and what is said are kept.
+        mission: text of the mission file.
+        links: of the telemetry.
+        more: further words of the command line.
+        patience_s: with its start.
+
+    Attributes:
+        pid: of the flight.
+        session: folder of its recording.
+        start_s: how long the start took.
+
+    Raises:
+        StationError: it ended, or said nothing for too long; it is ended then.
+    """
+
+    def __init__(
+        self,
+        gcs: Sequence[str],
+        folder: Path,
+        mission: str,
+        links: Sequence[str],
+        more: Sequence[str] = (),
+        patience_s: float = START_S,
+    ) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / "mission.toml"
+        file.write_text(mission)
+        self._said = folder / f"said-{time.monotonic_ns()}.txt"
+        words = [*gcs, "fly", str(file), "--headless", *more]
+        words += [] if "--sessions" in more else ["--sessions", str(folder / "sessions")]
+        words += [word for link in links for word in ("-l", link)]
+        # no key and no setting of whoever runs this may take part
+        home = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "XDG_DATA_HOME": str(folder / "data")}
+        began_s = time.monotonic()
+        with self._said.open("w") as said:
+            self._process = subprocess.Popen(
+                words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=os.environ | home
+            )
+        self.pid = self._process.pid
+        try:
+            self.session = self._wait_for_session(began_s + patience_s)
+        except BaseException:
+            self.kill()
+            raise
+        self.start_s = time.monotonic() - began_s
+
+    @property
+    def said(self) -> str:
+        """All that it wrote to stdout and stderr."""
+        return self._said.read_text(errors="replace")
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def end(self) -> int:
+        """End it as an operator does; killed when that does not help. Returns the exit code."""
+        if self.running:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            return self._process.wait(timeout=END_S)
+        except subprocess.TimeoutExpired:
+            return self.kill()
+
+    def kill(self) -> int:
+        """SIGKILL, to it and to what it had started."""
+        for pid in family(self.pid)[::-1]:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                continue
+        return self._process.wait()
+
+    def _wait_for_session(self, until_s: float) -> Path:
+        while time.monotonic() < until_s:
+            if found := _BEGUN.search(self.said):
+                return Path(found[1])
+            if not self.running:
+                raise StationError(f"the flight ended: {self.said.strip()[-400:]}")
+            time.sleep(0.05)
+        raise StationError(f"the flight did not begin in time: {self.said.strip()[-400:]}")

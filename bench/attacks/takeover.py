@@ -1,0 +1,171 @@
+"""Who is believed when two say where a system is: another component, and a false first position of the UAV."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from bench.attacks.actors import FULL, HOME, Body, lines_of, rover, uav
+from bench.attacks.records import Belief, first_told
+from bench.attacks.report import Row
+from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
+from bench.attacks.stage import FALSE, TRUE, Line, udp_to
+from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, Voice
+
+__all__ = ["CONTEST", "components", "first_position"]
+
+CONTEST = r"senders? |two addresses|contest|another component|also (sent|reported)|imposs?tor"
+"""Words of the alarms that tell of a second sender."""
+COMPANION_TYPE = 18  # MAV_TYPE_ONBOARD_CONTROLLER
+GIMBAL_TYPE = 26
+START_S = 3.0
+"""When the true vehicles begin, or fall silent."""
+GAP_AT_S, GAP_S = 5.0, 4.0
+APART_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A second source of one vehicle's reports."""
+
+    name: str
+    system_id: int
+    component_id: int
+    says: tuple[str, ...] = ("beat", "position")
+    kind: int = ROVER
+    autopilot: int = AUTOPILOT
+    apart_m: float = APART_M
+    gap: bool = False
+    """It begins when the true vehicle falls silent for four seconds; else three seconds ahead of it."""
+
+    @property
+    def hostile(self) -> bool:
+        return self.apart_m > 0.0
+
+
+CASES = (
+    Case(name="component 200, 3 s ahead", system_id=11, component_id=200),
+    Case(name="component 200, in a gap of 4 s", system_id=12, component_id=200, gap=True),
+    Case(name="component 2, all messages, 3 s ahead", system_id=13, component_id=2, says=FULL),
+    Case(name="companion 191 that says no autopilot, 3 s ahead", system_id=14, component_id=191,
+         kind=COMPANION_TYPE, autopilot=NO_AUTOPILOT),
+    Case(name="component 200, positions only, 3 s ahead", system_id=15, component_id=200, says=("position",)),
+    Case(name="component 1, in a gap of 4 s", system_id=16, component_id=1, gap=True),
+    Case(name="component 220, all messages, in a gap of 4 s", system_id=17, component_id=220, says=FULL, gap=True),
+    Case(name="innocent: companion 191 that repeats its positions", system_id=18, component_id=191,
+         kind=COMPANION_TYPE, autopilot=NO_AUTOPILOT, apart_m=0.0),
+    Case(name="innocent: gimbal 154 with attitudes of its own", system_id=19, component_id=154, kind=GIMBAL_TYPE,
+         autopilot=NO_AUTOPILOT, says=("beat", "attitude"), apart_m=0.0),
+    Case(name="innocent: second GPS, component 221", system_id=20, component_id=221, kind=27,
+         autopilot=NO_AUTOPILOT, says=("beat", "gps"), apart_m=0.0),
+)  # fmt: skip
+
+
+def components(options: Options) -> list[Row]:
+    """Components of a system 1 km away from it, begun before it or while it is silent."""
+    duration_s = 16.0 if options.quick else 30.0
+    flown = fly(options, "components", [case.system_id for case in CASES], _lines, duration_s)
+    return [_judge(flown, case) for case in CASES]
+
+
+def _lines(port: int) -> list[Line]:
+    lines = lines_of(uav(), Voice(1), udp_to(port).send)
+    for case in CASES:
+        body = rover(case.system_id)
+        ahead = case.hostile and not case.gap
+        silent = (GAP_AT_S, GAP_AT_S + GAP_S) if case.gap else (1e9, 1e9)
+        send = udp_to(port).send
+        lines += lines_of(
+            body, Voice(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent
+        )  # fmt: skip
+        begin_s = silent[0] if case.gap else 0.0
+        elsewhere = replace(body.moved(case.apart_m), speed_m_s=3.0 if case.hostile else body.speed_m_s)
+        lines += lines_of(
+            elsewhere, Voice(case.system_id, case.component_id), udp_to(port).send if case.hostile else send, FALSE,
+            says=case.says, kind=case.kind, autopilot=case.autopilot, start_s=begin_s,
+        )  # fmt: skip
+    return lines
+
+
+def _judge(flown: Flown, case: Case) -> Row:
+    body: Body = rover(case.system_id)
+    both_s = GAP_AT_S + GAP_S if case.gap else START_S
+    alarm = first_told(flown.told, CONTEST, case.system_id)
+    counts = flown.counts(case.system_id)
+    seen = flown.believed(case.system_id)
+    if not case.hostile:
+        # a vehicle with several components is told by no alarm and believed throughout
+        unsure = sum(not belief.sure for belief in seen if belief.t_s > START_S) / 5.0
+        held = alarm is None and unsure < 1.0 and not counts["lost"]
+        note = f"not believed for {unsure:.1f} s" if unsure >= 1.0 else ""
+        note = f"false alarm: {alarm.text}" if alarm else note
+        return Row(attack="components", case=case.name, **counts, held=held, note=note)
+    since_s = both_s + PROMISE_S + SLACK_S
+    wrong_s = believed_false_s(seen, body, case.apart_m, since_s, flown.flown_s)
+    after_s = alarm.t_s - both_s if alarm else float("nan")
+    held = wrong_s == 0.0 and after_s <= PROMISE_S + SLACK_S and not counts["lost"]
+    true_s = sum(belief.sure for belief in seen if belief.t_s >= since_s) / 5.0 - wrong_s
+    note = "" if alarm or held else "no alarm"
+    if case.says == ("position",) or case.autopilot == NO_AUTOPILOT:
+        # nobody who is no autopilot may speak for the vehicle: to go on believing the true one is as good as an alarm
+        held = wrong_s == 0.0 and not counts["lost"] and (bool(alarm) or true_s > 1.0)
+        note = "" if alarm else "the true one is believed, without an alarm" if held else "no alarm"
+    return Row(
+        attack="components", case=case.name, **counts, believed_s=wrong_s, alarm_s=max(after_s, 0.0)
+        if alarm else after_s, held=held, note=note,
+    )  # fmt: skip
+
+
+ELSEWHERE = {
+    "45° of longitude away": (HOME[0], HOME[1] + 45.0),
+    "85° of longitude away": (HOME[0], HOME[1] + 85.0),
+    "the other hemisphere": (-33.0, 151.0),
+    "20 km away": (HOME[0] + 0.18, HOME[1]),
+}
+SPEAKS_S = 2.0
+"""When the UAV itself begins."""
+RIGHT_BY_S = 10.0
+"""After so long the UAV has said often enough where it is."""
+NEAR_M = 3.0
+"""Within this a place relative to the UAV's is right: our degrees are those of a sphere, half a per cent off."""
+
+
+def first_position(options: Options) -> list[Row]:
+    """One false position in the UAV's name before it speaks itself."""
+    names = list(ELSEWHERE)[:1] if options.quick else list(ELSEWHERE)
+    return [_one(options, name) for name in names]
+
+
+def _one(options: Options, name: str) -> Row:
+    vehicles = (11, 12, 13)
+
+    def lines(port: int) -> list[Line]:
+        false = replace(uav(), home=ELSEWHERE[name])
+        found = lines_of(false, Voice(1), udp_to(port).send, FALSE, says=("beat", "position"), stop_s=0.2)
+        found += lines_of(uav(), Voice(1), udp_to(port).send, start_s=SPEAKS_S)
+        for system_id in vehicles:
+            found += lines_of(rover(system_id), Voice(system_id), udp_to(port).send)
+        return found
+
+    flown = fly(options, f"origin-{name.split()[0]}", vehicles, lines, 20.0)
+    wrong = right = 0
+    for system_id in vehicles:
+        seen = [each for each in flown.believed(system_id) if each.t_s > SPEAKS_S + RIGHT_BY_S]
+        off = [_off_m(each, system_id) for each in seen if each.sure]
+        wrong += sum(each > NEAR_M for each in off)
+        right += sum(each <= NEAR_M for each in off)
+    told = [event for event in flown.told if "origin" in event.text.lower() or "elsewhere" in event.text.lower()]
+    note = "" if told else "nothing told"
+    note = note if right else (note + "; no place is right").strip("; ")
+    sent, found = flown.sent.count, flown.recorded
+    true = [party for party in sent if party[0] == TRUE]
+    return Row(
+        attack="first position", case=name, sent=sum(sent[party] for party in true),
+        lost=sum(sent[party] - found[party] for party in true), false_sent=sent[FALSE, 1],
+        false_recorded=found[FALSE, 1], believed_s=wrong / 5.0 / len(vehicles),
+        alarm_s=told[0].t_s - SPEAKS_S if told else math.nan, held=not wrong and right > 0 and bool(told), note=note,
+    )  # fmt: skip
+
+
+def _off_m(belief: Belief, system_id: int) -> float:
+    return math.dist(belief.place, rover(system_id).at(belief.t_s)) if belief.place else math.inf
