@@ -118,14 +118,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 WORDS = """
-`python -m bench.attacks{words}`: attacks played from outside against a real `gcs fly --headless`. Packets are written with
-pymavlink; what was recorded is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed is what
-the station under test makes of its own recording, looked at five times a second.
+`python -m bench.attacks{words}`: attacks played from outside against a real `gcs fly --headless`. Packets are written
+with pymavlink; what was recorded is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed
+is what the station under test makes of its own recording, looked at five times a second.
 
-"Lost" are packets of true vehicles that are not in the log, or with keys were refused. "Recorded" are those of the
-attacker. "False believed" is how long a false place was used after it could be known to be false, "alarm after" how long
-the alarm took from then. A case is held when nothing false is believed, nothing true is lost and the alarm comes within
-two seconds, with one more granted to a busy machine. "Innocent" cases must raise no alarm.
+"Lost" are packets of true vehicles that are not in the log or, with keys, were refused. "Recorded" are those of the
+attacker. "False believed" is for how long a false place was used after it could be known to be false, "alarm after" is
+how long the alarm took from then. A case is held when nothing false is believed, nothing true is lost and the alarm
+comes within two seconds, with one more granted to a busy machine. "Innocent" cases must raise no alarm.
 
 Sender and station shared {cores} cores with other work: rates of floods are moderate ({rate:g} times those written in
 `bench/attacks/floods.py`), and shares say more than counts.

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from bench.attacks.stage import TRUE, Line, Party
+from bench.attacks.stage import TRUE, Line, Party, Send
 from bench.attacks.wire import AUTOPILOT, COPTER, ROVER, Voice
 
 __all__ = ["FULL", "HOME", "UAV_ID", "Body", "lines_of", "place_of", "rover", "uav"]
@@ -84,7 +84,7 @@ def place_of(body: Body, t_s: float) -> tuple[float, float, float, float]:
 def lines_of(
     body: Body,
     voice: Voice,
-    send: Callable[[bytes], object],
+    send: Send,
     role: str = TRUE,
     *,
     says: Sequence[str] = FULL,

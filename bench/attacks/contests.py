@@ -5,14 +5,13 @@ from __future__ import annotations
 import heapq
 import itertools
 import random
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from bench.attacks.actors import Body, lines_of, rover, uav
 from bench.attacks.records import first_told
 from bench.attacks.report import Row
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, Line, udp_to
+from bench.attacks.stage import FALSE, Door, Line, Send
 from bench.attacks.takeover import CONTEST
 from bench.attacks.wire import Voice
 
@@ -61,15 +60,15 @@ def duplicates(options: Options) -> list[Row]:
     """A second vehicle with the same id: a grid of boot clocks, distances and rates."""
     ids = {11 + k: twin for k, twin in enumerate(TWINS)}
 
-    def lines(port: int) -> list[Line]:
-        found = lines_of(uav(), Voice(1), udp_to(port).send)
+    def lines(door: Door) -> list[Line]:
+        found = lines_of(uav(), Voice(1), door())
         for system_id, twin in ids.items():
             body = rover(system_id, boot_s=300.0)
-            found += lines_of(body, Voice(system_id), udp_to(port).send)
+            found += lines_of(body, Voice(system_id), door())
             boot_s = FROM_BOOT if twin.clock_s != twin.clock_s else body.boot_s + twin.clock_s
             other = replace(body.moved(twin.apart_m), boot_s=boot_s, phase=body.phase + 1.0)
             found += lines_of(
-                other, Voice(system_id), udp_to(port).send, FALSE, rates_hz={"position": twin.rate_hz}, start_s=BEGIN_S
+                other, Voice(system_id), door(), FALSE, rates_hz={"position": twin.rate_hz}, start_s=BEGIN_S
             )
         return found
 
@@ -101,7 +100,7 @@ class Echo:
         jitter_s: by which packets are further late, each by another time: they overtake one another.
     """
 
-    def __init__(self, send: Callable[[bytes], object], delay_s: float, loss: float, jitter_s: float) -> None:
+    def __init__(self, send: Send, delay_s: float, loss: float, jitter_s: float) -> None:
         self._send, self._delay_s, self._loss, self._jitter_s = send, delay_s, loss, jitter_s
         self._now_s = 0.0
         self._order = itertools.count()
@@ -146,16 +145,16 @@ def late_links(options: Options) -> list[Row]:
     """Innocent: two links of one vehicle, the second 0 to 10 s late, with losses and reordering."""
     ids = {11 + k: link for k, link in enumerate(LINKS)}
 
-    def lines(port: int, other: int) -> list[Line]:
-        found = lines_of(uav(), Voice(1), udp_to(port).send)
+    def lines(door: Door, other: Door) -> list[Line]:
+        found = lines_of(uav(), Voice(1), door())
         for system_id, link in ids.items():
-            body, second = rover(system_id), udp_to(other).send
+            body, second = rover(system_id), other()
             if link.copied:
-                echo = Echo(udp_to(port).send, link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
+                echo = Echo(door(), link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
                 found += lines_of(body, Voice(system_id), echo.send)
                 found.append(Line(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
             else:
-                found += lines_of(body, Voice(system_id), udp_to(port).send)
+                found += lines_of(body, Voice(system_id), door())
                 found += lines_of(
                     body, Voice(system_id), second, FALSE, start_s=link.delay_s, delay_s=link.delay_s
                 )  # fmt: skip
@@ -195,10 +194,10 @@ def jammed(options: Options) -> list[Row]:
     steady = rover(11)
     jumping = Jumping(**{name: getattr(steady, name) for name in Body.__slots__})
 
-    def lines(port: int) -> list[Line]:
-        found = lines_of(uav(), Voice(1), udp_to(port).send)
-        found += lines_of(jumping, Voice(11), udp_to(port).send)
-        return found + lines_of(rover(12), Voice(12), udp_to(port).send)
+    def lines(door: Door) -> list[Line]:
+        found = lines_of(uav(), Voice(1), door())
+        found += lines_of(jumping, Voice(11), door())
+        return found + lines_of(rover(12), Voice(12), door())
 
     flown = fly(options, "jammed", [11, 12], lines, 15.0)
     wrong = first_told(flown.told, CONTEST, 11)

@@ -15,7 +15,7 @@ from bench.attacks.actors import lines_of, rover, uav
 from bench.attacks.records import first_told
 from bench.attacks.report import Row
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import TRUE, Line, Stage, udp_to
+from bench.attacks.stage import TRUE, Door, Line, Stage
 from bench.attacks.station import Station
 from bench.attacks.wire import Voice
 from bench.process_tree import family
@@ -30,10 +30,10 @@ STOPS_S = 2.0
 IMAGE_BYTES = 256_000_000
 
 
-def _lines(port: int) -> list[Line]:
-    found = lines_of(uav(), Voice(1), udp_to(port).send)
+def _lines(door: Door) -> list[Line]:
+    found = lines_of(uav(), Voice(1), door())
     for system_id in IDS:
-        found += lines_of(rover(system_id), Voice(system_id), udp_to(port).send)
+        found += lines_of(rover(system_id), Voice(system_id), door())
     return found
 
 

@@ -10,7 +10,7 @@ from bench.attacks.actors import lines_of, rover, uav
 from bench.attacks.records import first_told
 from bench.attacks.report import Row
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import FALSE, TRUE, Line, udp_to
+from bench.attacks.stage import FALSE, TRUE, Door, Line
 from bench.attacks.station import key_of, write_keys
 from bench.attacks.wire import Voice, ticks_now
 
@@ -74,10 +74,10 @@ def _spoofed(options: Options, signed: bool) -> Row:
     def voice(system_id: int) -> Voice:
         return Voice(system_id, key=key_of(system_id), stamp=ticks_now()) if signed else Voice(system_id)
 
-    def lines(port: int) -> list[Line]:
-        found = lines_of(uav(), voice(1), udp_to(port).send)
+    def lines(door: Door) -> list[Line]:
+        found = lines_of(uav(), voice(1), door())
         for system_id in ids:
-            speaks, send = voice(system_id), udp_to(port).send
+            speaks, send = voice(system_id), door()
             found += lines_of(rover(system_id), speaks, send)
             found.append(Line(party=(TRUE, system_id), make=_padding(speaks), send=send, rate_hz=PADDING_HZ))
             if system_id == ids[0]:
@@ -85,7 +85,7 @@ def _spoofed(options: Options, signed: bool) -> Row:
                     Line(party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ,
                          start_s=BEGIN_S)
                 )  # fmt: skip
-        flood = Line(party=(FALSE, STRANGER), make=_in_turn(_junk(), FLOOD_HZ * options.rate), send=udp_to(port).send,
+        flood = Line(party=(FALSE, STRANGER), make=_in_turn(_junk(), FLOOD_HZ * options.rate), send=door(),
                      rate_hz=TICK_HZ, start_s=BEGIN_S)  # fmt: skip
         return [*found, flood]
 
@@ -112,10 +112,10 @@ def known_id(options: Options) -> list[Row]:
 def _known(options: Options, ports: int) -> Row:
     ids = [11 + k for k in range(FLEET - 1)]
 
-    def lines(port: int) -> list[Line]:
-        found = lines_of(uav(), Voice(1), udp_to(port).send)
+    def lines(door: Door) -> list[Line]:
+        found = lines_of(uav(), Voice(1), door())
         for system_id in ids:
-            voice, send = Voice(system_id), udp_to(port).send
+            voice, send = Voice(system_id), door()
             found += lines_of(rover(system_id), voice, send)
             found.append(
                 Line(party=(TRUE, system_id), make=_padding(voice), send=send,
@@ -123,7 +123,7 @@ def _known(options: Options, ports: int) -> Row:
             )  # fmt: skip
         false = Voice(ids[0])
         frames = [false.parameter(-1.0 - k) for k in range(256)]
-        senders = itertools.cycle([udp_to(port).send for _ in range(ports)])
+        senders = itertools.cycle([door() for _ in range(ports)])
         flood = Line(party=(FALSE, ids[0]), make=_in_turn(frames, KNOWN_HZ * options.rate),
                      send=lambda raw: next(senders)(raw), rate_hz=TICK_HZ, start_s=BEGIN_S)  # fmt: skip
         return [*found, flood]

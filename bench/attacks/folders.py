@@ -11,7 +11,7 @@ from bench.attacks.run import Options
 from bench.attacks.station import Station, StationError, mission_text
 from bench.ports import free_port
 
-__all__ = ["hostile_folders"]
+__all__ = ["CASES", "hostile_folders", "one_folder"]
 
 PATIENCE_S = 20.0
 MOST_S = 5.0
@@ -94,10 +94,11 @@ CASES: dict[str, Callable[[Path, Path], None]] = {
 def hostile_folders(options: Options) -> list[Row]:
     """Hostile folders under sessions/: whether a flight starts, how soon, and whether anything outside is changed."""
     usual_s = _start(options, "none", lambda folder, victim: folder.rmdir())[0]
-    return [_one(options, k, name, make, usual_s) for k, (name, make) in enumerate(CASES.items())]
+    return [one_folder(options, k, name, make, usual_s) for k, (name, make) in enumerate(CASES.items())]
 
 
-def _one(options: Options, k: int, name: str, make: Callable[[Path, Path], None], usual_s: float) -> Row:
+def one_folder(options: Options, k: int, name: str, make: Callable[[Path, Path], None], usual_s: float) -> Row:
+    """One flight that starts beside a folder that ``make`` has filled; ``usual_s`` is how long a start takes."""
     took_s, said, changed = _start(options, str(k), make)
     late = not took_s <= usual_s + MOST_S
     note = f"starts in {took_s:.1f} s (without: {usual_s:.1f} s)" if took_s < PATIENCE_S else f"does not start: {said}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import socket
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from bench.attacks.actors import lines_of, rover, uav
 from bench.attacks.records import Told, frames, sender_of, told
 from bench.attacks.report import Row
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import TRUE, Line, Stage, udp_to
+from bench.attacks.stage import TRUE, Door, Line, Send, Stage
 from bench.attacks.station import Station
 from bench.attacks.wire import Voice, redated
 from bench.ports import free_port
@@ -34,10 +33,10 @@ def _false_alarms(events: Sequence[Told], until_s: float, expected: str = EXPECT
 def healthy_fleet(options: Options) -> list[Row]:
     """Innocent: a UAV and twelve vehicles that do nothing wrong, for --minutes."""
 
-    def lines(port: int) -> list[Line]:
-        found = lines_of(uav(), Voice(1), udp_to(port).send)
+    def lines(door: Door) -> list[Line]:
+        found = lines_of(uav(), Voice(1), door())
         for system_id in FLEET:
-            found += lines_of(rover(system_id), Voice(system_id), udp_to(port).send)
+            found += lines_of(rover(system_id), Voice(system_id), door())
         return found
 
     flown: Flown = fly(options, "quiet", FLEET, lines, 60.0 * (0.25 if options.quick else options.minutes))
@@ -58,7 +57,8 @@ def played_recording(options: Options) -> list[Row]:
     length_s = (records[-1][0] - start_us) * 1e-6
     length_s = min(length_s, 15.0 if options.quick else 60.0 * options.minutes)
     port = free_port()
-    outlets: dict[int, socket.socket] = {}
+    door = Door(port)
+    outlets: dict[int, Send] = {}
     place = shift_us = 0
 
     def due(t_s: float) -> list[bytes]:
@@ -70,7 +70,7 @@ def played_recording(options: Options) -> list[Row]:
 
     def send(raw: bytes) -> None:
         sender = sender_of(raw)
-        (outlets.get(sender) or outlets.setdefault(sender, udp_to(port))).send(raw)
+        (outlets.get(sender) or outlets.setdefault(sender, door()))(raw)
 
     mission = (options.recording / "session.toml").read_text()
     station = Station(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
@@ -83,6 +83,7 @@ def played_recording(options: Options) -> list[Row]:
     finally:
         station.end()  # before the silence at its end
         sent = stage.stop()
+        door.close()
     false = _false_alarms(told(station.session, sent), length_s, OF_THE_RECORDING)
     found = sum(1 for _ in frames(Path(station.session)))
     shown = f"{options.recording.name}, {length_s:.0f} s"

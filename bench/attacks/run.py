@@ -15,7 +15,7 @@ from typing import Any
 from bench.attacks.actors import Body
 from bench.attacks.records import Belief, Told, beliefs, beliefs_of, recorded, told
 from bench.attacks.report import Row
-from bench.attacks.stage import FALSE, TRUE, Line, Party, Sent, Stage
+from bench.attacks.stage import FALSE, TRUE, Door, Line, Party, Sent, Stage
 from bench.attacks.station import Station, mission_text
 from bench.ports import free_port
 
@@ -107,7 +107,7 @@ def fly(
         options: what is attacked.
         name: of the flight's folder.
         ugvs: system ids of the mission's vehicles.
-        lines: what is sent, for the ports that the station listens on.
+        lines: what is sent, for the doors of the ports that the station listens on.
         duration_s: how long.
         ports: how many links.
         more: further words for the command line.
@@ -117,10 +117,13 @@ def fly(
     listened = [free_port() for _ in range(ports)]
     folder = options.folder / name
     with ExitStack() as stack:
+        doors = [Door(port) for port in listened]
+        for door in doors:
+            stack.callback(door.close)
         links = [f"udpin:127.0.0.1:{port}" for port in listened]
         station = Station(options.gcs, folder, mission_text(ugvs, keys), links, more)
         stack.callback(station.kill)
-        stage = Stage(lines(*listened))
+        stage = Stage(lines(*doors))
         stage.start()
         stack.callback(stage.stop)
         if during is not None:

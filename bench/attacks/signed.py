@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import threading
 from collections.abc import Callable, Set
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from bench.attacks.actors import UAV_ID, Body, lines_of, rover, uav
 from bench.attacks.records import beliefs, beliefs_of, frames, sender_of, told
 from bench.attacks.report import Row
 from bench.attacks.run import PROMISE_S, SLACK_S, Options
-from bench.attacks.stage import FALSE, TRUE, Line, Party, Stage, udp_to
+from bench.attacks.stage import FALSE, TRUE, Door, Line, Party, Stage
 from bench.attacks.station import Station, StationError, key_of, mission_text, write_keys
 from bench.attacks.wire import Voice, ticks_now
 from bench.ports import free_port
@@ -78,10 +78,10 @@ LATE = (
 STEADY = (Clock(name="ArduPilot armed", system_id=11, ahead_s=0.0, runs=False), *LATE[3:5])
 
 
-def _lines(port: int, clocks: tuple[Clock, ...]) -> list[Line]:
+def _lines(door: Door, clocks: tuple[Clock, ...]) -> list[Line]:
     found = []
     for clock in (Clock(name="UAV", system_id=UAV_ID, ahead_s=0.0, runs=True), *clocks):
-        voice, send = clock.voice(), udp_to(port).send
+        voice, send = clock.voice(), door()
         body: Body = uav() if clock.system_id == UAV_ID else rover(clock.system_id)
         role = FALSE if clock.recorded else TRUE
         stop_s = CYCLE_S if clock.cycled else float("inf")
@@ -89,7 +89,7 @@ def _lines(port: int, clocks: tuple[Clock, ...]) -> list[Line]:
         if clock.cycled:
             again = replace(clock, ahead_s=clock.ahead_s + BOOT_AHEAD_S)
             booted = replace(body, boot_s=-CYCLE_S - OFF_S)
-            found += lines_of(booted, again.voice(), udp_to(port).send, role, start_s=CYCLE_S + OFF_S)
+            found += lines_of(booted, again.voice(), door(), role, start_s=CYCLE_S + OFF_S)
     return found
 
 
@@ -148,7 +148,8 @@ def late_start(options: Options) -> list[Row]:
     port, ids = free_port(), [clock.system_id for clock in LATE]
     keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
     with ExitStack() as stack:
-        stage = Stage(_lines(port, LATE))
+        door = stack.enter_context(closing(Door(port)))
+        stage = Stage(_lines(door, LATE))
         stage.start()
         stack.callback(stage.stop)
         station = Station(
@@ -177,7 +178,8 @@ def restarts(options: Options) -> list[Row]:
 
     rows = []
     with ExitStack() as stack:
-        stage = Stage(_lines(port, STEADY), keep)
+        door = stack.enter_context(closing(Door(port)))
+        stage = Stage(_lines(door, STEADY), keep)
         stage.start()
         stack.callback(stage.stop)
         for after in ("", "a crash", "a clean end"):
@@ -186,7 +188,9 @@ def restarts(options: Options) -> list[Row]:
             begun_s = stage.now_s
             flying.set()
             if after:
-                _replay(port, earlier)
+                send = door()
+                for raw in earlier:
+                    send(raw)
             stage.wait(begun_s + FLY_S)
             if not after:
                 station.kill()
@@ -214,12 +218,6 @@ def _started(options: Options, stage: Stage, mission: str, port: int) -> Station
             stage.wait(stage.now_s + 0.5)
 
 
-def _replay(port: int, packets: list[bytes]) -> None:
-    with udp_to(port) as sock:
-        for raw in packets:
-            sock.send(raw)
-
-
 def _replayed_row(session: Path, packets: Set[bytes], case: str) -> Row:
     numbers = refused_records(session)
     found = [number for number, (_, raw) in enumerate(frames(session)) if raw in packets]
@@ -245,8 +243,9 @@ def replayed(options: Options) -> list[Row]:
         return found
 
     with ExitStack() as stack:
-        again = Line(party=(FALSE, ids[0]), make=due, send=udp_to(port).send, rate_hz=50.0)
-        stage = Stage([*_lines(port, STEADY), again], keep)
+        door = stack.enter_context(closing(Door(port)))
+        again = Line(party=(FALSE, ids[0]), make=due, send=door(), rate_hz=50.0)
+        stage = Stage([*_lines(door, STEADY), again], keep)
         station = Station(
             options.gcs, options.folder / "replay", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )  # fmt: skip

@@ -12,8 +12,9 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["FALSE", "TRUE", "Line", "Party", "Sent", "Stage", "udp_to"]
+__all__ = ["FALSE", "TRUE", "Door", "Line", "Party", "Send", "Sent", "Stage", "udp_to"]
 
+Send = Callable[[bytes], object]
 Party = tuple[str, int]
 """A role and a system id: whose packets are counted together."""
 TRUE, FALSE = "true", "false"
@@ -28,6 +29,23 @@ def udp_to(port: int, host: str = "127.0.0.1") -> socket.socket:
     return sock
 
 
+class Door:
+    """A UDP port of this machine; each call gives another sender to it, with an address of its own."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._sockets: list[socket.socket] = []
+
+    def __call__(self) -> Send:
+        self._sockets.append(udp_to(self._port))
+        return self._sockets[-1].send
+
+    def close(self) -> None:
+        """Closes all of them."""
+        for sock in self._sockets:
+            sock.close()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Line:
     """Packets of one kind from one sender.
@@ -37,7 +55,7 @@ class Line:
 
     party: Party
     make: Callable[[float], Sequence[bytes]]
-    send: Callable[[bytes], object]
+    send: Send
     rate_hz: float
     start_s: float = 0.0
     stop_s: float = math.inf

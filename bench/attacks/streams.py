@@ -18,7 +18,7 @@ from bench.attacks.station import Station, mission_text
 from bench.attacks.wire import Voice
 from bench.ports import free_port
 
-__all__ = ["swallowed_frames"]
+__all__ = ["over_serial", "over_tcp", "swallowed_frames"]
 
 POISON = b"\xfd\xff\x00"
 GOOD = 3
@@ -30,14 +30,15 @@ EVERY = 97
 
 def swallowed_frames(options: Options) -> list[Row]:
     """FD FF 00 in front of good frames on TCP and on a serial port: how many are recorded, and how soon."""
-    return [*_tcp(options), _serial(options)]
+    return [*over_tcp(options), over_serial(options)]
 
 
 def _open_tcp(port: int) -> socket.socket:
     return socket.create_connection(("127.0.0.1", port), timeout=5.0)
 
 
-def _tcp(options: Options) -> list[Row]:
+def over_tcp(options: Options) -> list[Row]:
+    """Over a connection that stays and one that is closed at once."""
     port = free_port(socket.SOCK_STREAM)
     station = Station(
         options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"]
@@ -61,7 +62,8 @@ def _tcp(options: Options) -> list[Row]:
     ]
 
 
-def _serial(options: Options) -> Row:
+def over_serial(options: Options) -> Row:
+    """Over a pseudo terminal, which a program opens as it does a serial port."""
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
     station = Station(options.gcs, options.folder / "serial", mission_text([11]), [f"{os.ttyname(theirs)},115200"])

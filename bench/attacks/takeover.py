@@ -9,10 +9,10 @@ from bench.attacks.actors import FULL, HOME, Body, lines_of, rover, uav
 from bench.attacks.records import Belief, first_told
 from bench.attacks.report import Row
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, TRUE, Line, udp_to
+from bench.attacks.stage import FALSE, TRUE, Door, Line
 from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, Voice
 
-__all__ = ["CONTEST", "components", "first_position"]
+__all__ = ["CASES", "CONTEST", "components", "first_position", "judge"]
 
 CONTEST = r"senders? |two addresses|contest|another component|also (sent|reported)|imposs?tor"
 """Words of the alarms that tell of a second sender."""
@@ -65,29 +65,30 @@ def components(options: Options) -> list[Row]:
     """Components of a system 1 km away from it, begun before it or while it is silent."""
     duration_s = 16.0 if options.quick else 30.0
     flown = fly(options, "components", [case.system_id for case in CASES], _lines, duration_s)
-    return [_judge(flown, case) for case in CASES]
+    return [judge(flown, case) for case in CASES]
 
 
-def _lines(port: int) -> list[Line]:
-    lines = lines_of(uav(), Voice(1), udp_to(port).send)
+def _lines(door: Door) -> list[Line]:
+    lines = lines_of(uav(), Voice(1), door())
     for case in CASES:
         body = rover(case.system_id)
         ahead = case.hostile and not case.gap
         silent = (GAP_AT_S, GAP_AT_S + GAP_S) if case.gap else (1e9, 1e9)
-        send = udp_to(port).send
+        send = door()
         lines += lines_of(
             body, Voice(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent
         )  # fmt: skip
         begin_s = silent[0] if case.gap else 0.0
         elsewhere = replace(body.moved(case.apart_m), speed_m_s=3.0 if case.hostile else body.speed_m_s)
         lines += lines_of(
-            elsewhere, Voice(case.system_id, case.component_id), udp_to(port).send if case.hostile else send, FALSE,
+            elsewhere, Voice(case.system_id, case.component_id), door() if case.hostile else send, FALSE,
             says=case.says, kind=case.kind, autopilot=case.autopilot, start_s=begin_s,
         )  # fmt: skip
     return lines
 
 
-def _judge(flown: Flown, case: Case) -> Row:
+def judge(flown: Flown, case: Case) -> Row:
+    """What became of one of :data:`CASES`."""
     body: Body = rover(case.system_id)
     both_s = GAP_AT_S + GAP_S if case.gap else START_S
     alarm = first_told(flown.told, CONTEST, case.system_id)
@@ -139,12 +140,12 @@ def first_position(options: Options) -> list[Row]:
 def _one(options: Options, name: str) -> Row:
     vehicles = (11, 12, 13)
 
-    def lines(port: int) -> list[Line]:
+    def lines(door: Door) -> list[Line]:
         false = replace(uav(), home=ELSEWHERE[name])
-        found = lines_of(false, Voice(1), udp_to(port).send, FALSE, says=("beat", "position"), stop_s=0.2)
-        found += lines_of(uav(), Voice(1), udp_to(port).send, start_s=SPEAKS_S)
+        found = lines_of(false, Voice(1), door(), FALSE, says=("beat", "position"), stop_s=0.2)
+        found += lines_of(uav(), Voice(1), door(), start_s=SPEAKS_S)
         for system_id in vehicles:
-            found += lines_of(rover(system_id), Voice(system_id), udp_to(port).send)
+            found += lines_of(rover(system_id), Voice(system_id), door())
         return found
 
     flown = fly(options, f"origin-{name.split()[0]}", vehicles, lines, 20.0)
