@@ -10,9 +10,11 @@ from dataclasses import MISSING, fields
 from types import UnionType
 from typing import Any, Literal, TypeGuard, Union, get_args, get_origin, get_type_hints
 
+import tomli_w
+
 from gcs.errors import ConfigError
 
-__all__ = ["MOST_TOML_BYTES", "Ranges", "build", "parse_toml", "refuse_unknown"]
+__all__ = ["MOST_TOML_BYTES", "Ranges", "build", "parse_toml", "refuse_unknown", "toml_text"]
 
 MOST_TOML_BYTES = 256 << 10
 """Ten times what a mission with 255 vehicles, each with a comment, takes."""
@@ -51,6 +53,21 @@ def parse_toml(data: bytes, where: str) -> dict[str, Any]:
     if level:
         raise ConfigError(f"{where}: more than {_MOST_DEPTH} tables or lists are nested in each other")
     return table
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """A table as TOML; letters that cannot be printed stand in it as escapes, which other programs read as well."""
+    text = tomli_w.dumps(table)
+    return text if text.replace("\n", "").isprintable() else "".join(map(_escaped, text))
+
+
+def _escaped(letter: str) -> str:
+    if letter.isprintable() or letter == "\n":
+        return letter
+    code = ord(letter)
+    if 0xD800 <= code < 0xE000:  # a byte of a path that is no UTF-8: no text can hold it
+        return "\N{REPLACEMENT CHARACTER}"
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 def build(kind: type, table: object, where: str, ranges: Ranges) -> Any:  # noqa: ANN401 - of the kind given

@@ -9,6 +9,7 @@ import traceback
 from pathlib import Path
 
 from mavlink.files import open_to_append
+from mavlink.plain_text import plain
 
 __all__ = ["Faults"]
 
@@ -69,4 +70,4 @@ class Faults:
         text = f"{time.strftime('%FT%TZ', time.gmtime())} {job}\n{''.join(traceback.format_exception(error))}\n"
         # a fault must not fail on a full disk
         with contextlib.suppress(OSError), os.fdopen(open_to_append(self._path), "ab") as file:
-            file.write(text.encode(errors="replace"))
+            file.write("\n".join(map(plain, text.split("\n"))).encode())

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink.files import open_to_read
+from mavlink.plain_text import from_cell
 from mavlink.segments import segments
 
 __all__ = ["Heard"]
@@ -106,7 +107,7 @@ def _rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], in
 def _row(cells: list[str]) -> tuple[tuple[int, ...], tuple[str, str]] | None:
     try:
         numbers = tuple(map(int, cells[:_NUMBERS]))
-        address, name = cells[_NUMBERS : _NUMBERS + 2]
+        address, name = map(from_cell, cells[_NUMBERS : _NUMBERS + 2])
     except ValueError:
         return None
     return (numbers, (address, name)) if all(0 <= number < _BOUND for number in numbers) else None

@@ -17,6 +17,7 @@ from gcs.errors import SessionError
 from gcs.segmented import read_segments
 from gcs.snapshot import Box, Event, Snapshot
 from gcs.tables import Table
+from mavlink.plain_text import plain
 
 __all__ = ["COLUMNS", "EventLog", "IdentityLog", "Lines", "open_new", "read_identity"]
 
@@ -145,7 +146,7 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "frame": snapshot.frame,
         "track_id": box.track_id or None,
         "system_id": box.system_id or None,
-        "name": snapshot.name_of(box.system_id) if box.system_id else None,
+        "name": plain(snapshot.name_of(box.system_id)) if box.system_id else None,
         "confidence": _number(box.confidence, 4),
         "runner_up": box.runner_up or None,
         "runner_up_confidence": _number(box.runner_up_confidence, 4),
@@ -168,7 +169,7 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
 def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
-    return _JSON.encode(row | {"text": event.text})
+    return _JSON.encode(row | {"text": plain(event.text)})
 
 
 def _number(value: float, digits: int) -> float | None:

@@ -57,8 +57,8 @@ class RollCall:
         """Vehicles that were named at least once."""
         return sum(entry.boxes > 0 for entry in self._entries.values())
 
-    def text(self) -> str:
-        """The table, one line a vehicle, ending without a newline."""
+    def lines(self) -> list[str]:
+        """The table, one line a vehicle."""
         span_s = (self._stop_us - self._start_us) * 1e-6
         lines = [
             f"{'id':>3}  {'name':<12} {'first named':>11} {'boxes':>6} {'of frames in view':>17} {'confidence':>10}"
@@ -77,4 +77,4 @@ class RollCall:
             f"{self.named} of {len(self._entries)} vehicles named; {self.boxes} boxes in {self.frames} frames, "
             f"{self.unnamed} unnamed; {span_s:.1f} s"
         )
-        return "\n".join(lines)
+        return lines

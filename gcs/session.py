@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
 from numpy.typing import NDArray
 
 from gcs.config import NO_KEYS, Mission, load_mission
+from gcs.config_values import toml_text
 from gcs.errors import SessionError
 from gcs.segmented import read_segments
 from gcs.tables import Table
@@ -177,7 +177,7 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
     if signing.keys == NO_KEYS:
         # other folders of keys are the flight's computer's own
         table["signing"]["keys"] = NO_KEYS
-    text = tomli_w.dumps(table)
+    text = toml_text(table)
     tomllib.loads(text)
     return text
 

@@ -13,10 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import tomli_w
-
 from gcs.config import Mission
-from gcs.config_values import MOST_TOML_BYTES, parse_toml
+from gcs.config_values import MOST_TOML_BYTES, parse_toml, toml_text
 from gcs.errors import ConfigError, SessionError
 from gcs.session import mission_table
 from gcs.sessionlog import SessionLog
@@ -171,7 +169,7 @@ def _seal(folder: Path, at: int, table: dict[str, Any]) -> Interrupted:
     counted = {} if found.records is None else {"packets": found.records}
     table["session"] |= {"ended": found.ended, **counted, "interrupted": True}
     try:
-        os.close(_replace(at, tomli_w.dumps(table)))
+        os.close(_replace(at, toml_text(table)))
     except OSError as error:
         return replace(found, trouble=error.strerror or str(error))
     return found

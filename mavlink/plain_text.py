@@ -6,7 +6,12 @@ characters that turn the direction of writing or end a line.
 
 from __future__ import annotations
 
-__all__ = ["plain"]
+__all__ = ["from_cell", "plain", "to_cell"]
+
+_FORMULA = tuple("=+-@＝＋－＠")
+"""A cell that begins so is run by spreadsheets; those that count wide letters as their narrow twins too."""
+_AS_TEXT = "'"
+"""Spreadsheets take what follows for text and do not show it."""
 
 
 def plain(text: str) -> str:
@@ -22,3 +27,15 @@ def plain(text: str) -> str:
         True
     """
     return text if text.isprintable() else "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def to_cell(text: str) -> str:
+    """Words as a cell of a table that spreadsheets open: one plain line, never a formula. Numbers go in as they are."""
+    said = plain(text)
+    return _AS_TEXT + said if said.lstrip(" " + _AS_TEXT).startswith(_FORMULA) else said
+
+
+def from_cell(cell: str) -> str:
+    """The words of a cell."""
+    said = cell.removeprefix(_AS_TEXT)
+    return said if to_cell(said) == cell else cell

@@ -23,6 +23,7 @@ from mavlink.errors import TlogError
 from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.journal import Journal
 from mavlink.packet import MAGIC_V2, Auth, Packet
+from mavlink.plain_text import to_cell
 from mavlink.record_state import RecordState, overall
 from mavlink.scribe import Scribe
 
@@ -132,7 +133,8 @@ class TlogWriter:
             name: of the link.
         """
         row = io.StringIO()
-        csv.writer(row, lineterminator="\n").writerow((number, t_us, system_id, link, peer, address, name))
+        words = to_cell(address), to_cell(name)
+        csv.writer(row, lineterminator="\n").writerow((number, t_us, system_id, link, peer, *words))
         self._put(_SENDERS, row.getvalue().encode(), 1)
 
     @property

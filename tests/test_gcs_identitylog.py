@@ -122,7 +122,7 @@ def test_roll_call_counts_what_was_seen():
     for frame in range(4):
         calls.add(snapshot(frame, boxes=[box(1, 2 if frame else 0), box(2, 0)]))
     assert (calls.named, calls.boxes, calls.unnamed) == (1, 8, 5)
-    text = calls.text()
+    text = "\n".join(calls.lines())
     assert "Alpha" in text
     assert "75.0%" in text
     assert "never in view" in text

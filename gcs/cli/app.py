@@ -6,15 +6,16 @@ A command's module is imported when the command is called: a look into a log wai
 from __future__ import annotations
 
 import gc
+import sys
 from importlib import import_module
 from importlib.metadata import version
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO, cast
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from gcs.cli.console import explained, say
+from gcs.cli.console import PlainStream, explained, say
 
 __all__ = ["app", "main"]
 
@@ -75,5 +76,6 @@ def main() -> None:
     # Frames make many small objects and no cycles: collecting as rarely as this saves a tenth of the time.
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
+    sys.stderr = cast(TextIO, PlainStream(sys.stderr, sys.argv))
     with explained():
         app()

@@ -16,7 +16,7 @@ from vision.errors import CameraError
 from vision.lens_file import lens_text
 from vision.video import VideoFile
 
-__all__ = ["calibrate", "calibration_text"]
+__all__ = ["calibrate", "calibration_lines"]
 
 
 def calibrate(
@@ -37,7 +37,7 @@ def calibrate(
     views = chosen(found, MOST_VIEWS)
     note(f"the board is whole and sharp in {len(found)} of {looked} frames, {len(views)} of them differ")
     calibration = fit(views, pattern, size)
-    say(calibration_text(calibration))
+    say(*calibration_lines(calibration))
     against = list(doubts(calibration))
     if against:
         raise CameraError(f"{out} is not written: {'; '.join(against)}")
@@ -45,7 +45,7 @@ def calibrate(
     note(f'wrote {out}; use it with [camera] lens = "{out.name}" in a mission file beside it')
 
 
-def calibration_text(calibration: Calibration) -> str:
+def calibration_lines(calibration: Calibration) -> list[str]:
     """The figures, one a line."""
     camera = calibration.intrinsics
     values = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion.tolist())
@@ -57,7 +57,7 @@ def calibration_text(calibration: Calibration) -> str:
     ]
     head = f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS"
     rim = f"board seen in {calibration.coverage:.0%} of the picture, ±{calibration.pixel_px:.2f} px in its corners"
-    return "\n".join([head, rim, *rows])
+    return [head, rim, *rows]
 
 
 def _board(text: str, square_m: float) -> Board:

@@ -13,14 +13,15 @@ import io
 import os
 import sys
 import termios
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TextIO
 
 from assoc.errors import AssocError
 from gcs.errors import GcsError
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.files import open_to_append
+from mavlink.plain_text import plain
 from sim.errors import SimError
 from vision.errors import VisionError
 
@@ -30,6 +31,7 @@ __all__ = [
     "NO_NAMES",
     "VIDEO_START",
     "Graphics",
+    "PlainStream",
     "explained",
     "note",
     "quiet_stderr",
@@ -44,21 +46,39 @@ VIDEO_START = "When a video without frames.csv begins, seconds after the log's f
 Graphics = Literal["auto", "blocks", "pixels"]
 
 
-def say(text: str) -> None:
-    """A line of the command's result, on stdout."""
-    sys.stdout.write(_plain(text) + "\n")
+def say(*lines: str) -> None:
+    """Lines of the command's result, on stdout; one that holds the end of a line is still one."""
+    sys.stdout.write("".join(plain(line) + "\n" for line in lines))
     sys.stdout.flush()
 
 
 def note(text: str) -> None:
     """A line beside the result, on stderr."""
-    sys.stderr.write(f"gcs: {_plain(text)}\n")
+    sys.stderr.write(f"gcs: {plain(text)}\n")
     sys.stderr.flush()
 
 
-def _plain(text: str) -> str:
-    """Names and reasons may be others' words: what would give the terminal orders is shown as a replacement mark."""
-    return "".join(c if c.isprintable() or c in "\n\t" else "\N{REPLACEMENT CHARACTER}" for c in text)
+class PlainStream:
+    """A stream of text on which others write too: the parser of the command line, Python with its tracebacks.
+
+    Args:
+        stream: where it goes.
+        words: that may be repeated on it, each in one piece: arguments, such as names of folders.
+    """
+
+    def __init__(self, stream: TextIO, words: Sequence[str]) -> None:
+        self._stream = stream
+        self._words = [word for word in words if not word.isprintable()]
+
+    def write(self, text: str) -> int:
+        """Write what a terminal can show and does not obey."""
+        for word in self._words:
+            text = text.replace(word, plain(word))
+        self._stream.write("\n".join(map(plain, text.split("\n"))))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the stream has
+        return getattr(self._stream, name)
 
 
 @contextlib.contextmanager

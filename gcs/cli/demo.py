@@ -9,7 +9,7 @@ from pathlib import Path
 from gcs.cli.console import NO_NAMES, say
 from gcs.cli.identify import identify_into
 from gcs.cli.replay import show_replay
-from gcs.cli.score import score_text
+from gcs.cli.score import score_lines
 from gcs.errors import SessionError
 from gcs.score import score_files
 from gcs.session import open_session
@@ -28,8 +28,8 @@ def demo() -> None:
         raise SystemExit(show_replay(session, detect=True))
     with tempfile.TemporaryDirectory() as folder:
         calls = identify_into(session, Path(folder), detect=True)
-        say(calls.text())
+        say(*calls.lines())
         say("")
-        say(score_text(score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")))
+        say(*score_lines(score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")))
     if not calls.named:
         raise SystemExit(NO_NAMES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ import typer
 from gcs.cli.console import note, say
 from gcs.errors import GcsError
 from mavlink.files import create
+from mavlink.plain_text import plain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -67,8 +69,10 @@ def eval_detector(
         "ground resolution": f"{gsd:g} m per px" if gsd else "as the labels tell",
         "time a picture, ms": f"{1e3 * took / max(len(pictures), 1):.0f}",
     }
+    result = replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
+    about = {what: plain(which) for what, which in about.items()}
     text = as_markdown(result, about)
-    say(text.rstrip("\n"))
+    say(*text.rstrip("\n").split("\n"))
     if out is not None:
         _write(out, as_json(result, about), text, pictures, found, score)
 
@@ -86,8 +90,6 @@ def _format(form: str | None) -> Any:  # noqa: ANN401  (one of FORMATS from here
 
 
 def _chosen(pictures: tuple[Picture, ...], wanted: list[str] | None, neither: list[str] | None) -> list[Picture]:
-    from dataclasses import replace
-
     from vision.evaluation import choose
     from vision.evaluation.truth import choose_classes
 

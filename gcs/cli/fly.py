@@ -76,7 +76,7 @@ def fly(
     finally:
         sealing.close()
         flight.stop()
-    say(calls.text())
+    say(*calls.lines())
     say(f"{flight.packets} packets received; recorded in {flight.folder}")
     for line in (*flight.lost, *flight.faults):
         note(line)

@@ -30,7 +30,7 @@ def identify(
     """Name the boxes of a recording, faster than real time; same input, same bytes."""
     opened = open_session(session, video=video, video_start_s=video_start, mission=mission)
     calls = identify_into(opened, out, detect=detect)
-    say(calls.text())
+    say(*calls.lines())
     if not calls.named:
         raise SystemExit(NO_NAMES)
 

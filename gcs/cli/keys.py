@@ -105,7 +105,7 @@ def check(
     checker = Verifier(ring, steady_ns=lambda: 0)
     for path in log or []:
         say("")
-        say(log_text(path, verdicts(checker, path)))
+        say(*log_lines(path, verdicts(checker, path)))
 
 
 def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth]]:
@@ -113,8 +113,8 @@ def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth]]:
     return Counter((packet.system_id, checker.check(packet)) for packet in Tlog.open(path).packets())
 
 
-def log_text(path: Path, counts: Counter[tuple[int, Auth]]) -> str:
-    """The verdicts as a table, ending without a newline."""
+def log_lines(path: Path, counts: Counter[tuple[int, Auth]]) -> list[str]:
+    """The verdicts as a table."""
     systems = sorted({system_id for system_id, _ in counts})
     good = sum(count for (_, verdict), count in counts.items() if verdict is Auth.GOOD)
     lines = [f"{path}: {good} of {counts.total()} frames would be believed"]
@@ -123,7 +123,7 @@ def log_text(path: Path, counts: Counter[tuple[int, Auth]]) -> str:
     lines += [f"{s:>6}" + "".join(f"{counts[s, verdict]:>10}" for verdict in shown) for s in systems]
     if Auth.OPEN in shown:
         lines.append(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
-    return "\n".join(lines)
+    return lines
 
 
 def _system_id(who: str) -> int:

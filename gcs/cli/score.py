@@ -13,7 +13,7 @@ from gcs.cli.console import say
 from gcs.errors import ScoreError
 from gcs.score import Score, score_files
 
-__all__ = ["score", "score_text"]
+__all__ = ["score", "score_lines"]
 
 
 def score(
@@ -26,10 +26,10 @@ def score(
     if not path.is_file():
         raise ScoreError(f"{path}: no such file; only simulated or annotated sessions have a truth to compare with")
     result = score_files(path, identity)
-    say(json.dumps(asdict(result)) if as_json else score_text(result))
+    say(*([json.dumps(asdict(result))] if as_json else score_lines(result)))
 
 
-def score_text(result: Score) -> str:
+def score_lines(result: Score) -> list[str]:
     """The figures, one a line."""
     rows = (
         ("precision", f"{result.precision:.2%}", "right names of names given"),
@@ -42,4 +42,4 @@ def score_text(result: Score) -> str:
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
     )
     head = f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named"
-    return "\n".join([head, *(f"{name:<12} {value:>9}  {what}" for name, value, what in rows)])
+    return [head, *(f"{name:<12} {value:>9}  {what}" for name, value, what in rows)]

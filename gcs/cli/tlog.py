@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import say
-from gcs.cli.tlog_report import check_json, check_text, repair_text
+from gcs.cli.tlog_report import check_json, check_lines, repair_lines
 from mavlink.errors import TlogError
 from mavlink.tlog import Tlog
 from mavlink.tlog_check import check as examine
@@ -32,11 +32,11 @@ DAMAGED = 5
 @app.command("info")
 def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")]) -> None:
     """Who speaks in a log, what, how often, and what is damaged."""
-    say(info_text(log, summarise(Tlog.open(log))))
+    say(*info_lines(log, summarise(Tlog.open(log))))
 
 
-def info_text(path: Path, found: TlogInfo) -> str:
-    """The summary, ending without a newline."""
+def info_lines(path: Path, found: TlogInfo) -> list[str]:
+    """The summary."""
     counts = found.counts
     lines = [f"{path}: {counts.records} messages, {counts.size_bytes} bytes"]
     if found.time_source == "none":
@@ -59,7 +59,7 @@ def info_text(path: Path, found: TlogInfo) -> str:
     lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MOST_DAMAGE]]
     if len(found.damage) > MOST_DAMAGE:
         lines.append(f"  and {len(found.damage) - MOST_DAMAGE} more")
-    return "\n".join(lines)
+    return lines
 
 
 @app.command("check")
@@ -74,7 +74,7 @@ def check(
     whole = True
     for log in logs:
         found = examine(Tlog.open(log, any_file=True))
-        say(check_json(log, found) if as_json else check_text(log, found, most))
+        say(*([check_json(log, found)] if as_json else check_lines(log, found, most)))
         whole &= found.whole
     if not whole:
         raise typer.Exit(DAMAGED)
@@ -90,7 +90,7 @@ def repair(
     found = examine(opened)
     if opened.cut(out) != len(opened.index):
         raise TlogError(f"{out}: not all records were written")
-    say(repair_text(out, found))
+    say(*repair_lines(out, found))
 
 
 @app.command("cut")

@@ -12,14 +12,14 @@ from typing import Any
 from mavlink.tlog_check import TlogCheck
 from mavlink.tlog_clocks import SenderClock
 
-__all__ = ["check_json", "check_text", "repair_text"]
+__all__ = ["check_json", "check_lines", "repair_lines"]
 
 _MOST_STEPS = 5
 _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
 
 
-def check_text(path: Path, found: TlogCheck, most: int) -> str:
-    """The report, ending without a newline; at most so many damaged places one by one."""
+def check_lines(path: Path, found: TlogCheck, most: int) -> list[str]:
+    """The report; at most so many damaged places one by one."""
     verdict = "whole" if found.whole else "damaged"
     lines = [f"{path}: {verdict}, {found.records} whole messages in {found.size_bytes} bytes"]
     lines.append(
@@ -33,7 +33,7 @@ def check_text(path: Path, found: TlogCheck, most: int) -> str:
         *_clock_lines(found),
         *_damage_lines(found, most),
     ]
-    return "\n".join(lines)
+    return lines
 
 
 def _kind_lines(found: TlogCheck) -> list[str]:
@@ -118,7 +118,7 @@ def _number(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def repair_text(out: Path, found: TlogCheck) -> str:
+def repair_lines(out: Path, found: TlogCheck) -> list[str]:
     """What was written and what was left out."""
     lines = [f"{found.records} messages written to {out}"]
     stamps = sum(d.reason == "impossible time" for d in found.damage)
@@ -134,4 +134,4 @@ def repair_text(out: Path, found: TlogCheck) -> str:
         lines.append("there were no times: messages are a millisecond apart from 1970 on, only their order is real")
     if found.time_source == "little-endian":
         lines.append("times were little-endian and are now big-endian, as every program expects")
-    return "\n".join(lines)
+    return lines

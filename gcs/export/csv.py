@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gcs.identitylog import open_new
 from gcs.snapshot import Snapshot
+from mavlink.plain_text import to_cell
 
 __all__ = ["CsvExport"]
 
@@ -33,7 +34,7 @@ class CsvExport:
         for box in snapshot.boxes:
             if box.coasting:
                 continue
-            name = snapshot.name_of(box.system_id) if box.system_id else ""
+            name = to_cell(snapshot.name_of(box.system_id)) if box.system_id else ""
             who = (box.track_id or "", box.system_id or "", name, _cell(box.confidence, 4))
             second = (box.runner_up or "", _cell(box.runner_up_confidence, 4))
             shape = [_cell(v, 2) for v in (box.cx, box.cy, box.w, box.h)]
