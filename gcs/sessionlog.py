@@ -173,7 +173,7 @@ def _refused(path: Path, t_us: Ints) -> NDArray[np.uint8]:
     """
     table = read_segments(path, ("record", "t_us", "auth"))
     number, time_us = table["record"].astype(np.int64), table["t_us"].astype(np.int64)
-    said = np.clip(table["auth"], Auth.UNSIGNED, Auth.FUTURE).astype(np.uint8)
+    said = np.clip(table["auth"], Auth.UNSIGNED, max(Auth)).astype(np.uint8)
     auth = np.zeros(len(t_us), dtype=np.uint8)
     inside = (number >= 0) & (number < len(t_us))
     if inside.all() and (t_us[number] == time_us).all():

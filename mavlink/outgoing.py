@@ -74,6 +74,7 @@ class Outgoing:
         self._lock = threading.Lock()
         self._seq = 0
         self._where: dict[int, tuple[int, int]] = {}
+        self._held: dict[int, tuple[int, int]] = {}
         self._others: set[int] = set()
         self._refused: Counter[str] = Counter()
         self.count = 0
@@ -87,13 +88,17 @@ class Outgoing:
     @property
     def links(self) -> list[int]:
         """Links on which the UAV was heard lately, the latest first."""
-        where = self._where.copy()  # another thread learns new ones
-        newest_us = max((t_us for _, t_us in where.values()), default=0)
-        fresh = [(t_us, link) for link, (_, t_us) in where.items() if newest_us - t_us <= HEARD_US]
+        fresh = [(t_us, link) for link, (_, t_us) in _fresh(self._where).items()]
         return [link for _, link in sorted(fresh, reverse=True)]
 
     def heard(self, packet: Packet) -> None:
-        """Learns where the UAV is, and where only others are, from packets that are believed."""
+        """Learns where the UAV is, and where only others are, from packets that are believed.
+
+        Where its packets are held because nothing proves that they are made now, it gets heartbeats and nothing else:
+        a living autopilot that hears one raises the timestamps of its signatures to the one of ours.
+        """
+        if packet.auth is Auth.HELD and packet.system_id == self._uav:
+            self._held[packet.link] = (packet.peer, packet.t_us)
         if packet.auth > Auth.GOOD:
             return
         if packet.system_id == self._uav:
@@ -128,8 +133,10 @@ class Outgoing:
         left = sum(self.give(raw, link) for link in heard)
         if not only_to_uav(raw, self._uav) or Packet(0, raw).message_id != _HEARTBEAT:
             return left
+        knocks = {link: 0 for link in self._knock if self._waits(link, heard)}
+        knocks |= {link: peer for link, (peer, _) in _fresh(self._held).items() if link not in heard}
         with self._lock:
-            return left + sum(self._leave(raw, link, 0) for link in self._knock if self._waits(link, heard))
+            return left + sum(self._leave(raw, link, peer) for link, peer in knocks.items())
 
     def _waits(self, link: int, heard: Collection[int]) -> bool:
         """Whether the UAV may be behind a link and not know of this station; not where a ground vehicle answered."""
@@ -146,6 +153,13 @@ class Outgoing:
         self.count += 1
         self._sent(link, frame)
         return True
+
+
+def _fresh(where: Mapping[int, tuple[int, int]]) -> dict[int, tuple[int, int]]:
+    """Peer and time by link, of those that were heard lately."""
+    where = dict(where)  # another thread learns new ones
+    newest_us = max((t_us for _, t_us in where.values()), default=0)
+    return {link: place for link, place in where.items() if newest_us - place[1] <= HEARD_US}
 
 
 def _numbered(raw: bytes, seq: int) -> bytes:

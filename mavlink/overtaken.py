@@ -1,41 +1,81 @@
-"""Signed packets that newer ones have overtaken: refused like those of a recording, and nobody's attack.
+"""How old a signed packet is that is refused because newer ones have come: overtaken on its way, or played again.
 
 A signature's timestamp has to be newer than the last of its stream. A link that changes the order of packets breaks
 that, and so does a vehicle that signs for all its radios with one counter, as ArduPilot does: whatever comes over the
-slower radio is older than what the faster one has brought.
+slower radio is older than what the faster one has brought, by seconds. What is older than that somebody has kept.
+
+Timestamps alone do not tell, since counters stand still while vehicles drive: what counts is when newer ones came.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections import deque
+
 from mavlink.packet import Packet
 
-__all__ = ["Overtaken"]
+__all__ = ["SLOWEST_US", "Overtaken"]
 
+SLOWEST_US = 12_000_000
+"""No link is slower; as long as copies are remembered at least."""
 _MOST = 64  # streams: components times link ids
-_BEHIND = 12 * 100_000  # ticks of 10 µs; no longer than copies are remembered, which says as little
+_SAMPLES, _EVERY_US = 128, 1_000_000
+_TICK_US = 10
+
+
+class _Stream:
+    """When the timestamps of one stream came."""
+
+    __slots__ = ("newest", "samples")
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self.samples: deque[tuple[int, int]] = deque(maxlen=_SAMPLES)
+        """Timestamp and Unix µs of arrival, both rising."""
 
 
 class Overtaken:
-    """Remembers how far the streams of one vehicle have got."""
+    """Remembers how far the streams of one vehicle have got, for the last two minutes."""
 
-    __slots__ = ("_newest", "count")
+    __slots__ = ("_streams", "count")
 
     def __init__(self) -> None:
         self.count = 0
         """Packets that were overtaken."""
-        self._newest: dict[tuple[int, int], int] = {}
+        self._streams: dict[tuple[int, int], _Stream] = {}
 
     def good(self, packet: Packet) -> None:
         """Takes a signed packet that was verified and is newer than those before."""
-        stream = packet.component_id, packet.raw[-13]
-        if stream not in self._newest and len(self._newest) >= _MOST:
-            del self._newest[next(iter(self._newest))]
-        self._newest[stream] = int.from_bytes(packet.raw[-12:-6], "little")
+        key = packet.component_id, packet.raw[-13]
+        stream = self._streams.get(key)
+        if stream is None:
+            if len(self._streams) >= _MOST:
+                del self._streams[next(iter(self._streams))]
+            stream = self._streams[key] = _Stream()
+        stream.newest = _timestamp(packet)
+        if not stream.samples or packet.t_us - stream.samples[-1][1] >= _EVERY_US:
+            stream.samples.append((stream.newest, packet.t_us))
+
+    def age_us(self, packet: Packet) -> int | None:
+        """For how long at least newer packets of its stream have been here; None for a stream that is not known."""
+        stream = self._streams.get((packet.component_id, packet.raw[-13]))
+        if stream is None:
+            return None
+        timestamp, (oldest, since_us) = _timestamp(packet), stream.samples[0]
+        if timestamp < oldest:
+            # from before anything that is remembered; a counter never runs faster than time but for leaps
+            return max(packet.t_us - since_us, (stream.newest - timestamp) * _TICK_US)
+        place = bisect_left(stream.samples, (timestamp,))
+        return packet.t_us - stream.samples[place][1] if place < len(stream.samples) else 0
 
     def late(self, packet: Packet) -> bool:
-        """Whether a packet refused as replayed is a few seconds older than the newest of its stream; counts those."""
-        newest = self._newest.get((packet.component_id, packet.raw[-13]))
-        if newest is None or not 0 < newest - int.from_bytes(packet.raw[-12:-6], "little") < _BEHIND:
+        """Whether a packet refused as replayed was overtaken by newer ones seconds ago; counts those."""
+        age_us = self.age_us(packet)
+        if age_us is None or age_us >= SLOWEST_US:
             return False
         self.count += 1
         return True
+
+
+def _timestamp(packet: Packet) -> int:
+    return int.from_bytes(packet.raw[-12:-6], "little")

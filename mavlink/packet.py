@@ -22,9 +22,11 @@ class Auth(IntEnum):
     BAD = 3
     """The signature was not made with the sender's key."""
     REPLAYED = 4
-    """The signature is right and not newer than the last of its stream, or too old for a new one."""
+    """The signature is right and not newer than the last of its stream."""
     FUTURE = 5
     """The signature is right and its time too far ahead."""
+    HELD = 6
+    """The signature is right, and nothing proves that the frame was made now."""
 
 
 @dataclass(frozen=True, slots=True)

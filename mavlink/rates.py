@@ -311,7 +311,8 @@ def _judge(stream: _Stream, measured_hz: float, wanted_hz: float, *, asks: bool)
 
 def _hint(message_id: int, wanted_hz: float, *, ground: bool) -> str:
     parameter = PARAMETERS.get(message_id, "")
-    how = f"set its stream rate (ArduPilot: SRx_{parameter} = {wanted_hz:g} of that serial port)" if parameter else ""
+    names = f"SRx_{parameter}, from 4.7 on MAVx_{parameter}"
+    how = f"set its stream rate (ArduPilot: {names}, = {wanted_hz:g} of that serial port)" if parameter else ""
     if ground:
         return f"nothing is ever sent to a ground vehicle: {how or 'ask whoever drives it for more'}"
     return f"the station listens only: --command lets it ask, or {how or 'ask for more elsewhere'}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from mavlink.arrivals import Arrivals
@@ -10,10 +11,12 @@ from mavlink.overtaken import Overtaken
 from mavlink.packet import Auth, Packet
 from mavlink.refusals import Told
 from mavlink.sequence import SequenceLoss, SequenceRuns
+from mavlink.signing_streams import ticks_of
 from mavlink.state import ChannelStatus, Level, MessageRate
 
 __all__ = ["Reception", "Speaker"]
 
+_NEVER_US = -(1 << 62)
 _CHANNELS = 16
 _MESSAGES = 128
 _LATE_US = 2_000_000  # copies over a channel that come this long after the first make it a late one
@@ -30,6 +33,14 @@ _REFUSED_AS = {
     Auth.REPLAYED: "replayed signature",
     Auth.FUTURE: "signature from the future",
 }
+_HELD_US = 3_000_000  # held packets so far apart are still one trouble; after as long it is told
+_AUTH_LASTS_US = 10_000_000  # a packet refused so lately says how a vehicle signs now
+_TICKS_S = 1e-5
+
+
+def _span(seconds: float) -> str:
+    """A time in words, whole seconds or minutes."""
+    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
 
 
 class Speaker(NamedTuple):
@@ -109,6 +120,10 @@ class Reception:
         """Without: no key is set, or one is and the packet was refused."""
         self.bad_signature = 0
         """Refused: made with another key, replayed, or from the future."""
+        self.replayed = 0
+        """Of these, what was kept for a while and is played again."""
+        self.held = 0
+        """Refused because nothing proves that they are made now."""
         self.speaker = Speaker(0, 0, 0)
         """Of the packet taken last."""
         self._channels: dict[tuple[int, int], _Channel] = {}
@@ -116,6 +131,9 @@ class Reception:
         self._copies = Copies()
         self._overtaken, self._told_overtaken = Overtaken(), Told(_OVERTAKEN_US)
         self._refused: dict[Auth, _Refused] = {}
+        self._signed_us = self._refused_us = self._held_us = self._held_since_us = _NEVER_US
+        self._lag_s = math.nan
+        self._told_held = Told()
 
     def take(self, packet: Packet, message_id: int) -> bool:
         """Counts a packet that may be believed; False for a copy of one that came before."""
@@ -136,6 +154,7 @@ class Reception:
         self.speaker = Speaker(packet.link, packet.peer, run)
         if packet.auth is Auth.GOOD:
             self.signed += 1
+            self._signed_us = packet.t_us
         else:
             self.unsigned += 1
         if packet.signed:
@@ -150,6 +169,11 @@ class Reception:
                 return "info", ""
             if self._overtaken.late(packet):
                 return "warning", self._late_words(packet.t_us)
+            self.replayed += 1
+        self._refused_us = packet.t_us
+        if packet.auth is Auth.HELD:
+            self.held += 1
+            return "warning", self._held_words(packet)
         if packet.auth is Auth.UNSIGNED:
             self.unsigned += 1
         else:
@@ -157,7 +181,35 @@ class Reception:
         refused = self._refused.setdefault(packet.auth, _Refused())
         if not refused.take(packet.t_us):
             return "info", ""
-        return "alarm", f"{refused.count} packets refused, {_REFUSED_AS[packet.auth]}"
+        said = f"{refused.count} packets refused, {_REFUSED_AS[packet.auth]}"
+        return "alarm", said + (self._replay_words(packet) if packet.auth is Auth.REPLAYED else "")
+
+    def signs(self, t_us: int) -> bool:
+        """Whether it was verified and nothing refused in the seconds before a Unix time in µs."""
+        return t_us - self._signed_us < _AUTH_LASTS_US <= t_us - self._refused_us
+
+    def held_s(self, t_us: int) -> float:
+        """How far signatures are behind, s, while all that comes is held; else NaN."""
+        held = t_us - self._held_us < _HELD_US <= t_us - self._signed_us
+        return self._lag_s if held else math.nan
+
+    def _held_words(self, packet: Packet) -> str:
+        t_us = packet.t_us
+        if t_us - self._held_us >= _HELD_US:
+            self._held_since_us = t_us
+        self._held_us = t_us
+        self._lag_s = (ticks_of(t_us) - int.from_bytes(packet.raw[-12:-6], "little")) * _TICKS_S
+        if t_us - self._held_since_us < _HELD_US or not self._told_held.due("", t_us):
+            return ""
+        return f"signatures {_span(self._lag_s)} behind, nothing proves that its packets are made now: held"
+
+    def _replay_words(self, packet: Packet) -> str:
+        """What is known of a recording that is played."""
+        age_us = self._overtaken.age_us(packet)
+        channel = self._channels.get((packet.link, packet.peer))
+        recorded = "before this flight" if age_us is None else f"at least {_span(age_us * 1e-6)} ago"
+        own = channel is not None and packet.t_us - channel.rate.last_us < _AUTH_LASTS_US
+        return f": a recording made {recorded} is played" + (", from where it speaks itself" if own else "")
 
     def _late_words(self, t_us: int) -> str:
         number = self._overtaken.count

@@ -1,9 +1,10 @@
 """What a frame's signature is worth: MAVLink 2 message signing, with a key for each vehicle.
 
 A frame is verified with the key of the system that it names and with no other, and nothing changes until it is. Then
-its timestamp has to be newer than the last of its stream; that of a stream never heard no more than a minute old; and
-none further ahead than :data:`mavlink.signing_streams.AHEAD`. Rules: https://mavlink.io/en/guide/message_signing.html,
-which leaves the future open: one frame signed by a wrong clock would then lock its vehicle out for as long.
+its timestamp has to be newer than the last of its stream, and no further ahead than
+:data:`mavlink.signing_streams.AHEAD`; and something has to prove that the frame was made in the last minute
+(:mod:`mavlink.signing_streams`). Rules: https://mavlink.io/en/guide/message_signing.html, which leaves the future open:
+one frame signed by a wrong clock would then lock its vehicle out for as long.
 
 With any key in the ring all systems have to sign. What may come unsigned is a list of messages: those of modems, which
 have no key. Such a frame is ``OPEN``; none that says who or where a vehicle is can be listed.
@@ -108,8 +109,16 @@ class Verifier:
         now = self._now(t_us)
         if timestamp > now + AHEAD:
             return Auth.FUTURE
-        newer = self.streams.admit(system_id, raw[6], raw[-13], timestamp, now)
-        return Auth.GOOD if newer else Auth.REPLAYED
+        return self.streams.admit(system_id, raw[6], raw[-13], timestamp, now, raw)
+
+    def accept_held(self, system_id: int, t_us: int) -> int:
+        """An operator vouches for a system whose frames are held; returns how many streams of it were.
+
+        Args:
+            system_id: whose.
+            t_us: Unix µs now.
+        """
+        return self.streams.accept_held(system_id, self._now(t_us))
 
     def _now(self, t_us: int) -> int:
         """Ticks when a packet came: max(computer's clock, latest time known before + steady clock since)."""

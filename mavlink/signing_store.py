@@ -3,10 +3,9 @@
 Two files take turns, each with its number and a checksum: whatever happens while one is written, the other is whole.
 They are written every second while a flight runs, when a stream is new, and at the end, by a thread of their own.
 
-After a crash the last second is missing in them. Senders follow the clock, so a stream has advanced by no more than the
-time that went by since its newest frame known would have come without delay: it is taken as advanced by that, of the
-time without a file by a minute at most. What stays open is a stream first heard in the last hundredths of a second
-before a crash.
+What came after the last save is in a journal in memory (:mod:`mavlink.signing_journal`), which outlives the process.
+After a power cut it is gone, and with it up to two seconds: then a stream is believed again once a frame proves that it
+was made later than that.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ from pathlib import Path
 
 from mavlink.keys import SigningError, read_ring
 from mavlink.signing import RADIO_STATUS, Keyless, Verifier
+from mavlink.signing_journal import RUN_BYTES, StreamJournal
 from mavlink.signing_streams import SECOND, Row, Streams, ticks_of
 
 __all__ = ["SLOTS", "StreamStore", "open_verifier"]
@@ -30,19 +30,31 @@ __all__ = ["SLOTS", "StreamStore", "open_verifier"]
 SLOTS = ("streams.0", "streams.1")
 PERIOD_S = 1.0
 LOOK_S = 0.02
-_MAGIC = b"RCSTRM1\n"
-_HEAD = struct.Struct("<8sQQQ?I")  # magic, number, saved at, proven, whether at the end, rows
-_ROW = struct.Struct("<BBBQQ")
+_MAGIC, _OLD_MAGIC = b"RCSTRM2\n", b"RCSTRM1\n"
+_HEAD = struct.Struct("<8sQQQ?8sI")  # magic, number, saved at, proven, whether at the end, run, rows
+_OLD_HEAD = struct.Struct("<8sQQQ?I")
+_ROW, _OLD_ROW = struct.Struct("<BBBQQQ"), struct.Struct("<BBBQQ")
 _SUM = 32
-_MOST_LOST = 60 * SECOND
+_LOST = 2 * SECOND
+"""Frames that may be missing in the file: those of a second between two saves, and of the save itself."""
 
 
 def open_verifier(
-    folder: Path, *, unsigned: Collection[int] = (RADIO_STATUS,), keyless: Keyless = "refused"
+    folder: Path,
+    *,
+    unsigned: Collection[int] = (RADIO_STATUS,),
+    keyless: Keyless = "refused",
+    accept_late: Collection[int] = (),
 ) -> tuple[Verifier, StreamStore]:
     """Reads the keys of a folder and what is remembered of their streams.
 
     To be called in the process that checks, once for all links; there, close the store at the end.
+
+    Args:
+        folder: of the keys.
+        unsigned: as the verifier has it, as the next.
+        keyless: likewise.
+        accept_late: as :class:`mavlink.signing_streams.Streams` has it.
 
     Raises:
         SigningError: no key in it, or what :func:`mavlink.keys.read_ring`, the verifier and the store refuse.
@@ -50,7 +62,7 @@ def open_verifier(
     ring = read_ring(folder)
     if not ring:
         raise SigningError(f"{folder}: no key in it, so nothing could be refused; make one with gcs keys new")
-    store = StreamStore(folder)
+    store = StreamStore(folder, accept_late=accept_late)
     try:
         return Verifier(ring, unsigned=unsigned, keyless=keyless, streams=store.streams), store
     except SigningError:
@@ -64,6 +76,7 @@ class _Saved:
     at: int
     proven: int
     ended: bool
+    run: bytes
     rows: tuple[Row, ...]
 
 
@@ -72,27 +85,38 @@ class StreamStore:
 
     Args:
         folder: exists; the keys' own is a good one.
+        period_s: between saves.
+        accept_late: as :class:`mavlink.signing_streams.Streams` has it.
 
     Raises:
         SigningError: both files are damaged, the folder cannot be written, or another station keeps its table there.
     """
 
-    def __init__(self, folder: Path, *, period_s: float = PERIOD_S) -> None:
+    def __init__(self, folder: Path, *, period_s: float = PERIOD_S, accept_late: Collection[int] = ()) -> None:
         self.folder = folder
-        self.streams = Streams()
+        self.streams = Streams(accept_late)
         self.warning = ""
         """What was wrong with the files at the start; empty: nothing."""
         self.trouble = ""
         """Why nothing can be saved now; empty: it can."""
         self._number = self._births = 0
         self._period_s = period_s
+        self._run_id = os.urandom(RUN_BYTES)
         self._lock = self._locked()
         try:
-            self._load()
-            self._save(ended=False)
+            self._journal = StreamJournal(folder)
+            try:
+                self._load()
+                self._save(ended=False)
+            except BaseException:
+                self._journal.close(needed=bool(self._journal.run()))
+                raise
         except BaseException:
             os.close(self._lock)
             raise
+        # from here on the files say what the journal said
+        self._journal.begin(self._run_id)
+        self.streams.write_to(self._journal)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="signing store", daemon=True)
         self._thread.start()
@@ -107,9 +131,13 @@ class StreamStore:
             return
         self._stop.set()
         self._thread.join()
+        self.streams.journal = None
+        saved = False
         try:
             self._save(ended=True)
+            saved = True
         finally:
+            self._journal.close(needed=not saved)
             os.close(self._lock)
 
     def _run(self) -> None:
@@ -153,14 +181,17 @@ class StreamStore:
         if damaged:
             self.warning = f"{damaged[0]}: damaged, written anew; its twin was used, which may be a second older"
         if whole:
-            self._take(max(whole, key=lambda slot: slot.number), sure=not damaged)
+            self._take(max(whole, key=lambda slot: slot.number))
 
-    def _take(self, saved: _Saved, *, sure: bool) -> None:
-        now = ticks_of(time.time_ns() // 1000)
-        until = now if 0 <= now - saved.at <= _MOST_LOST else saved.at + _MOST_LOST
-        for row in saved.rows:
-            lost = 0 if saved.ended and sure else max(0, until - row.heard)
-            self.streams.restore(row._replace(timestamp=row.timestamp + lost, heard=row.heard + lost))
+    def _take(self, saved: _Saved) -> None:
+        exact = bool(saved.run) and saved.run == self._journal.run()
+        newest = {row[:3]: row for row in saved.rows}
+        for row in self._journal.rows() if exact else ():
+            if row[:3] not in newest or newest[row[:3]].timestamp < row.timestamp:
+                newest[row[:3]] = row
+        sure = exact or saved.ended
+        for row in newest.values():
+            self.streams.restore(row, not_before=0 if sure else saved.at + _LOST)
         self.streams.proven = saved.proven
         self._number = saved.number
 
@@ -171,7 +202,8 @@ class StreamStore:
         rows = [_ROW.pack(*row) for row in kept]
         # where the computer's clock was set back, that of the streams went on
         at = max([ticks_of(time.time_ns() // 1000), *(row.heard for row in kept)])
-        data = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, len(rows)) + b"".join(rows)
+        head = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, self._run_id, len(rows))
+        data = head + b"".join(rows)
         try:
             _write(path, data + hashlib.sha256(data).digest())
         except OSError as error:
@@ -200,10 +232,12 @@ def _read(path: Path) -> _Saved | str:
     except OSError as error:
         raise SigningError(f"{path}: cannot be read: {error.strerror}") from None
     body = data[:-_SUM]
-    if len(body) < _HEAD.size or hashlib.sha256(body).digest() != data[-_SUM:]:
+    old = body.startswith(_OLD_MAGIC)
+    head, row = (_OLD_HEAD, _OLD_ROW) if old else (_HEAD, _ROW)
+    if len(body) < head.size or hashlib.sha256(body).digest() != data[-_SUM:]:
         return "damaged"
-    magic, number, at, proven, ended, count = _HEAD.unpack_from(body)
-    if magic != _MAGIC or len(body) != _HEAD.size + count * _ROW.size:
+    magic, number, at, proven, ended, *run, count = head.unpack_from(body)
+    if magic not in (_MAGIC, _OLD_MAGIC) or len(body) != head.size + count * row.size:
         return "damaged"
-    rows = tuple(Row(*row) for row in _ROW.iter_unpack(body[_HEAD.size :]))
-    return _Saved(number=number, at=at, proven=proven, ended=ended, rows=rows)
+    rows = tuple(Row(*fields) for fields in row.iter_unpack(body[head.size :]))
+    return _Saved(number=number, at=at, proven=proven, ended=ended, run=b"".join(run), rows=rows)

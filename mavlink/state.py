@@ -155,6 +155,14 @@ class VehicleStatus:
     """Packets without one that was verified, refused where a key is set."""
     bad_signature: int = 0
     """Packets refused for their signature: another key, a replay, from the future."""
+    replayed: int = 0
+    """Of these, packets of a recording that is played again."""
+    held: int = 0
+    """Packets with a right signature that are held: nothing proves that they are made now."""
+    held_s: float = math.nan
+    """How far their timestamps are behind, while all that comes is held; else NaN."""
+    signs: bool = False
+    """Packets were verified and none refused in the last seconds."""
     link: int = -1
     """Index of the link that was heard last, -1 before any."""
     channels: tuple[ChannelStatus, ...] = ()

@@ -216,16 +216,16 @@ def test_check_counts_what_a_recording_is_worth(keys, tmp_path):
                 put(t_us, frame)
             put(t_us, frames[0])
             put(t_us, radio.frame(ardupilotmega.MAVLink_radio_status_message(180, 170, 100, 40, 40, 0, 0)))
-        put(T0 + 3_000_000, Sender(2, timestamp=NOW + 100 * 100_000).frame())
+        put(T0 + 3_000_000, Sender(2, timestamp=NOW + 700 * 100_000).frame())
     code, out, err = keys("check", "--keys", folder, "--log", log)
     assert (code, err) == (0, "")
     table = [line.split() for line in out.splitlines()[3:8]]
     assert table == [
-        ["system", "open", "good", "unsigned", "bad", "replayed", "future"],
-        ["1", "0", "20", "0", "0", "20", "0"],
-        ["2", "0", "20", "20", "20", "0", "1"],
-        ["3", "0", "0", "20", "0", "0", "0"],
-        ["51", "20", "0", "0", "0", "0", "0"],
+        ["system", "open", "good", "unsigned", "bad", "replayed", "future", "held"],
+        ["1", "0", "20", "0", "0", "20", "0", "0"],
+        ["2", "0", "20", "20", "20", "0", "1", "0"],
+        ["3", "0", "0", "20", "0", "0", "0", "0"],
+        ["51", "20", "0", "0", "0", "0", "0", "0"],
     ]
     assert "40 of 141 frames would be believed" in out
 

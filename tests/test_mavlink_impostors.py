@@ -1,6 +1,7 @@
 """Two senders of one system id, and all that only looks like it."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -323,6 +324,71 @@ def test_a_recording_of_minutes_ago_is_a_replay_though_its_packets_were_never_he
     told = [notice for raw in old for notice in fleet.feed(Packet(T0 + S, raw, 0, 2, Auth.REPLAYED))]
     assert [notice.level for notice in told] == ["alarm"] and "replayed signature" in told[0].text
     assert fleet.at(T0 + S).vehicles[1].bad_signature == 10
+
+
+@pytest.mark.parametrize("seconds", [13, 40, 300, 3000])
+@pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
+def test_a_recording_played_from_elsewhere_is_told_as_one_however_slowly_the_counter_runs(seconds, per_s):
+    """An armed ArduPilot's timestamps grow by 10 µs a packet: those of minutes ago are only milliseconds behind."""
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    frames = []
+    for k in range(seconds + 30):
+        speaker._mav.signing.timestamp = 10**12 + k * per_s
+        frames += [speaker.attitude(k * 1000 + part * 500, 0.0, 0.0, 0.1) for part in range(2)]
+        # half of them were lost on the way here, and the recording has them
+        fleet.feed(Packet(T0 + k * S, frames[-2], 0, 1, Auth.GOOD))
+    now = T0 + (seconds + 30) * S
+    told = [notice for raw in frames[1:20:2] for notice in fleet.feed(Packet(now, raw, 0, 2, Auth.REPLAYED))]
+    (notice,) = told
+    assert notice.level == "alarm"
+    said = re.search(r": a recording made at least (\d+) (s|min) ago is played \(link 0 address 2\)$", notice.text)
+    age_s = float(said[1]) * {"s": 1, "min": 60}[said[2]]
+    assert min(seconds, 120) <= age_s <= seconds + 60
+    status = fleet.at(now).vehicles[1]
+    assert (status.replayed, status.bad_signature, status.signs) == (10, 10, False)
+
+
+@pytest.mark.parametrize("late_s", [1, 5, 10])
+@pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
+def test_a_slower_second_link_is_no_recording(late_s, per_s):
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    told, frames = [], []
+    for k in range(200):
+        speaker._mav.signing.timestamp = 10**12 + k * per_s
+        frames.append([speaker.attitude(k * 1000 + part * 500, 0.0, 0.0, 0.1) for part in range(2)])
+        fleet.feed(Packet(T0 + k * S, frames[k][1], 0, 1, Auth.GOOD))
+        if k >= late_s:
+            for raw in frames[k - late_s]:  # one of them was lost on the faster link
+                told += fleet.feed(Packet(T0 + k * S + 5000, raw, 1, 1, Auth.REPLAYED))
+    status = fleet.at(T0 + 200 * S).vehicles[1]
+    assert (status.replayed, status.bad_signature) == (0, 0)
+    assert {notice.level for notice in told} == {"warning"} and len(told) == 1
+
+
+def test_what_was_refused_is_over_ten_seconds_after_it_ended():
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    for k in range(10):
+        fleet.feed(Packet(T0 + k * S, Speaker(UGV).heartbeat(), 0, 1, Auth.UNSIGNED))
+    assert not fleet.at(T0 + 9 * S).vehicles[1].signs
+    for k in range(10, 30):
+        fleet.feed(Packet(T0 + k * S, speaker.heartbeat(), 0, 1, Auth.GOOD))
+        assert fleet.at(T0 + k * S).vehicles[1].signs == (k >= 19)
+    assert not fleet.at(T0 + 60 * S).vehicles[1].signs
+
+
+def test_held_is_said_with_how_far_and_from_where_and_is_over_with_the_first_that_is_believed():
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    speaker._mav.signing.timestamp = (T0 - 1_420_070_400 * S) // 10 - 1800 * 100_000
+    told = []
+    for k in range(100):
+        told += fleet.feed(Packet(T0 + k * S // 10, speaker.heartbeat(), 0, 2, Auth.HELD))
+    assert [notice.text for notice in told] == [
+        "system 11: signatures 30 min behind, nothing proves that its packets are made now: held (link 0 address 2)"
+    ]
+    status = fleet.at(T0 + 10 * S).vehicles[1]
+    assert (status.held, round(status.held_s), status.bad_signature) == (100, 1810, 0)
+    fleet.feed(Packet(T0 + 10 * S, speaker.heartbeat(), 0, 2, Auth.GOOD))
+    assert math.isnan(fleet.at(T0 + 10 * S).vehicles[1].held_s)
 
 
 def test_loss_rate_and_freshness_are_told_for_each_link():

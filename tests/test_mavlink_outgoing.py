@@ -49,6 +49,23 @@ def test_only_what_is_for_the_uav_leaves(said, leaves):
     assert out.refused == ({} if leaves else {said.get_type(): 1})
 
 
+def test_a_uav_whose_packets_are_held_gets_heartbeats_and_nothing_else():
+    beat = GROUND.pack(dialect.MAVLink_heartbeat_message(GCS, NO_AUTOPILOT, 0, 0, 0, 3))
+    order = GROUND.pack(dialect.MAVLink_command_long_message(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0))
+    out, left = sent_by()
+    out.heard(packet(UGV.heartbeat(), link=1, peer=2, auth=Auth.HELD))
+    out.heard(packet(UAV.heartbeat(2), link=1, peer=3, auth=Auth.BAD))
+    assert out.give_everywhere(beat) == 0
+    out.heard(packet(UAV.heartbeat(2), link=2, peer=4, auth=Auth.HELD))
+    assert out.give_everywhere(beat) == 1 and out.give_everywhere(order) == 0
+    assert not out.give(order) and not out.give(order, 2) and out.links == []
+    assert [(link, peer) for link, peer, _ in left] == [(2, 4)]
+    # once it is believed, only where that is
+    out.heard(packet(UAV.heartbeat(2), link=2, peer=7))
+    assert out.give_everywhere(beat) == 1 and out.give(order)
+    assert [(link, peer) for link, peer, _ in left] == [(2, 4), (2, 7), (2, 7)]
+
+
 @given(st.integers(0, 255), st.sampled_from(sorted(dialect.mavlink_map)), st.binary(max_size=255))
 def test_nothing_addressed_to_a_ground_vehicle_ever_leaves(target, message_id, payload):
     raw = bytes([0xFD, len(payload), 0, 0, 0, 254, 190, *message_id.to_bytes(3, "little")]) + payload + b"\0\0"

@@ -231,7 +231,10 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
     ugv = [rate for rate in made.rates(120.0) if rate.system_id == 7]
     assert [(rate.message, rate.state) for rate in ugv] == [("GLOBAL_POSITION_INT", "too slow")]
     assert ugv[0].measured_hz == pytest.approx(1.0, rel=0.2) and ugv[0].wanted_hz == 5.0
-    assert "nothing is ever sent to a ground vehicle" in ugv[0].hint and "SRx_POSITION = 5" in ugv[0].hint
+    assert (
+        "nothing is ever sent to a ground vehicle" in ugv[0].hint
+        and "SRx_POSITION, from 4.7 on MAVx_POSITION, = 5" in ugv[0].hint
+    )
     assert {rate.system_id for rate in made.rates(120.0)} == {1, 7}
     assert made.troubles(115.0) == [], "it must last"
     assert "GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: nothing is ever sent" in next(
@@ -279,7 +282,7 @@ def test_what_a_lossy_link_swallows_is_not_put_down_to_the_stream_rate():
     (told,) = lossy(120, lambda i: i < 600 or (i >= 620 and i % 10 < 5))
     assert "of its packets are lost on this link" in told, "also when a good link becomes a bad one"
     (told,) = lossy(60, lambda i: True, rate_hz=2.0)
-    assert "SRx_POSITION = 5" in told
+    assert "SRx_POSITION, from 4.7 on MAVx_POSITION, = 5" in told
 
 
 def test_a_message_that_ceases_is_told_though_it_was_slow_before():

@@ -48,11 +48,12 @@ class Vehicle:
     def __init__(self):
         self.sender = Sender(7)
         self.said = []
+        self.behind = 0
         self.out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def speak(self, to, count):
         for _ in range(count):
-            self.said.append(self.sender.frame(timestamp=ticks_of(time.time_ns() // 1000)))
+            self.said.append(self.sender.frame(timestamp=ticks_of(time.time_ns() // 1000) - self.behind))
             self.out.sendto(self.said[-1], to)
             time.sleep(0.0005)
 
@@ -66,6 +67,26 @@ def vehicle():
 
 def holds_no_key(data):
     return not any(part in data for key in (SECRET, secret_of(7)) for part in (key[:8], key.hex()[:16].encode()))
+
+
+def test_what_is_held_is_believed_once_an_operator_accepts_it(station, vehicle):
+    ingest, to = station()
+    vehicle.behind = 1700 * 100_000
+    vehicle.speak(to, 100)
+    assert judged(ingest, 100) == {"HELD": 100}
+    ingest.accept_held(8)
+    vehicle.speak(to, 10)
+    assert judged(ingest, 10) == {"HELD": 10}
+    ingest.accept_held(7)
+    assert until(lambda: (vehicle.speak(to, 1), judged(ingest, 1))[1] == {"GOOD": 1}, 20.0)
+    vehicle.speak(to, 100)
+    assert judged(ingest, 100) == {"GOOD": 100}
+    # a process that takes over knows it
+    os.kill(ingest.pid, signal.SIGKILL)
+    assert until(lambda: ingest.health().restarts == 1, 20.0)
+    assert set(heard(ingest, vehicle.out, to, vehicle.said)) == {"REPLAYED"}
+    vehicle.speak(to, 100)
+    assert judged(ingest, 100) == {"GOOD": 100}
 
 
 def judged(ingest, count):

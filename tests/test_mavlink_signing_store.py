@@ -1,5 +1,7 @@
+import hashlib
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -83,20 +85,13 @@ def test_frames_that_were_held_up_before_the_last_save_open_no_gap(tmp_path):
     store = StreamStore(tmp_path, period_s=30)
     now = ticks_of(now_us())
     for timestamp, heard in ((now - 2 * SECOND, now - 2 * SECOND), (now - SECOND * 3 // 2, now - SECOND // 2)):
-        assert store.streams.admit(7, 1, 0, timestamp, heard)
+        assert store.streams.admit(7, 1, 0, timestamp, heard) is Auth.GOOD
     store._save(ended=False)
-    assert store.streams.admit(7, 1, 0, now, now)  # never saved
+    assert store.streams.admit(7, 1, 0, now, now) is Auth.GOOD  # never saved
     abandon(store)
     again = StreamStore(tmp_path, period_s=30)
-    assert not again.streams.admit(7, 1, 0, now, ticks_of(now_us()))
+    assert again.streams.admit(7, 1, 0, now, ticks_of(now_us())) is Auth.REPLAYED
     again.close()
-
-
-def test_a_clock_that_was_a_minute_ahead_and_is_right_again_is_no_delay():
-    streams, now = Streams(), ticks_of(now_us())
-    streams.admit(7, 1, 0, now + 60 * SECOND, now)
-    streams.admit(7, 1, 0, now + 61 * SECOND, now + 61 * SECOND)
-    assert [row.heard for row in streams.rows()] == [now + 61 * SECOND]
 
 
 def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
@@ -113,7 +108,7 @@ def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
     again.close()
 
 
-def test_crashes_one_after_another_do_not_add_up(tmp_path):
+def test_crashes_one_after_another_change_nothing(tmp_path):
     store = StreamStore(tmp_path, period_s=30)
     then = ticks_of(now_us()) - 1000 * SECOND  # silent for long
     store.streams.restore(Row(7, 1, 0, then + 5_995_000, then))
@@ -121,8 +116,7 @@ def test_crashes_one_after_another_do_not_add_up(tmp_path):
         store._save(ended=False)
         abandon(store)
         store = StreamStore(tmp_path, period_s=30)
-    ahead = store.streams.newest(7, 1, 0) - ticks_of(now_us())
-    assert 5_995_000 - SECOND * 20 < ahead <= 5_995_000
+    assert store.streams.newest(7, 1, 0) == then + 5_995_000
     store.close()
 
 
@@ -221,10 +215,11 @@ def filled(folder):
     now = ticks_of(now_us())
     store.streams.admit(7, 1, 0, now - 1000, now - 1000)
     store._save(ended=False)
+    time.sleep(0.02)  # a file's time of change is coarse
     store.streams.admit(7, 1, 0, now, now)
     store.close()
     newest = max(SLOTS, key=lambda name: (folder / name).stat().st_mtime_ns)
-    return newest, next(name for name in SLOTS if name != newest)
+    return newest, next(name for name in SLOTS if name != newest), now
 
 
 def spoilt(data, how):
@@ -246,13 +241,14 @@ HOW = ("empty", "cut", "zeros", "longer", "flipped")
 
 @pytest.mark.parametrize("how", HOW)
 def test_when_one_file_is_damaged_the_other_counts(tmp_path, how):
-    newest, older = filled(tmp_path)
+    newest, older, last = filled(tmp_path)
     path = tmp_path / newest
     path.write_bytes(spoilt(path.read_bytes(), how))
-    before = ticks_of(now_us())
     store = StreamStore(tmp_path, period_s=30)
     # the older one does not know the last frames, which are allowed for
-    assert before <= store.streams.newest(7, 1, 0) <= ticks_of(now_us())
+    assert store.streams.admit(7, 1, 0, last, last + SECOND) is Auth.HELD
+    later = ticks_of(now_us()) + 3 * SECOND
+    assert store.streams.admit(7, 1, 0, later, later) is Auth.GOOD
     assert newest in store.warning
     assert store.trouble == ""
     store.close()
@@ -280,11 +276,41 @@ def test_when_both_are_damaged_it_says_so_and_stops(tmp_path, how):
 
 
 def test_one_file_damaged_and_the_other_gone(tmp_path):
-    newest, older = filled(tmp_path)
+    newest, older, _ = filled(tmp_path)
     (tmp_path / newest).write_bytes(b"?")
     (tmp_path / older).unlink()
     with pytest.raises(SigningError, match=newest):
         StreamStore(tmp_path)
+
+
+def test_a_table_of_the_format_before_is_read(tmp_path):
+    now = ticks_of(now_us())
+    body = struct.pack("<8sQQQ?I", b"RCSTRM1\n", 5, now, now - AHEAD, True, 1) + struct.pack(
+        "<BBBQQ", 7, 1, 0, now - SECOND, now
+    )
+    (tmp_path / SLOTS[1]).write_bytes(body + hashlib.sha256(body).digest())
+    store = StreamStore(tmp_path, period_s=30)
+    assert rows(store) == [Row(7, 1, 0, now - SECOND, now)]
+    assert (store.warning, store.streams.proven) == ("", now - AHEAD)
+    store.close()
+
+
+@pytest.mark.parametrize("torn", range(1, 32))
+def test_a_row_that_was_cut_short_by_the_kill_costs_one_frame_at_most(tmp_path, torn):
+    store = StreamStore(tmp_path, period_s=30)
+    now = ticks_of(now_us())
+    for k in range(10):
+        assert store.streams.admit(7, 1, 0, now + k, now) is Auth.GOOD
+    path = store._journal.path
+    before = path.read_bytes()
+    assert store.streams.admit(7, 1, 0, now + 10, now) is Auth.GOOD
+    after = path.read_bytes()
+    first = next(k for k in range(len(after)) if before[k] != after[k]) // 32 * 32
+    abandon(store)
+    path.write_bytes(before[:first] + after[first : first + torn] + before[first + torn :])
+    again = StreamStore(tmp_path, period_s=30)
+    assert again.streams.newest(7, 1, 0) in (now + 9, now + 10)
+    again.close()
 
 
 def test_two_stations_do_not_share_a_table(tmp_path):

@@ -30,10 +30,12 @@ from mavlink.link_udp import UdpIn, UdpOut
 from mavlink.link_url import parse_url
 from mavlink.tlog_writer import TlogWriter
 
-__all__ = ["COMMAND", "GO", "main"]
+__all__ = ["ACCEPT", "COMMAND", "GO", "main"]
 
 COMMAND = struct.Struct("=HHI")
 """Before each frame to send: link, length, peer."""
+ACCEPT = 0xFFFF
+"""In place of a link, and without a frame: held packets of the system named as peer are accepted."""
 GO = struct.Struct("=Q")
 """The station's first word, before which nothing is opened: the process's generation."""
 TICK_S = 0.05
@@ -136,7 +138,7 @@ class _Ingest:
                 return  # what came meanwhile can wait for the next round
 
     def _obey(self) -> None:
-        """Sends what the station wants sent."""
+        """Does what the station wants done."""
         try:
             data = self._control.recv(65536)
         except BlockingIOError:
@@ -153,6 +155,9 @@ class _Ingest:
             if len(self._commands) < stop:
                 return
             frame, self._commands = self._commands[COMMAND.size : stop], self._commands[stop:]
+            if link == ACCEPT:
+                self._signatures.accept_held(peer)
+                continue
             try:
                 self._receiver.say(link, frame, peer)
                 self._send_trouble = ""

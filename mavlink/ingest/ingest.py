@@ -155,6 +155,17 @@ class Ingest:
                 raise LinkError("the ingest has ended")
             self._process.send(link, data, peer)
 
+    def accept_held(self, system_id: int) -> None:
+        """An operator vouches for a system whose packets are held, and those that come now are believed.
+
+        Raises:
+            LinkError: the process does not take it.
+        """
+        with self._lock:
+            if self._process is None or self._stopping.is_set():
+                raise LinkError("the ingest has ended")
+            self._process.accept_held(system_id)
+
     def address(self, link: int, peer: int) -> str:
         """Host and port of a sender, as packets of a link number them; empty where they are not known.
 

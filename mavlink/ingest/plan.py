@@ -18,6 +18,8 @@ class Signing:
     unsigned: tuple[int, ...] | None = None
     """Messages that may come unsigned; None: as :class:`mavlink.signing.Verifier` has it."""
     keyless: Literal["refused", "open"] = "refused"
+    accept_late: tuple[int, ...] = ()
+    """Systems that are believed without a proof that their packets are made now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +66,7 @@ class Plan:
         signing, outputs = table.pop("signing"), table.pop("outputs")
         if signing["unsigned"] is not None:
             signing["unsigned"] = tuple(signing["unsigned"])
+        signing["accept_late"] = tuple(signing["accept_late"])
         outputs["urls"] = tuple(outputs["urls"])
         for name in ("urls", "sockets", "system_ids"):
             table[name] = tuple(table[name])

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import mavlink
 from mavlink.errors import LinkError
-from mavlink.ingest.child import COMMAND, GO
+from mavlink.ingest.child import ACCEPT, COMMAND, GO
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.shared import Shared, Word
 
@@ -140,6 +140,14 @@ class IngestProcess:
             self.control.sendall(COMMAND.pack(link, len(data), peer) + data)
         except OSError as error:
             raise LinkError(f"the ingest process does not take what is to be sent: {error}") from error
+
+    def accept_held(self, system_id: int) -> None:
+        """Has it accept what it holds of a system.
+
+        Raises:
+            LinkError: the process does not take it.
+        """
+        self.send(ACCEPT, b"", system_id)
 
     def stop(self) -> None:
         """Has it write everything and end."""

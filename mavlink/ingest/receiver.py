@@ -44,7 +44,9 @@ class Signatures:
         """What went wrong last."""
         if signing.keys:
             options = {} if signing.unsigned is None else {"unsigned": signing.unsigned}
-            self._verifier, self._store = open_verifier(Path(signing.keys), keyless=signing.keyless, **options)
+            self._verifier, self._store = open_verifier(
+                Path(signing.keys), keyless=signing.keyless, accept_late=signing.accept_late, **options
+            )
 
     @property
     def on(self) -> bool:
@@ -69,6 +71,11 @@ class Signatures:
                 self.trouble = f"a signature could not be checked: {error!r}"
                 auths.append(Auth.BAD)
         return auths
+
+    def accept_held(self, system_id: int) -> None:
+        """An operator vouches for a system whose packets are held."""
+        if self._verifier is not None and 0 <= system_id < 256:
+            self._verifier.accept_held(system_id, now_us())
 
     def close(self) -> None:
         """Saves what is remembered of the streams."""

@@ -1,0 +1,110 @@
+"""The newest timestamps of all streams in memory that outlives the process, and writing them waits for no disk.
+
+The table on disk is a second old when a process is killed. This one is exact: it is a file in the system's shared
+memory (``/dev/shm``), or beside the keys where there is none. It is gone after a power cut, and after an orderly end it
+is not needed.
+
+Each stream has two halves that are written in turn, each with a checksum: whatever happens while one is written, the
+other is whole and one frame older.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import mmap
+import os
+import stat
+import struct
+from pathlib import Path
+from zlib import crc32
+
+from mavlink.keys import SigningError
+from mavlink.signing_streams import MOST_STREAMS, Row
+
+__all__ = ["RUN_BYTES", "StreamJournal"]
+
+RUN_BYTES = 8
+_MAGIC = b"RCJRNL1\n"
+_SHARED = Path("/dev/shm")
+_HEAD_BYTES, _HALF_BYTES = 64, 32
+_SIZE = _HEAD_BYTES + MOST_STREAMS * 2 * _HALF_BYTES
+_SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, heard, booted
+
+
+class StreamJournal:
+    """One folder's journal; whoever has it open holds the folder's lock.
+
+    Args:
+        folder: of the keys.
+
+    Raises:
+        SigningError: there is room for it neither in memory nor beside the keys.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        name = hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:16]
+        for self.path in (_SHARED / f"rollcall-{os.geteuid()}-{name}", folder / "streams.journal"):
+            try:
+                self._map = _mapped(self.path)
+                break
+            except OSError as error:
+                failed = error
+        else:
+            raise SigningError(f"{self.path}: cannot be made: {failed.strerror or failed}") from None
+        self._turns = bytearray(MOST_STREAMS)
+
+    def run(self) -> bytes:
+        """Of which run it is, (8) bytes; empty: it has none yet."""
+        head = self._map[:_HEAD_BYTES]
+        return head[len(_MAGIC) : len(_MAGIC) + RUN_BYTES] if head.startswith(_MAGIC) else b""
+
+    def rows(self) -> list[Row]:
+        """What every half holds that is whole: the newest of each stream, and the one before."""
+        halves = (_row(self._map[at : at + _HALF_BYTES]) for at in range(_HEAD_BYTES, _SIZE, _HALF_BYTES))
+        return [row for row in halves if row is not None]
+
+    def begin(self, run: bytes) -> None:
+        """Empties it for a new run."""
+        self._map[:_HEAD_BYTES] = bytes(_HEAD_BYTES)
+        self._map[_HEAD_BYTES:] = bytes(_SIZE - _HEAD_BYTES)
+        self._map[: len(_MAGIC) + RUN_BYTES] = _MAGIC + run
+
+    def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
+        """As :class:`mavlink.signing_streams.Journal` has it."""
+        turn = self._turns[place] = self._turns[place] ^ 1
+        at = _HEAD_BYTES + (2 * place + turn) * _HALF_BYTES
+        body = _BODY.pack(stream, timestamp, heard, booted)
+        self._map[at : at + _HALF_BYTES] = _SUM.pack(crc32(body)) + body
+
+    def close(self, *, needed: bool) -> None:
+        """Lets go of it, and removes it where it is not needed any more."""
+        if not needed:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+        self._map.close()
+
+
+def _mapped(path: Path) -> mmap.mmap:
+    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+    try:
+        found = os.fstat(fd)
+        ours = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid() and found.st_nlink == 1
+        if not ours or found.st_mode & 0o077:
+            raise OSError("a file that is not this user's own")
+        # all of it now: where memory is short, writing later would end the process
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(fd, 0, _SIZE)
+        os.ftruncate(fd, _SIZE)
+        return mmap.mmap(fd, _SIZE)
+    finally:
+        os.close(fd)
+
+
+def _row(half: bytes) -> Row | None:
+    """What stands in a half, None for nothing or what was not written to its end."""
+    body = half[_SUM.size :]
+    if _SUM.pack(crc32(body)) != half[: _SUM.size]:
+        return None
+    stream, timestamp, heard, booted = _BODY.unpack(body)
+    return Row(stream >> 16, stream >> 8 & 0xFF, stream & 0xFF, timestamp, heard, booted)
