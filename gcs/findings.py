@@ -20,6 +20,8 @@ BEATS_S = 1.5
 """One that was heard so lately speaks: what it does not say is missing."""
 """One whose positions come is not lost for a few heartbeats that a bad link has swallowed; after this long it is."""
 NO_ATTITUDE_S = 3.0
+HELD_S = 3.0
+"""Until then a vehicle that tells its time once a second has proved itself."""
 LATE_S = 1.0
 CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
 STEP_S = 0.5
@@ -73,11 +75,17 @@ def counted(snapshot: Snapshot) -> Iterator[tuple[int, Finding]]:
     keyed = bool(snapshot.health.keys)
     for row in snapshot.vehicles:
         whose, i = row.name, row.system_id
-        if row.bad_signature:
-            yield row.bad_signature, Finding(
+        if wrong := row.bad_signature - row.replayed:
+            yield wrong, Finding(
                 key=f"signature {i}", level="alarm", kind="link", system_id=i, told=True,
                 text=f"{whose}: packets with a wrong signature are refused",
-                advice="somebody poses as it or replays it, its key is another, or it just restarted twice: gcs keys",
+                advice="somebody poses as it, its key is another, or its clock is minutes ahead: gcs keys list",
+            )  # fmt: skip
+        if row.replayed:
+            yield row.replayed, Finding(
+                key=f"replay {i}", level="alarm", kind="link", system_id=i, told=True,
+                text=f"{whose}: a recording of its signed packets is played",
+                advice="none of it is believed: look for the sender, whose address is in the event log",
             )  # fmt: skip
         if keyed and row.unsigned:
             yield row.unsigned, Finding(
@@ -127,6 +135,12 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
             key=f"conflict {i}", level="alarm", kind="identity", system_id=i,
             text=f"{whose}: the place it reports contradicts the picture",
             advice="do not act on its name; compare its position with what you see",
+        )  # fmt: skip
+    if not math.isnan(row.held_s):
+        yield Finding(
+            key=f"held {i}", level="alarm", kind="link", system_id=i, wait_s=HELD_S, told=True,
+            text=f"{whose}: held, since nothing proves that its signed packets are made now",
+            advice="b believes it from now on: only if you know that it drives; and let it send SYSTEM_TIME",
         )  # fmt: skip
     if math.isinf(row.heartbeat_age_s):
         return
@@ -197,7 +211,7 @@ def first_of(names: Sequence[str]) -> str:
 
 def _refused(row: VehicleRow) -> bool:
     """Whether it is heard and not believed, of which there is a finding already."""
-    return bool(row.bad_signature or row.unsigned)
+    return bool(row.bad_signature or row.unsigned or row.held)
 
 
 def _link(link: LinkHealth) -> Iterator[Finding]:

@@ -27,6 +27,7 @@ from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands
+from mavlink.errors import LinkError
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import KeyRing, read_ring
@@ -61,6 +62,8 @@ class FlightPlan:
     """Where packets go on to, as they came."""
     command: bool = False
     """Whether this station may speak: beat, ask for rates, and command the UAV."""
+    accept_late: tuple[int, ...] = ()
+    """Vehicles whose signed packets are believed without a proof that they are made now."""
 
 
 class Flight:
@@ -78,7 +81,7 @@ class Flight:
         Raises:
             LinkError, ModelError, SessionError: something cannot be opened; nothing is left open.
         """
-        mission = plan.mission
+        mission = self._mission = plan.mission
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         detector: Detector | None = None
         if plan.video:
@@ -100,6 +103,8 @@ class Flight:
         self._faults = Faults(self._recorder.folder / "faults.txt")
         self._fold = FlightFold(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
         self._fold.health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))
+        for system_id in plan.accept_late:
+            self._tell_of_operator(system_id, "signed packets are accepted without a proof in this flight")
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False
@@ -180,6 +185,26 @@ class Flight:
                 )
             )
 
+    def accept_held(self, system_ids: Sequence[int]) -> None:
+        """The operator vouches for vehicles whose signed packets are held: an event each."""
+        for system_id in system_ids:
+            try:
+                self._ingest.accept_held(system_id)
+                self._tell_of_operator(system_id, "signed packets that were held are accepted without a proof")
+            except LinkError as error:
+                self._tell_of_operator(system_id, f"signed packets stay held: {error}")
+
+    def _tell_of_operator(self, system_id: int, text: str) -> None:
+        self._fold.tell(
+            Event(
+                t_us=time.time_ns() // 1000,
+                level="warning",
+                kind="operator",
+                text=f"{self._mission.name_of(system_id)}: {text}",
+                system_id=system_id,
+            )
+        )
+
     def stop(self) -> None:
         """End the threads, then seal the recording."""
         with self._stopped:
@@ -252,7 +277,10 @@ def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
         log,
         system_ids=(mission.uav.system_id, *mission.ugv_ids),
         signing=Signing(
-            keys=str(signing.folder) if signing.folder else "", unsigned=signing.unsigned, keyless=signing.keyless
+            keys=str(signing.folder) if signing.folder else "",
+            unsigned=signing.unsigned,
+            keyless=signing.keyless,
+            accept_late=plan.accept_late,
         ),
         outputs=Outputs(urls=plan.forward, write_back=plan.command, own=SYSTEM_ID),
     )

@@ -133,6 +133,9 @@ class Replay:
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """Nothing is written into a recording."""
 
+    def accept_held(self, system_ids: Sequence[int]) -> None:
+        """What was held in flight stays held."""
+
     def stop(self) -> None:
         """End both threads and close the video."""
         self._stop.set()

@@ -98,6 +98,14 @@ class VehicleRow:
     """Packets without a signature although a key is set: refused."""
     bad_signature: int = 0
     """Packets with a wrong, repeated or future signature: refused."""
+    replayed: int = 0
+    """Of these, packets of a recording that is played again."""
+    held: int = 0
+    """Packets with a right signature and nothing that proves that they are made now: refused."""
+    held_s: float = NAN
+    """How far their timestamps are behind, while all that comes is held; else NaN."""
+    signs: bool = False
+    """Packets were verified and none refused in the last seconds."""
     refusals: Mapping[str, int] = field(default_factory=dict)
     """Positions that were not used, by reason."""
     refused_for: str = ""

@@ -91,5 +91,8 @@ class Station(Protocol):
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these; a flight keeps that in its events."""
 
+    def accept_held(self, system_ids: Sequence[int]) -> None:
+        """The operator vouches for vehicles whose signed packets are held; nothing in a recording."""
+
     def stop(self) -> None:
         """End threads, seal the recording; safe to call twice."""

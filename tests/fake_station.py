@@ -174,6 +174,7 @@ class FakeStation:
         self.snapshot: Snapshot | None = make_snapshot(live=live) if snapshot is None else snapshot
         self.said: list[Event] = list(make_events())
         self.seen: list[Alarm] = []
+        self.accepted: list[int] = []
         self.stopped = 0
 
     def latest(self) -> Snapshot | None:
@@ -184,6 +185,9 @@ class FakeStation:
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         self.seen += alarms
+
+    def accept_held(self, system_ids: Sequence[int]) -> None:
+        self.accepted += system_ids
 
     def stop(self) -> None:
         self.stopped += 1

@@ -111,13 +111,22 @@ def test_every_trouble_of_the_station_is_an_alarm(watch, health, key, level):
         (replace(WELL, write_lost=9), ROWS, "lost"),
         (WELL, changed(1, bad_signature=2), "signature 11"),
         (WELL, changed(1, unsigned=2), "unsigned 11"),
+        (WELL, changed(1, bad_signature=2, replayed=2), "replay 11"),
     ],
 )
 def test_a_counter_that_grew_is_an_alarm_for_a_while(watch, health, rows, key):
     watch.see(5)
     assert set(watch.see(9, rows, health)) == {key}
     assert watch.see(10, rows, health) == {}
-    assert len(watch.events) == (0 if key in ("lost", "signature 11", "unsigned 11") else 2)
+    assert len(watch.events) == (0 if key in ("lost", "signature 11", "unsigned 11", "replay 11") else 2)
+
+
+def test_a_vehicle_that_is_held_is_an_alarm_after_three_seconds_and_not_unheard(watch):
+    rows = changed(1, heartbeat_age_s=math.inf, position_state="never", held=30, held_s=1700.0)
+    assert watch.see(2.5, rows) == {}
+    active = watch.see(20, rows)
+    assert {key: alarm.level for key, alarm in active.items()} == {"held 11": "alarm"}
+    assert "b believes it" in active["held 11"].advice
 
 
 def test_unsigned_packets_without_keys_are_only_told_as_such(watch):
@@ -307,6 +316,7 @@ def everything_wrong():
     rows = (
         replace(ROWS[0], position_state="refused", refusals={"jump": 2}, refused_for="jump"),
         replace(ROWS[1], contested=True, position_state="stale", bad_signature=3, unsigned=3, drift_ppm=900.0),
+        VehicleRow(system_id=16, name="UGV-16", role="ugv", bad_signature=5, replayed=5, held=9, held_s=700.0),
         replace(ROWS[2], heartbeat_age_s=math.inf),
         VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),
         VehicleRow(system_id=14, name="UGV-14", role="ugv", heartbeat_age_s=0.1, position_state="lost"),

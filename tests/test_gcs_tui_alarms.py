@@ -196,13 +196,19 @@ async def test_signatures_and_refusals_have_columns_once_there_are_any():
     assert "AUTH" not in {column.title for column in columns_for(120, unkeyed)}
     rows[1] = replace(rows[1], signed=12_345)
     rows[2] = replace(rows[2], signed=5, unsigned=31)
+    rows[0] = replace(rows[0], signed=5, held=40, held_s=2820.0)
     rows[3] = replace(rows[3], signed=5, bad_signature=14, refusals={"jump": 40, "0/0": 2}, contested=True)
     station.snapshot = replace(station.snapshot, vehicles=tuple(rows))
     async with running(station, WIDE) as (app, pilot, _):
         await pilot.press("f", "z")
         said = screen_text(app)
-        for word in ("AUTH", "REFUSED", "signed", "open 31", "bad 14", "42 jump"):
+        for word in ("AUTH", "REFUSED", "signed", "held 47m", "open 31", "bad 14", "42 jump"):
             assert word in said, word
+        rows[2], rows[3] = replace(rows[2], signs=True), replace(rows[3], signs=True)
+        station.snapshot = replace(station.snapshot, vehicles=tuple(rows))
+        app._poll()
+        await pilot.pause()
+        assert not {"open 31", "bad 14"} & {word for word in ("open 31", "bad 14") if word in screen_text(app)}
         await pilot.press("z", "down", "down", "down", "down")
         said = text_of(app.query_one(IdentityPane))
         for word in ("SEVERAL with this id", "5  unsigned 0  bad 14", "40 jump", "2 0/0"):

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +18,7 @@ import typer
 
 from gcs.cli.arguments import blot_out
 from gcs.cli.console import NO_NAMES, NOT_AVAILABLE, Graphics, note, quiet_stderr, say, to_file_if_gone
-from gcs.config import load_mission
+from gcs.config import Mission, load_mission
 from gcs.errors import GcsError
 from gcs.live import Flight, FlightPlan
 from gcs.rollcall import RollCall
@@ -45,6 +46,14 @@ def fly(
     command: Annotated[
         bool, typer.Option("--command", help="May speak to the UAV: heartbeat, message rates, orders.")
     ] = False,
+    accept_late: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--accept-late",
+            metavar="ID",
+            help="Believe this vehicle's signatures without a proof that they are new; may be repeated.",
+        ),
+    ] = None,
     sessions: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("sessions"),
     model: Annotated[Path | None, typer.Option(help="ONNX detector instead of the mission's.")] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
@@ -63,7 +72,10 @@ def fly(
     _check(links, duration, screen=screen)
     source = loaded.links.video if video is None else video
     forward = tuple(out or ()) or loaded.links.forward
-    plan = FlightPlan(mission=loaded, links=links, video=source, sessions=sessions, forward=forward, command=command)
+    plan = FlightPlan(
+        mission=loaded, links=links, video=source, sessions=sessions, forward=forward, command=command,
+        accept_late=_of_mission(accept_late or (), loaded),
+    )  # fmt: skip
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
     sealing = _look_around(flight, sessions, screen=screen)
@@ -108,6 +120,19 @@ def _look_around(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
     for folder in filter(is_shared, (flight.folder, sessions)):
         tell(f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning")
     return Sealing(sessions, tell)
+
+
+def _of_mission(system_ids: Sequence[int], mission: Mission) -> tuple[int, ...]:
+    """Vehicles of the mission.
+
+    Raises:
+        GcsError: one of these is none.
+    """
+    known = (mission.uav.system_id, *mission.ugv_ids)
+    for system_id in system_ids:
+        if system_id not in known:
+            raise GcsError(f"--accept-late {system_id}: no vehicle of the mission; it has {', '.join(map(str, known))}")
+    return tuple(system_ids)
 
 
 def _check(links: tuple[str, ...], duration: float | None, *, screen: bool) -> None:

@@ -76,10 +76,10 @@ class CommandDesk:
 
     def take(self, packet: Packet) -> None:
         """Every packet that came, of anybody; what is not believed is left out."""
+        self._outgoing.heard(packet)
         if packet.auth > Auth.GOOD:
             return
         self._rates.take(packet, time.monotonic())
-        self._outgoing.heard(packet)
         if packet.system_id != self._uav_id:
             return
         self._uav.take(packet)

@@ -25,6 +25,7 @@ from gcs.tui.command import ask_for_order
 from gcs.tui.deck import Deck
 from gcs.tui.event_log import EventPane, heard
 from gcs.tui.fleet import FleetPane
+from gcs.tui.held import ask_to_accept
 from gcs.tui.help import HelpScreen
 from gcs.tui.hints import HintLine
 from gcs.tui.identity import IdentityPane
@@ -228,6 +229,10 @@ class RollcallApp(App[None]):
     def action_command(self) -> None:
         """Choose, confirm and give an order."""
         ask_for_order(self, self._commands, self.selected, live=self._station.timeline is None)
+
+    def action_believe(self) -> None:
+        """Accept vehicles whose signed packets are held."""
+        ask_to_accept(self, self._station, self.snapshot, self.selected)
 
     def action_layout(self, layout: int) -> None:
         """One of three layouts."""

@@ -86,7 +86,11 @@ def _loss(row: VehicleRow) -> Cell:
 
 
 def _auth(row: VehicleRow) -> Cell:
-    """The worst first: refused for its signature, refused for want of one, verified, nothing to verify with."""
+    """What it does now; else the worst it did: refused for its signature, or for want of one."""
+    if not math.isnan(row.held_s):
+        return f"held {age(row.held_s)}", ALARM
+    if row.signs:
+        return "signed", INK
     if row.bad_signature:
         return f"bad {_many(row.bad_signature)}", ALARM
     if row.unsigned:
