@@ -78,7 +78,7 @@ def fly(link: Link, forwarder: Forwarder, fleet: Fleet, seconds: float) -> list[
             fleet.tick()
             ticks += 1
         packets = link.read(0.02)
-        forwarder.take(packets, lambda index, raw: None)
+        forwarder.take(packets, lambda index, raw, peer: None)
         if not ready and all(each.stopped for each in forwarder.counts):
             ready, stop_s = True, now_s + seconds
         heard += packets if ready else []

@@ -28,6 +28,7 @@ from gcs.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands
 from mavlink.errors import LinkError
+from mavlink.forward import parse_output
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.keys import KeyRing, read_ring
@@ -272,6 +273,9 @@ class Flight:
 def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
     mission = plan.mission
     signing = mission.signing
+    for out in plan.forward:
+        if not plan.command and parse_output(out)[1] is not None:
+            raise LinkError(f"{out}: ?rw lets a program speak to vehicles, which takes --command; ?ro only listens")
     return Ingest(
         plan.links,
         log,
@@ -282,5 +286,5 @@ def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
             keyless=signing.keyless,
             accept_late=plan.accept_late,
         ),
-        outputs=Outputs(urls=plan.forward, write_back=plan.command, own=SYSTEM_ID),
+        outputs=Outputs(urls=plan.forward, uav=mission.uav.system_id, own=SYSTEM_ID),
     )

@@ -45,8 +45,8 @@ class Output(Protocol):
     def write(self, raw: bytes) -> bool:
         """Hands over one whole frame; whether somebody took it."""
 
-    def read(self) -> list[bytes]:
-        """Frames that came back, without waiting."""
+    def read(self) -> list[tuple[bytes, str]]:
+        """Frames that came back, without waiting, each with the address that it came from."""
 
     def close(self) -> None:
         """Closes it."""
@@ -58,6 +58,7 @@ class _UdpOut:
     def __init__(self, url: LinkUrl) -> None:
         self.name = url.name
         self._nobody = False
+        self._who = f"{url.host}:{url.port}"
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -78,8 +79,8 @@ class _UdpOut:
             return False
         return not nobody
 
-    def read(self) -> list[bytes]:
-        return [frame for data in _drain(self._receive) for frame in split(data)[0]]
+    def read(self) -> list[tuple[bytes, str]]:
+        return [(frame, self._who) for data in _drain(self._receive) for frame in split(data)[0]]
 
     def _receive(self) -> bytes:
         try:
@@ -117,13 +118,13 @@ class _UdpIn:
                 continue
         return taken
 
-    def read(self) -> list[bytes]:
-        frames: list[bytes] = []
+    def read(self) -> list[tuple[bytes, str]]:
+        frames: list[tuple[bytes, str]] = []
         for data, peer in _drain(lambda: self._socket.recvfrom(_CHUNK)):
             good, counts = split(data)
             if counts.good and (peer in self._peers or len(self._peers) < _CLIENTS):
                 self._peers[peer] = time.monotonic()
-            frames += good
+            frames += ((frame, f"{peer[0]}:{peer[1]}") for frame in good)
         self._peers = {peer: s for peer, s in self._peers.items() if s >= time.monotonic() - _PEER_S}
         return frames
 
@@ -134,8 +135,10 @@ class _UdpIn:
 class _Pipe:
     """A byte stream that keeps frames whole: what it has begun to send it ends before the next."""
 
-    def __init__(self, file: int) -> None:
+    def __init__(self, file: int, who: str) -> None:
         self.file = file
+        self.who = who
+        """Address of the other end."""
         self._framer = Framer()
         self._pending = b""
 
@@ -190,9 +193,10 @@ class _Stream:
             self.close()
             return False
 
-    def read(self) -> list[bytes]:
+    def read(self) -> list[tuple[bytes, str]]:
         try:
-            return self._pipe.read() if self._pipe is not None else []
+            pipe = self._pipe
+            return [(frame, pipe.who) for frame in pipe.read()] if pipe is not None else []
         except OSError:
             self.close()
             return []
@@ -207,7 +211,7 @@ class _Stream:
             self._next_try_s = time.monotonic() + _RETRY_S
             try:
                 self._held = self._connect()
-                self._pipe = _Pipe(self._held.fileno())
+                self._pipe = _Pipe(self._held.fileno(), self.name)
             except OSError:
                 return None
         return self._pipe
@@ -234,16 +238,18 @@ class _TcpIn:
         taken = [self._each(client, lambda pipe: pipe.write(raw), False) for client in list(self._clients)]
         return any(taken)
 
-    def read(self) -> list[bytes]:
-        for client, _ in _drain(self._server.accept):
+    def read(self) -> list[tuple[bytes, str]]:
+        for client, (host, port) in _drain(self._server.accept):
             if len(self._clients) >= _CLIENTS:
                 client.close()
                 continue
             client.setblocking(False)
-            self._clients[client] = _Pipe(client.fileno())
-        frames: list[bytes] = []
+            self._clients[client] = _Pipe(client.fileno(), f"{host}:{port}")
+        frames: list[tuple[bytes, str]] = []
         for client in list(self._clients):
-            frames += self._each(client, _Pipe.read, [])
+            who = self._clients[client].who
+            came: list[bytes] = self._each(client, _Pipe.read, [])
+            frames += ((frame, who) for frame in came)
         return frames
 
     def close(self) -> None:

@@ -1,8 +1,9 @@
 """The one way out for whatever the station itself says: only to the UAV, numbered in one row, signed, recorded.
 
-Everything not addressed to the UAV is dropped here and counted, whoever made it, but HEARTBEAT and TIMESYNC, which have
-no address and go only to where the UAV is heard. So nothing is ever sent to a ground vehicle. On a link whose other end
-sends to nobody before it was spoken to, heartbeats knock until the UAV is heard there, or only somebody else is.
+Everything not addressed to the UAV is dropped here and counted, whoever made it, but HEARTBEAT and TIMESYNC, which
+have no address and carry no order. All goes to the UAV's own network address only: who shares it (one radio, a router)
+hears it too, and sees that it is for the UAV. So this station gives no ground vehicle an order. On a link whose other
+end sends to nobody before it was spoken to, heartbeats knock until the UAV is heard there, or only somebody else is.
 """
 
 from __future__ import annotations

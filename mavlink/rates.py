@@ -92,7 +92,7 @@ class Rate:
 
     @property
     def words(self) -> str:
-        """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: nothing is ever sent to a ground vehicle: ...``."""
+        """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: a ground vehicle is never asked: ...``."""
         comes = f"comes at {self.measured_hz:.1f} of {self.wanted_hz:g} Hz" if self.measured_hz else "does not come"
         return f"{self.message} {comes}: {self.hint}"
 
@@ -314,5 +314,5 @@ def _hint(message_id: int, wanted_hz: float, *, ground: bool) -> str:
     names = f"SRx_{parameter}, from 4.7 on MAVx_{parameter}"
     how = f"set its stream rate (ArduPilot: {names}, = {wanted_hz:g} of that serial port)" if parameter else ""
     if ground:
-        return f"nothing is ever sent to a ground vehicle: {how or 'ask whoever drives it for more'}"
+        return f"a ground vehicle is never asked: {how or 'ask whoever drives it for more'}"
     return f"the station listens only: --command lets it ask, or {how or 'ask for more elsewhere'}"

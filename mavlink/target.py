@@ -25,11 +25,12 @@ def _offset(message: Any, field: str) -> int | None:  # noqa: ANN401  (the diale
     return sum(struct.calcsize(f"<{formats[i]}") * counts[i] for i in range(names.index(field)))
 
 
+_MANUAL_CONTROL = 69
 _PLACES: dict[int, tuple[int | None, int | None]] = {
     number: (_offset(message, "target_system"), _offset(message, "target_component"))
     for number, message in ardupilotmega.mavlink_map.items()
     if "target_system" in message.fieldnames
-}
+} | {_MANUAL_CONTROL: (_offset(ardupilotmega.mavlink_map[_MANUAL_CONTROL], "target"), None)}
 
 
 def target_of(raw: bytes) -> tuple[int, int]:

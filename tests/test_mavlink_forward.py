@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 
@@ -57,8 +58,8 @@ def receiver():
     made.socket.close()
 
 
-def packets(*frames: bytes, link: int = 0, auth: Auth = Auth.OPEN) -> list[Packet]:
-    return [Packet(1_000_000 + i, raw, link, 1, auth) for i, raw in enumerate(frames)]
+def packets(*frames: bytes, link: int = 0, auth: Auth = Auth.OPEN, peer: int = 1) -> list[Packet]:
+    return [Packet(1_000_000 + i, raw, link, peer, auth) for i, raw in enumerate(frames)]
 
 
 def command(speaker: Speaker, target: int, number: int = 400) -> bytes:
@@ -71,16 +72,16 @@ def unknown(system_id: int) -> bytes:
     return frame[:-2] + checksum(frame, 7).to_bytes(2, "little")
 
 
-def nowhere(link: int, raw: bytes) -> None:
+def nowhere(link: int, raw: bytes, peer: int) -> None:
     raise AssertionError(f"sent to link {link}: {raw.hex()}")
 
 
-def settle(forwarder: Forwarder, sent: list[tuple[int, bytes]], count: int) -> None:
+def settle(forwarder: Forwarder, sent: list[tuple[int, bytes, int]], count: int) -> None:
     """Until so many frames went back, or a moment is over; what is there already is taken however late it is."""
     end, late = time.monotonic() + 0.4, False
     while len(sent) < count and not late:
         late = time.monotonic() >= end
-        forwarder.take([], lambda link, raw: sent.append((link, raw)))
+        forwarder.take([], lambda *way: sent.append(way))
         time.sleep(0.005)
 
 
@@ -103,6 +104,12 @@ def test_target_of_every_message_that_has_one():
         assert target_of(raw) == (77, 5 if "target_component" in message.fieldnames else 0), message.msgname
         tried += 1
     assert tried > 80
+    manual = dialect.MAVLink_manual_control_message(77, 1, 2, 3, 4, 5).pack(mav)
+    assert target_of(manual) == (77, 0), "its field has another name"
+    named = {"gcs_system_id", "primary_control_sysid", "secondary_control_sysid", "system_status"}
+    for message in dialect.mavlink_map.values():
+        odd = {name for name in message.fieldnames if re.search("target$|sysid|system", name)} - named
+        assert odd <= {"target_system"} or message.msgname == "MANUAL_CONTROL", message.msgname
     assert target_of(UAV.heartbeat()) == EVERYBODY
     assert target_of(Speaker(3, version=1).pack(dialect.MAVLink_command_ack_message(400, 0))) == EVERYBODY
 
@@ -141,25 +148,25 @@ def test_refused_packets_on_request_but_never_keys(receiver):
 
 
 @pytest.mark.parametrize(
-    ("option", "write_back", "passes"),
-    [("", False, False), ("", True, True), ("?ro", True, False), ("?rw", False, True)],
+    ("option", "passes"),
+    [("", False), ("?ro", False), ("?rw", True), ("?rw=7", True)],
 )
-def test_only_who_may_write_reaches_a_vehicle(receiver, option, write_back, passes):
-    forwarder = Forwarder([receiver.url + option], write_back=write_back)
+def test_only_who_may_write_reaches_a_vehicle(receiver, option, passes):
+    forwarder = Forwarder([receiver.url + option], uav=1)
     forwarder.take(packets(UAV.heartbeat()), nowhere)
     receiver.get(1)
     raw = Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
     receiver.answer(raw)
-    sent: list[tuple[int, bytes]] = []
+    sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
-    assert sent == ([(0, raw)] if passes else [])
+    assert sent == ([(0, raw, 1)] if passes else [])
     counts = forwarder.counts[0]
     assert (counts.returned, counts.stopped) == ((1, 0) if passes else (0, 1))
     forwarder.close()
 
 
 def test_addressed_frames_go_only_where_the_target_was_heard(receiver):
-    forwarder = Forwarder([receiver.url], write_back=True)
+    forwarder = Forwarder([receiver.url + "?rw=7,33"], uav=1)
     forwarder.take(packets(UAV.heartbeat(), link=0) + packets(ROVER.heartbeat(), link=2), nowhere)
     receiver.get(2)
     gcs = Speaker(255, 190, key=bytes(32))
@@ -167,30 +174,30 @@ def test_addressed_frames_go_only_where_the_target_was_heard(receiver):
     beat = gcs.heartbeat(GCS, autopilot=NO_AUTOPILOT)
     for raw in (to_uav, to_rover, to_nobody, beat):
         receiver.answer(raw)
-    sent: list[tuple[int, bytes]] = []
+    sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 4)
-    assert sent == [(0, to_uav), (2, to_rover), (0, beat), (2, beat)]
+    assert sent == [(0, to_uav, 1), (2, to_rover, 1), (0, beat, 1), (2, beat, 1)]
     assert forwarder.counts[0].stopped == 1
     forwarder.close()
 
 
 def test_a_target_that_was_only_pretended_is_no_route(receiver):
-    forwarder = Forwarder([receiver.url], write_back=True)
+    forwarder = Forwarder([receiver.url + "?rw"], uav=1)
     forwarder.take(packets(UAV.heartbeat(), link=0), nowhere)
     forwarder.take(packets(UAV.heartbeat(), link=5, auth=Auth.BAD), nowhere)
     receiver.get(1)
     raw = command(Speaker(255, 190), 1)
     receiver.answer(raw)
-    sent: list[tuple[int, bytes]] = []
+    sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
-    assert sent == [(0, raw)]
+    assert sent == [(0, raw, 1)]
     forwarder.close()
 
 
 def test_loops_keys_impostors_and_unknown_messages_are_stopped(receiver):
-    forwarder = Forwarder([receiver.url], write_back=True, vehicles=(1, 7), own=254)
+    forwarder = Forwarder([receiver.url + "?rw"], uav=1, vehicles=(1, 7), own=254)
     out = Speaker(60).heartbeat()
-    forwarder.take(packets(UAV.heartbeat()) + packets(out), nowhere)
+    forwarder.take(packets(UAV.heartbeat()) + packets(out, peer=2), nowhere)
     receiver.get(2)
     gcs = Speaker(255, 190)
     passed = gcs.heartbeat(GCS, autopilot=NO_AUTOPILOT)
@@ -203,9 +210,9 @@ def test_loops_keys_impostors_and_unknown_messages_are_stopped(receiver):
         passed,
     ):
         receiver.answer(raw)
-    sent: list[tuple[int, bytes]] = []
+    sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
-    assert sent == [(0, passed)]
+    assert sent == [(0, passed, 1)]
     assert forwarder.counts[0].stopped == 5
     forwarder.close()
 
@@ -213,12 +220,12 @@ def test_loops_keys_impostors_and_unknown_messages_are_stopped(receiver):
 def test_what_a_vehicle_repeats_does_not_go_back_to_who_said_it(receiver):
     """Autopilots relay broadcasts between their links: a station's heartbeat comes back from each of them."""
     other = Receiver()
-    forwarder = Forwarder([receiver.url, other.url], write_back=True)
+    forwarder = Forwarder([receiver.url + "?rw", other.url], uav=1)
     forwarder.take(packets(UAV.heartbeat()), nowhere)
     receiver.get(1), other.get(1)
     beat = Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
     receiver.answer(beat)
-    sent: list[tuple[int, bytes]] = []
+    sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
     forwarder.take(packets(beat, beat), nowhere)
     assert other.get(1) == [beat]
@@ -260,30 +267,30 @@ def test_equal_heartbeats_a_second_apart_all_go_out(receiver):
 
 def test_an_old_frame_is_no_echo(receiver):
     now_s = [0.0]
-    forwarder = Forwarder([receiver.url], write_back=True, clock=lambda: now_s[0])
+    forwarder = Forwarder([receiver.url + "?rw"], uav=60, clock=lambda: now_s[0])
     frame = Speaker(60).heartbeat()
     forwarder.take(packets(frame), nowhere)
     receiver.get(1)
-    sent: list[tuple[int, bytes]] = []
+    sent: list[tuple[int, bytes, int]] = []
     receiver.answer(frame)
     settle(forwarder, sent, 1)
     assert sent == []
     now_s[0] = 5.0
     receiver.answer(frame)
     settle(forwarder, sent, 1)
-    assert sent == [(0, frame)]
+    assert sent == [(0, frame, 1)]
     forwarder.close()
 
 
 def test_a_link_that_fails_costs_its_frame_only(receiver):
-    forwarder = Forwarder([receiver.url], write_back=True)
+    forwarder = Forwarder([receiver.url + "?rw"], uav=1)
     forwarder.take(packets(UAV.heartbeat(), link=0) + packets(UAV.heartbeat(), link=1), nowhere)
     receiver.get(2)
     raw = command(Speaker(255, 190), 1)
     receiver.answer(raw)
     sent: list[int] = []
 
-    def send(link: int, raw: bytes) -> None:
+    def send(link: int, raw: bytes, peer: int) -> None:
         if link == 0:
             raise LinkError("unplugged")
         sent.append(link)
@@ -351,7 +358,19 @@ def test_a_udp_port_serves_whoever_spoke_to_it_first():
     program.socket.close()
 
 
-@pytest.mark.parametrize("out", ["udpout:127.0.0.1:14551?both", "nonsense", "udpout:", "udpout:127.0.0.1:99999"])
+@pytest.mark.parametrize(
+    "out",
+    [
+        "udpout:127.0.0.1:14551?both",
+        "udpout:127.0.0.1:14551?rw=",
+        "udpout:127.0.0.1:14551?rw=0",
+        "udpout:127.0.0.1:14551?rw=1;2",
+        "udpout:127.0.0.1:14551?rw=256",
+        "nonsense",
+        "udpout:",
+        "udpout:127.0.0.1:99999",
+    ],
+)
 def test_bad_outputs_say_what_to_write(out):
     with pytest.raises(LinkError):
         Forwarder([out])

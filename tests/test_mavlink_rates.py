@@ -232,12 +232,12 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
     assert [(rate.message, rate.state) for rate in ugv] == [("GLOBAL_POSITION_INT", "too slow")]
     assert ugv[0].measured_hz == pytest.approx(1.0, rel=0.2) and ugv[0].wanted_hz == 5.0
     assert (
-        "nothing is ever sent to a ground vehicle" in ugv[0].hint
+        "a ground vehicle is never asked" in ugv[0].hint
         and "SRx_POSITION, from 4.7 on MAVx_POSITION, = 5" in ugv[0].hint
     )
     assert {rate.system_id for rate in made.rates(120.0)} == {1, 7}
     assert made.troubles(115.0) == [], "it must last"
-    assert "GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: nothing is ever sent" in next(
+    assert "GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: a ground vehicle is never asked" in next(
         rate.words for rate in made.troubles(120.0) if rate.system_id == 7
     )
     assert made.troubles(120.1) == [], "told once"

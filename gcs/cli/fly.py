@@ -41,10 +41,14 @@ def fly(
     ] = None,
     out: Annotated[
         list[str] | None,
-        typer.Option("--out", help="Where packets go on to, untouched (udpout:127.0.0.1:14551); may be repeated."),
+        typer.Option(
+            "--out",
+            help="Where packets go on to, untouched (udpout:127.0.0.1:14551); may be repeated. Programs there only "
+            "listen; ?rw behind it lets them speak to the UAV, ?rw=11 to vehicle 11 too (needs --command).",
+        ),
     ] = None,
     command: Annotated[
-        bool, typer.Option("--command", help="May speak to the UAV: heartbeat, message rates, orders.")
+        bool, typer.Option("--command", help="May speak to the UAV, and to it alone: heartbeat, message rates, orders.")
     ] = False,
     accept_late: Annotated[
         list[int] | None,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from mavlink.forward import HARMLESS, Said
 from mavlink.ingest.health import IngestHealth, LinkReport
 
 __all__ = ["Changes"]
@@ -13,7 +16,7 @@ GROWN = 2.0
 PATIENCE = 10
 """A connection that is being made is not missed for so many looks, twice a second."""
 QUIET = 20
-"""Nor is one that comes and goes lost again for so many."""
+"""Nor is one that comes and goes lost again for so many; what a program says is told again after as many without."""
 
 
 class Changes:
@@ -25,10 +28,14 @@ class Changes:
         self._narrow: dict[str, bool] = {}
         self._losses: dict[str, int] = {}
         self._troubles: frozenset[str] = frozenset()
+        self._looks = 0
+        self._said: dict[tuple[str, Said], tuple[int, int, int]] = {}
+        """Count told, count, and look at which it last grew."""
 
     def of(self, health: IngestHealth) -> list[Told]:
         """What is new since the last call."""
         told: list[Told] = []
+        self._looks += 1
         for link in health.links:
             told += self._link(link)
             text = f"{link.name}: {{}} datagrams were lost, the machine is too busy to receive them in time"
@@ -37,6 +44,8 @@ class Changes:
         for output in health.outputs:
             text = f"{output.name}: {{}} packets were not forwarded: nobody there, or too slow"
             told += self._loss(output.name, output.dropped, text)
+            for said in output.said:
+                told += self._speech(output.name, said)
         troubles = frozenset(health.troubles)
         told += [("warning", text) for text in sorted(troubles - self._troubles)]
         self._troubles = troubles
@@ -62,6 +71,27 @@ class Changes:
             return []
         self._connected[name] = False
         return [("alarm", f"{name}: lost, trying on" if before else f"{name}: no connection yet, trying on")]
+
+    def _speech(self, output: str, said: Said) -> list[Told]:
+        """What a program behind an output said: when it begins to, and again when it is twice as often."""
+        key = (output, replace(said, count=0))
+        told, before, grew = self._said.get(key, (0, 0, 0))
+        if said.count <= before:  # of a process that was started anew, the count is less
+            self._said[key] = (min(told, said.count), said.count, grew)
+            return []
+        new = said.count >= told * GROWN or self._looks - grew > QUIET
+        self._said[key] = (said.count if new else told, said.count, self._looks)
+        if not new:
+            return []
+        whom = f"system {said.whom}" if said.whom else "everybody"
+        times = f", {said.count:,} times so far" if said.count > 1 else ""
+        if not said.what:
+            who, goes = said.who or "others", f"goes nowhere: {said.why}" if said.why else "was sent on"
+            return [("info", f"{output}: what {who} said {goes}{times}")]
+        level = "info" if said.what in HARMLESS else "warning"
+        if said.why:
+            return [(level, f"{output}: {said.what} of {said.who} for {whom} was stopped: {said.why}{times}")]
+        return [(level, f"{output}: {said.who} sent {said.what} to {whom} through this station{times}")]
 
     def _loss(self, name: str, count: int, text: str) -> list[Told]:
         before = self._losses.get(name, 0)

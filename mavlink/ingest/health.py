@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mavlink.forward import OutputCounts
+from mavlink.forward import OutputCounts, Said
 from mavlink.link_tally import LinkCounts
 from mavlink.record_state import RecordState
 
@@ -85,7 +85,7 @@ class IngestHealth:
         table: dict[str, Any] = json.loads(text)
         try:
             table["links"] = tuple(_link(link) for link in table["links"])
-            table["outputs"] = tuple(OutputCounts(**output) for output in table["outputs"])
+            table["outputs"] = tuple(map(_output, table["outputs"]))
             table["record"] = RecordState(**table["record"])
             table["troubles"] = tuple(table["troubles"])
             return cls(**table)
@@ -107,6 +107,10 @@ def _link(table: dict[str, Any]) -> LinkReport:
     addresses = tuple((number, host, port) for number, host, port in table["addresses"])
     others = tuple((number, address) for number, address in table["others"])
     return LinkReport(**table | {"counts": LinkCounts(**table["counts"]), "addresses": addresses, "others": others})
+
+
+def _output(table: dict[str, Any]) -> OutputCounts:
+    return OutputCounts(**table | {"said": tuple(Said(**said) for said in table["said"])})
 
 
 def _sum(now: LinkCounts, before: LinkCounts) -> LinkCounts:

@@ -27,7 +27,8 @@ class Outputs:
     """Where packets go on to; see :class:`mavlink.forward.Forwarder`."""
 
     urls: tuple[str, ...] = ()
-    write_back: bool = False
+    uav: int = 0
+    """System id of the UAV, to which `?rw` lets programs speak."""
     refused: bool = False
     own: int = 0
     """System id of this station."""

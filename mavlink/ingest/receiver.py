@@ -93,7 +93,7 @@ def open_outputs(outputs: Outputs, system_ids: tuple[int, ...]) -> Forwarder | N
         return None
     return Forwarder(
         outputs.urls,
-        write_back=outputs.write_back,
+        uav=outputs.uav,
         refused=outputs.refused,
         vehicles=system_ids,
         own=outputs.own,
@@ -150,7 +150,7 @@ class Receiver:
         if self._outputs is None:
             return
         try:
-            self._outputs.take(packets, self.send)
+            self._outputs.take(packets, self.say)
         except Exception as error:  # noqa: BLE001 - outputs may never stop the recording
             self.output_trouble = f"forwarding: {error!r}"
 
@@ -165,7 +165,7 @@ class Receiver:
         self._links[link].send(data, peer)
 
     def say(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends what the station itself says, and records it.
+        """Sends what the station itself or a program behind an output says, and records it.
 
         Raises:
             LinkError: there is no such link, or it does not take it; then it is not recorded.
