@@ -35,6 +35,8 @@ Image = NDArray[np.uint8]
 
 # Frames a second when there is neither video nor detections: the fleet and the map still replay.
 BARE_FPS = 5.0
+BARE_PAUSE_US = 60_000_000
+"""By then every alarm of silence has come."""
 
 
 def discover(log: SessionLog) -> Mission:
@@ -73,9 +75,9 @@ class Analysis:
         self.session = session
         self._log = SessionLog(session.tlog)
         self.mission = session.mission or discover(self._log)
-        times, self._bad_times = read_times(session.frames) if session.frames else (None, 0)
-        if times is not None:
-            times = self._log.steps.of_pictures(times, self._log.start_us)
+        self._frames = read_times(session.frames) if session.frames else None
+        steps, start_us = self._log.steps, self._log.start_us
+        times = steps.of_pictures(self._frames.times_us, start_us) if self._frames else None
         self.video = self._open_video(session.video, times)
         self._boxes = self._open_detections(redetect)
         self.times_us = self._frame_times(times)
@@ -110,19 +112,26 @@ class Analysis:
             return self.video.times_us
         if times is not None:
             return times
-        first, last = self._log.start_us, self._log.stop_us
-        return np.arange(first, last + 1, int(1e6 / BARE_FPS), dtype=np.int64)
+        return _bare_times(self._log.times_us)
 
     def _complaints(self) -> Iterator[str]:
         yield from self._log.warnings
         if self._boxes is not None and self._boxes.skipped:
             yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
-        if self._bad_times:
-            yield f"frames.csv: {self._bad_times} rows could not be read; their frames got the time between neighbours"
+        yield from self._complaints_of_times()
         if self.video is not None and self.video.missing:
             yield f"{self.video.missing} pictures were seen in flight and are not in the recorded video"
         if self.mission.camera is None or self.mission.camera.intrinsics is None:
             yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
+
+    def _complaints_of_times(self) -> Iterator[str]:
+        if self._frames is not None and self._frames.skipped:
+            yield f"frames.csv: {self._frames.skipped} rows cannot be used; their frames got the time between others"
+        if self._frames is not None and self._frames.unordered:
+            yield f"frames.csv: {self._frames.unordered} rows are out of order; they were sorted by frame"
+        backwards = int(np.count_nonzero(np.diff(self.times_us) < 0))
+        if backwards:
+            yield f"the frames' time goes back {backwards} times: what is named around there is not to be trusted"
 
     def detector(self) -> Detector | None:
         """The mission's detector when frames have to be looked at, else None."""
@@ -175,6 +184,18 @@ class Analysis:
         """Close the video."""
         if self.video is not None:
             self.video.close()
+
+
+def _bare_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Moments to show a log at that has no pictures: five a second, in pauses for a minute only."""
+    t_us = np.unique(t_us)
+    step_us = int(1e6 / BARE_FPS)
+    ends = np.flatnonzero(np.diff(t_us, append=t_us[-1] + BARE_PAUSE_US + 1) > BARE_PAUSE_US)
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    last_us = np.minimum(t_us[ends] + BARE_PAUSE_US, t_us[-1])
+    return np.concatenate(
+        [np.arange(a, b + 1, step_us, dtype=np.int64) for a, b in zip(t_us[starts], last_us, strict=True)]
+    )
 
 
 class _Ahead:

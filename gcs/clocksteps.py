@@ -23,6 +23,8 @@ SEARCH_US = 1_000_000
 """Steps of a second and more are found in the stamps themselves, where record numbers are off because of damage."""
 SEARCH_ROWS = 5000
 NEAR_US = 5_000_000
+MOST_STEPS = 1000
+"""Of a clock that was set by somebody; each is looked for in all records."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +37,8 @@ class Steps:
     """Unix µs by the new setting when it was noticed."""
     step_us: Ints
     """By how much, positive forwards."""
+    skipped: int = 0
+    """Rows of ``clock.csv`` that cannot be used."""
 
     @classmethod
     def none(cls) -> Steps:
@@ -53,7 +57,8 @@ class Steps:
             return cls.none()
         table = read_segments(path, ("record", "t_us", "step_us"))
         names = ("record", "t_us", "step_us")
-        return cls(**{name: np.round(table[name]).astype(np.int64) for name in names})
+        columns = {name: table[name][:MOST_STEPS].astype(np.int64) for name in names}
+        return cls(**columns, skipped=table.skipped + max(len(table) - MOST_STEPS, 0))
 
     def __len__(self) -> int:
         return len(self.record)

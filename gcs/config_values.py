@@ -99,7 +99,7 @@ def _value(kind: type, name: str, value: object, where: str, ranges: Ranges) -> 
     if isinstance(value, list) and tuple[int, ...] in options and all(map(_is_whole, value)):
         return tuple(int(_in_range(name, v, limits, where)) for v in value)
     if isinstance(value, list) and tuple[float, ...] in options and len(value) == 5 and all(map(_is_number, value)):
-        return tuple(float(v) for v in value)
+        return tuple(_in_range(name, v, limits, where) for v in value)
     if int in options and _is_whole(value):
         return int(_in_range(name, value, limits, where))
     if float in options and _is_number(value):

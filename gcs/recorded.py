@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,13 @@ from vision.video import VideoFile
 __all__ = ["recorded"]
 
 
-def recorded(identity: Path, mission: Mission, video: VideoFile | None) -> Iterator[Snapshot]:
-    """Go through an identity log frame by frame, with pictures where there is a video."""
+def recorded(
+    identity: Path, mission: Mission, video: VideoFile | None, tell: Callable[[str], None] = lambda text: None
+) -> Iterator[Snapshot]:
+    """Go through an identity log frame by frame, with pictures where there is a video; ``tell`` is given what lacks."""
     table = read_identity(identity)
+    if table.skipped:
+        tell(f"{identity}: {table.skipped} rows could not be used")
     order = np.argsort(table["frame"], kind="stable")
     frames = table["frame"][order].astype(np.int64)
     names = tuple(_name_row(mission, i) for i in (mission.uav.system_id, *mission.ugv_ids))

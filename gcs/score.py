@@ -14,7 +14,7 @@ Boxes of the log are matched to true boxes frame by frame (nearest centres, one 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +71,8 @@ class Score:
     ece: float
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
+    skipped: int = 0
+    """Rows of either file that could not be used."""
 
 
 def score_files(truth: Path, identity: Path) -> Score:
@@ -86,7 +88,7 @@ def score_files(truth: Path, identity: Path) -> Score:
         raise ScoreError(f"{truth}: no true box in it, nothing to compare with")
     if len(said) and not np.intersect1d(true["frame"], said["frame"]).size:
         raise ScoreError(f"{identity} and {truth} have no frame in common; are they of the same recording?")
-    return score(match(true, said))
+    return replace(score(match(true, said)), skipped=true.skipped + said.skipped)
 
 
 def match(true: Table, said: Table) -> Matched:

@@ -25,10 +25,12 @@ from gcs.errors import SessionError
 from gcs.segmented import read_segments
 from gcs.tables import Table
 from mavlink.segments import segments
+from mavlink.tlog_times import times_ok
 from vision.detections import Detections
 
 __all__ = [
     "FrameDetections",
+    "FrameTimes",
     "Session",
     "create_folder",
     "mission_table",
@@ -37,6 +39,8 @@ __all__ = [
     "read_times",
 ]
 
+MOST_MISSING, ROOMY = 100_000, 64
+"""A table of n frames may lack so many at once, and be of every 64th: what a frame index asks of memory is bounded."""
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
 
 
@@ -103,19 +107,57 @@ def _existing(path: Path) -> Path | None:
     return path if segments(path) else None
 
 
-def read_times(path: Path) -> tuple[NDArray[np.int64], int]:
-    """Read ``frames.csv``: (n,) Unix µs by frame index, and the number of rows that could not be used.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTimes:
+    """What ``frames.csv`` says."""
 
-    A frame whose row is damaged gets the time between its neighbours, so that later frames keep their places.
+    times_us: NDArray[np.int64]
+    """(n,) Unix µs by frame index."""
+    skipped: int
+    """Rows that could not be used."""
+    unordered: int
+    """Rows whose frame is earlier than that of the row before."""
+
+
+def read_times(path: Path) -> FrameTimes:
+    """Read ``frames.csv``.
+
+    A frame whose row is damaged gets the time between its neighbours, so that later frames keep their places. So does
+    one whose time is not between theirs, or in company nowhere: all telemetry up to that time would be taken before it.
+
+    Raises:
+        SessionError: no table, or no row in it that can be used.
     """
     table = read_segments(path, ("frame", "time_us"))
     if not len(table):
         raise SessionError(f"{path}: no frame in it; delete the file if the video has its own time stamps")
+    unordered = int(np.count_nonzero(np.diff(table["frame"]) < 0))
     frame, first = np.unique(table["frame"].astype(np.int64), return_index=True)
-    keep = frame >= 0
-    frame, time_us = frame[keep], table["time_us"][first][keep]
-    dense = np.interp(np.arange(frame[-1] + 1), frame, time_us)
-    return np.round(dense).astype(np.int64), table.skipped + len(table) - len(frame)
+    time_us = table["time_us"][first].astype(np.int64)
+    keep = frame < ROOMY * len(frame) + MOST_MISSING
+    frame, time_us = frame[keep], time_us[keep]
+    if not len(frame):
+        raise SessionError(
+            f"{path}: no frame in it that could be; delete the file if the video has its own time stamps"
+        )
+    good = _times_between(time_us) & times_ok(time_us, np.ones(len(time_us), dtype=np.bool_))
+    if good.any():
+        frame, time_us = frame[good], time_us[good]
+    # relative to the first: a Unix time in µs and a fraction are more than a float holds
+    dense = np.interp(np.arange(frame[-1] + 1), frame, time_us - time_us[0])
+    return FrameTimes(
+        times_us=np.round(dense).astype(np.int64) + time_us[0],
+        skipped=table.skipped + len(table) - len(frame),
+        unordered=unordered,
+    )
+
+
+def _times_between(time_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) which times lie between those before and after; all where those two are not in order themselves."""
+    between = np.ones(len(time_us), dtype=np.bool_)
+    before, here, after = time_us[:-2], time_us[1:-1], time_us[2:]
+    between[1:-1] = (before > after) | ((before <= here) & (here <= after))
+    return between
 
 
 class FrameDetections:

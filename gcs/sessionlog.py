@@ -62,7 +62,8 @@ class SessionLog:
             self._t_us = self.steps.of_records(stamped_us)
         refused = path.with_name("refused.csv")
         has_refused = recorded and bool(segments(refused))
-        self._auth = _refused(refused, stamped_us) if has_refused else np.zeros(len(stamped_us), dtype=np.uint8)
+        nothing = np.zeros(len(stamped_us), dtype=np.uint8), 0
+        self._auth, self._unread = _refused(refused, stamped_us) if has_refused else nothing
         system_id = np.concatenate([np.empty(0, dtype=np.uint8), *self._of_each("system_id")])
         senders = path.with_name("senders.csv")
         noted = recorded and bool(segments(senders))
@@ -71,6 +72,11 @@ class SessionLog:
 
     def __len__(self) -> int:
         return len(self._t_us)
+
+    @property
+    def times_us(self) -> Ints:
+        """(n,) when each record came, on one time line."""
+        return self._t_us
 
     @property
     def start_us(self) -> int:
@@ -119,8 +125,10 @@ class SessionLog:
         refused = int(np.count_nonzero(self._auth > Auth.GOOD))
         if refused:
             yield f"refused.csv: {refused} records were not believed in flight and are left out"
-        if self.heard.skipped:
-            yield f"senders.csv: {self.heard.skipped} rows cannot be read and are left out"
+        skipped = {"refused.csv": self._unread, "senders.csv": self.heard.skipped, "clock.csv": self.steps.skipped}
+        for name, rows in skipped.items():
+            if rows:
+                yield f"{name}: {rows} rows cannot be read and are left out"
         if len(self.steps):
             source = "the vehicles' clocks" if self._found else "clock.csv"
             yield f"{source}: the clock was set {len(self.steps)} times; all times are those of the first setting"
@@ -165,8 +173,8 @@ def _again(log: Tlog, later: Sequence[Tlog]) -> Flags:
     return again
 
 
-def _refused(path: Path, t_us: Ints) -> NDArray[np.uint8]:
-    """(n,) what ``refused.csv`` says of each record.
+def _refused(path: Path, t_us: Ints) -> tuple[NDArray[np.uint8], int]:
+    """(n,) what ``refused.csv`` says of each record, and how many of its rows cannot be read.
 
     A record is found by its number. Where numbers and times do not agree, because records were lost, every record of
     the same time is refused: rather a good one left out than a forged one believed.
@@ -178,10 +186,10 @@ def _refused(path: Path, t_us: Ints) -> NDArray[np.uint8]:
     inside = (number >= 0) & (number < len(t_us))
     if inside.all() and (t_us[number] == time_us).all():
         auth[number] = said
-        return auth
+        return auth, table.skipped
     order = np.argsort(time_us, kind="stable")
     place = np.clip(np.searchsorted(time_us[order], t_us), 0, max(len(order) - 1, 0))
     if len(order):
         same = time_us[order][place] == t_us
         auth[same] = said[order][place][same]
-    return auth
+    return auth, table.skipped

@@ -108,16 +108,16 @@ def test_every_packet_and_frame_is_kept(field, tmp_path):
     assert f"{sum(sent.packets.values())} packets received" in stdout
     assert records(field.session) == sum(sent.packets.values())
     film = VideoFile.open(field.session / "video.mkv")
-    times, bad = read_times(field.session / "frames.csv")
-    assert bad == 0
-    assert len(times) == film.n
+    times = read_times(field.session / "frames.csv")
+    assert (times.skipped, times.unordered) == (0, 0)
+    assert len(times.times_us) == film.n
     assert film.n >= 0.6 * sent.frames
     film.close()
     assert "ended" in (field.session / "session.toml").read_text()
     assert said_again(field.session, tmp_path / "again") >= 0.98
     events = [json.loads(line) for line in (field.session / "events.jsonl").read_text().splitlines()]
     well = [event["time_us"] for event in events if event["text"] == "video ok"]
-    assert well and well[0] >= times[0], "the video was called well before any of it had come"
+    assert well and well[0] >= times.times_us[0], "the video was called well before any of it had come"
 
 
 def said_again(session, out):
@@ -156,7 +156,7 @@ def test_a_kill_loses_at_most_the_last_second(field, after_s):
     rate = len(log.index) / ((log.index.t_us.max() - log.index.t_us.min()) * 1e-6)
     assert rate > 50
     film = VideoFile.open(field.session / "video.mkv")
-    times, _ = read_times(field.session / "frames.csv")
+    times = read_times(field.session / "frames.csv").times_us
     assert sum(1 for _ in film.frames()) >= 1
     assert times[min(film.n, len(times)) - 1] > picture_us - 2_500_000
     film.close()

@@ -63,7 +63,7 @@ def fly(recorder, frames):
 
 def complete(folder, frames):
     """Everything of every frame can be read, and once only."""
-    assert read_times(folder / "frames.csv")[0].tolist() == [T0 + 100_000 * k for k in range(frames)]
+    assert read_times(folder / "frames.csv").times_us.tolist() == [T0 + 100_000 * k for k in range(frames)]
     seen = read_detections(folder / "detections.csv")
     assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
     table = read_segments(folder / "identity.csv", ("time_us", "frame"))

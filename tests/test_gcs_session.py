@@ -46,9 +46,9 @@ def test_finds_the_parts(tmp_path):
 def test_a_damaged_time_gets_the_one_between(tmp_path):
     path = tmp_path / "frames.csv"
     path.write_text("frame,time_us\n0,1795171703985018\n1,179x\n2,1795171704185018\n")
-    times, bad = read_times(path)
-    assert times.tolist() == [1795171703985018, 1795171704085018, 1795171704185018]
-    assert bad == 1
+    found = read_times(path)
+    assert found.times_us.tolist() == [1795171703985018, 1795171704085018, 1795171704185018]
+    assert (found.skipped, found.unordered) == (1, 0)
 
 
 def test_bad_rows_are_counted_and_the_rest_is_used(tmp_path):

@@ -17,6 +17,12 @@ from vision.recording import FIRST_FRAME, START_US
 
 __all__ = ["Part", "read_parts"]
 
+MOST_BETWEEN = 1_000_000
+"""Pictures between two files, nine hours of them: a file that goes on later than that has somebody else's number."""
+_FAR_US = 1 << 60
+_DIGITS = 18
+"""Of a number that 64 bits hold."""
+
 
 class Part:
     """A file with the pictures ``first`` to ``end`` − 1 of a recording.
@@ -42,7 +48,8 @@ class Part:
     def elapsed_us(self) -> NDArray[np.int64]:
         """(n,) time of each picture after the first."""
         pts = self.index.pts
-        return np.array([round((stamp - pts[0]) * self.index.tick_us) for stamp in pts[: self.n]], dtype=np.int64)
+        elapsed = [round((stamp - pts[0]) * self.index.tick_us) for stamp in pts[: self.n]]
+        return np.array([min(max(us, -_FAR_US), _FAR_US) for us in elapsed], dtype=np.int64)
 
     def reader(self) -> PictureReader:
         """A decoder of its own."""
@@ -69,7 +76,7 @@ def read_parts(path: Path) -> tuple[Part, ...]:
     """
     try:
         index, (first, start_us) = read_index(path), _place(path)
-        parts = [Part(path, index, max(first, 0), start_us)]
+        parts = [Part(path, index, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
     except VideoError:
         # a first file without a picture is no reason to do without the others
         parts = list(_following(path))
@@ -78,6 +85,10 @@ def read_parts(path: Path) -> tuple[Part, ...]:
     else:
         parts += _following(path)
     parts.sort(key=lambda part: part.first)
+    for k, (part, following) in enumerate(pairwise(parts), 1):
+        if following.first > part.end + MOST_BETWEEN:
+            del parts[k:]
+            break
     for part, following in pairwise(parts):
         part.n = min(part.n, following.first - part.first)
     width, height = parts[0].index.width, parts[0].index.height
@@ -111,5 +122,10 @@ def _place(path: Path) -> tuple[int, int]:
     """First picture and its time from the file's header, -1 when it does not say."""
     with closing(open_video(path)) as container:
         tags = {name.upper(): value for name, value in container.metadata.items()}
-    first, start_us = (tags.get(name, "") for name in (FIRST_FRAME, START_US))
-    return int(first) if first.isdecimal() else -1, int(start_us) if start_us.isdecimal() else 0
+    first, start_us = (_number(tags.get(name, "")) for name in (FIRST_FRAME, START_US))
+    return first, max(start_us, 0)
+
+
+def _number(tag: str) -> int:
+    """A tag's number, -1 for none."""
+    return int(tag) if tag.isdecimal() and len(tag) < _DIGITS else -1

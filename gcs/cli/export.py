@@ -50,5 +50,5 @@ def export(
 def _snapshots(analysis: Analysis, identity: Path | None, pictures: bool) -> Iterator[Snapshot]:
     """What a log says, or else what the analysis finds."""
     if identity is not None:
-        return recorded(identity, analysis.mission, analysis.video if pictures else None)
+        return recorded(identity, analysis.mission, analysis.video if pictures else None, note)
     return analysis.snapshots(images=pictures)

@@ -42,4 +42,5 @@ def score_lines(result: Score) -> list[str]:
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
     )
     head = f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named"
-    return [head, *(f"{name:<12} {value:>9}  {what}" for name, value, what in rows)]
+    lines = [head, *(f"{name:<12} {value:>9}  {what}" for name, value, what in rows)]
+    return [*lines, f"{result.skipped} rows could not be used"] if result.skipped else lines
