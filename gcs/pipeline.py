@@ -19,7 +19,7 @@ from gcs.config import Mission
 from gcs.evidence import camera_of, reports_of, sighting_of
 from gcs.optics import Optics
 from gcs.picture import View, boxes_of, mount_of, vehicle_rows
-from gcs.quarantine import quarantined
+from gcs.quarantine import doubted, quarantined
 from gcs.quiet import Quiet
 from gcs.snapshot import Event, Health, Level, Snapshot
 from gcs.trends import Trends
@@ -36,6 +36,8 @@ __all__ = ["Pipeline"]
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 UNKNOWN_OFFSET_STD_S = 0.35
+APART_M, APART_US = 8.0, 1_000_000
+"""Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
 MOUNT_DOUBT = np.deg2rad(20.0)
 
 
@@ -78,6 +80,7 @@ class Pipeline:
         self._view: View | None = None
         self._name_of_track: dict[int, int] = {}
         self._conflict: frozenset[int] = frozenset()
+        self._apart_since_us: dict[int, int] = {}
         self._mount_doubted = False
         self._events: list[Event] = []
         self._quiet = Quiet()
@@ -128,8 +131,10 @@ class Pipeline:
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
-        identities = quarantined(self._identify(t_us, detections, tracks, view), state)
+        found = doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
+        identities = quarantined(found, state)
         self._tell(t_us, identities)
+        self._conflict |= self._apart_from_picture(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
     def _follow_origin(self) -> None:
@@ -165,7 +170,10 @@ class Pipeline:
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
         pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self.mission.follows_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
-        return View(intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
+        return View(
+            intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid,
+            position_sure=not state.vehicles[0].doubted_for,
+        )  # fmt: skip
 
     def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
         """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
@@ -230,6 +238,17 @@ class Pipeline:
                 text = f"track {track} is no longer {self.mission.name_of(vehicle)}: the evidence does not suffice"
                 self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._name_of_track, self._conflict = named, frozenset(identities.conflict)
+
+    def _apart_from_picture(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
+        """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
+        before, self._apart_since_us = self._apart_since_us, {}
+        if identities is not None:
+            std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
+            away = zip(identities.system_id.tolist(), identities.residual_m.tolist(), strict=True)
+            for vehicle, away_m in away:
+                if vehicle and away_m > APART_M + 3.0 * std_m[vehicle]:
+                    self._apart_since_us[vehicle] = before.get(vehicle, t_us)
+        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_US)
 
     def _believed(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""

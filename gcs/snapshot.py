@@ -110,6 +110,10 @@ class VehicleRow:
     """Positions that were not used, by reason."""
     refused_for: str = ""
     """Why the latest was not, empty when it was."""
+    doubted_for: str = ""
+    """Why its positions may be wrong by its own word, empty without doubt."""
+    compass_doubted: bool = False
+    """Its compass contradicts its filter."""
     drift_ppm: float = NAN
     """By how much Unix time runs faster than its clock, NaN unknown."""
     clock_error_s: float = NAN

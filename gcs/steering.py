@@ -67,7 +67,8 @@ def place_of(system_id: int, snapshot: Snapshot | None) -> Place | None:
         return None
     for row in snapshot.vehicles:
         if row.system_id == system_id:
-            if row.position_state != "ok" or row.contested or system_id in snapshot.conflicts:
+            doubted = row.contested or row.doubted_for or system_id in snapshot.conflicts
+            if row.position_state != "ok" or doubted:
                 return None
             lat_deg, lon_deg, _ = snapshot.origin.to_geodetic(row.p_enu)
             return Place(float(lat_deg), float(lon_deg))

@@ -17,6 +17,7 @@ from mavlink.attitudes import ATTITUDE_LOST_S, Pose
 from mavlink.camera_report import CameraReports, CameraSample
 from mavlink.decode import decode
 from mavlink.dialect import DEFINITIONS
+from mavlink.distress import Doubt
 from mavlink.gate import GateParams
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.gimbal import Gimbals, GimbalSample
@@ -30,12 +31,14 @@ from mavlink.samples import (
     CameraFov,
     CameraInformation,
     CameraSettings,
+    FilterStatus,
     GimbalAttitude,
     GlobalPosition,
     GpsRaw,
     Heartbeat,
     MountOrientation,
     MountStatus,
+    SensorHealth,
     StatusText,
     SystemTime,
     TimeSync,
@@ -118,7 +121,9 @@ class Fleet:
         self._camera = CameraReports(camera_id)
         self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
             Heartbeat: _heartbeat,
-            GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample),
+            GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample, self.origin),
+            FilterStatus: lambda vehicle, sample: vehicle.take_health(sample),
+            SensorHealth: lambda vehicle, sample: vehicle.take_health(sample),
             StatusText: lambda vehicle, sample: vehicle.take_text(sample),
             SystemTime: lambda vehicle, sample: vehicle.take_times(sample),
             TimeSync: lambda vehicle, sample: vehicle.take_times(sample),
@@ -169,7 +174,7 @@ class Fleet:
             v_enu=rows[:, 3:6],
             heading=rows[:, 6],
             age_s=np.array([s.position_age_s for s in statuses], dtype=np.float64),
-            std_m=rows[:, 7],
+            std_m=np.array([_widened(std, v.doubt(t_us)) for std, v in zip(rows[:, 7], self._ugvs, strict=True)]),
             valid=np.array([_usable(e, s) for e, s in zip(estimates, statuses, strict=True)], dtype=np.bool_),
             vehicles=(uav_status, *statuses),
         )
@@ -285,6 +290,11 @@ class Fleet:
                 notices += self._move_origin(sample)
         elif fix is not None:
             clock = vehicle.clock
+            doubt = vehicle.doubt(sample.t_us)
+            fix = fix._replace(
+                std_m=_widened(fix.std_m, doubt),
+                heading=math.nan if vehicle.distress.compass(sample.t_us) else fix.heading,
+            )
             self._reports.append(_Report(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
@@ -360,6 +370,11 @@ class Fleet:
 def _heartbeat(vehicle: Vehicle, sample: Heartbeat) -> Iterable[Notice]:
     """Gimbals, cameras and relayed stations beat too, and are no vehicles."""
     return vehicle.take_heartbeat(sample) if is_vehicle(sample.type, sample.autopilot) else ()
+
+
+def _widened(std_m: float, doubt: Doubt | None) -> float:
+    """1σ of a position with what its vehicle doubts of it."""
+    return math.hypot(std_m, doubt.std_m) if doubt is not None else std_m
 
 
 def _fresh(pose: Pose | None) -> bool:

@@ -64,6 +64,8 @@ def test_nothing_wrong_nothing_said(watch):
         (changed(2, position_state="never"), "no position 12", "warning"),
         (changed(2, clock_error_s=-1024 * 604800.0), "clock 12", "warning"),
         (changed(2, drift_ppm=900.0), "clock 12", "warning"),
+        (changed(2, doubted_for="GPS glitch"), "doubted 12", "alarm"),
+        (changed(2, compass_doubted=True), "compass 12", "alarm"),
     ],
 )
 def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(watch, rows, key, level):
@@ -320,7 +322,8 @@ def everything_wrong():
         replace(ROWS[2], heartbeat_age_s=math.inf),
         VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),
         VehicleRow(system_id=14, name="UGV-14", role="ugv", heartbeat_age_s=0.1, position_state="lost"),
-        VehicleRow(system_id=15, name="UGV-15", role="ugv", heartbeat_age_s=0.1),
+        VehicleRow(system_id=15, name="UGV-15", role="ugv", heartbeat_age_s=0.1, compass_doubted=True),
+        VehicleRow(system_id=16, name="UGV-16", role="ugv", heartbeat_age_s=0.1, doubted_for="GPS glitch"),
     )
     health = replace(
         WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4),), recording=False, write_failing_s=3.0,
