@@ -118,9 +118,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 WORDS = """
-`python -m bench.attacks{words}`: attacks played from outside against a real `gcs fly --headless`. Packets are written
-with pymavlink; what was recorded is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed
-is what the station under test makes of its own recording, looked at five times a second.
+`python -m bench.attacks{words}`
+
+Attacks played from outside against a real `gcs fly --headless`. Packets are written with pymavlink; what was recorded
+is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed is what the station under test
+makes of its own recording, looked at five times a second.
 
 "Lost" are packets of true vehicles that are not in the log or, with keys, were refused. "Recorded" are those of the
 attacker. "False believed" is for how long a false place was used after it could be known to be false, "alarm after" is

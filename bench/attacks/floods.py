@@ -122,7 +122,7 @@ def _spoofed(options: Options, signed: bool) -> Row:
     return Row(
         attack="spoofed junk", case="with keys" if signed else "without keys",
         **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, STRANGER]},
-        alarm_s=limited.t_s - flown.sent.first_s[FALSE, STRANGER] if limited else float("nan"),
+        alarm_s=max(limited.t_s - flown.sent.first_s[FALSE, STRANGER], 0.0) if limited else float("nan"),
         held=not counts["lost"] and not others and silent is None, note="; ".join(notes),
     )  # fmt: skip
 
