@@ -10,7 +10,7 @@ import subprocess
 import sys
 from dataclasses import dataclass, replace
 
-from bench.attacks.actors import Body, lines_of, rover, uav
+from bench.attacks.actors import DATED, Body, lines_of, rover, uav
 from bench.attacks.records import first_told, frames, sender_of, told
 from bench.attacks.report import Row
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
@@ -181,13 +181,13 @@ def late_links(options: Options) -> list[Row]:
             body, second = rover(system_id), other()
             if link.copied:
                 echo = Echo(door(), link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
-                found += lines_of(body, Voice(system_id), echo.send)
+                found += lines_of(body, Voice(system_id), echo.send, says=DATED)
                 found.append(Line(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
             else:
-                found += lines_of(body, Voice(system_id), door())
+                found += lines_of(body, Voice(system_id), door(), says=DATED)
                 found += lines_of(
-                    body, Voice(system_id), second, FALSE, start_s=link.delay_s, delay_s=link.delay_s
-                )  # fmt: skip
+                    body, Voice(system_id), second, FALSE, says=DATED, start_s=link.delay_s, delay_s=link.delay_s
+                )
         return found
 
     flown = fly(options, "late-links", list(ids), lines, 18.0 if options.quick else 60.0, ports=2)
