@@ -25,7 +25,8 @@ from gcs.snapshot import Event, Health, Level, Snapshot
 from gcs.trends import Trends
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.geodesy import LocalFrame
-from mavlink.packet import Packet
+from mavlink.gimbal import turns_camera
+from mavlink.packet import Auth, Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
 from vision.detections import Detections
 from vision.tracker import Tracker
@@ -39,6 +40,8 @@ UNKNOWN_OFFSET_STD_S = 0.35
 APART_M, APART_US = 8.0, 1_000_000
 """Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
 MOUNT_DOUBT = np.deg2rad(20.0)
+TURNED_US = 5_000_000
+"""For a gimbal's reports to come that were asked for when an order turned the camera."""
 
 
 class Pipeline:
@@ -82,6 +85,9 @@ class Pipeline:
         self._conflict: frozenset[int] = frozenset()
         self._apart_since_us: dict[int, int] = {}
         self._mount_doubted = False
+        self._turned_us = 0
+        """When an order turned the camera: from then on the mission does not know where it looks."""
+        self._turned_told = False
         self._events: list[Event] = []
         self._quiet = Quiet()
         self._trends = Trends()
@@ -89,6 +95,8 @@ class Pipeline:
 
     def feed(self, packet: Packet) -> None:
         """Take in one telemetry packet."""
+        if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
+            self._turned_us = self._turned_us or packet.t_us
         if notices := self.fleet.feed(packet):
             self._events += self._quiet.hear(map(_event, notices))
 
@@ -168,7 +176,7 @@ class Pipeline:
         if self.mission.camera is None and uav.camera is not None:
             # a picture turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
-        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self.mission.follows_gimbal else None)
+        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
         return View(
             intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid,
@@ -177,13 +185,33 @@ class Pipeline:
 
     def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
         """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
-        if self.mission.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
+        if self._turned_us and not self._turned_told:
+            self._tell_turned(t_us, R_enu_gimbal is not None)
+        if self._follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
             return
         R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
         if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
             self._mount_doubted = True
             text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
             self._events.append(Event(t_us=t_us, level="warning", kind="video", text=text))
+
+    @property
+    def _follows_gimbal(self) -> bool:
+        """Whether what the gimbal reports stands before the mission; a camera fixed to the body hangs on none."""
+        return self.mission.follows_gimbal or bool(self._turned_us)
+
+    def _tell_turned(self, t_us: int, reported: bool) -> None:
+        """Say once what is believed of a camera that an order has turned."""
+        if self.mission.follows_gimbal or self._mount.kind == "fixed":
+            self._turned_told = True
+        elif reported:
+            self._turned_told = True
+            text = "an order turned the camera: its direction is what the gimbal reports from now on"
+            self._events.append(Event(t_us=t_us, level="info", kind="camera", text=text))
+        elif t_us - self._turned_us > TURNED_US:
+            self._turned_told = True
+            text = "an order turned the camera and no gimbal reports where to: do not act on names"
+            self._events.append(Event(t_us=t_us, level="alarm", kind="camera", text=text))
 
     def _stitch(self, t_us: int, view: View | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
