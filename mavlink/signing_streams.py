@@ -23,7 +23,7 @@ from typing import NamedTuple, Protocol
 
 from mavlink.packet import Auth
 
-__all__ = ["AHEAD", "BEHIND", "EPOCH_US", "MOST_STREAMS", "SECOND", "Journal", "Row", "Streams", "ticks_of"]
+__all__ = ["AHEAD", "BEHIND", "EPOCH_US", "MOST_STREAMS", "SECOND", "Journal", "Row", "Streams", "ticks_of", "times_in"]
 
 EPOCH_US = 1_420_070_400_000_000
 """2015-01-01 UTC, Unix µs."""
@@ -138,7 +138,7 @@ class Streams:
         known = streams.get(stream)
         if known is not None and timestamp <= known.timestamp:
             return Auth.REPLAYED
-        unix, boot = _times_in(frame) if frame and frame[7] in _BOOT_AT else (0, -1)
+        unix, boot = times_in(frame) if frame and frame[7] in _BOOT_AT else (0, -1)
         lately = known is not None and abs(now - known.heard) <= BEHIND
         if not (lately or system_id in self.accept or _made_now(known, timestamp, now, unix, boot)):
             self._hold(system_id, stream, timestamp)
@@ -217,7 +217,7 @@ class Streams:
         return known
 
 
-def _times_in(frame: bytes) -> tuple[int, int]:
+def times_in(frame: bytes) -> tuple[int, int]:
     """When a MAVLink 2 frame was made: ticks of the time of day, 0 unknown, and since boot, −1 unknown."""
     message_id = int.from_bytes(frame[7:10], "little")
     at = _BOOT_AT.get(message_id)
