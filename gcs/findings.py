@@ -241,6 +241,12 @@ def _link(link: LinkHealth) -> Iterator[Finding]:
             key=f"{key} {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,
             text=f"{link.name}: {what}", advice=advice,
         )  # fmt: skip
+    if link.flooded:
+        yield Finding(
+            key=f"flood {link.name}", level="alarm", kind="link", told=True,
+            text=f"{link.name}: it is flooded, and not all is let in",
+            advice="find the sender: the event log has its address, which may be forged; vehicles keep their place",
+        )  # fmt: skip
 
 
 def _video(health: Health) -> Iterator[Finding]:

@@ -175,6 +175,8 @@ class LinkHealth:
     packets_per_s: float = NAN
     """Lately, NaN unknown."""
     bytes_per_s: float = NAN
+    flooded: bool = False
+    """Whether somebody sends more than is let in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -326,7 +326,8 @@ def everything_wrong():
         VehicleRow(system_id=16, name="UGV-16", role="ugv", heartbeat_age_s=0.1, doubted_for="GPS glitch"),
     )
     health = replace(
-        WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4),), recording=False, write_failing_s=3.0,
+        WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4, flooded=True),), recording=False,
+        write_failing_s=3.0,
         write_reason="No space left on device", write_stalled_s=2.0, write_lost=5, free_bytes=1, ingest_restarts=1,
         ring_dropped=3,
         undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,

@@ -235,7 +235,7 @@ def _go_on(links: list[Link], status: bytes | None) -> None:
     for link, report in zip(links, before, strict=False):
         if isinstance(link, UdpIn):
             known = {number: (host, port) for number, host, port in report.addresses}
-            link.peers.adopt(known, report.last_peer, time.time_ns() // 1000)
+            link.peers.adopt(known, report.claims, report.mixed, report.last_peer, time.time_ns() // 1000)
         elif isinstance(link, TcpIn):
             link.accepted = report.last_peer
 
@@ -257,7 +257,9 @@ def _report(link: Link) -> LinkReport:
             peers=len(addresses),
             addresses=addresses,
             others=tuple(link.peers.strangers().items()),
-            narrow=link.gate.narrow,
+            claims=tuple(link.peers.trusted),
+            mixed=tuple(link.peers.mixed),
+            limits=link.limits(),
         )
     if isinstance(link, TcpIn):
         return replace(report, peers=link.clients, others=tuple(link.addresses().items()))

@@ -21,7 +21,7 @@ __all__ = ["RING_BYTES", "Shared", "Word", "make_memory"]
 
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
-_STATUS_AT, _STATUS_BYTES = 4096, 61440
+_STATUS_AT, _STATUS_BYTES = 4096, 258_048
 _RING_AT = _STATUS_AT + _STATUS_BYTES
 _HEAD = struct.Struct("=QIHBB")
 _AUTHS = tuple(Auth)
