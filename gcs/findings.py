@@ -25,6 +25,8 @@ NO_ATTITUDE_S = 3.0
 HELD_S = 3.0
 """Until then a vehicle that tells its time once a second has proved itself."""
 LATE_S = 1.0
+BEHIND_S = 2.0
+"""Telemetry is taken in five times a second and more; a moment's hold-up changes nothing that is shown."""
 CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
 STEP_S = 0.5
 CLOCK_ERROR_S, DRIFT_PPM = 30.0, 500.0
@@ -62,6 +64,7 @@ def findings(snapshot: Snapshot) -> Iterator[Finding]:
     yield from _attitude(snapshot)
     for link in snapshot.health.links:
         yield from _link(link)
+    yield from _program(snapshot.health)
     yield from _video(snapshot.health)
     yield from _clock(snapshot.health)
     yield from _recording(snapshot.health)
@@ -246,6 +249,14 @@ def _link(link: LinkHealth) -> Iterator[Finding]:
             key=f"flood {link.name}", level="alarm", kind="link", told=True,
             text=f"{link.name}: it is flooded, and not all is let in",
             advice="find the sender: the event log has its address, which may be forged; vehicles keep their place",
+        )  # fmt: skip
+
+
+def _program(health: Health) -> Iterator[Finding]:
+    if health.behind_s > BEHIND_S:
+        yield Finding(
+            key="overload", level="alarm", kind="program", text="this computer cannot keep up: telemetry comes in late",
+            advice="what is shown is as old; free the processor: close other programs, or take a smaller detector",
         )  # fmt: skip
 
 

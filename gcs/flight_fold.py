@@ -52,6 +52,7 @@ class FlightFold:
         self._faults, self._on_snapshot = faults, on_snapshot
         self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
         self._pushed_out = 0
+        self._heard_us = 0
         self._said: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._frames = 0
@@ -59,10 +60,16 @@ class FlightFold:
         self.health = Health()
         self.latest: Snapshot | None = None
 
-    def take(self, packets: Sequence[Packet]) -> None:
-        """Packets that came; where too many wait, the oldest go, and are counted."""
+    def take(self, packets: Sequence[Packet], heard_us: int) -> None:
+        """Packets that came; where too many wait, the oldest go, and are counted.
+
+        Args:
+            packets: in order of arrival.
+            heard_us: with these, all that came before this Unix time is there.
+        """
         self._pushed_out += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
         self._waiting.extend(packets)
+        self._heard_us = heard_us
 
     def tell(self, event: Event) -> None:
         """Something of the surroundings, for the next snapshot."""
@@ -81,11 +88,12 @@ class FlightFold:
 
     def turn(self, frame: Frame | None) -> None:
         """Fold in what waits and one picture, if there is a new one."""
+        heard_us = self._heard_us
         while self._waiting:
             self._feed(self._waiting.popleft())
         while self._said:
             self._pipeline.note(self._said.popleft())
-        snapshot = self._look(frame) if frame else self._wait()
+        snapshot = self._look(frame, heard_us) if frame else self._wait(heard_us)
         self._events.extend(snapshot.events)
         self.latest = snapshot
 
@@ -99,14 +107,16 @@ class FlightFold:
         except Exception as error:  # noqa: BLE001 - one packet must not cost a picture
             self._faults.take(f"packet of system {packet.system_id}", error)
 
-    def _look(self, frame: Frame) -> Snapshot:
+    def _look(self, frame: Frame, heard_us: int) -> Snapshot:
         """A new picture: detect, fold, record."""
         boxes = self._detect(frame)
         self._frames += 1
         self._frame_ends.append(time.monotonic())
         lag_s = max(time.time() - frame.t_us * 1e-6, 0.0)
-        health = replace(self.health, frames=self._frames, lag_s=lag_s)
-        snapshot = self._pipeline.frame(frame.index, frame.t_us, image=frame.image, detections=boxes, health=health)
+        health = replace(self.health, frames=self._frames, lag_s=lag_s, behind_s=_behind_s(frame.t_us, heard_us))
+        snapshot = self._pipeline.frame(
+            frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
+        )
         self._recorder.snapshot(snapshot)
         self._on_snapshot(snapshot)
         return snapshot
@@ -123,11 +133,18 @@ class FlightFold:
         self._recorder.detections(frame.index, boxes)
         return boxes
 
-    def _wait(self) -> Snapshot:
+    def _wait(self, heard_us: int) -> Snapshot:
         """No new picture: the fleet goes on, the last picture stays."""
-        snapshot = self._pipeline.frame(-1, time.time_ns() // 1000, health=self.health)
+        now_us = time.time_ns() // 1000
+        health = replace(self.health, behind_s=_behind_s(now_us, heard_us))
+        snapshot = self._pipeline.frame(-1, now_us, health=health, heard_us=heard_us)
         self._recorder.events(snapshot.events)
         last = self.latest
         if last is None or last.image is None:
             return snapshot
         return replace(snapshot, frame=last.frame, image=last.image, width=last.width, height=last.height)
+
+
+def _behind_s(t_us: int, heard_us: int) -> float:
+    """How far telemetry is behind a moment, 0 where it is not or nothing is known."""
+    return max(t_us - heard_us, 0) * 1e-6 if heard_us else 0.0

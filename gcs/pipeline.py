@@ -117,6 +117,7 @@ class Pipeline:
         image: NDArray[np.uint8] | None = None,
         detections: Detections | None = None,
         health: Health | None = None,
+        heard_us: int = 0,
     ) -> Snapshot:
         """Take in one frame and the boxes found in it: track, identify.
 
@@ -126,8 +127,10 @@ class Pipeline:
             image: (H, W, 3) BGR, only passed on.
             detections: Boxes found; None: nobody looked, and tracks are left as they are.
             health: How the program is doing, passed on.
+            heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
+                earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
-        state = self.fleet.at(self._telemetry_time(t_us))
+        state = self.fleet.at(self._telemetry_time(t_us), heard_us)
         self._follow_origin()
         view = self._look(state, image)
         self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))

@@ -186,6 +186,8 @@ class Health:
     fps: float = 0.0
     lag_s: float = 0.0
     """How far the picture on screen is behind the newest one."""
+    behind_s: float = 0.0
+    """How far the telemetry that was taken in is behind: a computer that cannot keep up. Ages are told without it."""
     frames: int = 0
     skipped_frames: int = 0
     video: str = "none"

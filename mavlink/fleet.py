@@ -158,14 +158,20 @@ class Fleet:
         take = self._take.get(type(sample))
         return self._told(vehicle, tuple(take(vehicle, sample))) if take is not None else ()
 
-    def at(self, t_us: int) -> FleetState:
-        """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last."""
+    def at(self, t_us: int, heard_us: int = 0) -> FleetState:
+        """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last.
+
+        Args:
+            t_us: when.
+            heard_us: Whatever came before this Unix time was fed. Where that is earlier, ages and what follows from
+                them are told for then: nobody is silent who was not listened to. 0: all was.
+        """
+        told_us = min(t_us, heard_us) if heard_us else t_us
         estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
-        statuses = [
-            vehicle.status(t_us, e, self._pose(vehicle, t_us)) for vehicle, e in zip(self._ugvs, estimates, strict=True)
-        ]
+        statuses = [_status(vehicle, told_us) for vehicle in self._ugvs]
         rows = np.array([e.fix if e else _NOWHERE for e in estimates], dtype=np.float64).reshape(-1, len(_NOWHERE))
-        uav, uav_status = self._uav_at(t_us)
+        uav_status = _status(self._uav, told_us)
+        uav = self._uav_at(t_us, uav_status)
         return FleetState(
             t_us=t_us,
             uav=uav,
@@ -340,16 +346,12 @@ class Fleet:
             for text in texts
         )
 
-    def _pose(self, vehicle: Vehicle, t_us: int) -> Pose | None:
-        return vehicle.attitudes.at(vehicle.clock.boot_of(t_us))
-
-    def _uav_at(self, t_us: int) -> tuple[UavState, VehicleStatus]:
+    def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
         boot_us = self._uav.clock.boot_of(t_us)
         estimate, pose = self._uav.positions.at(boot_us), self._uav.attitudes.at(boot_us)
-        status = self._uav.status(t_us, estimate, pose)
         fix = estimate.fix if estimate else _NOWHERE
         roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
-        state = UavState(
+        return UavState(
             p_enu=np.array(fix[0:3]),
             v_enu=np.array(fix[3:6]),
             height_m=fix.height_m,
@@ -364,7 +366,11 @@ class Fleet:
             attitude_valid=_fresh(pose) and not status.contested,
             camera=self._camera.report,
         )
-        return state, status
+
+
+def _status(vehicle: Vehicle, t_us: int) -> VehicleStatus:
+    boot_us = vehicle.clock.boot_of(t_us)
+    return vehicle.status(t_us, vehicle.positions.at(boot_us), vehicle.attitudes.at(boot_us))
 
 
 def _heartbeat(vehicle: Vehicle, sample: Heartbeat) -> Iterable[Notice]:

@@ -86,6 +86,7 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, links=(replace(LINK, silent_s=math.nan),)), "link udpin:0.0.0.0:14550", "alarm"),
         (replace(WELL, video="stalled"), "video", "alarm"),
         (replace(WELL, lag_s=1.5), "lag", "warning"),
+        (replace(WELL, behind_s=2.5), "overload", "alarm"),
         (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
         (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
         (replace(WELL, recording=False), "recording", "alarm"),
@@ -336,7 +337,7 @@ def everything_wrong():
     yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
     garbled = replace(LINK, packets=0, junk_bytes=9, silent_s=math.inf)
     yield replace(BASE, pose="no attitude", health=replace(WELL, links=(garbled,)))
-    yield replace(BASE, health=replace(WELL, lag_s=2.0, keys=0, full_in_s=300.0))
+    yield replace(BASE, health=replace(WELL, lag_s=2.0, behind_s=3.0, keys=0, full_in_s=300.0))
 
 
 def test_the_operators_page_explains_every_alarm():

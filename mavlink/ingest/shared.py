@@ -49,6 +49,8 @@ class Word(IntEnum):
     STATUS = 8
     """Odd while the status is being written."""
     STATUS_LENGTH = 9
+    HEARD_US = 10
+    """Unix µs: what came before has been put into the ring."""
 
 
 def make_memory(ring_bytes: int = RING_BYTES) -> int:
