@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 
 from gcs.config import Mission, Vehicle
 from gcs.errors import SessionError
+from gcs.flown import Flown, missing
+from gcs.folds import NO_PICTURE
+from gcs.frame_size import FrameSize, fitting_size, holds
 from gcs.pipeline import Pipeline
 from gcs.session import FrameDetections, Session, read_detections, read_times
 from gcs.sessionlog import SessionLog
@@ -73,14 +77,16 @@ class Analysis:
             CameraError: the mission's camera cannot have taken the video.
         """
         self.session = session
-        self._log = SessionLog(session.tlog)
+        self._log = SessionLog(session.tlog, session.notes.signs)
         self.mission = session.mission or discover(self._log)
         self._frames = read_times(session.frames) if session.frames else None
         steps, start_us = self._log.steps, self._log.start_us
         times = steps.of_pictures(self._frames.times_us, start_us) if self._frames else None
         self.video = self._open_video(session.video, times)
         self._boxes = self._open_detections(redetect)
+        self._flown = Flown.open(session.folds, self._log, self._boxes) if session.folds and self._boxes else None
         self.times_us = self._frame_times(times)
+        self._size = self._frame_size()
         self.warnings = tuple(self._complaints())
 
     def _open_video(self, path: Path | None, times: NDArray[np.int64] | None) -> VideoFile | None:
@@ -89,11 +95,7 @@ class Analysis:
         from vision.video import VideoFile
 
         start_us = self._log.start_us + round(self.session.video_start_s * 1e6)
-        video = VideoFile.open(path, times, start_us=start_us)
-        camera = self.mission.camera.intrinsics if self.mission.camera else None
-        if camera is not None:
-            resized(camera, video.width, video.height)
-        return video
+        return VideoFile.open(path, times, start_us=start_us)
 
     def _open_detections(self, redetect: bool) -> FrameDetections | None:
         path = self.session.detections
@@ -108,11 +110,34 @@ class Analysis:
         return read_detections(path)
 
     def _frame_times(self, times: NDArray[np.int64] | None) -> NDArray[np.int64]:
-        if self.video is not None:
-            return self.video.times_us
-        if times is not None:
-            return times
+        known = self.video.times_us if self.video is not None else times
+        if known is not None:
+            return self._flown.times_from(known) if self._flown else known
         return _bare_times(self._log.times_us)
+
+    def _frame_size(self) -> FrameSize:
+        """Size of frames of which no picture is at hand, as far as anything tells."""
+        recorded = self._flown.sizes if self._flown else set()
+        if self.video is not None:
+            recorded = recorded | {(self.video.width, self.video.height)}
+        told = self.session.frame_size
+        if told and recorded and told not in recorded:
+            sizes = " and ".join(f"{width}×{height}" for width, height in sorted(recorded))
+            raise SessionError(f"{self.session.path}: its frames are {sizes}; leave --frame-size out")
+        camera = self.mission.camera.intrinsics if self.mission.camera else None
+        size = told or (None if self.video is None else (self.video.width, self.video.height))
+        if size:
+            if camera is not None:
+                resized(camera, *size)
+            if self.video is None and self._boxes is not None and not holds(size, self._boxes):
+                x, y = self._boxes.extent
+                raise SessionError(
+                    f"{self.session.path}: boxes lie at {x:.0f},{y:.0f} px, outside frames of {size[0]}×{size[1]}"
+                )
+            return FrameSize(size=size)
+        if recorded or self._boxes is None or not self.session.notes.flown:
+            return FrameSize()
+        return fitting_size(self.mission, self._log, self.times_us, self._boxes)
 
     def _complaints(self) -> Iterator[str]:
         yield from self._log.warnings
@@ -123,6 +148,11 @@ class Analysis:
             yield f"{self.video.missing} pictures were seen in flight and are not in the recorded video"
         if self.mission.camera is None or self.mission.camera.intrinsics is None:
             yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
+        if self._size.doubt:
+            yield self._size.doubt
+        if self._flown:
+            yield from self._flown.warnings
+        yield from missing(self.session, self._log, looked_again=self.video is not None and self._boxes is None)
 
     def _complaints_of_times(self) -> Iterator[str]:
         if self._frames is not None and self._frames.skipped:
@@ -142,21 +172,76 @@ class Analysis:
         return open_perception(self.mission.detector)
 
     def snapshots(self, *, images: bool = True) -> Iterator[Snapshot]:
-        """Fold the whole recording.
+        """Fold the whole recording: one snapshot for each frame.
+
+        A flight is folded as it was flown, where it kept the order; else telemetry and frames go by their times.
 
         Args:
             images: Put each frame's picture into its snapshot.
         """
         heard = self._log.heard
-        pipeline = Pipeline(self.mission, links=heard.names, address=heard.address)
+        pipeline = Pipeline(self.mission, links=heard.names, address=heard.address, sized=self._size.known)
         for text in self.warnings:
             pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
+        return self._as_flown(pipeline, self._flown, images) if self._flown else self._by_time(pipeline, images)
+
+    def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
         packets = _Ahead(self._log.packets())
         for index, t_us, image, boxes in self._looked(images):
             for packet in packets.until(t_us):
                 pipeline.feed(packet)
-            health = Health(frames=index + 1, video="ok" if self.video else "none")
-            yield pipeline.frame(index, t_us, image=image if images else None, detections=boxes, health=health)
+            shown = image if images else None
+            yield pipeline.frame(
+                index, t_us, image=shown, size=self._size.size, detections=boxes, health=self._health(index)
+            )
+
+    def _as_flown(self, pipeline: Pipeline, flown: Flown, images: bool) -> Iterator[Snapshot]:
+        """Each turn of the fold as it was made; frames that the flight did not look at show the fleet as it was.
+
+        What a moment without a picture brings to tell goes to the snapshot before it.
+        """
+        places = self._places(images)
+        latest: Snapshot | None = None
+        early: tuple[Event, ...] = ()
+        for turn, packets, boxes in flown.turns():
+            for packet in packets:
+                pipeline.feed(packet)
+            if turn.frame == NO_PICTURE:
+                said = pipeline.frame(NO_PICTURE, turn.t_us, health=self._health(latest.frame if latest else 0)).events
+                early += () if latest else said
+                latest = replace(latest, events=latest.events + said) if latest else None
+                continue
+            now = pipeline.frame(
+                turn.frame,
+                turn.t_us,
+                size=turn.size,
+                detections=boxes,
+                health=self._health(turn.frame),
+            )
+            if latest is not None:
+                yield latest
+            for index, t_us, image in places:
+                if index == turn.frame:
+                    now = replace(now, image=image, events=early + now.events)
+                    break
+                yield _unseen(latest or now, index, t_us, image)
+            latest, early = now, ()
+        if latest is not None:
+            yield latest
+            for index, t_us, image in places:
+                yield _unseen(latest, index, t_us, image)
+
+    def _places(self, images: bool) -> Iterator[tuple[int, int, Image | None]]:
+        """Index, time and, where somebody asks for it, picture of every frame."""
+        pictures = self.video.frames() if self.video is not None and images else iter(())
+        frame = next(pictures, None)
+        for index, t_us in enumerate(self.times_us.tolist()):
+            while frame is not None and frame.index < index:
+                frame = next(pictures, None)
+            yield index, t_us, frame.image if frame is not None and frame.index == index else None
+
+    def _health(self, index: int) -> Health:
+        return Health(frames=index + 1, video="ok" if self.video else "none")
 
     def _looked(self, images: bool) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
         """Index, time, picture and boxes of every frame; the pictures only where somebody asks for them."""
@@ -196,6 +281,11 @@ def _bare_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate(
         [np.arange(a, b + 1, step_us, dtype=np.int64) for a, b in zip(t_us[starts], last_us, strict=True)]
     )
+
+
+def _unseen(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:
+    """A frame that nobody looked at: the fleet as it was then, and no boxes."""
+    return replace(near, frame=index, t_us=t_us, image=image, boxes=(), events=())
 
 
 class _Ahead:

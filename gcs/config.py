@@ -35,6 +35,7 @@ __all__ = [
     "Signing",
     "Vehicle",
     "load_mission",
+    "load_table",
     "parse_mission",
     "user_keys",
 ]
@@ -240,11 +241,11 @@ _TABLES: dict[str, type] = {
 _NOTES = ("session",)
 
 
-def load_mission(path: Path) -> Mission:
-    """Read a mission or session file; paths in it become absolute, so that they hold wherever it is written again.
+def load_table(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
 
     Raises:
-        ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
+        ConfigError: no such file, or not TOML.
     """
     try:
         data = read_small(path, MOST_TOML_BYTES)
@@ -252,7 +253,16 @@ def load_mission(path: Path) -> Mission:
         raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read as text: {error.strerror}") from error
-    mission = parse_mission(parse_toml(data, str(path)), str(path))
+    return parse_toml(data, str(path))
+
+
+def load_mission(path: Path) -> Mission:
+    """Read a mission or session file; paths in it become absolute, so that they hold wherever it is written again.
+
+    Raises:
+        ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
+    """
+    mission = parse_mission(load_table(path), str(path))
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
     signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
     return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera, signing=signing)

@@ -118,5 +118,4 @@ def _link(link: LinkReport) -> LinkHealth:
         dropped=counts.dropped,
         silent_s=counts.silent_s,
         junk_bytes=counts.junk_bytes,
-        flooded=link.narrow,
     )

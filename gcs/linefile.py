@@ -27,14 +27,15 @@ class LineFile:
         path: must not exist; nothing recorded is ever overwritten.
         header: first line of every segment, with its line end.
         disk: the operating system, or a test's.
+        lazy: make the file with its first line.
 
     Raises:
         SessionError: the file exists or cannot be made.
     """
 
-    def __init__(self, path: Path, header: str = "", *, disk: Disk = OS_DISK) -> None:
+    def __init__(self, path: Path, header: str = "", *, disk: Disk = OS_DISK, lazy: bool = False) -> None:
         try:
-            self.file = AppendFile(path, header=header.encode(), ram_bytes=RAM_BYTES, disk=disk)
+            self.file = AppendFile(path, header=header.encode(), ram_bytes=RAM_BYTES, lazy=lazy, disk=disk)
         except OSError as error:
             raise SessionError(f"{path}: cannot be made: {error.strerror}; choose another place") from error
         self._changed = threading.Condition()  # all that follows

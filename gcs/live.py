@@ -14,15 +14,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gcs.config import Mission
 from gcs.errors import FlightError
 from gcs.faults import Faults
 from gcs.flight_care import FlightCare
 from gcs.flight_fold import FlightFold
+from gcs.flight_notes import key_notes
 from gcs.flight_video import FlightVideo, check_source
-from gcs.perception import open_perception
+from gcs.perception import fingerprints, open_perception
 from gcs.pipeline import Pipeline
 from gcs.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
@@ -85,10 +86,12 @@ class Flight:
         mission = self._mission = plan.mission
         self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
         detector: Detector | None = None
+        notes: dict[str, Any] = {"keys": key_notes(self._ring)}
         if plan.video:
             check_source(plan.video)
             detector = open_perception(mission.detector, threads=LOOK_THREADS)
-        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False)
+            notes["models"] = fingerprints(mission.detector)
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False, notes=notes)
         self._desk: CommandDesk | None = None
         try:
             self._ingest = _open_ingest(plan, self._recorder.tlog_path)
@@ -221,7 +224,8 @@ class Flight:
                 thread.join(timeout=5)
         self._ingest.stop()
         self._fold.close()
-        self.lost = self._recorder.close(self._ingest.health().record)
+        health = self._ingest.health()
+        self.lost = self._recorder.close(health.record, refused=health.refused)
 
     def _open_desk(self, mission: Mission) -> CommandDesk:
         # MAVSDK's native library is loaded only by stations that may command
@@ -248,7 +252,7 @@ class Flight:
 
     def _listen(self) -> None:
         packets = self._ingest.read(READ_S)
-        self._fold.take(packets, self._ingest.heard_us)
+        self._fold.take(packets)
         if self._desk:
             for packet in packets:
                 self._desk.take(packet)

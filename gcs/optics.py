@@ -22,15 +22,22 @@ from vision.intrinsics import Intrinsics, from_field_of_view, resized, zoomed
 
 __all__ = ["Optics"]
 
+_SIZELESS = "nothing can be named: the recording does not say how large its frames are; give --frame-size"
 TOLD_ZOOM = 0.03
 """Change of the focal length that is told."""
 
 
 class Optics:
-    """The camera's intrinsics over a flight, and what an operator should know of them."""
+    """The camera's intrinsics over a flight, and what an operator should know of them.
 
-    def __init__(self, camera: Camera | None) -> None:
+    Args:
+        camera: the mission's, None: as the UAV reports it.
+        sized: whether a picture of which nothing tells the size has the size that the camera is described for.
+    """
+
+    def __init__(self, camera: Camera | None, *, sized: bool = True) -> None:
         self._camera = camera or Camera()
+        self._sized = sized
         self._base = self._camera.intrinsics
         self._picture: tuple[int, int] | None = None
         self._first_fov = math.nan
@@ -61,6 +68,11 @@ class Optics:
             None while no camera is known, or the one that is cannot have taken the picture.
         """
         self._picture = picture or self._picture
+        if self._picture is None and not self._sized:
+            if self._refused != _SIZELESS:
+                self._refused = _SIZELESS
+                self._add(t_us, "alarm", _SIZELESS)
+            return None
         size = self.size or ((report.width, report.height) if report and report.width else None)
         if size is None:
             return None

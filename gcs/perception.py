@@ -6,13 +6,16 @@ that come without, as a YOLO-OBB export's do.
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
 from gcs.config import BUNDLED, DetectorChoice
+from vision.detector import BUNDLED as BUNDLED_BOXES
 from vision.detector import Detector, open_detector
-from vision.front import FrontedDetector, open_front_classifier
+from vision.errors import ModelError
+from vision.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
 
-__all__ = ["open_perception"]
+__all__ = ["fingerprints", "open_perception"]
 
 
 def open_perception(choice: DetectorChoice, *, threads: int = 1) -> Detector:
@@ -40,3 +43,22 @@ def open_perception(choice: DetectorChoice, *, threads: int = 1) -> Detector:
     return FrontedDetector(
         detector, open_front_classifier(front, sure=choice.front_sure, providers=providers, threads=threads)
     )
+
+
+def fingerprints(choice: DetectorChoice) -> dict[str, str]:
+    """SHA-256 of the mission's networks by what they are for: ``boxes`` and, where there is one, ``front``.
+
+    Raises:
+        ModelError: a file cannot be read.
+    """
+    files = {"boxes": Path(choice.model) if choice.model else BUNDLED_BOXES}
+    if choice.front:
+        files["front"] = BUNDLED_FRONT if choice.front == BUNDLED else Path(choice.front)
+    return {name: _sha256(path) for name, path in files.items()}
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}") from error

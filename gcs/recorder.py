@@ -10,10 +10,14 @@ import contextlib
 import math
 import shutil
 import time
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from gcs.config import Mission
+from gcs.folds import FOLD_COLUMNS, UNFOLDED_COLUMNS, Fold
 from gcs.identitylog import EventLog, IdentityLog
 from gcs.linefile import LineFile
 from gcs.recordwatch import RecordWatch
@@ -30,8 +34,8 @@ from vision.detections import Detections
 
 __all__ = ["Recorder"]
 
-FRAME_COLUMNS = "frame,time_us\n"
-DETECTION_COLUMNS = "frame,cx,cy,w,h,angle,score,heading\n"
+FRAME_COLUMNS = ("frame", "time_us")
+DETECTION_COLUMNS = ("frame", "cx", "cy", "w", "h", "angle", "score", "heading")
 SYNC_S = 0.5
 SETTLE_S = 0.05
 """A look at the files waits so long, all together, for lines that are just being written."""
@@ -45,6 +49,7 @@ class Recorder:
         mission: what flies.
         video: whether there is a camera.
         telemetry: write ``telemetry.tlog`` here, by ``packet``; False: the links' own process does, into ``tlog_path``.
+        notes: what a replay has to know beside the mission (``gcs.flight_notes``).
         disk: the operating system, or a test's.
 
     Attributes:
@@ -56,15 +61,27 @@ class Recorder:
     """
 
     def __init__(
-        self, parent: Path, mission: Mission, *, video: bool, telemetry: bool = True, disk: Disk = OS_DISK
+        self,
+        parent: Path,
+        mission: Mission,
+        *,
+        video: bool,
+        telemetry: bool = True,
+        notes: Mapping[str, Any] = MappingProxyType({}),
+        disk: Disk = OS_DISK,
     ) -> None:
         self.folder = create_folder(parent)
         self.video_path = self.folder / "video.mkv" if video else None
         self.tlog_path = self.folder / "telemetry.tlog"
         self.full_in_s = math.inf
         self._files: list[LineFile] = []
+        self._frames: LineFile | None = None
+        self._detections: LineFile | None = None
+        self._folds: LineFile | None = None
+        self._unfolded: LineFile | None = None
         try:
-            self._make_files(mission, video, telemetry, disk)
+            self._session = SessionFile(self.folder, mission, notes)
+            self._make_files(video, telemetry, disk)
         except BaseException:
             shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
             raise
@@ -73,17 +90,22 @@ class Recorder:
         self._space = SpaceForecast()
         self._free_bytes = shutil.disk_usage(self.folder).free
 
-    def _make_files(self, mission: Mission, video: bool, telemetry: bool, disk: Disk) -> None:
-        self._session = SessionFile(self.folder, mission)
+    def _make_files(self, video: bool, telemetry: bool, disk: Disk) -> None:
         make = partial(self._make, disk)
         self._identity = IdentityLog(self.folder, make)
         self._events = EventLog(self.folder / "events.jsonl", make)
-        self._frames = make(self.folder / "frames.csv", FRAME_COLUMNS) if video else None
-        self._detections = make(self.folder / "detections.csv", DETECTION_COLUMNS) if video else None
+        if video:
+            self._frames = self._table(disk, "frames.csv", FRAME_COLUMNS)
+            self._detections = self._table(disk, "detections.csv", DETECTION_COLUMNS)
+            self._folds = self._table(disk, "folds.csv", FOLD_COLUMNS)
+            self._unfolded = self._table(disk, "unfolded.csv", UNFOLDED_COLUMNS, lazy=True)
         self._tlog = TlogWriter(self.tlog_path, disk=disk) if telemetry else None
 
-    def _make(self, disk: Disk, path: Path, header: str) -> LineFile:
-        file = LineFile(path, header, disk=disk)
+    def _table(self, disk: Disk, name: str, columns: Sequence[str], *, lazy: bool = False) -> LineFile:
+        return self._make(disk, self.folder / name, ",".join(columns) + "\n", lazy=lazy)
+
+    def _make(self, disk: Disk, path: Path, header: str, *, lazy: bool = False) -> LineFile:
+        file = LineFile(path, header, disk=disk, lazy=lazy)
         self._files.append(file)
         return file
 
@@ -98,15 +120,26 @@ class Recorder:
             self._frames.write(f"{index},{t_us}\n")
 
     def detections(self, frame: int, detections: Detections) -> None:
-        """Append what the detector saw in a frame."""
+        """Append what the detector saw in a frame, to the last digit: a replay folds the very same numbers."""
         if not self._detections:
             return
-        d, rows = detections, []
-        for k in range(len(d)):
-            heading = "" if d.heading[k] != d.heading[k] else f"{d.heading[k]:.4f}"
-            box = f"{d.cx[k]:.2f},{d.cy[k]:.2f},{d.w[k]:.2f},{d.h[k]:.2f},{d.angle[k]:.4f}"
-            rows.append(f"{frame},{box},{d.score[k]:.3f},{heading}\n")
-        self._detections.write("".join(rows))
+        cells = [["" if math.isnan(value) else repr(value) for value in box] for box in detections.table.T.tolist()]
+        self._detections.write("".join(f"{frame},{','.join(box)}\n" for box in cells))
+
+    def fold(self, fold: Fold) -> None:
+        """Append a turn of the fold."""
+        if self._folds:
+            self._folds.write(fold.row)
+
+    def unfolded(self, record: int, count: int) -> None:
+        """Note records of the log that the fold has not taken in and never will.
+
+        Args:
+            record: number of the first.
+            count: of them.
+        """
+        if self._unfolded:
+            self._unfolded.write(f"{record},{count}\n")
 
     def snapshot(self, snapshot: Snapshot) -> None:
         """Append a frame's identities and events."""
@@ -153,23 +186,21 @@ class Recorder:
             size = sum(path.stat().st_size for path in self.folder.iterdir())
         return size
 
-    def close(self, telemetry: RecordState | None = None) -> tuple[str, ...]:
+    def close(self, telemetry: RecordState | None = None, **notes: int) -> tuple[str, ...]:
         """Write what still waits and seal the session; returns what was lost, a line each.
 
         Args:
             telemetry: state of the log when the links' own process wrote it, after it ended.
+            notes: what else is known at the end.
         """
         self._caretaker.stop()
         if self._tlog is not None:
             self._tlog.close()
-        self._identity.close()
-        self._events.close()
-        for file in (self._frames, self._detections):
-            if file:
-                file.close()
+        for file in self._files:
+            file.close()
         states = self.states(telemetry)
         lost = {name: state.lost for name, state in states.items() if state.lost}
         log = states.get(self.tlog_path.name, RecordState(name=""))
         if not any(state.stalled_s for state in states.values()):  # it would wait, and the next start seals it too
-            self._session.close({"packets": log.rows} | ({"lost": lost} if lost else {}))
+            self._session.close({"packets": log.rows, **notes} | ({"lost": lost} if lost else {}))
         return tuple(f"{name}: {rows} rows lost{states[name].because}" for name, rows in lost.items())

@@ -9,9 +9,10 @@ they are read as one.
 
 from __future__ import annotations
 
+import contextlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.config import NO_KEYS, Mission, load_mission
+from gcs.config import NO_KEYS, Mission, load_mission, load_table
 from gcs.config_values import toml_text
-from gcs.errors import SessionError
+from gcs.errors import ConfigError, SessionError
+from gcs.flight_notes import FlightNotes
 from gcs.segmented import read_segments
 from gcs.tables import Table
 from mavlink.segments import segments
@@ -57,6 +59,11 @@ class Session:
     """When a video without frames.csv begins, seconds after the log's first message."""
     frames: Path | None = None
     detections: Path | None = None
+    folds: Path | None = None
+    """In which order the flight took in telemetry and pictures."""
+    frame_size: tuple[int, int] | None = None
+    """Width and height of the frames, px, as somebody says who knows; None: what the recording says."""
+    notes: FlightNotes = field(default_factory=FlightNotes)
     truth: Path | None = None
     identity: Path | None = None
 
@@ -67,9 +74,21 @@ class Session:
 
 
 def open_session(
-    path: Path, *, video: Path | None = None, video_start_s: float = 0.0, mission: Path | None = None
+    path: Path,
+    *,
+    video: Path | None = None,
+    video_start_s: float = 0.0,
+    mission: Path | None = None,
+    frame_size: tuple[int, int] | None = None,
 ) -> Session:
     """Open a session folder, or a bare tlog with an optional video and mission file.
+
+    Args:
+        path: of the folder or the log.
+        video: in place of the session's own.
+        video_start_s: when a video without frame times begins, seconds after the log's first message.
+        mission: file, in place of the session's own.
+        frame_size: width and height of the frames, px, of a recording that does not know.
 
     Raises:
         SessionError: nothing there, or no telemetry in it.
@@ -89,6 +108,10 @@ def open_session(
     toml = path / "session.toml"
     if chosen is None and toml.is_file():
         chosen = load_mission(toml)
+    notes = FlightNotes()
+    if toml.is_file():
+        with contextlib.suppress(ConfigError):  # another mission file may stand for one that is damaged
+            notes = FlightNotes.of(load_table(toml).get("session"))
     found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if segments(path / f"video{suffix}")]
     return Session(
         path=path,
@@ -98,6 +121,9 @@ def open_session(
         video_start_s=video_start_s,
         frames=None if video else _existing(path / "frames.csv"),
         detections=_existing(path / "detections.csv"),
+        folds=None if video else _existing(path / "folds.csv"),
+        frame_size=frame_size,
+        notes=notes,
         truth=_existing(path / "truth.csv"),
         identity=_existing(path / "identity.csv"),
     )
@@ -173,6 +199,12 @@ class FrameDetections:
         """What was seen in a frame, perhaps nothing."""
         start, stop = np.searchsorted(self._frame, (frame, frame + 1))
         return Detections(**{name: column[start:stop] for name, column in self._columns.items()})
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """How far right and down the centres of boxes lie, px; 0 without any."""
+        columns = self._columns
+        return float(columns["cx"].max(initial=0.0)), float(columns["cy"].max(initial=0.0))
 
     @property
     def last(self) -> int:

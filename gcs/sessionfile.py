@@ -9,13 +9,14 @@ import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from gcs.config import Mission
 from gcs.config_values import MOST_TOML_BYTES, parse_toml, toml_text
 from gcs.errors import ConfigError, SessionError
+from gcs.flight_notes import PROGRAM
 from gcs.session import mission_table
 from gcs.sessionlog import SessionLog
 from mavlink.errors import TlogError
@@ -33,17 +34,23 @@ _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 class SessionFile:
     """The notes of a flight that goes on.
 
+    Args:
+        folder: of the session.
+        mission: what flies.
+        notes: what else is known from the start.
+
     Raises:
         SessionError: the file cannot be made.
     """
 
-    def __init__(self, folder: Path, mission: Mission) -> None:
+    def __init__(self, folder: Path, mission: Mission, notes: Mapping[str, Any] = MappingProxyType({})) -> None:
         self._path = folder / NAME
         self._mission = mission
         self._notes: dict[str, Any] = {
             "format": 1,
-            "program": f"rollcall-gcs {version('rollcall-gcs')}",
+            "program": PROGRAM,
             "started": datetime.now(UTC),
+            **notes,
         }
         self._fd = -1
         try:

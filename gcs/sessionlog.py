@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from mavlink.packet import Auth, Packet
 from mavlink.segments import segments
 from mavlink.tlog import Tlog
 
-__all__ = ["RECORDED", "SessionLog"]
+__all__ = ["SessionLog"]
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -33,10 +33,15 @@ _SILENT = "telemetry.tlog: nothing was received in flight; there is only the vid
 class SessionLog:
     """Every record once, in the order of arrival.
 
+    Args:
+        path: of the first segment.
+        signers: whether a system signed with a key that the flight knew: what was not refused of it was verified.
+
     A flight with pictures during which nothing was received is a recording too, without a record.
 
     Attributes:
         path: of the first segment.
+        stamped_us: (n,) times as they stand in the log.
         steps: when the wall clock was set.
         heard: who sent each record.
         warnings: what an analyst should know, one line each.
@@ -46,8 +51,9 @@ class SessionLog:
         SessionError: a table beside it that is no table.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, signers: Callable[[int], bool] = lambda system_id: False) -> None:
         self.path = path
+        self._signers = signers
         recorded = path.name == RECORDED
         silent = recorded and _any(path, "frames.csv") and any(path.parent.glob("video.*")) and _is_empty(path)
         self._logs, troubles = ([], [_SILENT]) if silent else _open(segments(path) if recorded else [path], path)
@@ -60,6 +66,7 @@ class SessionLog:
         else:
             self.steps = Steps.read(path.with_name("clock.csv")) if recorded else Steps.none()
             self._t_us = self.steps.of_records(stamped_us)
+        self.stamped_us = stamped_us
         refused = path.with_name("refused.csv")
         has_refused = recorded and bool(segments(refused))
         nothing = np.zeros(len(stamped_us), dtype=np.uint8), 0
@@ -79,6 +86,11 @@ class SessionLog:
         return self._t_us
 
     @property
+    def refused(self) -> int:
+        """Records that were not believed."""
+        return int(np.count_nonzero(self._auth > Auth.GOOD))
+
+    @property
     def start_us(self) -> int:
         """Earliest record; 0 where there is none."""
         return int(self._t_us.min()) if len(self) else 0
@@ -88,16 +100,23 @@ class SessionLog:
         """Latest record; 0 where there is none."""
         return int(self._t_us.max()) if len(self) else 0
 
-    def packets(self) -> Iterator[Packet]:
-        """All records; those that were not believed carry the reason."""
+    def packets(self, *, as_stamped: bool = False) -> Iterator[Packet]:
+        """All records; those that were not believed carry the reason.
+
+        Args:
+            as_stamped: with the times that stand in the log, not those of one time line.
+        """
+        times_us = self.stamped_us if as_stamped else self._t_us
         start = 0
         for log, keep in zip(self._logs, self._keep, strict=True):
             stop = start + int(np.count_nonzero(keep))
             kept = (packet for packet, wanted in zip(log.packets(), keep.tolist(), strict=True) if wanted)
-            columns = (self._t_us, self.heard.link, self.heard.peer, self._auth)
+            columns = (times_us, self.heard.link, self.heard.peer, self._auth)
             rows = zip(*(column[start:stop].tolist() for column in columns), strict=True)
             for packet, (t_us, link, peer, auth) in zip(kept, rows, strict=True):
-                if auth or link or peer or t_us != packet.t_us:
+                if not auth and packet.signed and self._signers(packet.system_id):
+                    yield Packet(t_us, packet.raw, link, peer, Auth.GOOD)
+                elif auth or link or peer or t_us != packet.t_us:
                     yield Packet(t_us, packet.raw, link, peer, Auth(auth))
                 else:
                     yield packet
@@ -122,16 +141,18 @@ class SessionLog:
             if log.index.damage:
                 size = sum(d.stop - d.start for d in log.index.damage)
                 yield f"{log.path.name}: {len(log.index.damage)} damaged places, {size} bytes skipped"
-        refused = int(np.count_nonzero(self._auth > Auth.GOOD))
-        if refused:
-            yield f"refused.csv: {refused} records were not believed in flight and are left out"
+        if self.refused:
+            yield f"refused.csv: {self.refused} records were not believed in flight and are left out"
         skipped = {"refused.csv": self._unread, "senders.csv": self.heard.skipped, "clock.csv": self.steps.skipped}
         for name, rows in skipped.items():
             if rows:
                 yield f"{name}: {rows} rows cannot be read and are left out"
         if len(self.steps):
-            source = "the vehicles' clocks" if self._found else "clock.csv"
-            yield f"{source}: the clock was set {len(self.steps)} times; all times are those of the first setting"
+            times = f"the clock was set {len(self.steps)} times"
+            if self._found:
+                yield f"the vehicles' clocks: {times}; all times are those of the first setting"
+            else:
+                yield f"clock.csv: {times}; records and pictures keep their order"
         if self._leaps:
             leaps = f"time leaps by half an hour back or a day ahead {self._leaps} times"
             yield f"{self.path.name}: {leaps}, which is closed up"

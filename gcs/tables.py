@@ -28,6 +28,7 @@ MOST_BOXES = 1000
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MOST_RECORDS = 1 << 40
 _MOST_FRAMES = (1 << 31) - 1
+_MOST_PX = 1 << 14
 _FAR, _FAR_RAD = 1e6, 1e3
 
 
@@ -45,6 +46,12 @@ _RANGES: Mapping[str, _Range] = {
     "record": _Range(0, _MOST_RECORDS, whole=True),
     "time_us": _Range(0, _LATEST_US, whole=True),
     "t_us": _Range(0, _LATEST_US, whole=True),
+    "record_us": _Range(0, _LATEST_US, whole=True),
+    "records": _Range(0, _MOST_RECORDS, whole=True),
+    "count": _Range(0, _MOST_RECORDS, whole=True),
+    "boxes": _Range(0, MOST_BOXES, whole=True),
+    "width": _Range(1, _MOST_PX, whole=True),
+    "height": _Range(1, _MOST_PX, whole=True),
     "step_us": _Range(-_LATEST_US, _LATEST_US, whole=True),
     "auth": _Range(0, 255, whole=True),
     "system_id": _Range(0, 255, whole=True),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 __all__ = ["MAGIC_V1", "MAGIC_V2", "Auth", "Packet"]
@@ -46,6 +46,8 @@ class Packet:
     """Number of the sender's address on that link, from 1; 0 where there is none, as in a log."""
     auth: Auth = Auth.OPEN
     """What its signature says."""
+    record: int = field(default=-1, compare=False)
+    """Its running number in the flight's log, -1 where it is not in one or that is not known."""
 
     @property
     def version(self) -> int:

@@ -9,6 +9,7 @@ import pytest
 
 from gcs.config import Mission, Vehicle
 from gcs.errors import SessionError
+from gcs.folds import Fold, Folds
 from gcs.linefile import LineFile
 from gcs.recorder import Recorder
 from gcs.recordwatch import RecordWatch
@@ -23,7 +24,7 @@ from tests.test_mavlink_tlog_writer import FRAMES, T0, expected, packet, until
 from vision.detections import Detections
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
-TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv")
+TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv", "folds.csv", "unfolded.csv")
 
 
 def boxes(frame):
@@ -57,6 +58,12 @@ def fly(recorder, frames):
         recorder.packet(packet(frame))
         recorder.frame_time(frame, T0 + 100_000 * frame)
         recorder.detections(frame, boxes(frame))
+        recorder.fold(
+            Fold(
+                frame=frame, t_us=T0 + 100_000 * frame, records=frame + 1, record_us=T0 + frame, boxes=2, size=(64, 48)
+            )
+        )
+        recorder.unfolded(frame, 1)
         recorder.snapshot(snapshot(frame))
     assert all(file.settle(10.0) for file in recorder._files), "the system has it, or has refused it"
 
@@ -66,6 +73,9 @@ def complete(folder, frames):
     assert read_times(folder / "frames.csv").times_us.tolist() == [T0 + 100_000 * k for k in range(frames)]
     seen = read_detections(folder / "detections.csv")
     assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
+    folds = Folds.read(folder)
+    assert [turn.frame for turn in folds.turns] == list(range(frames))
+    assert not folds.taken_in(frames).any() and folds.taken_in(frames + 1)[frames]
     table = read_segments(folder / "identity.csv", ("time_us", "frame"))
     assert table["frame"].tolist() == list(range(frames))
     for name, key in (("events.jsonl", "text"), ("identity.jsonl", "frame")):
@@ -119,7 +129,7 @@ def test_a_full_disk_never_stops_the_flight_and_costs_nothing(recorder, disk, co
     assert alarms(recorder) == [], "told once"
     disk.room, disk.write_error = None, 0
     until(lambda: not any(state.failing_s for state in recorder.states().values()))
-    assert sum(event.text.endswith(": written again") for event in recorder.check()) == 6
+    assert sum(event.text.endswith(": written again") for event in recorder.check()) == 1 + len(TEXTS)
     fly(recorder, range(400, 410))
     assert recorder.close() == ()
     complete(recorder.folder, 410)
@@ -149,7 +159,7 @@ def goes_on(recorder, take_away):
     take_away(recorder.folder)
     fly(recorder, range(10, 20))
     until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
-    assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 6
+    assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 1 + len(TEXTS)
     fly(recorder, range(20, 30))
     assert recorder.close() == ()
     complete(recorder.folder, 30)

@@ -27,12 +27,14 @@ from vision.errors import VisionError
 
 __all__ = [
     "BAD_INPUT",
+    "FRAME_SIZE",
     "NOT_AVAILABLE",
     "NO_NAMES",
     "VIDEO_START",
     "Graphics",
     "PlainStream",
     "explained",
+    "frame_size_of",
     "note",
     "quiet_stderr",
     "say",
@@ -42,8 +44,25 @@ __all__ = [
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
 
 _OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
+FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
 VIDEO_START = "When a video without frames.csv begins, seconds after the log's first message."
+MOST_PX = 16384
+"""No camera has a longer side."""
 Graphics = Literal["auto", "blocks", "pixels"]
+
+
+def frame_size_of(text: str | None) -> tuple[int, int] | None:
+    """Width and height in px from ``1280x720``.
+
+    Raises:
+        GcsError: it is no size.
+    """
+    if text is None:
+        return None
+    width, _, height = text.lower().replace("×", "x").partition("x")
+    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= MOST_PX and 0 < int(height) <= MOST_PX):
+        raise GcsError(f"--frame-size {text}: is no size of a frame; give it as 1280x720")
+    return int(width), int(height)
 
 
 def say(*lines: str) -> None:

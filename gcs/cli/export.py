@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gcs.analysis import Analysis
-from gcs.cli.console import VIDEO_START, note
+from gcs.cli.console import FRAME_SIZE, VIDEO_START, frame_size_of, note
 from gcs.errors import GcsError
 from gcs.export import FORMATS, open_export
 from gcs.recorded import recorded
@@ -27,10 +27,12 @@ def export(
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
+    frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
 ) -> None:
     """Write identities as csv, jsonl, or a film with the names drawn in (mp4)."""
     form = form or out.suffix.lstrip(".")
-    analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission))
+    size = frame_size_of(frame_size)
+    analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size))
     pictures = form == "mp4"
     if pictures and analysis.video is None:
         analysis.close()

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from gcs.analysis import Analysis
-from gcs.cli.console import NO_NAMES, VIDEO_START, note, say
+from gcs.cli.console import FRAME_SIZE, NO_NAMES, VIDEO_START, frame_size_of, note, say
 from gcs.errors import SessionError
 from gcs.identitylog import EventLog, IdentityLog
 from gcs.rollcall import RollCall
@@ -25,10 +25,12 @@ def identify(
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
+    frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
 ) -> None:
     """Name the boxes of a recording, faster than real time; same input, same bytes."""
-    opened = open_session(session, video=video, video_start_s=video_start, mission=mission)
+    size = frame_size_of(frame_size)
+    opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
     calls = identify_into(opened, out, detect=detect)
     say(*calls.lines())
     if not calls.named:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import VIDEO_START, Graphics, note, quiet_stderr
+from gcs.cli.console import FRAME_SIZE, VIDEO_START, Graphics, frame_size_of, note, quiet_stderr
 from gcs.replay import Replay
 from gcs.session import Session, open_session
 from gcs.sessionfile import seal
@@ -20,15 +20,17 @@ def replay(
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
+    frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
 ) -> None:
     """Play, seek and step through a recording."""
     if session.is_dir() and (interrupted := seal(session.resolve())):
         note(interrupted.text)
+    size = frame_size_of(frame_size)
     raise SystemExit(
         show_replay(
-            open_session(session, video=video, video_start_s=video_start, mission=mission),
+            open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size),
             detect=detect,
             graphics=graphics,
         )

@@ -1,9 +1,10 @@
 """The memory that the ingest process and the station share: a few counters, a status text and a ring of packets.
 
 One process writes each part and one reads it, so there are no locks. A packet in the ring is a head of 16 bytes
-(arrival in Unix µs, number of the peer, length, link, auth) and its frame. Positions in the ring only grow; what lies
-between the reader's and the writer's is unread. The memory has no name: it goes with the last process that has it open,
-however that ends.
+(arrival in Unix µs, number of the peer, length, link, auth) and its frame; before the packets of a batch stands a head
+without a frame, with the number of the batch's first record in place of the time. Positions in the ring only grow; what
+lies between the reader's and the writer's is unread. The memory has no name: it goes with the last process that has it
+open, however that ends.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ __all__ = ["RING_BYTES", "Shared", "Word", "make_memory"]
 
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
-_STATUS_AT, _STATUS_BYTES = 4096, 258_048
+_STATUS_AT, _STATUS_BYTES = 4096, 61440
 _RING_AT = _STATUS_AT + _STATUS_BYTES
 _HEAD = struct.Struct("=QIHBB")
 _AUTHS = tuple(Auth)
+_UNRECORDED = (1 << 64) - 1
 
 
 class Word(IntEnum):
@@ -49,8 +51,6 @@ class Word(IntEnum):
     STATUS = 8
     """Odd while the status is being written."""
     STATUS_LENGTH = 9
-    HEARD_US = 10
-    """Unix µs: what came before has been put into the ring."""
 
 
 def make_memory(ring_bytes: int = RING_BYTES) -> int:
@@ -89,6 +89,7 @@ class Shared:
     def put(
         self,
         link: int,
+        record: int | None,
         times_us: Sequence[int],
         frames: Sequence[bytes],
         peers: Sequence[int],
@@ -98,6 +99,7 @@ class Shared:
 
         Args:
             link: that they came over.
+            record: number of the first of them in the log, those of the others follow; None: they are not in it.
             times_us: (N) arrival.
             frames: (N).
             peers: (N) numbers of their senders.
@@ -110,7 +112,7 @@ class Shared:
         else:
             full = zip(times_us, frames, peers, auths, strict=True)
             pieces = [piece for t, raw, peer, auth in full for piece in (pack(t, peer, len(raw), link, auth), raw)]
-        data = b"".join(pieces)
+        data = b"".join([pack(_UNRECORDED if record is None else record, 0, 0, link, 0), *pieces])
         written = words[Word.WRITTEN]
         if len(data) > self._room - (written - words[Word.READ]):
             words[Word.OVERRUN] += len(frames)
@@ -144,11 +146,15 @@ class Shared:
         data = bytes(self._ring[at : at + first]) + bytes(self._ring[: size - first])
         words[Word.READ] = written
         packets: list[Packet] = []
-        place, unpack = 0, _HEAD.unpack_from
+        place, record, unpack = 0, 0, _HEAD.unpack_from
         while place < size:
             t_us, peer, length, link, auth = unpack(data, place)
             stop = place + 16 + length
-            packets.append(Packet(t_us, data[place + 16 : stop], link, peer, _AUTHS[auth]))
+            if length:
+                packets.append(Packet(t_us, data[place + 16 : stop], link, peer, _AUTHS[auth], record))
+                record += record >= 0
+            else:
+                record = -1 if t_us == _UNRECORDED else t_us
             place = stop
         return packets
 

@@ -1,0 +1,385 @@
+"""A flight in simulated time through the classes of a real one, from the datagrams' bytes to the session folder.
+
+The receiver with its log, the memory between the processes, the fold, the tracker, the identifier and the recorder are
+the flight's own; sockets, the decoder and the network are not there, and the script is the clock. So every trouble
+comes at its moment, and a minute of flight takes seconds.
+"""
+
+from __future__ import annotations
+
+import heapq
+import os
+from collections.abc import Iterator, Set
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega
+
+from gcs.config import Mission, parse_mission
+from gcs.faults import Faults
+from gcs.flight_fold import FlightFold
+from gcs.flight_notes import key_notes
+from gcs.pipeline import Pipeline
+from gcs.recorder import Recorder
+from mavlink.clock_watch import ClockWatch
+from mavlink.dialect import DEFINITIONS
+from mavlink.frame import checksum
+from mavlink.ingest.plan import Signing
+from mavlink.ingest.receiver import Receiver, Signatures
+from mavlink.ingest.shared import Shared, Word, make_memory
+from mavlink.keys import Key, read_ring, write_key
+from mavlink.link_batch import Batch
+from mavlink.pack import GCS, Speaker
+from mavlink.packet import Packet
+from mavlink.signing_streams import ticks_of
+from mavlink.tlog_writer import TlogWriter
+from sim.detections import DetectorModel
+from sim.scenario import UAV_ID, Camera, Scenario
+from sim.speaker import TALK_FROM_S, speak
+from sim.world import World
+from vision.detections import Detections
+from vision.video import Frame
+
+__all__ = ["Troubles", "fly"]
+
+S = 1_000_000
+TOGETHER_US = 4_000
+"""Datagrams so close are one batch."""
+IDLE_US = 200_000
+"""Without a picture for so long the fold looks at the fleet alone."""
+CAMERA = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
+DESCRIBED = 3
+"""The mission's camera is described for pictures so many times as large."""
+IMPOSTOR_M = 120.0
+BOOTED_MS = 1500
+"""Of a vehicle that was just switched on, at its first word."""
+SECRET = bytes(range(32))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Troubles:
+    """What goes wrong, and when, in seconds since the first picture; None or 0: never."""
+
+    restart: tuple[float, float] | None = None
+    """The fleet is switched off and on again at these times."""
+    blind: tuple[float, float] | None = None
+    """No picture comes."""
+    deaf: tuple[float, float] | None = None
+    """No telemetry comes."""
+    late_stamp_s: float = 0.0
+    """Pictures are stamped so much later than they are taken."""
+    step: tuple[float, float] | None = None
+    """When the wall clock is set, and by how much."""
+    second_link_s: float = 0.0
+    """A second link brings everything once more, so much later."""
+    impostor: tuple[float, float] | None = None
+    """Somebody else uses the first ground vehicle's id."""
+    resized_s: float | None = None
+    """From here on the stream has half the size."""
+    killed_s: tuple[float, ...] = ()
+    """The receiving process is killed and another goes on."""
+    ring_bytes: int = 1 << 20
+    """Of the memory between the processes."""
+    held_up: tuple[float, float] | None = None
+    """The fold stands still."""
+    speaks: bool = False
+    """The station sends something every second."""
+    signed: bool = False
+    """The fleet signs, and somebody forges what it says."""
+    empty: tuple[float, float] | None = None
+    """The detector sees nothing."""
+    broken: tuple[float, float] | None = None
+    """The detector fails."""
+
+
+class _Links:
+    """Two links of which only the names matter."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def address(self, peer: int) -> str:
+        return f"192.0.2.{peer}:14550"
+
+    def trust(self, peers: Set[int], t_us: int) -> None:
+        pass
+
+    def send(self, data: bytes, peer: int = 0) -> None:
+        pass
+
+
+class _Scripted:
+    """Sees what the script has it see."""
+
+    def __init__(self) -> None:
+        self.boxes = Detections.empty()
+        self.fails = False
+
+    def detect(self, image: NDArray[np.uint8], *, gsd_m: float | None = None) -> Detections:
+        if self.fails:
+            raise RuntimeError("no device")
+        return self.boxes
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class _Datagram:
+    t_us: int
+    number: int
+    link: int
+    peer: int
+    raw: bytes
+
+
+class _Flight:
+    """The classes of a flight, and the script's clock."""
+
+    def __init__(self, folder: Path, scenario: Scenario, troubles: Troubles, start_us: int) -> None:
+        self.scenario, self.troubles, self.start_us = scenario, troubles, start_us
+        self.t_us = start_us + round(TALK_FROM_S * S)
+        """True time."""
+        self.mission = _mission(scenario)
+        keys = folder / "keys"
+        if troubles.signed:
+            keys.mkdir(mode=0o700, parents=True)
+            for system_id in (UAV_ID, *scenario.ugv_ids):
+                write_key(keys, system_id, SECRET)
+        self.signing = Signing(keys=str(keys) if troubles.signed else "")
+        notes = {"keys": key_notes(read_ring(keys))} if troubles.signed else {}
+        self.recorder = Recorder(folder / "sessions", self.mission, video=True, telemetry=False, notes=notes)
+        self.memory_fd = make_memory(troubles.ring_bytes)
+        self.memory = Shared(self.memory_fd)
+        self.links = [_Links("first"), _Links("second")]
+        self.log, self.receiver = self._receive(None)
+        self.detector = _Scripted()
+        pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
+        faults = Faults(self.recorder.folder / "faults.txt")
+        self.fold = FlightFold(
+            pipeline, self.detector, self.recorder, faults, lambda snapshot: None, now_us=self.wall_us
+        )
+
+    def wall_us(self, t_us: int | None = None) -> int:
+        """What the wall clock says at a true time, now by default."""
+        t_us, step = self.t_us if t_us is None else t_us, self.troubles.step
+        return t_us + (round(step[1] * S) if step and t_us >= self.start_us + step[0] * S else 0)
+
+    def receive(self, datagrams: list[_Datagram]) -> None:
+        """One batch of a link."""
+        self.t_us = max(self.t_us, datagrams[-1].t_us)
+        batch = Batch(
+            times_us=[self.wall_us(each.t_us) for each in datagrams],
+            frames=[each.raw for each in datagrams],
+            peers=[each.peer for each in datagrams],
+        )
+        self.receiver.take(datagrams[0].link, batch)
+
+    def kill_receiver(self) -> None:
+        """Another goes on in the next segment."""
+        records = self.log.records
+        self.log.close()
+        self.log, self.receiver = self._receive(records)
+
+    def turn(self, frame: Frame | None) -> None:
+        """One of the fold."""
+        self.fold.take(self.memory.take())
+        self.fold.turn(frame)
+
+    def close(self) -> Path:
+        self.fold.close()
+        self.log.close()
+        self.recorder.close(self.log.state, refused=self.memory.words[Word.REFUSED])
+        self.memory.close()
+        os.close(self.memory_fd)
+        return self.recorder.folder
+
+    def _receive(self, records: int | None) -> tuple[TlogWriter, Receiver]:
+        clock = ClockWatch(lambda: self.wall_us() * 1000, lambda: self.t_us * 1000)
+        log = TlogWriter(self.recorder.tlog_path, resume_after=records, clock=clock)
+        signatures = Signatures(self.signing)
+        return log, Receiver(self.links, log, self.memory, signatures, None)  # type: ignore[arg-type]
+
+
+def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
+    """Fly a scenario with troubles; returns the session folder.
+
+    Args:
+        folder: where to record.
+        scenario: what is flown; its camera is replaced by a small one.
+        troubles: what goes wrong.
+    """
+    scenario = replace(scenario, camera=CAMERA)
+    flight = _Flight(folder, scenario, troubles, scenario.start_us)
+    rng = np.random.default_rng(scenario.seed)
+    worlds = _worlds(scenario, troubles)
+    datagrams = heapq.merge(*(_spoken(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
+    batches = _batches(datagrams)
+    waiting = next(batches, None)
+    stop_us = scenario.start_us + round(scenario.duration_s * S)
+    frames = _frames(worlds, flight, rng)
+    coming = next(frames, None)
+    said_us, kills = 0, sorted(troubles.killed_s)
+    while flight.t_us < stop_us:
+        newest: Frame | None = None
+        idle_us = flight.t_us + IDLE_US
+        while coming is not None and coming[0] <= idle_us and newest is None:
+            # the newest picture that is there when the fold asks, the earlier ones are only listed
+            ready_us = max(coming[0], flight.t_us)
+            while coming is not None and coming[0] <= ready_us:
+                newest, flight.detector.boxes, flight.detector.fails = coming[1], coming[2], coming[3]
+                flight.recorder.frame_time(newest.index, newest.t_us)
+                coming = next(frames, None)
+            idle_us = ready_us
+        while waiting is not None and waiting[-1].t_us <= idle_us:
+            flight.receive(waiting)
+            waiting = next(batches, None)
+        flight.t_us = idle_us
+        if kills and flight.t_us >= flight.start_us + kills[0] * S:
+            kills.pop(0)
+            flight.kill_receiver()
+        if troubles.speaks and flight.t_us >= said_us + S:
+            said_us = flight.t_us
+            with patch("mavlink.ingest.receiver.now_us", flight.wall_us):
+                flight.receiver.say(0, Speaker(255).heartbeat(GCS))
+        flight.turn(newest)
+        if newest is not None:
+            flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector takes its time
+        if troubles.held_up and _within(troubles.held_up, flight.t_us - flight.start_us):
+            flight.t_us = flight.start_us + round(troubles.held_up[1] * S)
+    return flight.close()
+
+
+def _mission(scenario: Scenario) -> Mission:
+    camera = {name: getattr(CAMERA, name) * DESCRIBED for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    table = {"uav": {"system_id": UAV_ID}, "ugv": [{"system_id": i} for i in scenario.ugv_ids], "camera": camera}
+    return parse_mission(table, "mission")
+
+
+def _within(span: tuple[float, float] | None, since_us: float) -> bool:
+    return span is not None and span[0] * S <= since_us < span[1] * S
+
+
+def _worlds(scenario: Scenario, troubles: Troubles) -> list[tuple[World, float, float]]:
+    """Who is there, from when to when, s; after a restart everything begins anew."""
+    if troubles.restart is None:
+        return [(World(scenario), TALK_FROM_S, scenario.duration_s)]
+    off_s, on_s = troubles.restart
+    # telemetry begins before the first picture
+    second = World(replace(scenario, start_us=scenario.start_us + round((on_s - TALK_FROM_S) * S)))
+    return [(World(scenario), TALK_FROM_S, off_s), (second, on_s, scenario.duration_s)]
+
+
+def _spoken(world: World, start_s: float, stop_s: float, flight: _Flight) -> Iterator[_Datagram]:
+    """Datagrams of one fleet by time of arrival."""
+    troubles, base_us = flight.troubles, flight.start_us
+    streams = [_told(world, start_s, stop_s, flight, link=0, delay_us=0)]
+    if troubles.second_link_s:
+        delay_us = round(troubles.second_link_s * S)
+        streams.append(_told(world, start_s, stop_s, flight, link=1, delay_us=delay_us))
+    if troubles.impostor or troubles.signed:
+        streams.append(_forged(world, flight))
+    for datagram in heapq.merge(*streams):
+        if not _within(troubles.deaf, datagram.t_us - base_us):
+            yield datagram
+
+
+def _told(
+    world: World, start_s: float, stop_s: float, flight: _Flight, *, link: int, delay_us: int
+) -> Iterator[_Datagram]:
+    signer = _Signer() if flight.troubles.signed else None
+    booted = _Rebooted() if start_s > 0 else None
+    for number, said in enumerate(speak(world)):
+        if start_s * S <= said.t_us - flight.start_us < stop_s * S:
+            raw = booted.count_anew(said.raw) if booted else said.raw
+            raw = signer.sign(raw, said.t_us) if signer else raw
+            yield _Datagram(said.t_us + delay_us, number, link, said.vehicle + 2 + 100 * bool(booted), raw)
+
+
+def _forged(world: World, flight: _Flight) -> Iterator[_Datagram]:
+    """Somebody else under the first ground vehicle's id, elsewhere; without its key."""
+    troubles, victim = flight.troubles, world.scenario.ugv_ids[0]
+    speaker = Speaker(victim, key=bytes(32) if troubles.signed else None)
+    span = troubles.impostor or (TALK_FROM_S, world.scenario.duration_s)
+    for k in range(round((span[1] - span[0]) * 5)):
+        t_us = flight.start_us + round((span[0] + k / 5) * S)
+        place = (world.scenario.latitude_deg + IMPOSTOR_M / 111_000, world.scenario.longitude_deg)
+        frame = speaker.global_position_int(900_000 + 200 * k, *place, world.scenario.altitude_m, 0.0, (3.0, 0, 0), 0.0)
+        yield _Datagram(t_us, k, 0, 77, frame)
+        if k % 5 == 0:
+            yield _Datagram(t_us + 1000, k, 0, 77, speaker.heartbeat())
+
+
+class _Rebooted:
+    """Frames of a fleet whose boot clocks begin anew."""
+
+    def __init__(self) -> None:
+        self._parser: Any = ardupilotmega.MAVLink(None)
+        self._speakers: dict[int, Speaker] = {}
+        self._booted_ms: dict[int, int] = {}
+
+    def count_anew(self, raw: bytes) -> bytes:
+        (message,) = self._parser.parse_buffer(raw)
+        system_id = message.get_srcSystem()
+        if hasattr(message, "time_boot_ms"):
+            booted_ms = self._booted_ms.setdefault(system_id, message.time_boot_ms - BOOTED_MS)
+            message.time_boot_ms -= booted_ms
+        return self._speakers.setdefault(system_id, Speaker(system_id)).pack(message)
+
+
+class _Signer:
+    """Puts signatures on frames, with stamps that follow the clock."""
+
+    def __init__(self) -> None:
+        self._key, self._ticks = Key(SECRET), 0
+
+    def sign(self, raw: bytes, t_us: int) -> bytes:
+        packet = Packet(t_us, raw)
+        body = bytes([raw[0], raw[1], raw[2] | 1]) + raw[3 : 10 + raw[1]]
+        crc = checksum(body, DEFINITIONS[packet.message_id][1]).to_bytes(2, "little")
+        self._ticks = max(self._ticks + 1, ticks_of(t_us))
+        covered = body + crc + b"\x01" + self._ticks.to_bytes(6, "little")
+        return covered + self._key.signature(covered)
+
+
+def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
+    """Datagrams of one link that come together."""
+    batch: list[_Datagram] = []
+    for datagram in datagrams:
+        if batch and (datagram.link != batch[0].link or datagram.t_us - batch[0].t_us > TOGETHER_US):
+            yield batch
+            batch = []
+        batch.append(datagram)
+    if batch:
+        yield batch
+
+
+def _frames(
+    worlds: list[tuple[World, float, float]], flight: _Flight, rng: np.random.Generator
+) -> Iterator[tuple[int, Frame, Detections, bool]]:
+    """When each picture is there, the picture, what is seen in it, and whether looking at it fails."""
+    troubles, index, last_us = flight.troubles, 0, 0
+    images = [np.zeros((CAMERA.height // k, CAMERA.width // k, 3), dtype=np.uint8) for k in (1, 2)]
+    for world, start_s, stop_s in worlds:
+        model, scenario = DetectorModel(world), world.scenario
+        for k in range(round(scenario.duration_s * scenario.fps)):
+            t = k / scenario.fps
+            exposed_us = scenario.start_us + round(t * S)
+            since_us = exposed_us - flight.start_us
+            found = model.detect(t)
+            if not start_s * S <= since_us < stop_s * S or _within(troubles.blind, since_us):
+                continue
+            small = troubles.resized_s is not None and since_us >= troubles.resized_s * S
+            stamp_us = flight.wall_us(exposed_us) + round(troubles.late_stamp_s * S)
+            last_us = max(stamp_us, last_us + 1)  # as the video's process has it
+            boxes = Detections.empty() if _within(troubles.empty, since_us) else _boxes(found.values, small)
+            frame = Frame(index=index, t_us=last_us, image=images[small])
+            yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, _within(troubles.broken, since_us)
+            index += 1
+
+
+def _boxes(values: NDArray[np.float64], small: bool) -> Detections:
+    scale = np.array([*[0.5 if small else 1.0] * 4, 1.0, 1.0, 1.0])
+    cx, cy, w, h, angle, score, heading = (values * scale).T
+    return Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=score, heading=heading)

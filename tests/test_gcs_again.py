@@ -1,0 +1,156 @@
+"""A flight that is identified again says the same of every box, whatever went wrong in it."""
+
+import csv
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bench.again.scripted import CAMERA, Troubles, fly
+from gcs.cli.identify import identify_into
+from gcs.errors import SessionError
+from gcs.folds import Folds
+from gcs.session import open_session
+from sim.presets import nominal
+from sim.scenario import Ground
+
+SCENARIO = replace(nominal(3), ground=Ground(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
+
+FLIGHTS = {
+    "another size, a second link, an impostor, processes killed": Troubles(
+        resized_s=6.0, second_link_s=1.2, impostor=(4.0, 7.0), killed_s=(3.0, 8.0)
+    ),
+    "switched off and on, no pictures, late stamps, nothing seen": Troubles(
+        restart=(3.0, 5.5), blind=(3.5, 6.5), late_stamp_s=0.361, empty=(8.5, 9.2)
+    ),
+    "signed and forged, the clock set ahead, no telemetry, a broken detector": Troubles(
+        signed=True, step=(5.0, 3600.0), deaf=(2.0, 3.5), broken=(7.0, 7.5)
+    ),
+    "the clock set back, too much to keep up with, the station speaks": Troubles(
+        step=(7.0, -0.4), ring_bytes=8192, held_up=(3.0, 5.0), speaks=True
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=list(FLIGHTS))
+def flown(request, tmp_path_factory):
+    """A session folder and the troubles in it."""
+    troubles = FLIGHTS[request.param]
+    return fly(tmp_path_factory.mktemp("flown"), SCENARIO, troubles), troubles
+
+
+def rows(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def complaints(capsys):
+    return capsys.readouterr().err
+
+
+def test_every_row_is_the_same_again(flown, tmp_path):
+    folder, _ = flown
+    identify_into(open_session(folder), tmp_path / "again")
+    for name in ("identity.csv", "identity.jsonl"):
+        live, again = ((place / name).read_text().splitlines() for place in (folder, tmp_path / "again"))
+        assert again == live
+    named = sum(row["system_id"] != "" for row in rows(folder / "identity.csv"))
+    assert named > 80, "a flight that names nobody is no test"
+
+
+def test_the_troubles_came(flown):
+    folder, troubles = flown
+    assert (folder / "clock.csv").exists() == (troubles.step is not None)
+    assert (folder / "refused.csv").exists() == troubles.signed
+    assert (folder / "unfolded.csv").exists() == troubles.speaks
+    assert len(list(folder.glob("telemetry*.tlog"))) == 1 + len(troubles.killed_s)
+    turns = Folds.read(folder).turns
+    frames = len(rows(folder / "frames.csv"))
+    assert sum(turn.frame >= 0 for turn in turns) < frames, "pictures are skipped"
+    half = (CAMERA.width // 2, CAMERA.height // 2)
+    assert (half in {turn.size for turn in turns}) == (troubles.resized_s is not None)
+    said = (folder / "events.jsonl").read_text()
+    assert ("two senders use system id" in said) == (troubles.impostor is not None)
+    assert ("has rebooted" in said) == (troubles.restart is not None)
+    assert (folder / "faults.txt").exists() == (troubles.broken is not None)
+
+
+def test_after_a_restart_the_fleet_is_named_again(tmp_path):
+    """Also where the recording keeps no order and frames are missing in between."""
+    folder = fly(tmp_path / "flown", SCENARIO, Troubles(restart=(3.0, 5.5), blind=(3.0, 6.0)))
+    for order in ("kept", "lost"):
+        if order == "lost":
+            (folder / "folds.csv").unlink()
+        identify_into(open_session(folder, frame_size=(CAMERA.width, CAMERA.height)), tmp_path / order)
+        last = [row for row in rows(tmp_path / order / "identity.csv") if int(row["frame"]) > 40]
+        assert len(last) > 10
+        assert sum(row["system_id"] != "" for row in last) > 0.9 * len(last)
+
+
+@pytest.fixture(scope="module")
+def sizeless(tmp_path_factory):
+    """A recording that does not say how large its frames were."""
+    folder = fly(tmp_path_factory.mktemp("sizeless"), SCENARIO, Troubles())
+    (folder / "folds.csv").unlink()
+    return folder
+
+
+@pytest.fixture
+def old(sizeless, tmp_path):
+    return Path(shutil.copytree(sizeless, tmp_path / "old"))
+
+
+def test_frames_of_unknown_size_are_measured_by_the_reports(old, tmp_path, capsys):
+    named = identify_into(open_session(old), tmp_path / "again").named
+    said = complaints(capsys)
+    assert "how large the frames were is not recorded: 640×360 is taken" in said
+    assert "folds.csv is missing" in said
+    live = {(row["frame"], row["cx"], row["cy"]): row["system_id"] for row in rows(old / "identity.csv")}
+    again = {
+        (row["frame"], row["cx"], row["cy"]): row["system_id"] for row in rows(tmp_path / "again" / "identity.csv")
+    }
+    assert named and sum(again.get(box) == name for box, name in live.items()) > 0.97 * len(live)
+
+
+def test_where_nothing_tells_the_size_nobody_is_named(old, tmp_path, capsys):
+    detections = old / "detections.csv"
+    header, *boxes = detections.read_text().splitlines(keepends=True)
+    detections.write_text(header + "".join(row for row in boxes if int(row.split(",")[0]) < 15))
+    calls = identify_into(open_session(old), tmp_path / "again")
+    assert not calls.named and calls.boxes
+    assert "nothing is named; give --frame-size" in complaints(capsys)
+    assert "nothing can be named" in (tmp_path / "again" / "events.jsonl").read_text()
+    assert identify_into(open_session(old, frame_size=(640, 360)), tmp_path / "told").named
+
+
+def test_a_size_that_cannot_be_is_refused(old, tmp_path):
+    with pytest.raises(SessionError, match="outside frames of 320×180"):
+        identify_into(open_session(old, frame_size=(320, 180)), tmp_path / "again")
+
+
+def test_a_size_against_the_recordings_own_is_refused(flown, tmp_path):
+    folder, _ = flown
+    with pytest.raises(SessionError, match="leave --frame-size out"):
+        identify_into(open_session(folder, frame_size=(800, 450)), tmp_path / "again")
+
+
+def test_what_a_recording_lacks_is_said(tmp_path, capsys):
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=4.0), Troubles(signed=True))
+    identify_into(open_session(folder), tmp_path / "whole")
+    whole = complaints(capsys)
+    assert not any(word in whole for word in ("is missing", "lacks records", "has not the boxes", "recorded by"))
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    lines = (copy / "detections.csv").read_text().splitlines(keepends=True)
+    (copy / "detections.csv").write_text("".join(lines[:-5]))
+    (copy / "senders.csv").unlink()
+    toml = (copy / "session.toml").read_text()
+    (copy / "session.toml").write_text(toml.replace('program = "rollcall-gcs', 'program = "rollcall-gcs 0.0.0 or'))
+    refused = (copy / "refused.csv").read_text().splitlines(keepends=True)
+    (copy / "refused.csv").write_text("".join(refused[:-5]))
+    identify_into(open_session(copy), tmp_path / "lacking")
+    said = complaints(capsys)
+    assert "it has not the boxes that the flight found" in said
+    assert "senders.csv is missing" in said
+    assert "recorded by rollcall-gcs 0.0.0" in said
+    assert f"the flight did not believe {len(refused) - 1} records" in said
