@@ -142,8 +142,9 @@ class Flight:
 
     @property
     def packets(self) -> int:
-        """Telemetry packets recorded, of all links."""
-        return self._ingest.health().packets
+        """Telemetry packets received and recorded, of all links; those that this station sent are not among them."""
+        health = self._ingest.health()
+        return health.packets - health.sent
 
     @property
     def error(self) -> FlightError | None:

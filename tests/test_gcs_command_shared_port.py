@@ -6,9 +6,13 @@ import time
 
 from bench.ports import free_port
 from gcs.command import CommandDesk
+from gcs.config import Mission, Vehicle
+from gcs.live import Flight, FlightPlan
 from mavlink.ingest.ingest import Ingest
 from mavlink.outgoing import Outgoing
+from mavlink.tlog import Tlog
 from tests.fake_autopilot import FakeVehicle, rover
+from tests.ingest_runs import until
 
 
 def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
@@ -38,3 +42,19 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
         ingest.stop()
         for vehicle in (uav, *ugvs):
             vehicle.close()
+
+
+def test_packets_received_are_not_those_that_were_sent(tmp_path):
+    port = free_port()
+    mission = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=3),))
+    url = f"udpin:127.0.0.1:{port}"
+    flight = Flight(FlightPlan(mission=mission, links=(url,), video="", sessions=tmp_path, command=True))
+    uav = FakeVehicle(("127.0.0.1", port), 1)
+    try:
+        assert until(lambda: len(uav.heard) >= 10, 30.0)
+    finally:
+        uav.close()
+        flight.stop()
+    senders = Tlog.open(flight.folder / "telemetry.tlog").index.system_id.tolist()
+    assert senders.count(254) >= 10
+    assert flight.packets == senders.count(1) == len(senders) - senders.count(254)

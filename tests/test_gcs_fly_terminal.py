@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bench.ports import free_port
 from gcs.cli.fly import fly
 from mavlink.tlog import Tlog
+from tests.ingest_runs import until
 
 MISSION = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n"
 ON_TERMINAL = """
@@ -33,7 +34,7 @@ def heartbeat():
 class Terminal:
     """A flight on a pseudo terminal of 80 by 24."""
 
-    def __init__(self, folder, *extra):
+    def __init__(self, folder, *extra, errors=None):
         self.port = free_port()
         (folder / "mission.toml").write_text(MISSION)
         self.sessions = folder / "sessions"
@@ -42,7 +43,7 @@ class Terminal:
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24"}
         self.process = subprocess.Popen(
             [sys.executable, "-c", ON_TERMINAL, *map(str, words), *extra],
-            stdin=child, stdout=child, stderr=child, env=environment,
+            stdin=child, stdout=child, stderr=errors or child, env=environment,
         )  # fmt: skip
         os.close(child)
         self.sent = 0
@@ -75,8 +76,8 @@ class Terminal:
 def begin(tmp_path):
     begun = []
 
-    def _begin(*extra):
-        begun.append(Terminal(tmp_path, *extra))
+    def _begin(*extra, **more):
+        begun.append(Terminal(tmp_path, *extra, **more))
         return begun[-1]
 
     yield _begin
@@ -130,3 +131,27 @@ def test_a_signal_to_end_seals_what_the_screen_shows(begin):
     assert code == 0
     terminal.read_until(b"10 packets received")
     os.close(terminal.keeper)
+
+
+def test_errors_that_go_to_a_file_leave_the_screen_where_it_is(begin, tmp_path):
+    with (tmp_path / "errors.txt").open("wb") as errors:
+        terminal = begin(errors=errors)
+    terminal.read_until(b"NAME")
+    terminal.send(10)
+    code, _ = terminal.ended(signal.SIGTERM)
+    assert code == 0
+    terminal.read_until(b"10 packets received")
+    os.close(terminal.keeper)
+    assert b"\x1b" not in (tmp_path / "errors.txt").read_bytes(), "no screen in it"
+
+
+def test_what_goes_to_a_file_stays_there_when_the_terminal_is_gone(begin, tmp_path):
+    with (tmp_path / "errors.txt").open("wb") as errors:
+        terminal = begin("--headless", errors=errors)
+    assert until(lambda: b"stop with Ctrl-C" in (tmp_path / "errors.txt").read_bytes())
+    terminal.send(5)
+    os.close(terminal.keeper)
+    terminal.process.send_signal(signal.SIGHUP)
+    _, session = terminal.ended(signal.SIGTERM)
+    assert "5 packets received" in (session / "console.log").read_text(), "stdout was the terminal's"
+    assert b"packets received" not in (tmp_path / "errors.txt").read_bytes()

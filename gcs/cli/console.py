@@ -11,6 +11,7 @@ import contextlib
 import errno
 import io
 import os
+import stat
 import sys
 import termios
 from collections.abc import Iterator, Sequence
@@ -149,9 +150,11 @@ class _Terminal(io.TextIOWrapper):
 
 
 def to_file_if_gone(path: Path) -> None:
-    """Where the terminal is gone, what is said from now on goes to the end of a file."""
+    """Where the terminal is gone, what is said from now on goes to the end of a file; what is in a file stays there."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
+            if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                continue
             try:
                 termios.tcgetattr(stream.fileno())
             except termios.error:
@@ -163,6 +166,8 @@ def to_file_if_gone(path: Path) -> None:
 def quiet_stderr(path: Path | None) -> Iterator[None]:
     """Send file descriptor 2 to a file while a screen is up: libraries write to it past Python.
 
+    Where it goes elsewhere than to the terminal already (``2>file``) it is left there, and the screen is on stdout's.
+
     Textual draws on ``sys.__stderr__``, which keeps the terminal under another descriptor, and may be gone: an error of
     writing would end Textual's writer, and what waits for that would wait for ever.
     """
@@ -173,8 +178,10 @@ def quiet_stderr(path: Path | None) -> Iterator[None]:
             os.close(console)
     sys.stderr.flush()
     before = sys.__stderr__
-    terminal = _Terminal(os.fdopen(os.dup(2), "wb"), encoding="utf-8")
-    os.dup2(target, 2)
+    elsewhere = os.isatty(1) and not os.isatty(2)
+    terminal = _Terminal(os.fdopen(os.dup(1 if elsewhere else 2), "wb"), encoding="utf-8")
+    if not elsewhere:
+        os.dup2(target, 2)
     os.close(target)
     sys.__stderr__ = terminal  # type: ignore[misc]
     try:
@@ -182,6 +189,7 @@ def quiet_stderr(path: Path | None) -> Iterator[None]:
     finally:
         sys.stderr.flush()
         terminal.flush()
-        os.dup2(terminal.fileno(), 2)
+        if not elsewhere:
+            os.dup2(terminal.fileno(), 2)
         sys.__stderr__ = before  # type: ignore[misc]
         terminal.close()
