@@ -38,6 +38,8 @@ _STRANGE_S, _STRANGER_S = 2.5, 30.0
 _SPARE = 0.5
 """So many tracks more than the vehicles expected in the picture are no strangers yet."""
 _NOISE_EVERY_S = 3.0
+_ANYWHERE = 0.5
+"""How likely a vehicle is in the picture whose reports do not tell."""
 _HEADING_STD = np.deg2rad(9.0)
 
 
@@ -207,7 +209,8 @@ class Estimator:
     def _in_view(self, t: float, camera: CameraState) -> FloatArray:
         """(n,) how likely each vehicle is in the picture."""
         p, age = self._log.extrapolated(t - self.time_offset_s)
-        return chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
+        chance = chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
+        return np.where(self._log.useless, _ANYWHERE, chance)
 
     def _search(self, scene: Scene, camera: CameraState) -> list[Hypothesis]:
         """Best joint hypotheses, from few starts when locked and from many when not."""

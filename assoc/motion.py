@@ -33,6 +33,8 @@ _LEAST_LOG = -12.0
 _JUMP = 36.0
 """Squared innovation, in variances, from which a report has jumped."""
 _STANDING_MPS = 0.3
+_USELESS_M = 30.0
+"""A report that is this uncertain by its vehicle's own word, 1σ, says nothing of which of the boxes in view it is."""
 _FORGET_S = 60.0
 _PARTS = 500
 """Reports are kept as they come in so many parts at most, also while nobody asks for them."""
@@ -82,6 +84,8 @@ class ReportLog:
         self.first_t = np.full(n, np.inf)
         self.frozen: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest position was an exact repeat of a moving vehicle's."""
+        self.useless: BoolArray = np.zeros(n, np.bool_)
+        """(n,) the newest report was too uncertain by the vehicle's own word to be compared with anything."""
         self.doubted_since = np.full(n, np.inf)
         """(n,) reports of this time, seconds, and later ones are of another vehicle's place: they are not compared."""
         self._score = np.zeros((n, groups))
@@ -145,19 +149,23 @@ class ReportLog:
             longest_s: Beyond this age the position is not moved further.
 
         Returns:
-            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise, and where they are another's.
+            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise, and where they are another's or
+            useless.
         """
         age = t - self.last_t
         step = np.clip(age, -longest_s, longest_s)
         step[~np.isfinite(step)] = 0.0
         return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
-            np.isfinite(self.doubted_since), np.inf, age
+            np.isfinite(self.doubted_since) | self.useless, np.inf, age
         )
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Take at most one report per vehicle."""
         p = reports.p_enu[rows, :2]
         good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + 1e-4))
+        useless = reports.std_m[rows] > _USELESS_M
+        self.useless[vehicle[good]] = useless[good]
+        good = np.asarray(good & ~useless)
         good = np.asarray(good & np.logical_not(self._repeats(vehicle, t, p, reports.v_enu[rows, :2])))
         vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
         if not len(rows):

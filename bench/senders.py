@@ -6,13 +6,15 @@ import ctypes
 import random
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 
+from mavlink.keys import Key
 from mavlink.link_mmsg import _Header, _IoVec
 from mavlink.pack import Speaker
+from mavlink.signer import Signer
 
-__all__ = ["FLOODER", "fleet_frames", "send_fleet", "send_flood"]
+__all__ = ["FLOODER", "fleet_frames", "send_fleet", "send_flood", "source_socket"]
 
 FLOODER = 200
 """System id that the flood's well-made frames carry."""
@@ -35,19 +37,38 @@ def fleet_frames(system_id: int) -> list[bytes]:
     return frames
 
 
-def send_fleet(port: int, vehicles: int, rate: float, duration_s: float, told: Connection) -> None:
-    """Sends as so many vehicles, each from a port of its own, and tells how many frames each has sent."""
+def send_fleet(
+    port: int,
+    vehicles: int,
+    rate: float,
+    duration_s: float,
+    told: Connection,
+    *,
+    ports: Sequence[int] = (),
+    keys: Sequence[bytes] = (),
+) -> None:
+    """Sends as so many vehicles, each from a port of its own, and tells how many frames each has sent.
+
+    Args:
+        port: of the station.
+        vehicles: how many, with the system ids from 1 on.
+        rate: frames a second of all.
+        duration_s: for how long.
+        told: gets the list of counts.
+        ports: to send from, which others may take as well; empty: any.
+        keys: to sign with, one for each vehicle; empty: unsigned.
+    """
     frames = [fleet_frames(k + 1) for k in range(vehicles)]
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(vehicles)]
-    for sock in sockets:
-        sock.connect(("127.0.0.1", port))
+    signers = [Signer(Key(key)) for key in keys]
+    sockets = [source_socket(port, own) for own in ports or [0] * vehicles]
     sent = 0
     began = time.monotonic()
     while (elapsed := time.monotonic() - began) < duration_s:
         due = int(elapsed * rate)
         for k in range(sent, due):
             vehicle = k % vehicles
-            sockets[vehicle].send(frames[vehicle][k // vehicles % 256])
+            frame = frames[vehicle][k // vehicles % 256]
+            sockets[vehicle].send(signers[vehicle].sign(frame, time.time_ns() // 1000) if signers else frame)
         sent = max(sent, due)
         time.sleep(_STEP_S)
     told.send([sent // vehicles + (k < sent % vehicles) for k in range(vehicles)])
@@ -55,21 +76,51 @@ def send_fleet(port: int, vehicles: int, rate: float, duration_s: float, told: C
         sock.close()
 
 
-def send_flood(port: int, rate: float, duration_s: float, told: Connection) -> None:
-    """Sends junk, poison and forged frames from one port, many to a system call, and tells how many."""
+def source_socket(port: int, own: int = 0) -> socket.socket:
+    """A socket that sends to the station, from a port that several processes may take; 0: any."""
     sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    sock.bind(("127.0.0.1", own))
     sock.connect(("127.0.0.1", port))
+    return sock
+
+
+def send_flood(
+    port: int,
+    rate: float,
+    duration_s: float,
+    told: Connection,
+    *,
+    datagrams: Sequence[bytes] = (),
+    sources: int = 1,
+    own: int = 0,
+) -> None:
+    """Sends datagrams, many to a system call, and tells how many.
+
+    Args:
+        port: of the station.
+        rate: datagrams a second.
+        duration_s: for how long.
+        told: gets the count.
+        datagrams: sent in turn; empty: junk, poison and forged frames.
+        sources: from so many ports.
+        own: the port to send from, which a vehicle may have as well; 0: any.
+    """
+    sockets = [source_socket(port, own) for _ in range(sources)]
     call = ctypes.CDLL(None, use_errno=True).sendmmsg
-    batch, _keep = _messages(list(_flood_datagrams()))
-    sent = 0
+    messages = list(datagrams) or list(_flood_datagrams())
+    batch, _keep = _messages(messages)
+    sent = turn = 0
     began = time.monotonic()
     while (elapsed := time.monotonic() - began) < duration_s:
         if sent >= elapsed * rate:
             time.sleep(0.0005)
             continue
-        sent += max(call(sock.fileno(), batch, _BATCH, 0), 0)
+        sent += max(call(sockets[turn % sources].fileno(), batch, len(messages), 0), 0)
+        turn += 1
     told.send(sent)
-    sock.close()
+    for sock in sockets:
+        sock.close()
 
 
 def _flood_datagrams() -> Iterator[bytes]:

@@ -207,7 +207,8 @@ class Analysis:
             for packet in packets:
                 pipeline.feed(packet)
             if turn.frame == NO_PICTURE:
-                said = pipeline.frame(NO_PICTURE, turn.t_us, health=self._health(latest.frame if latest else 0)).events
+                health = self._health(latest.frame if latest else 0)
+                said = pipeline.frame(NO_PICTURE, turn.t_us, health=health, heard_us=turn.heard_us).events
                 early += () if latest else said
                 latest = replace(latest, events=latest.events + said) if latest else None
                 continue
@@ -217,6 +218,7 @@ class Analysis:
                 size=turn.size,
                 detections=boxes,
                 health=self._health(turn.frame),
+                heard_us=turn.heard_us,
             )
             if latest is not None:
                 yield latest

@@ -62,7 +62,7 @@ def camera_of(view: View, stabilized: bool) -> CameraState:
         ground_z=view.ground_z,
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,
-        position_known=True,
+        position_known=view.position_sure,
         stabilized=stabilized,
         half_view=(0.5 * lens.width / lens.fx, 0.5 * lens.height / lens.fy),
     )

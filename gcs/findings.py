@@ -19,10 +19,14 @@ BEATLESS_S = 10.0
 BEATS_S = 1.5
 """One that was heard so lately speaks: what it does not say is missing."""
 """One whose positions come is not lost for a few heartbeats that a bad link has swallowed; after this long it is."""
+BACK_S = 3.0
+"""One that is back beats before it tells its place, which may take so long; of others the place grew stale first."""
 NO_ATTITUDE_S = 3.0
 HELD_S = 3.0
 """Until then a vehicle that tells its time once a second has proved itself."""
 LATE_S = 1.0
+BEHIND_S = 2.0
+"""Telemetry is taken in five times a second and more; a moment's hold-up changes nothing that is shown."""
 CLOCK_S, CLOCK_SURE_S = 0.5, 0.1
 STEP_S = 0.5
 CLOCK_ERROR_S, DRIFT_PPM = 30.0, 500.0
@@ -60,6 +64,7 @@ def findings(snapshot: Snapshot) -> Iterator[Finding]:
     yield from _attitude(snapshot)
     for link in snapshot.health.links:
         yield from _link(link)
+    yield from _program(snapshot.health)
     yield from _video(snapshot.health)
     yield from _clock(snapshot.health)
     yield from _recording(snapshot.health)
@@ -153,6 +158,18 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
         )  # fmt: skip
     # that a silent vehicle sends no positions goes without saying; what was wrong before is not over by that
     yield from (replace(finding, raises=not silent) for finding in _position(row, silent))
+    if row.doubted_for:
+        yield Finding(
+            key=f"doubted {i}", level="alarm", kind="vehicle", system_id=i,
+            text=f"{whose}: its own autopilot doubts its position: {row.doubted_for}",
+            advice="its receiver is jammed, spoofed or failing: do not act on its name; it may stop or land by itself",
+        )  # fmt: skip
+    if row.compass_doubted:
+        yield Finding(
+            key=f"compass {i}", level="alarm", kind="vehicle", system_id=i,
+            text=f"{whose}: its compass contradicts its motion",
+            advice="its heading is not used; a magnet, a current or a wrong calibration: do not let it steer by it",
+        )  # fmt: skip
     if abs(row.clock_error_s) > CLOCK_ERROR_S or abs(row.drift_ppm) > DRIFT_PPM:
         yield Finding(
             key=f"clock {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
@@ -169,9 +186,10 @@ def _position(row: VehicleRow, silent: bool) -> Iterator[Finding]:
             advice="its receiver fails, is jammed or is spoofed; do not act on its name",
         )  # fmt: skip
     elif state in ("lost", "stale") and (silent or row.heartbeat_age_s < BEATS_S):
-        level: Level = "alarm" if state == "lost" else "warning"
+        lost = state == "lost"
         yield Finding(
-            key=f"position {i}", level=level, kind="vehicle", system_id=i, wait_s=1.0,
+            key=f"position {i}", level="alarm" if lost else "warning", kind="vehicle", system_id=i,
+            wait_s=BACK_S if lost else 1.0,
             text=f"{whose}: position {state}",
             advice="heartbeats come, positions do not: check its stream rates and its receiver",
         )  # fmt: skip
@@ -225,6 +243,20 @@ def _link(link: LinkHealth) -> Iterator[Finding]:
         yield Finding(
             key=f"{key} {link.name}", level="alarm", kind="link", wait_s=10.0 if math.isinf(link.silent_s) else 0.0,
             text=f"{link.name}: {what}", advice=advice,
+        )  # fmt: skip
+    if link.flooded:
+        yield Finding(
+            key=f"flood {link.name}", level="alarm", kind="link", told=True,
+            text=f"{link.name}: it is flooded, and not all is let in",
+            advice="find the sender: the event log has its address, which may be forged; vehicles keep their place",
+        )  # fmt: skip
+
+
+def _program(health: Health) -> Iterator[Finding]:
+    if health.behind_s > BEHIND_S:
+        yield Finding(
+            key="overload", level="alarm", kind="program", text="this computer cannot keep up: telemetry comes in late",
+            advice="what is shown is as old; free the processor: close other programs, or take a smaller detector",
         )  # fmt: skip
 
 

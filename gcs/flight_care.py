@@ -118,4 +118,5 @@ def _link(link: LinkReport) -> LinkHealth:
         dropped=counts.dropped,
         silent_s=counts.silent_s,
         junk_bytes=counts.junk_bytes,
+        flooded=link.narrow,
     )

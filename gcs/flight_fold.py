@@ -57,6 +57,7 @@ class FlightFold:
         self._now_us = now_us
         self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
         self._pushed_out = 0
+        self._heard_us = 0
         self._said: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._frames = 0
@@ -66,10 +67,16 @@ class FlightFold:
         self.health = Health()
         self.latest: Snapshot | None = None
 
-    def take(self, packets: Sequence[Packet]) -> None:
-        """Packets that came; where too many wait, the oldest go, and are counted."""
+    def take(self, packets: Sequence[Packet], heard_us: int) -> None:
+        """Packets that came; where too many wait, the oldest go, and are counted.
+
+        Args:
+            packets: in order of arrival.
+            heard_us: with these, all that came before this Unix time is there.
+        """
         self._pushed_out += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
         self._waiting.extend(packets)
+        self._heard_us = heard_us
 
     def tell(self, event: Event) -> None:
         """Something of the surroundings, for the next snapshot."""
@@ -88,11 +95,12 @@ class FlightFold:
 
     def turn(self, frame: Frame | None) -> None:
         """Fold in what waits and one picture, if there is a new one."""
+        heard_us = self._heard_us
         while self._waiting:
             self._feed(self._waiting.popleft())
         while self._said:
             self._pipeline.note(self._said.popleft())
-        snapshot = self._look(frame) if frame else self._wait()
+        snapshot = self._look(frame, heard_us) if frame else self._wait(heard_us)
         self._events.extend(snapshot.events)
         self.latest = snapshot
 
@@ -114,25 +122,40 @@ class FlightFold:
             self._recorder.unfolded(self._records, packet.record - self._records)
         self._records, self._record_us = packet.record + 1, packet.t_us
 
-    def _look(self, frame: Frame) -> Snapshot:
+    def _look(self, frame: Frame, heard_us: int) -> Snapshot:
         """A new picture: detect, fold, record."""
         boxes = self._detect(frame)
         self._frames += 1
         self._frame_ends.append(time.monotonic())
         lag_s = max(self._now_us() - frame.t_us, 0) * 1e-6
-        health = replace(self.health, frames=self._frames, lag_s=lag_s)
-        snapshot = self._pipeline.frame(frame.index, frame.t_us, image=frame.image, detections=boxes, health=health)
-        self._record(frame.index, frame.t_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
+        health = replace(self.health, frames=self._frames, lag_s=lag_s, behind_s=_behind_s(frame.t_us, heard_us))
+        snapshot = self._pipeline.frame(
+            frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
+        )
+        self._record(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
         self._recorder.snapshot(snapshot)
         self._on_snapshot(snapshot)
         return snapshot
 
-    def _record(self, frame: int, t_us: int, boxes: Detections | None, size: tuple[int, int] | None) -> None:
+    def _record(
+        self,
+        frame: int,
+        t_us: int,
+        heard_us: int,
+        boxes: Detections | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> None:
         """Keep what this turn was made of; size: width and height of the picture, px."""
-        found = None if boxes is None else len(boxes)
-        self._recorder.fold(
-            Fold(t_us=t_us, records=self._records, record_us=self._record_us, frame=frame, boxes=found, size=size)
+        turn = Fold(
+            t_us=t_us,
+            records=self._records,
+            record_us=self._record_us,
+            heard_us=heard_us,
+            frame=frame,
+            boxes=None if boxes is None else len(boxes),
+            size=size,
         )
+        self._recorder.fold(turn)
 
     def _detect(self, frame: Frame) -> Detections | None:
         """Boxes, recorded; None where the detector failed, so that the fleet goes on without it."""
@@ -146,13 +169,19 @@ class FlightFold:
         self._recorder.detections(frame.index, boxes)
         return boxes
 
-    def _wait(self) -> Snapshot:
+    def _wait(self, heard_us: int) -> Snapshot:
         """No new picture: the fleet goes on, the last picture stays."""
         t_us = self._now_us()
-        snapshot = self._pipeline.frame(NO_PICTURE, t_us, health=self.health)
-        self._record(NO_PICTURE, t_us, None, None)
+        health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
+        snapshot = self._pipeline.frame(NO_PICTURE, t_us, health=health, heard_us=heard_us)
+        self._record(NO_PICTURE, t_us, heard_us)
         self._recorder.events(snapshot.events)
         last = self.latest
         if last is None or last.image is None:
             return snapshot
         return replace(snapshot, frame=last.frame, image=last.image, width=last.width, height=last.height)
+
+
+def _behind_s(t_us: int, heard_us: int) -> float:
+    """How far telemetry is behind a moment, 0 where it is not or nothing is known."""
+    return max(t_us - heard_us, 0) * 1e-6 if heard_us else 0.0

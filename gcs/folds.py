@@ -19,7 +19,7 @@ from mavlink.segments import segments
 
 __all__ = ["FOLD_COLUMNS", "NO_PICTURE", "UNFOLDED_COLUMNS", "Fold", "Folds"]
 
-_ALWAYS, _OF_PICTURES = ("time_us", "records", "record_us"), ("frame", "boxes", "width", "height")
+_ALWAYS, _OF_PICTURES = ("time_us", "records", "record_us", "heard_us"), ("frame", "boxes", "width", "height")
 FOLD_COLUMNS = (*_ALWAYS, *_OF_PICTURES)
 UNFOLDED_COLUMNS = ("record", "count")
 NO_PICTURE = -1
@@ -36,6 +36,8 @@ class Fold:
     """Number of the first telemetry record that had not been taken in yet."""
     record_us: int
     """Stamp of the one before it, 0 before any: tells whether the log still numbers its records alike."""
+    heard_us: int
+    """Whatever came before this Unix time had been taken in; 0: not known."""
     frame: int = NO_PICTURE
     """Of the video, or ``NO_PICTURE``."""
     boxes: int | None = None
@@ -47,7 +49,15 @@ class Fold:
     def row(self) -> str:
         """A line of ``folds.csv``."""
         frame = None if self.frame == NO_PICTURE else self.frame
-        cells = (self.t_us, self.records, self.record_us, frame, self.boxes, *(self.size or (None, None)))
+        cells = (
+            self.t_us,
+            self.records,
+            self.record_us,
+            self.heard_us,
+            frame,
+            self.boxes,
+            *(self.size or (None, None)),
+        )
         return ",".join("" if cell is None else str(cell) for cell in cells) + "\n"
 
 
@@ -76,7 +86,7 @@ class Folds:
         table = read_segments(path, _ALWAYS, _OF_PICTURES)
         turns: list[Fold] = []
         last = NO_PICTURE
-        for t_us, records, record_us, frame, *found in zip(
+        for t_us, records, record_us, heard_us, frame, *found in zip(
             *(table[name].tolist() for name in FOLD_COLUMNS), strict=True
         ):
             boxes, width, height = (None if math.isnan(number) else int(number) for number in found)
@@ -84,6 +94,7 @@ class Folds:
                 t_us=int(t_us),
                 records=int(records),
                 record_us=int(record_us),
+                heard_us=int(heard_us),
                 frame=NO_PICTURE if math.isnan(frame) else int(frame),
                 boxes=boxes,
                 size=(width, height) if width and height else None,

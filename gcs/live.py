@@ -253,7 +253,7 @@ class Flight:
 
     def _listen(self) -> None:
         packets = self._ingest.read(READ_S)
-        self._fold.take(packets)
+        self._fold.take(packets, self._ingest.heard_us)
         if self._desk:
             for packet in packets:
                 self._desk.take(packet)

@@ -40,6 +40,8 @@ class View:
     ground_z: float
     """Height of the ground plane, ENU metres."""
     attitude_known: bool
+    position_sure: bool
+    """False: the UAV doubts its own position."""
 
 
 def mount_of(camera: Camera | None) -> Mount:
@@ -154,6 +156,8 @@ def vehicle_rows(
                 signs=status.signs,
                 refusals=dict(status.refusals),
                 refused_for=status.refused_for,
+                doubted_for=status.doubted_for,
+                compass_doubted=status.compass_doubted,
                 drift_ppm=status.drift_ppm,
                 clock_error_s=status.clock_error_s,
             )

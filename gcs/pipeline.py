@@ -19,13 +19,14 @@ from gcs.config import Mission
 from gcs.evidence import camera_of, reports_of, sighting_of
 from gcs.optics import Optics
 from gcs.picture import View, boxes_of, mount_of, vehicle_rows
-from gcs.quarantine import quarantined
+from gcs.quarantine import doubted, quarantined
 from gcs.quiet import Quiet
 from gcs.snapshot import Event, Health, Level, Snapshot
 from gcs.trends import Trends
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.geodesy import LocalFrame
-from mavlink.packet import Packet
+from mavlink.gimbal import turns_camera
+from mavlink.packet import Auth, Packet
 from vision.camera import camera_pose, footprint, ground_sampling, image_warp, project
 from vision.detections import Detections
 from vision.tracker import Tracker
@@ -36,7 +37,11 @@ __all__ = ["Pipeline"]
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 UNKNOWN_OFFSET_STD_S = 0.35
+APART_M, APART_US = 8.0, 1_000_000
+"""Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
 MOUNT_DOUBT = np.deg2rad(20.0)
+TURNED_US = 5_000_000
+"""For a gimbal's reports to come that were asked for when an order turned the camera."""
 
 
 class Pipeline:
@@ -81,7 +86,11 @@ class Pipeline:
         self._view: View | None = None
         self._name_of_track: dict[int, int] = {}
         self._conflict: frozenset[int] = frozenset()
+        self._apart_since_us: dict[int, int] = {}
         self._mount_doubted = False
+        self._turned_us = 0
+        """When an order turned the camera: from then on the mission does not know where it looks."""
+        self._turned_told = False
         self._events: list[Event] = []
         self._quiet = Quiet()
         self._trends = Trends()
@@ -89,6 +98,8 @@ class Pipeline:
 
     def feed(self, packet: Packet) -> None:
         """Take in one telemetry packet."""
+        if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
+            self._turned_us = self._turned_us or packet.t_us
         if notices := self.fleet.feed(packet):
             self._events += self._quiet.hear(map(_event, notices))
 
@@ -124,6 +135,7 @@ class Pipeline:
         size: tuple[int, int] | None = None,
         detections: Detections | None = None,
         health: Health | None = None,
+        heard_us: int = 0,
     ) -> Snapshot:
         """Take in one frame and the boxes found in it: track, identify.
 
@@ -134,8 +146,10 @@ class Pipeline:
             size: Width and height, px, of a picture that is not there; None: as the last one.
             detections: Boxes found; None: nobody looked, and tracks are left as they are.
             health: How the program is doing, passed on.
+            heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
+                earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
-        state = self.fleet.at(self._telemetry_time(t_us))
+        state = self.fleet.at(self._telemetry_time(t_us), heard_us)
         self._follow_origin()
         view = self._look(state, size if image is None else _size_of(image))
         self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
@@ -147,8 +161,10 @@ class Pipeline:
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
-        identities = quarantined(self._identify(t_us, detections, tracks, view), state)
+        found = doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
+        identities = quarantined(found, state)
         self._tell(t_us, identities)
+        self._conflict |= self._apart_from_picture(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
     def _follow_origin(self) -> None:
@@ -175,19 +191,42 @@ class Pipeline:
         if self.mission.camera is None and uav.camera is not None:
             # a picture turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
-        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self.mission.follows_gimbal else None)
+        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
-        return View(intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid)
+        return View(
+            intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid,
+            position_sure=not state.vehicles[0].doubted_for,
+        )  # fmt: skip
 
     def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
         """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
-        if self.mission.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
+        if self._turned_us and not self._turned_told:
+            self._tell_turned(t_us, R_enu_gimbal is not None)
+        if self._follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
             return
         R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
         if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
             self._mount_doubted = True
             text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
             self._events.append(Event(t_us=t_us, level="warning", kind="video", text=text))
+
+    @property
+    def _follows_gimbal(self) -> bool:
+        """Whether what the gimbal reports stands before the mission; a camera fixed to the body hangs on none."""
+        return self.mission.follows_gimbal or bool(self._turned_us)
+
+    def _tell_turned(self, t_us: int, reported: bool) -> None:
+        """Say once what is believed of a camera that an order has turned."""
+        if self.mission.follows_gimbal or self._mount.kind == "fixed":
+            self._turned_told = True
+        elif reported:
+            self._turned_told = True
+            text = "an order turned the camera: its direction is what the gimbal reports from now on"
+            self._events.append(Event(t_us=t_us, level="info", kind="camera", text=text))
+        elif t_us - self._turned_us > TURNED_US:
+            self._turned_told = True
+            text = "an order turned the camera and no gimbal reports where to: do not act on names"
+            self._events.append(Event(t_us=t_us, level="alarm", kind="camera", text=text))
 
     def _stitch(self, t_us: int, view: View | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
@@ -242,6 +281,17 @@ class Pipeline:
                 text = f"track {track} is no longer {self.mission.name_of(vehicle)}: the evidence does not suffice"
                 self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._name_of_track, self._conflict = named, frozenset(identities.conflict)
+
+    def _apart_from_picture(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
+        """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
+        before, self._apart_since_us = self._apart_since_us, {}
+        if identities is not None:
+            std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
+            away = zip(identities.system_id.tolist(), identities.residual_m.tolist(), strict=True)
+            for vehicle, away_m in away:
+                if vehicle and away_m > APART_M + 3.0 * std_m[vehicle]:
+                    self._apart_since_us[vehicle] = before.get(vehicle, t_us)
+        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_US)
 
     def _believed(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""

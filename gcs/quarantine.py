@@ -1,4 +1,4 @@
-"""Names that are not given: of vehicles whose system id several senders use."""
+"""Names that are not given, of vehicles whose system id several senders use, and names of little confidence."""
 
 from __future__ import annotations
 
@@ -10,9 +10,29 @@ import numpy as np
 from assoc.identifier import Identities
 from mavlink.fleet import FleetState
 
-__all__ = ["quarantined"]
+__all__ = ["doubted", "quarantined"]
 
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
+
+
+_DOUBTED_MOST = 0.75
+"""Confidence in a name whose vehicle doubts its own position: it rests on what was seen before."""
+
+
+def doubted(identities: Identities | None, state: FleetState, threshold: float) -> Identities | None:
+    """Identities in which names of vehicles that doubt their own positions are of little confidence.
+
+    Args:
+        identities: as found.
+        state: who doubts.
+        threshold: least confidence of a name that is given.
+    """
+    doubtful = [vehicle.system_id for vehicle in state.vehicles[1:] if vehicle.doubted_for]
+    if identities is None or not doubtful:
+        return identities
+    weak = np.isin(identities.system_id, doubtful)
+    least = np.where(weak, np.minimum(identities.confidence, max(_DOUBTED_MOST, threshold)), identities.confidence)
+    return replace(identities, confidence=least)
 
 
 def quarantined(identities: Identities | None, state: FleetState) -> Identities | None:

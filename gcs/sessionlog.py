@@ -18,7 +18,7 @@ from mavlink.packet import Auth, Packet
 from mavlink.segments import segments
 from mavlink.tlog import Tlog
 
-__all__ = ["SessionLog"]
+__all__ = ["RECORDED", "SessionLog"]
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

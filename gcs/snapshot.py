@@ -110,6 +110,10 @@ class VehicleRow:
     """Positions that were not used, by reason."""
     refused_for: str = ""
     """Why the latest was not, empty when it was."""
+    doubted_for: str = ""
+    """Why its positions may be wrong by its own word, empty without doubt."""
+    compass_doubted: bool = False
+    """Its compass contradicts its filter."""
     drift_ppm: float = NAN
     """By how much Unix time runs faster than its clock, NaN unknown."""
     clock_error_s: float = NAN
@@ -171,6 +175,8 @@ class LinkHealth:
     packets_per_s: float = NAN
     """Lately, NaN unknown."""
     bytes_per_s: float = NAN
+    flooded: bool = False
+    """Whether somebody sends more than is let in."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,6 +186,8 @@ class Health:
     fps: float = 0.0
     lag_s: float = 0.0
     """How far the picture on screen is behind the newest one."""
+    behind_s: float = 0.0
+    """How far the telemetry that was taken in is behind: a computer that cannot keep up. Ages are told without it."""
     frames: int = 0
     skipped_frames: int = 0
     video: str = "none"

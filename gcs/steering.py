@@ -17,7 +17,7 @@ from mavlink.signer import Signer
 __all__ = ["open_desk", "place_of"]
 
 FRESH_US = 2_000_000
-"""A snapshot older than this says nothing of now."""
+"""A snapshot older than this, or one of telemetry that old, says nothing of now."""
 
 
 def open_desk(
@@ -63,11 +63,14 @@ def open_desk(
 
 def place_of(system_id: int, snapshot: Snapshot | None) -> Place | None:
     """Where a vehicle is by its own reports, None when they are old, doubted or contested."""
-    if snapshot is None or snapshot.origin is None or time.time_ns() // 1000 - snapshot.t_us > FRESH_US:
+    if snapshot is None or snapshot.origin is None:
+        return None
+    if time.time_ns() // 1000 - snapshot.t_us + snapshot.health.behind_s * 1e6 > FRESH_US:
         return None
     for row in snapshot.vehicles:
         if row.system_id == system_id:
-            if row.position_state != "ok" or row.contested or system_id in snapshot.conflicts:
+            doubted = row.contested or row.doubted_for or system_id in snapshot.conflicts
+            if row.position_state != "ok" or doubted:
                 return None
             lat_deg, lon_deg, _ = snapshot.origin.to_geodetic(row.p_enu)
             return Place(float(lat_deg), float(lon_deg))

@@ -46,6 +46,7 @@ _RANGES: Mapping[str, _Range] = {
     "record": _Range(0, _MOST_RECORDS, whole=True),
     "time_us": _Range(0, _LATEST_US, whole=True),
     "t_us": _Range(0, _LATEST_US, whole=True),
+    "heard_us": _Range(0, _LATEST_US, whole=True),
     "record_us": _Range(0, _LATEST_US, whole=True),
     "records": _Range(0, _MOST_RECORDS, whole=True),
     "count": _Range(0, _MOST_RECORDS, whole=True),

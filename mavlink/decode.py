@@ -21,6 +21,7 @@ from mavlink.samples import (
     CameraFov,
     CameraInformation,
     CameraSettings,
+    FilterStatus,
     GimbalAttitude,
     GlobalPosition,
     GpsRaw,
@@ -29,6 +30,7 @@ from mavlink.samples import (
     MountStatus,
     RadioStatus,
     Sample,
+    SensorHealth,
     StatusText,
     SystemTime,
     TimeSync,
@@ -40,6 +42,7 @@ __all__ = [
     "CameraFov",
     "CameraInformation",
     "CameraSettings",
+    "FilterStatus",
     "GimbalAttitude",
     "GlobalPosition",
     "GpsRaw",
@@ -48,6 +51,7 @@ __all__ = [
     "MountStatus",
     "RadioStatus",
     "Sample",
+    "SensorHealth",
     "StatusText",
     "SystemTime",
     "TimeSync",
@@ -106,7 +110,7 @@ def _global_position(head: _Head, v: _Values) -> GlobalPosition:
 
 
 def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
-    _, lat, lon, alt, eph, _, _, _, fix_type, satellites, _, h_acc, v_acc, *_ = v
+    fix_us, lat, lon, alt, eph, _, _, _, fix_type, satellites, _, h_acc, v_acc, *_ = v
     return GpsRaw(
         *head,
         fix_type,
@@ -117,7 +121,45 @@ def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
         satellites if satellites < 255 else 0,
         h_acc * 1e-3 if 0 < h_acc < 0xFFFFFFFF else math.nan,
         v_acc * 1e-3 if 0 < v_acc < 0xFFFFFFFF else math.nan,
+        fix_us,
     )
+
+
+# EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS share these
+_ON_EARTH = 16
+_EKF_UNINITIALIZED, _EKF_GLITCH, _ESTIMATOR_GLITCH = 1024, 32768, 1024
+
+
+_MOST_RATIO, _MOST_ACCURACY_M = 1e3, 1e5
+
+
+def _ratio(value: float) -> float:
+    """0 for what is none, bounded: it becomes metres."""
+    return min(value, _MOST_RATIO) if value > 0.0 else 0.0
+
+
+def _ekf_status(head: _Head, v: _Values) -> FilterStatus:
+    velocity, position, _, compass, _, flags, *_ = v
+    started, aided = not flags & _EKF_UNINITIALIZED and flags != 0, bool(flags & _ON_EARTH)
+    ratios = _ratio(position), _ratio(velocity), _ratio(compass)
+    return FilterStatus(*head, *ratios, math.nan, started, aided, bool(flags & _EKF_GLITCH))
+
+
+def _estimator_status(head: _Head, v: _Values) -> FilterStatus:
+    _, velocity, position, _, compass, _, _, accuracy, _, flags = v
+    ratios, aided = (_ratio(position), _ratio(velocity), _ratio(compass)), bool(flags & _ON_EARTH)
+    accuracy_m = min(accuracy, _MOST_ACCURACY_M) if accuracy > 0.0 else math.nan
+    return FilterStatus(*head, *ratios, accuracy_m, flags != 0, aided, bool(flags & _ESTIMATOR_GLITCH))
+
+
+# MAV_SYS_STATUS_SENSOR
+_GPS, _AHRS = 1 << 5, 1 << 21
+
+
+def _sys_status(head: _Head, v: _Values) -> SensorHealth:
+    present, enabled, health, *_ = v
+    gps, estimate = (bool(health & bit) if present & enabled & bit else None for bit in (_GPS, _AHRS))
+    return SensorHealth(*head, gps, estimate)
 
 
 def _gimbal(head: _Head, v: _Values) -> GimbalAttitude:
@@ -212,6 +254,7 @@ def _radio(head: _Head, v: _Values) -> RadioStatus:
 
 _MAKERS: dict[int, Callable[[_Head, _Values], Sample]] = {
     0: _heartbeat,
+    1: _sys_status,
     2: _system_time,
     24: _gps_raw,
     30: _attitude,
@@ -221,6 +264,8 @@ _MAKERS: dict[int, Callable[[_Head, _Values], Sample]] = {
     111: _timesync,
     158: _mount_status,
     166: _radio,
+    193: _ekf_status,
+    230: _estimator_status,
     253: _statustext,
     259: _camera_information,
     260: _camera_settings,

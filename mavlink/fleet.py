@@ -17,6 +17,7 @@ from mavlink.attitudes import ATTITUDE_LOST_S, Pose
 from mavlink.camera_report import CameraReports, CameraSample
 from mavlink.decode import decode
 from mavlink.dialect import DEFINITIONS
+from mavlink.distress import Doubt
 from mavlink.gate import GateParams
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.gimbal import Gimbals, GimbalSample
@@ -30,12 +31,14 @@ from mavlink.samples import (
     CameraFov,
     CameraInformation,
     CameraSettings,
+    FilterStatus,
     GimbalAttitude,
     GlobalPosition,
     GpsRaw,
     Heartbeat,
     MountOrientation,
     MountStatus,
+    SensorHealth,
     StatusText,
     SystemTime,
     TimeSync,
@@ -118,7 +121,9 @@ class Fleet:
         self._camera = CameraReports(camera_id)
         self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
             Heartbeat: _heartbeat,
-            GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample),
+            GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample, self.origin),
+            FilterStatus: lambda vehicle, sample: vehicle.take_health(sample),
+            SensorHealth: lambda vehicle, sample: vehicle.take_health(sample),
             StatusText: lambda vehicle, sample: vehicle.take_text(sample),
             SystemTime: lambda vehicle, sample: vehicle.take_times(sample),
             TimeSync: lambda vehicle, sample: vehicle.take_times(sample),
@@ -153,14 +158,20 @@ class Fleet:
         take = self._take.get(type(sample))
         return self._told(vehicle, tuple(take(vehicle, sample))) if take is not None else ()
 
-    def at(self, t_us: int) -> FleetState:
-        """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last."""
+    def at(self, t_us: int, heard_us: int = 0) -> FleetState:
+        """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last.
+
+        Args:
+            t_us: when.
+            heard_us: Whatever came before this Unix time was fed. Where that is earlier, ages and what follows from
+                them are told for then: nobody is silent who was not listened to. 0: all was.
+        """
+        told_us = min(t_us, heard_us) if heard_us else t_us
         estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
-        statuses = [
-            vehicle.status(t_us, e, self._pose(vehicle, t_us)) for vehicle, e in zip(self._ugvs, estimates, strict=True)
-        ]
+        statuses = [_status(vehicle, told_us) for vehicle in self._ugvs]
         rows = np.array([e.fix if e else _NOWHERE for e in estimates], dtype=np.float64).reshape(-1, len(_NOWHERE))
-        uav, uav_status = self._uav_at(t_us)
+        uav_status = _status(self._uav, told_us)
+        uav = self._uav_at(t_us, uav_status)
         return FleetState(
             t_us=t_us,
             uav=uav,
@@ -169,7 +180,7 @@ class Fleet:
             v_enu=rows[:, 3:6],
             heading=rows[:, 6],
             age_s=np.array([s.position_age_s for s in statuses], dtype=np.float64),
-            std_m=rows[:, 7],
+            std_m=np.array([_widened(std, v.doubt(t_us)) for std, v in zip(rows[:, 7], self._ugvs, strict=True)]),
             valid=np.array([_usable(e, s) for e, s in zip(estimates, statuses, strict=True)], dtype=np.bool_),
             vehicles=(uav_status, *statuses),
         )
@@ -285,6 +296,11 @@ class Fleet:
                 notices += self._move_origin(sample)
         elif fix is not None:
             clock = vehicle.clock
+            doubt = vehicle.doubt(sample.t_us)
+            fix = fix._replace(
+                std_m=_widened(fix.std_m, doubt),
+                heading=math.nan if vehicle.distress.compass(sample.t_us) else fix.heading,
+            )
             self._reports.append(_Report(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
@@ -330,16 +346,12 @@ class Fleet:
             for text in texts
         )
 
-    def _pose(self, vehicle: Vehicle, t_us: int) -> Pose | None:
-        return vehicle.attitudes.at(vehicle.clock.boot_of(t_us))
-
-    def _uav_at(self, t_us: int) -> tuple[UavState, VehicleStatus]:
+    def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
         boot_us = self._uav.clock.boot_of(t_us)
         estimate, pose = self._uav.positions.at(boot_us), self._uav.attitudes.at(boot_us)
-        status = self._uav.status(t_us, estimate, pose)
         fix = estimate.fix if estimate else _NOWHERE
         roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
-        state = UavState(
+        return UavState(
             p_enu=np.array(fix[0:3]),
             v_enu=np.array(fix[3:6]),
             height_m=fix.height_m,
@@ -354,12 +366,21 @@ class Fleet:
             attitude_valid=_fresh(pose) and not status.contested,
             camera=self._camera.report,
         )
-        return state, status
+
+
+def _status(vehicle: Vehicle, t_us: int) -> VehicleStatus:
+    boot_us = vehicle.clock.boot_of(t_us)
+    return vehicle.status(t_us, vehicle.positions.at(boot_us), vehicle.attitudes.at(boot_us))
 
 
 def _heartbeat(vehicle: Vehicle, sample: Heartbeat) -> Iterable[Notice]:
     """Gimbals, cameras and relayed stations beat too, and are no vehicles."""
     return vehicle.take_heartbeat(sample) if is_vehicle(sample.type, sample.autopilot) else ()
+
+
+def _widened(std_m: float, doubt: Doubt | None) -> float:
+    """1σ of a position with what its vehicle doubts of it."""
+    return math.hypot(std_m, doubt.std_m) if doubt is not None else std_m
 
 
 def _fresh(pose: Pose | None) -> bool:

@@ -174,14 +174,6 @@ def _scan(data: bytes, wait: _Wait, in_step: bool) -> tuple[list[bytes], int, Fr
     return frames, pos, FrameCounts(good, bad, junk, unknown), in_step
 
 
-def _is_one_good_frame(data: bytes) -> bool:
-    """Whether a datagram is exactly one good frame: nearly all are, and need no search."""
-    if not data or (data[0] != MAGIC_V2 and data[0] != 0xFE):
-        return False
-    verdict, length = _look(data, 0)
-    return verdict is _GOOD and length == len(data)
-
-
 def split(data: bytes) -> tuple[list[bytes], FrameCounts]:
     """Frames of one datagram. Nothing is kept: a frame cut off at the end is junk.
 
@@ -191,8 +183,15 @@ def split(data: bytes) -> tuple[list[bytes], FrameCounts]:
     Returns:
         The frames in order, good ones and those of unknown messages, and the counts.
     """
-    if _is_one_good_frame(data):
-        return [data], _ONE_GOOD
+    magic = _MAGIC.search(data)
+    if magic is None:
+        return [], FrameCounts(junk_bytes=len(data))
+    if magic.start() == 0:  # nearly always; most are exactly one good frame, and a flood of bad ones must be cheap too
+        verdict, length = _look(data, 0)
+        if verdict is _GOOD and length == len(data):
+            return [data], _ONE_GOOD
+        if verdict is not _GOOD and verdict is not _UNKNOWN and _MAGIC.search(data, 1) is None:
+            return [], FrameCounts(bad=verdict is _BAD, junk_bytes=len(data))
     frames, _, counts, _ = _scan(data, _Wait.FOR_NONE, in_step=True)
     return frames, counts
 

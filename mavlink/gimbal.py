@@ -28,9 +28,10 @@ from mavlink.geodesy import (
 )
 from mavlink.history import History
 from mavlink.once import Once
+from mavlink.packet import Packet
 from mavlink.samples import CameraFov, GimbalAttitude, MountOrientation, MountStatus
 
-__all__ = ["GIMBAL_LOST_S", "GimbalSample", "Gimbals", "yaw_frame"]
+__all__ = ["GIMBAL_LOST_S", "GimbalSample", "Gimbals", "turns_camera", "yaw_frame"]
 
 GIMBAL_LOST_S = 1.0
 OUTRANKED_US = 3_000_000
@@ -40,6 +41,10 @@ AGREES = math.radians(20.0)
 """Two bearings that are the same, with a compass between them."""
 OVERHEAD = math.sin(math.radians(5.0))
 """Horizontal part of an optical axis below which its bearing says nothing."""
+
+_COMMAND_ACK, _ACCEPTED = 77, 0
+_TURNING = frozenset({195, 197, 198, 201, 205, 1000})
+"""DO_SET_ROI_LOCATION, _NONE, _SYSID, DO_SET_ROI, DO_MOUNT_CONTROL, DO_GIMBAL_MANAGER_PITCHYAW."""
 
 NO_ROTATION = "its quaternion is no rotation"
 
@@ -54,6 +59,18 @@ _NAMES: dict[type, str] = {
     CameraFov: "CAMERA_FOV_STATUS",
 }
 _RANK = list(_NAMES)
+
+
+def turns_camera(packet: Packet) -> bool:
+    """Whether an autopilot says that it has accepted to turn its camera, by whoever's order.
+
+    Args:
+        packet: any.
+    """
+    if packet.message_id != _COMMAND_ACK:
+        return False
+    command, result = packet.payload.ljust(3, b"\0")[:2], packet.payload.ljust(3, b"\0")[2]
+    return result == _ACCEPTED and int.from_bytes(command, "little") in _TURNING
 
 
 def yaw_frame(flags: int) -> Frame | None:

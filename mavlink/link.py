@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable
 from typing import Protocol
 
-from mavlink.link_batch import Batch
+from mavlink.link_batch import Batch, Claim
 from mavlink.link_serial import SerialLink
 from mavlink.link_tally import LinkCounts
 from mavlink.link_tcp import TcpOut
@@ -56,7 +56,7 @@ class Link(Protocol):
     def address(self, peer: int) -> str:
         """Host and port of the sender with this number; empty where there is none or it is not known."""
 
-    def trust(self, peers: Set[int], t_us: int) -> None:
+    def trust(self, claims: set[Claim], t_us: int) -> None:
         """These senders have proved who they are."""
 
     def close(self) -> None:

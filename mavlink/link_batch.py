@@ -10,7 +10,16 @@ from mavlink.dialect import DEFINITIONS
 from mavlink.frame import SIGNATURE_LENGTH
 from mavlink.packet import MAGIC_V1, MAGIC_V2, Packet
 
-__all__ = ["Batch", "is_one_frame", "looks_like_one_frame"]
+__all__ = ["MIXED", "Batch", "Claim", "Sender", "is_one_frame", "looks_like_one_frame", "system_of"]
+
+Claim = tuple[int, int]
+"""Number of an address on its link, and the system id that frames from there carry."""
+Sender = tuple[int, int]
+"""Number of an address, and the system id that its datagrams carry where each is one frame, or :data:`MIXED`.
+
+A source address can be forged. So what is known of one kind of datagrams says nothing of the others from there."""
+MIXED = 256
+"""Stands for datagrams that are not exactly one frame."""
 
 _mcrf4xx = crc16.mcrf4xx
 # message id as it stands in a header → (longest payload, CRC extra)
@@ -29,6 +38,9 @@ class Batch:
     """Number of each frame's sender on its link."""
     unchecked: set[int] = field(default_factory=set)
     """Indices of frames of unknown messages, which no checksum vouches for."""
+    mixed: set[int] = field(default_factory=set)
+    """Indices of frames that were not alone in their datagram."""
+    _claimed: set[Claim] | None = field(default=None, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -38,11 +50,26 @@ class Batch:
         rows = zip(self.times_us, self.frames, self.peers, strict=True)
         return [Packet(t_us, raw, link, peer) for t_us, raw, peer in rows]
 
-    def vouched(self) -> set[int]:
-        """Numbers of those who sent a frame with a right checksum."""
-        if not self.unchecked:
-            return set(self.peers)
-        return {peer for k, peer in enumerate(self.peers) if k not in self.unchecked}
+    def claims(self) -> list[Claim]:
+        """Who each frame claims to be from, and where it came from."""
+        return list(zip(self.peers, self._systems(), strict=True))
+
+    def claimed(self) -> set[Claim]:
+        """The same, each once; to be asked for when all frames are there."""
+        if self._claimed is None:
+            self._claimed = set(zip(self.peers, self._systems(), strict=True))
+        return self._claimed
+
+    def _systems(self) -> list[int]:
+        # as system_of has it, without a call for each
+        return [raw[5] if raw[0] == MAGIC_V2 else raw[3] for raw in self.frames]
+
+    def senders(self) -> list[Sender]:
+        """The same by the form of their datagrams."""
+        senders = self.claims()
+        for k in self.mixed:
+            senders[k] = self.peers[k], MIXED
+        return senders
 
 
 def is_one_frame(data: bytes) -> bool:
@@ -59,6 +86,11 @@ def is_one_frame(data: bytes) -> bool:
         return False
     end = payload + 10
     return _mcrf4xx(data[1:end] + definition[1]) == data[end] | data[end + 1] << 8
+
+
+def system_of(raw: bytes) -> int:
+    """System id in a frame's header."""
+    return raw[5] if raw[0] == MAGIC_V2 else raw[3]
 
 
 def looks_like_one_frame(data: bytes) -> bool:

@@ -1,33 +1,45 @@
-"""Keeps strangers from starving a UDP port: while they flood, the kernel lets only a share of them pass.
+"""Keeps floods from starving a UDP port: while they last, the kernel lets only a share of them pass.
 
-Nobody is shut out for good. The share follows the rate that is let in, s in a time dt at share p, towards the rate that
-is wanted, R:
-
-    p' = min(1, p · min(2, R · dt / s))
-
-so it falls at once and opens again by doubling. At p = 1 there is no filter. Any error of the system ends in no filter.
+Nobody is shut out for good. :mod:`mavlink.link_shares` says how much of what is let in. As long as everybody is let in
+whole there is no filter, and any error of the system ends in no filter.
 """
 
 from __future__ import annotations
 
 import socket
 import struct
-from collections.abc import Callable
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
-from mavlink.link_filter import Address, attach, detach, program
+from mavlink.link_batch import Sender
+from mavlink.link_filter import attach, detach, program
+from mavlink.link_peers import Peers
+from mavlink.link_shares import HOLD_S, SENDER_PER_S, Allowance, Coming, Shares
 
-__all__ = ["Gate"]
+__all__ = ["STRANGERS", "Gate", "Limit"]
 
-LIKELY_PER_S, OTHER_PER_S = 5000.0, 200.0
-"""Strangers' datagrams wanted: those that look like a frame may be a vehicle that has just rebooted."""
 TICK_S = 0.1
-BURST_S = 0.5
-"""So many seconds' worth may come at once before the gate narrows."""
+_BRIEF_S, _LONG_S = 1e-3, 10.0
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("=9I")
 _QUEUED, _ROOM, _DROPS = 0, 1, 8
 _FULL = 0.75
-_LEAST = 1e-6
+STRANGERS = -1
+"""In the place of a system id: all strangers together."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """Somebody of whose datagrams not all are let in."""
+
+    address: str
+    """Host and port that they come from, or seem to; of strangers the one that most come from."""
+    system_id: int
+    """That they claim to be from, MIXED for those that are not one frame each, or STRANGERS."""
+    wanted_per_s: float
+    """How many come."""
+    turned_away: int
+    """How many of them were not let in, about."""
 
 
 class Gate:
@@ -39,25 +51,23 @@ class Gate:
 
     def __init__(self, sock: socket.socket) -> None:
         self._socket = sock
-        self.shares = (1.0, 1.0)
-        """Of strangers' datagrams that look like one frame and of others, now."""
+        self.shares = Shares()
         self.dropped = 0
         """Datagrams that the system threw away because nobody read them in time."""
         self.turned_away = 0
-        """Datagrams of strangers that were not let in."""
+        """Datagrams that were not let in."""
         self.broken = False
         """Whether the system has no filters; then nobody is turned away."""
-        self._seen = [0, 0]
-        self._since_s = 0.0
-        self._attached: tuple[tuple[float, float], int] | None = None
+        self._since_s = self._now_s = 0.0
+        self._attached: tuple[float, float, dict[Sender, float], int] | None = None
         self._fullest = 0.0
-        self._counted = 0
+        self._counted = self._away = 0
         detach(sock)
         self._counted = self._drops()
 
     @property
     def narrow(self) -> bool:
-        """Whether strangers are being turned away."""
+        """Whether somebody is not let in whole."""
         return self._attached is not None
 
     def look(self) -> None:
@@ -66,58 +76,79 @@ class Gate:
             memory = self._memory()
             self._fullest = max(self._fullest, memory[_QUEUED] / max(memory[_ROOM], 1))
 
-    def strangers(self, likely: int, other: int, now_s: float) -> bool:
-        """Counts strangers' datagrams that were let in; returns whether they are too many to wait for the next tick."""
-        self._seen[0] += likely
-        self._seen[1] += other
-        budget_s = BURST_S + max(now_s - self._since_s, 0.0)
-        return self._seen[0] > LIKELY_PER_S * budget_s or self._seen[1] > OTHER_PER_S * budget_s
+    def over(self, likely: int, other: int, now_s: float) -> bool:
+        """Whether so many strangers' datagrams came since the last time that it cannot wait for the next tick."""
+        return self.shares.over(likely, other, max(now_s - self._since_s, 0.0))
 
     def due(self, now_s: float) -> bool:
         """Whether it is time to adapt."""
         return now_s - self._since_s >= TICK_S
 
-    def adapt(self, now_s: float, peers: Callable[[], list[Address]], version: int) -> None:
+    def relaxed(self, datagrams: int, dt_s: float) -> bool:
+        """Whether so few came in a time that nobody who is known can have sent too many."""
+        return not self.shares.own and datagrams <= SENDER_PER_S * dt_s
+
+    def elapsed_s(self, now_s: float) -> float:
+        """Time since the last :meth:`adapt`."""
+        return min(max(now_s - self._since_s, _BRIEF_S), _LONG_S)
+
+    def adapt(self, now_s: float, dt_s: float, coming: Coming, peers: Peers) -> None:
         """Sets the shares from what came since the last time, and the filter from the shares.
 
         Args:
             now_s: monotonic.
-            peers: tells who always passes.
-            version: another number whenever that is another set.
+            dt_s: in which that came.
+            coming: what was let in since the last time.
+            peers: who is known.
         """
-        dt = min(max(now_s - self._since_s, 1e-3), 1.0)
-        self.shares = (
-            _next(self.shares[0], self._seen[0], LIKELY_PER_S * dt, self._burst(LIKELY_PER_S)),
-            _next(self.shares[1], self._seen[1], OTHER_PER_S * dt, self._burst(OTHER_PER_S)),
-        )
-        self._seen = [0, 0]
-        self._since_s = now_s
+        self._since_s = self._now_s = now_s
         self.count_drops()
-        self._apply(peers, version)
+        away, self._away = self.turned_away - self._away, self.turned_away
+        systems = peers.systems()
+        self.shares.adapt(replace(coming, turned_away=away), systems, dt_s, now_s)
+        self.shares.forget(now_s - HOLD_S, systems)
+        self._apply(systems, peers)
+
+    def limits(self, peers: Peers, strangers: str) -> Iterator[Limit]:
+        """Who is not let in whole, or was not a moment ago.
+
+        Args:
+            peers: knows their addresses.
+            strangers: where most strangers' datagrams come from.
+        """
+        classes = [part for part in (self.shares.likely, self.shares.other) if self._lasts(part)]
+        if classes:
+            yield _limit(strangers, STRANGERS, classes)
+        for (number, kind), part in self.shares.own.items():
+            if self._lasts(part):
+                yield _limit(peers.address(number), kind, [part])
+
+    def _lasts(self, part: Allowance) -> bool:
+        return not self.broken and self._now_s - part.limited_s < HOLD_S
 
     def count_drops(self) -> None:
         """Tells what was lost from what was turned away: the kernel has one count for both."""
         drops = self._drops()
         new = (drops - self._counted) & 0xFFFFFFFF
         self._counted = drops
-        if self._attached is None or self._fullest > _FULL:
-            self.dropped += new
-        else:
-            self.turned_away += new
+        lost = new if self._attached is None or self._fullest > _FULL else 0
+        self.dropped += lost
+        self.turned_away += new - lost
         self._fullest = 0.0
 
-    def _burst(self, rate: float) -> float:
-        return 0.0 if self._attached is not None else rate * BURST_S
-
-    def _apply(self, peers: Callable[[], list[Address]], version: int) -> None:
-        wanted = None if self.broken or min(self.shares) >= 1.0 else (self.shares, version)
+    def _apply(self, systems: Mapping[Sender, int], peers: Peers) -> None:
+        likely, other = self.shares.likely.share, self.shares.other.share
+        own = {sender: part.share for sender, part in self.shares.own.items() if part.share < 1.0}
+        is_open = self.broken or (min(likely, other) >= 1.0 and not own)
+        wanted = None if is_open else (likely, other, own, peers.changes)
         if wanted == self._attached:
             return
         try:
             if wanted is None:
                 detach(self._socket)
             else:
-                attach(self._socket, program(peers(), *self.shares))
+                sources = {peers.source(sender): share for sender, share in own.items()}
+                attach(self._socket, program(map(peers.source, systems), sources, likely, other))
             self._attached = wanted
         except (OSError, ValueError):
             self.broken = True
@@ -134,8 +165,6 @@ class Gate:
         return self._memory()[_DROPS]
 
 
-def _next(share: float, seen: int, wanted: float, burst: float) -> float:
-    """The next share of a class."""
-    if seen <= wanted + burst and share >= 1.0:
-        return 1.0
-    return min(1.0, max(_LEAST, share * min(2.0, wanted / max(seen, 1))))
+def _limit(address: str, system_id: int, parts: list[Allowance]) -> Limit:
+    wanted, away = sum(part.wanted_per_s for part in parts), sum(part.turned_away for part in parts)
+    return Limit(address=address, system_id=system_id, wanted_per_s=wanted, turned_away=round(away))

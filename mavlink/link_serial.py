@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Set
 
 import serial
 
 from mavlink.errors import LinkError
-from mavlink.link_batch import Batch
+from mavlink.link_batch import Batch, Claim
 from mavlink.link_reader import Reader
 from mavlink.link_stream import PATIENCE_S, Backoff, Stream
 from mavlink.link_tally import LinkCounts, Tally, now_us
@@ -94,7 +93,7 @@ class SerialLink(Reader):
         self._stream.take(b"", now_us(), batch)
         return batch
 
-    def trust(self, peers: Set[int], t_us: int) -> None:
+    def trust(self, claims: set[Claim], t_us: int) -> None:
         """The device was chosen by whoever wrote the URL; nothing more is to be known."""
 
     def tend(self) -> None:

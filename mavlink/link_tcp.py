@@ -9,10 +9,9 @@ import errno
 import select
 import socket
 import time
-from collections.abc import Set
 
 from mavlink.errors import LinkError
-from mavlink.link_batch import Batch
+from mavlink.link_batch import Batch, Claim
 from mavlink.link_reader import Reader
 from mavlink.link_stream import Backoff, Stream
 from mavlink.link_tally import LinkCounts, Tally, now_us
@@ -122,7 +121,7 @@ class TcpOut(Reader):
         self._stream.take(b"", now_us(), batch)
         return batch
 
-    def trust(self, peers: Set[int], t_us: int) -> None:
+    def trust(self, claims: set[Claim], t_us: int) -> None:
         """The server was chosen by whoever wrote the URL; nothing more is to be known."""
 
     def tend(self) -> None:

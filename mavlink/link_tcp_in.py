@@ -5,11 +5,10 @@ from __future__ import annotations
 import errno
 import socket
 import time
-from collections.abc import Set
 from dataclasses import dataclass
 
 from mavlink.errors import LinkError
-from mavlink.link_batch import Batch
+from mavlink.link_batch import Batch, Claim
 from mavlink.link_owner import owner_of
 from mavlink.link_reader import Reader
 from mavlink.link_stream import Stream
@@ -126,8 +125,9 @@ class TcpIn(Reader):
         """Host and port of one who is connected, empty for others."""
         return self.addresses().get(peer, "")
 
-    def trust(self, peers: Set[int], t_us: int) -> None:
+    def trust(self, claims: set[Claim], t_us: int) -> None:
         """These clients have proved who they are: they may be sent to."""
+        peers = {peer for peer, _ in claims}
         for client in self._clients.values():
             client.known = client.known or client.stream.peer in peers
 

@@ -6,20 +6,22 @@ import socket
 import struct
 import sys
 import time
-from collections.abc import Collection, Set
+from collections import Counter
+from collections.abc import Callable, Collection, Set
 
 from mavlink.dialect import DEFINITIONS
 from mavlink.errors import LinkError
 from mavlink.frame import FrameCounts, split
-from mavlink.link_batch import Batch, is_one_frame, looks_like_one_frame
-from mavlink.link_gate import Gate
+from mavlink.link_batch import MIXED, Batch, Claim, Sender, is_one_frame, looks_like_one_frame, system_of
+from mavlink.link_gate import Gate, Limit
 from mavlink.link_mmsg import BATCH, SO_TIMESTAMPNS, STRIDE, Datagrams, available
-from mavlink.link_peers import Peers, key_of
+from mavlink.link_peers import Peers, address_of, key_of
 from mavlink.link_reader import Reader
+from mavlink.link_shares import Coming
 from mavlink.link_tally import LinkCounts, Tally, now_us
 from mavlink.link_udp_socket import bind_udp, connect_udp
 from mavlink.link_url import LinkUrl
-from mavlink.packet import MAGIC_V2, Packet
+from mavlink.packet import Packet
 
 __all__ = ["UdpIn", "UdpOut"]
 
@@ -27,12 +29,21 @@ _LINUX = sys.platform.startswith("linux")
 _TIMESPEC = struct.Struct("=qq")
 _ANCILLARY = 128
 _CLOCK_GAP_US = 10_000_000
+_WAITED_S = 10.0
 
 
 class _Udp(Reader):
     """What listening and connected sockets have in common."""
 
-    def __init__(self, url: LinkUrl, index: int, sock: socket.socket, system_ids: Collection[int], vouch: bool) -> None:
+    def __init__(
+        self,
+        url: LinkUrl,
+        index: int,
+        sock: socket.socket,
+        system_ids: Collection[int],
+        vouch: bool,
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
         super().__init__(url.name, index)
         self.peers = Peers()
         self.gate = Gate(sock)
@@ -41,7 +52,13 @@ class _Udp(Reader):
         self._vouch = vouch
         self._tally = Tally()
         self._datagrams = Datagrams(sock) if available() else None
+        self._batches: list[Batch] = []
+        self._spoiled: Counter[Sender] = Counter()
         self._strange = [0, 0]
+        self._strangers: Counter[int] = Counter()
+        self._crowd = ""
+        self._clock_s = clock_s
+        self._newest_us = 0
 
     @property
     def counts(self) -> LinkCounts:
@@ -66,7 +83,6 @@ class _Udp(Reader):
         if not self._open:
             return batch
         self.gate.look()
-        self._strange = [0, 0]
         try:
             if self._datagrams:
                 self._take_many(batch)
@@ -77,51 +93,95 @@ class _Udp(Reader):
                 raise
             return batch
         now = now_us()
-        likely, other = self._strange
-        present = set(batch.peers)
-        new = present - self.peers.trusted.keys()
-        if new:
-            likely += sum(peer in new for peer in batch.peers)
-        if self._vouch and present:
-            self.trust((present - new) | (self._vouched(batch, new) if new else new), now)
-        if self.gate.strangers(likely, other, time.monotonic()):
+        self._note(batch, now)
+        if self.gate.over(self._strange[0], self._strange[1], self._clock_s()):
             self.adapt(now)
         return batch
+
+    def _note(self, batch: Batch, t_us: int) -> None:
+        """Who a batch came from."""
+        if not batch.frames:
+            return
+        self._batches.append(batch)
+        if batch.mixed:
+            self.peers.mix({batch.peers[k] for k in batch.mixed})
+        claimed = batch.claimed()
+        new = claimed.difference(self.peers.trusted)
+        if not new:
+            if self._vouch:
+                self.peers.trust(claimed, t_us)
+            return
+        claims = batch.claims()
+        for k, claim in enumerate(claims):
+            if claim in new:
+                self._strange[k in batch.mixed] += 1
+                self._strangers[self.peers.keys.get(claim[0], 0)] += 1
+        if self._vouch:
+            self.peers.trust(claimed - new | self._vouched(batch, claims, new), t_us)
 
     def address(self, peer: int) -> str:
         """Host and port of a sender; empty where it is forgotten."""
         return self.peers.address(peer)
 
-    def trust(self, peers: Set[int], t_us: int) -> None:
-        """These senders have proved who they are: they always pass, and may be sent to."""
-        self.peers.trust(peers, t_us)
+    def trust(self, claims: set[Claim], t_us: int) -> None:
+        """These have proved who they are: they pass as far as can be borne, and may be sent to."""
+        self.peers.trust(claims, t_us)
+
+    def limits(self) -> tuple[Limit, ...]:
+        """Who is not let in whole at the moment."""
+        return tuple(self.gate.limits(self.peers, self._crowd))
 
     def tend(self) -> None:
         """Adapts who is let in; to be called every tenth of a second or so."""
-        if self._open and self.gate.due(time.monotonic()):
+        if self._open and self.gate.due(self._clock_s()):
             self.adapt(now_us())
 
     def adapt(self, t_us: int) -> None:
-        """Lets in as many strangers as can be borne."""
+        """Lets in as much of whom as can be borne."""
         self.peers.review(t_us)
-        self.gate.adapt(time.monotonic(), self.peers.senders, self.peers.changes)
+        if self._strangers:
+            others = len(self._strangers) - 1
+            self._crowd = address_of(self._strangers.most_common(1)[0][0])
+            self._crowd += f" and {others} more address{'es' * (others > 1)}" if others else ""
+        now_s = self._clock_s()
+        dt_s = max(self.gate.elapsed_s(now_s), self._arrived_s())
+        frames, read = self._come(dt_s)
+        likely, other = self._strange
+        coming = Coming(likely=likely, other=other, frames=frames if self._vouch else {}, read=read)
+        self._batches, self._strange = [], [0, 0]
+        self._spoiled.clear()
+        self._strangers.clear()
+        self.gate.adapt(now_s, dt_s, coming, self.peers)
+
+    def _arrived_s(self) -> float:
+        """In which time all arrived that was read since the last time: it may have waited while nobody could read."""
+        newest_us = self._batches[-1].times_us[-1] if self._batches else self._newest_us
+        before_us, self._newest_us = self._newest_us, newest_us
+        return min((newest_us - before_us) * 1e-6, _WAITED_S) if before_us else 0.0
+
+    def _come(self, dt_s: float) -> tuple[Counter[Sender], Counter[Sender]]:
+        """Good frames of those who are known, and datagrams read; none where no one of them can be too many."""
+        frames: Counter[Sender] = Counter()
+        if self.gate.relaxed(sum(map(len, self._batches)) + self._spoiled.total(), dt_s):
+            return frames, frames
+        for batch in self._batches:
+            frames.update(batch.senders())
+        for sender in [s for s in frames if not self.peers.knows(s)]:
+            del frames[sender]
+        return frames, frames + self._spoiled
 
     def close(self) -> None:
         """Closes the socket; a read in another thread comes back empty."""
         self._open = False
         self._socket.close()
 
-    def _vouched(self, batch: Batch, new: Set[int]) -> set[int]:
-        """Those of some new senders who sent a good frame of a system that is known."""
-        good = batch.vouched() & new
-        if not self._system_ids:
-            return good
-        rows = enumerate(zip(batch.peers, batch.frames, strict=True))
-        heard = {peer for k, (peer, raw) in rows if k not in batch.unchecked and self._is_known(raw)}
-        return good & heard
-
-    def _is_known(self, raw: bytes) -> bool:
-        return raw[5 if raw[0] == MAGIC_V2 else 3] in self._system_ids
+    def _vouched(self, batch: Batch, claims: list[Claim], new: Set[Claim]) -> set[Claim]:
+        """Those of some new ones who sent a good frame of a system that is known."""
+        return {
+            claim
+            for k, claim in enumerate(claims)
+            if claim in new and k not in batch.unchecked and (not self._system_ids or claim[1] in self._system_ids)
+        }
 
     def _take_many(self, batch: Batch) -> None:
         """One system call's worth of datagrams."""
@@ -181,8 +241,10 @@ class _Udp(Reader):
         if not frames:
             self._empty(data, key)
             return
-        number = self.peers.number(key)
+        number, alone = self.peers.number(key), looks_like_one_frame(data)
         for frame in frames:
+            if not alone:
+                batch.mixed.add(len(batch))
             if counts.unknown and Packet(0, frame).message_id not in DEFINITIONS:
                 batch.unchecked.add(len(batch))
             batch.times_us.append(t_us)
@@ -190,12 +252,14 @@ class _Udp(Reader):
             batch.peers.append(number)
 
     def _empty(self, data: bytes, key: int) -> None:
-        """A datagram with nothing in it: from a stranger, or from somebody who should know better."""
-        number = self.peers.numbers.get(key, 0)
-        if number in self.peers.trusted:
-            self.peers.misbehaved(number)
+        """A datagram with nothing in it, whoever sent it: its address may be forged."""
+        alone = looks_like_one_frame(data)
+        sender = self.peers.numbers.get(key, 0), system_of(data) if alone else MIXED
+        if self.peers.knows(sender):
+            self._spoiled[sender] += 1
         else:
-            self._strange[0 if looks_like_one_frame(data) else 1] += 1
+            self._strange[not alone] += 1
+            self._strangers[key] += 1
 
 
 class UdpIn(_Udp):
@@ -207,6 +271,7 @@ class UdpIn(_Udp):
         sock: from :func:`bind_udp`; None: one is made.
         system_ids: whose frames make a sender known; empty: anybody's.
         vouch: whether a right checksum is enough for that; otherwise whoever checks signatures calls :meth:`trust`.
+        clock_s: monotonic.
 
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
@@ -220,8 +285,9 @@ class UdpIn(_Udp):
         *,
         system_ids: Collection[int] = (),
         vouch: bool = True,
+        clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        super().__init__(url, index, sock or bind_udp(url), system_ids, vouch)
+        super().__init__(url, index, sock or bind_udp(url), system_ids, vouch, clock_s)
 
     @property
     def port(self) -> int:
@@ -266,10 +332,6 @@ class UdpOut(_Udp):
 
     def __init__(self, url: LinkUrl, index: int, sock: socket.socket | None = None) -> None:
         super().__init__(url, index, sock or connect_udp(url), (), True)
-
-    def adapt(self, t_us: int) -> None:
-        """Strangers do not reach a connected socket."""
-        self.gate.count_drops()
 
     def send(self, data: bytes, peer: int = 0) -> None:
         """Sends to the address, the only peer there is; that nobody listens there is not an error.

@@ -172,6 +172,19 @@ class RateKeeper:
         self._peers: dict[tuple[int, int], _Peer] = {}
         self._troubles: dict[tuple[int, int, str], Trouble] = {}
 
+    def want(self, message_id: int, hz: float) -> None:
+        """Wants one more message of the UAV from now on.
+
+        Args:
+            message_id: which.
+            hz: how often.
+        """
+        with self._lock:
+            self._wanted[self._uav] = {**self._wanted[self._uav], message_id: hz}
+            for (system_id, _), peer in self._peers.items():
+                if system_id == self._uav:
+                    peer.streams.setdefault(message_id, _Stream())
+
     def take(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from mavlink.arrivals import Arrivals
 from mavlink.copies import TIMED, Copies
-from mavlink.overtaken import Overtaken
+from mavlink.overtaken import SLOWEST_US, Overtaken
 from mavlink.packet import Auth, Packet
 from mavlink.refusals import Told
 from mavlink.sequence import SequenceLoss, SequenceRuns
@@ -130,6 +130,8 @@ class Reception:
         self._channel = _Channel()
         self._copies = Copies()
         self._overtaken, self._told_overtaken = Overtaken(), Told(_OVERTAKEN_US)
+        self._overtaken_count = 0
+        self._players: dict[tuple[int, int], int] = {}  # who played a recording, and when last
         self._refused: dict[Auth, _Refused] = {}
         self._signed_us = self._refused_us = self._held_us = self._held_since_us = _NEVER_US
         self._lag_s = math.nan
@@ -167,7 +169,7 @@ class Reception:
             if self._copies.first(packet) is not None:
                 self.copies += 1  # the same packet over a second link
                 return "info", ""
-            if self._overtaken.late(packet):
+            if self._merely_late(packet):
                 return "warning", self._late_words(packet.t_us)
             self.replayed += 1
         self._refused_us = packet.t_us
@@ -193,6 +195,15 @@ class Reception:
         held = t_us - self._held_us < _HELD_US <= t_us - self._signed_us
         return self._lag_s if held else math.nan
 
+    def _merely_late(self, packet: Packet) -> bool:
+        """Whether a packet that is not newer than others was overtaken, and comes from nobody who plays recordings."""
+        source, late = (packet.link, packet.peer), self._overtaken.late(packet)
+        if not late:
+            if source not in self._players and len(self._players) >= _CHANNELS:
+                del self._players[next(iter(self._players))]
+            self._players[source] = packet.t_us
+        return late and packet.t_us - self._players.get(source, _NEVER_US) >= SLOWEST_US
+
     def _held_words(self, packet: Packet) -> str:
         t_us = packet.t_us
         if t_us - self._held_us >= _HELD_US:
@@ -212,7 +223,8 @@ class Reception:
         return f": a recording made {recorded} is played" + (", from where it speaks itself" if own else "")
 
     def _late_words(self, t_us: int) -> str:
-        number = self._overtaken.count
+        self._overtaken_count += 1
+        number = self._overtaken_count
         if number < _OVERTAKEN or not self._told_overtaken.due("", t_us):
             return ""
         return f"{number} signed packets came after newer ones and are refused: out of order, or over a slower radio"

@@ -14,6 +14,7 @@ __all__ = [
     "CameraFov",
     "CameraInformation",
     "CameraSettings",
+    "FilterStatus",
     "GimbalAttitude",
     "GlobalPosition",
     "GpsRaw",
@@ -22,6 +23,7 @@ __all__ = [
     "MountStatus",
     "RadioStatus",
     "Sample",
+    "SensorHealth",
     "StatusText",
     "SystemTime",
     "TimeSync",
@@ -121,6 +123,34 @@ class GpsRaw(_Sample):
     h_acc_m: float
     """1σ horizontal accuracy."""
     v_acc_m: float
+    fix_us: int
+    """When the fix was made: µs since boot on most autopilots, Unix time on some, 0 unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilterStatus(_Sample):
+    """EKF_STATUS_REPORT (193) or ESTIMATOR_STATUS (230): how an autopilot's filter gets on with its sensors."""
+
+    position_ratio: float
+    """Horizontal innovation over what the filter allows, 1 and more: refused. So are the others."""
+    velocity_ratio: float
+    compass_ratio: float
+    accuracy_m: float
+    """1σ of the horizontal position, NaN not told."""
+    started: bool
+    aided: bool
+    """Something outside, a receiver mostly, says where it is on Earth."""
+    glitch: bool
+    """It says that its receiver has a glitch."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorHealth(_Sample):
+    """SYS_STATUS (1): whether the autopilot calls what it uses healthy, None where it does not use it."""
+
+    gps: bool | None
+    estimate: bool | None
+    """Of attitude and position (AHRS)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,6 +290,8 @@ Sample = (
     | Attitude
     | GlobalPosition
     | GpsRaw
+    | FilterStatus
+    | SensorHealth
     | GimbalAttitude
     | MountOrientation
     | MountStatus

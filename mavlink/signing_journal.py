@@ -4,8 +4,8 @@ The table on disk is a second old when a process is killed. This one is exact: i
 memory (``/dev/shm``), or beside the keys where there is none. It is gone after a power cut, and after an orderly end it
 is not needed.
 
-Each stream has two halves that are written in turn, each with a checksum: whatever happens while one is written, the
-other is whole and one frame older.
+Every frame writes its timestamp, eight bytes in one step. All else of a stream is written once a second, into two
+halves in turn, each with a checksum: whatever happens while one is written, the other is whole.
 """
 
 from __future__ import annotations
@@ -27,8 +27,11 @@ __all__ = ["RUN_BYTES", "StreamJournal"]
 RUN_BYTES = 8
 _MAGIC = b"RCJRNL1\n"
 _SHARED = Path("/dev/shm")
-_HEAD_BYTES, _HALF_BYTES = 64, 32
-_SIZE = _HEAD_BYTES + MOST_STREAMS * 2 * _HALF_BYTES
+_HEAD, _HALF_BYTES = struct.Struct("=8s36s8s"), 32  # magic, when the computer was started, run
+_NEWEST_AT = 64
+_ROWS_AT = _NEWEST_AT + MOST_STREAMS * 8
+_SIZE = _ROWS_AT + MOST_STREAMS * 2 * _HALF_BYTES
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, heard, booted
 
 
@@ -53,36 +56,52 @@ class StreamJournal:
         else:
             raise SigningError(f"{self.path}: cannot be made: {failed.strerror or failed}") from None
         self._turns = bytearray(MOST_STREAMS)
+        self.newest = memoryview(self._map)[_NEWEST_AT:_ROWS_AT].cast("Q")
+        """The newest timestamp of the stream at each place."""
 
     def run(self) -> bytes:
-        """Of which run it is, (8) bytes; empty: it has none yet."""
-        head = self._map[:_HEAD_BYTES]
-        return head[len(_MAGIC) : len(_MAGIC) + RUN_BYTES] if head.startswith(_MAGIC) else b""
+        """Of which run it is, (8) bytes; empty: of none, or the computer was started anew since."""
+        magic, boot, run = _HEAD.unpack_from(self._map)
+        return run if magic == _MAGIC and boot == _boot_id() != b"" else b""
 
     def rows(self) -> list[Row]:
-        """What every half holds that is whole: the newest of each stream, and the one before."""
-        halves = (_row(self._map[at : at + _HALF_BYTES]) for at in range(_HEAD_BYTES, _SIZE, _HALF_BYTES))
-        return [row for row in halves if row is not None]
+        """The newest of each stream, and perhaps one before."""
+        rows = []
+        for at in range(_ROWS_AT, _SIZE, _HALF_BYTES):
+            row = _row(self._map[at : at + _HALF_BYTES])
+            if row is not None:
+                newest = self.newest[(at - _ROWS_AT) // (2 * _HALF_BYTES)]
+                rows.append(row._replace(timestamp=max(row.timestamp, newest)))
+        return rows
 
     def begin(self, run: bytes) -> None:
         """Empties it for a new run."""
-        self._map[:_HEAD_BYTES] = bytes(_HEAD_BYTES)
-        self._map[_HEAD_BYTES:] = bytes(_SIZE - _HEAD_BYTES)
-        self._map[: len(_MAGIC) + RUN_BYTES] = _MAGIC + run
+        self._map[:] = bytes(_SIZE)
+        _HEAD.pack_into(self._map, 0, _MAGIC, _boot_id(), run)
 
     def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
         """As :class:`mavlink.signing_streams.Journal` has it."""
         turn = self._turns[place] = self._turns[place] ^ 1
-        at = _HEAD_BYTES + (2 * place + turn) * _HALF_BYTES
+        at = _ROWS_AT + (2 * place + turn) * _HALF_BYTES
         body = _BODY.pack(stream, timestamp, heard, booted)
         self._map[at : at + _HALF_BYTES] = _SUM.pack(crc32(body)) + body
+        self.newest[place] = timestamp
 
     def close(self, *, needed: bool) -> None:
         """Lets go of it, and removes it where it is not needed any more."""
         if not needed:
             with contextlib.suppress(OSError):
                 self.path.unlink()
+        self.newest.release()
         self._map.close()
+
+
+def _boot_id() -> bytes:
+    """What tells one start of the computer from another; empty where it does not say."""
+    try:
+        return _BOOT_ID.read_bytes().strip()[:36]
+    except OSError:
+        return b""
 
 
 def _mapped(path: Path) -> mmap.mmap:

@@ -23,7 +23,7 @@ from typing import NamedTuple, Protocol
 
 from mavlink.packet import Auth
 
-__all__ = ["AHEAD", "BEHIND", "EPOCH_US", "MOST_STREAMS", "SECOND", "Journal", "Row", "Streams", "ticks_of"]
+__all__ = ["AHEAD", "BEHIND", "EPOCH_US", "MOST_STREAMS", "SECOND", "Journal", "Row", "Streams", "ticks_of", "times_in"]
 
 EPOCH_US = 1_420_070_400_000_000
 """2015-01-01 UTC, Unix µs."""
@@ -66,10 +66,14 @@ class Row(NamedTuple):
 
 
 class Journal(Protocol):
-    """Gets every change of the table at once."""
+    """Is told of every change of the table at once."""
+
+    @property
+    def newest(self) -> memoryview:
+        """(:data:`MOST_STREAMS`,) uint64: the newest timestamp at each place, written to with every frame."""
 
     def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
-        """Replace what is at a place, 0 .. :data:`MOST_STREAMS` − 1.
+        """Replace what is at a place, 0 .. :data:`MOST_STREAMS` − 1: for a new stream, and once a second.
 
         Args:
             place: where.
@@ -83,12 +87,14 @@ class Journal(Protocol):
 class _Stream:
     """The newest of one stream."""
 
-    __slots__ = ("booted", "heard", "not_before", "place", "timestamp")
+    __slots__ = ("booted", "heard", "learned", "not_before", "noted", "place", "timestamp")
 
     def __init__(self, place: int) -> None:
         self.place = place
         self.timestamp = self.heard = self.booted = 0
         self.not_before = 0
+        self.learned = self.noted = 0
+        """When the time of its start was learnt, and when it was put into the journal."""
 
 
 class Streams:
@@ -105,6 +111,7 @@ class Streams:
         self.accept = frozenset(accept)
         self.journal: Journal | None = None
         """Told of every change, until it is taken away."""
+        self._newest = memoryview(b"")
         self.births = 0
         """Streams ever added."""
         self.proven = 0
@@ -138,19 +145,22 @@ class Streams:
         known = streams.get(stream)
         if known is not None and timestamp <= known.timestamp:
             return Auth.REPLAYED
-        unix, boot = _times_in(frame) if frame and frame[7] in _BOOT_AT else (0, -1)
-        lately = known is not None and abs(now - known.heard) <= BEHIND
-        if not (lately or system_id in self.accept or _made_now(known, timestamp, now, unix, boot)):
-            self._hold(system_id, stream, timestamp)
-            return Auth.HELD
-        if known is None:
-            known = self._add(system_id, stream)
+        if known is None or not -BEHIND <= now - known.heard <= BEHIND:
+            if not (system_id in self.accept or _made_now(known, timestamp, now, frame)):
+                self._hold(system_id, stream, timestamp)
+                return Auth.HELD
+            if known is None:
+                known = self._add(system_id, stream)
         if self._held:
             self._held.pop((system_id, stream), None)
         known.timestamp, known.heard = timestamp, now
-        if boot >= 0:
-            known.booted = now - boot
-        self._keep(system_id, stream, known)
+        if now - known.learned >= SECOND and frame and frame[7] in _BOOT_AT and (boot := times_in(frame)[1]) >= 0:
+            known.booted, known.learned = now - boot, now
+        if self.journal is not None:
+            if now - known.noted < SECOND:
+                self._newest[known.place] = timestamp
+            else:
+                self._keep(system_id, stream, known)
         if timestamp > self.proven + AHEAD:
             self.proven = timestamp - AHEAD
         return Auth.GOOD
@@ -190,13 +200,14 @@ class Streams:
 
     def write_to(self, journal: Journal) -> None:
         """Gives a journal all streams, and from now on every change."""
+        self.journal, self._newest = journal, journal.newest
         for system_id, streams in enumerate(self._of):
             for stream, known in streams.items():
-                journal.put(known.place, system_id << 16 | stream, known.timestamp, known.heard, known.booted)
-        self.journal = journal
+                self._keep(system_id, stream, known)
 
     def _keep(self, system_id: int, stream: int, known: _Stream) -> None:
         if self.journal is not None:
+            known.noted = known.heard
             self.journal.put(known.place, system_id << 16 | stream, known.timestamp, known.heard, known.booted)
 
     def _hold(self, system_id: int, stream: int, timestamp: int) -> None:
@@ -210,6 +221,8 @@ class Streams:
         if self._count >= MOST_STREAMS:
             crowd = max(self._of, key=len)
             place = crowd.pop(next(iter(crowd))).place
+            if self.journal is not None:
+                self._newest[place] = 0
         else:
             place, self._count = self._count, self._count + 1
         self.births += 1
@@ -217,7 +230,7 @@ class Streams:
         return known
 
 
-def _times_in(frame: bytes) -> tuple[int, int]:
+def times_in(frame: bytes) -> tuple[int, int]:
     """When a MAVLink 2 frame was made: ticks of the time of day, 0 unknown, and since boot, −1 unknown."""
     message_id = int.from_bytes(frame[7:10], "little")
     at = _BOOT_AT.get(message_id)
@@ -228,8 +241,9 @@ def _times_in(frame: bytes) -> tuple[int, int]:
     return max(ticks_of(unix_us), 0), _UINT32.unpack_from(payload, at)[0] * _MILLISECOND
 
 
-def _made_now(known: _Stream | None, timestamp: int, now: int, unix: int, boot: int) -> bool:
+def _made_now(known: _Stream | None, timestamp: int, now: int, frame: bytes) -> bool:
     """Whether one of a frame's own times proves that it was made in the last minute, and not before it could be."""
+    unix, boot = times_in(frame) if frame else (0, -1)
     since = max(now - BEHIND, known.not_before) if known else now - BEHIND
     if timestamp >= since or since <= unix <= now + BEHIND:
         return True

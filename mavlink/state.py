@@ -173,6 +173,10 @@ class VehicleStatus:
     """Of TIMESYNC there and back, the least lately; NaN while nobody asks."""
     clock_error_s: float = math.nan
     """The vehicle's own idea of Unix time minus ours; NaN before it has one. Told, never used."""
+    doubted_for: str = ""
+    """Why its positions may be wrong by its own word, empty without doubt; they are used, with a wide 1σ."""
+    compass_doubted: bool = False
+    """Its compass contradicts its filter: its heading may be wrong."""
     hardware: str = ""
     """Hardware id in hexadecimal, empty until AUTOPILOT_VERSION was heard."""
 

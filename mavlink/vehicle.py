@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 from mavlink.attitudes import Attitudes, Pose
 from mavlink.clock import VehicleClock
+from mavlink.distress import Distress, Doubt
 from mavlink.gate import NOT_YET, GateParams, altitude_known, nonsense, position_std, speed_possible
 from mavlink.geodesy import LocalFrame
 from mavlink.modes import fix_name, kind_name, mode_name
@@ -15,7 +16,17 @@ from mavlink.packet import Packet
 from mavlink.positions import LOST_S, Estimate, Fix, Positions
 from mavlink.reception import Reception, Speaker
 from mavlink.refusals import Refusals, Told
-from mavlink.samples import Attitude, GlobalPosition, GpsRaw, Heartbeat, StatusText, SystemTime, TimeSync
+from mavlink.samples import (
+    Attitude,
+    FilterStatus,
+    GlobalPosition,
+    GpsRaw,
+    Heartbeat,
+    SensorHealth,
+    StatusText,
+    SystemTime,
+    TimeSync,
+)
 from mavlink.senders import Senders
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
 from mavlink.texts import Texts
@@ -65,6 +76,7 @@ class Vehicle:
         self._prompt = Speaker(-1, 0, 0), 0  # how and when the last one came that was not delayed
         self._component = 0  # whose positions and attitudes count; 0 until somebody speaks
         self._gps: GpsRaw | None = None
+        self.distress = Distress()
         self._texts = Texts()
         self._changes = Told(_CHANGE_US)
 
@@ -100,6 +112,7 @@ class Vehicle:
             self._prompt = self.reception.speaker, sample.t_us
         self._heartbeat = sample
         self._component = sample.component_id
+        self.distress.take_heartbeat(sample)
         if before is None:
             yield self._notice(sample.t_us, "info", f"{self.kind} {self.system_id} is there, {self.mode}")
         elif not self.contested(sample.t_us):
@@ -119,10 +132,24 @@ class Vehicle:
         elsewhere = (link, peer) != (speaker.link, speaker.peer)
         return not self.reception.prompt and elsewhere and abs(t_us - prompt_us) < LOST_S * 1e6
 
-    def take_gps(self, sample: GpsRaw) -> Iterator[Notice]:
-        """GPS_RAW_INT."""
+    def take_health(self, sample: FilterStatus | SensorHealth) -> tuple[Notice, ...]:
+        """EKF_STATUS_REPORT, ESTIMATOR_STATUS and SYS_STATUS of the autopilot."""
+        if sample.component_id == self._component and not self.reception.late:
+            self.distress.take(sample)
+        return ()
+
+    def doubt(self, t_us: int) -> Doubt | None:
+        """Why its positions may be wrong, by its own word; None without doubt, or without positions."""
+        return self.distress.at(t_us) if self.positions.known and not self.contested(t_us) else None
+
+    def take_gps(self, sample: GpsRaw, frame: LocalFrame | None) -> Iterator[Notice]:
+        """GPS_RAW_INT; ``frame``: the local one, None unknown."""
         if self.reception.late:
             return
+        if frame is not None and sample.component_id == self._component:
+            now_us = self.clock.boot_of(sample.t_us)
+            fix_us = sample.fix_us if abs(sample.fix_us - now_us) < _GPS_FRESH_US else now_us
+            self.distress.take_receiver(sample, position_std(sample, self._params), self.positions.at(fix_us), frame)
         before, self._gps = self._gps, sample
         if before is None or fix_name(before.fix_type) == fix_name(sample.fix_type):
             return
@@ -135,6 +162,8 @@ class Vehicle:
         """STATUSTEXT; pieces of long texts are put together, repetitions within seconds are left out."""
         text = self._texts.take(sample)
         if text:
+            if sample.component_id == self._component:
+                self.distress.take_text(sample, text)
             level: Level = "alarm" if sample.severity <= 3 else "warning" if sample.severity == 4 else "info"
             yield Notice(t_us=sample.t_us, level=level, kind="text", text=text, system_id=self.system_id)
 
@@ -170,6 +199,7 @@ class Vehicle:
             self.attitudes.clear()
             self._times.restart()
         if clock.reboots != reboots:
+            self.distress = Distress()
             return boot_us, (self._notice(sample.t_us, "warning", f"system {self.system_id} has rebooted"),)
         if clock.stray:
             if not clock.late and not self.positions.has(boot_us):
@@ -233,6 +263,7 @@ class Vehicle:
             self.refusals.count("seconds late" if self.clock.late else "of another clock")
             return None, ()
         self.senders.place(boot_us, t_us, fix, speaker)
+        before = self.positions.last
         verdict = self.positions.take(boot_us, fix, (sample.lat_deg, sample.lon_deg))
         if verdict in _REFUSED_VERDICTS:
             self.senders.jump(t_us, speaker, fix, self.positions.last)
@@ -240,9 +271,10 @@ class Vehicle:
         if verdict == "moved":
             self.refusals.reason = ""
             self.senders.moved()
-            return self._evidence(t_us, fix), (
-                self._notice(t_us, "warning", "position jumped and stayed there: accepted"),
-            )
+            gap_m = math.dist(fix[:3], before[1][:3]) if before is not None else 0.0
+            self.distress.take_jump(t_us, gap_m)
+            text = f"position jumped by {gap_m:,.0f} m and stayed there: accepted"
+            return self._evidence(t_us, fix), (self._notice(t_us, "alarm", text),)
         if verdict == "new" or verdict == "standing":
             self.senders.no_jump(t_us, speaker)
             self.refusals.reason = ""
@@ -281,7 +313,7 @@ class Vehicle:
 
     def status(self, t_us: int, estimate: Estimate | None, pose: Pose | None) -> VehicleStatus:
         """One line of the fleet table, for a time and what was estimated for it."""
-        beat, gps, air = self._heartbeat, self._fresh_gps(t_us), self.reception
+        beat, gps, air, doubt = self._heartbeat, self._fresh_gps(t_us), self.reception, self.doubt(t_us)
         return VehicleStatus(
             system_id=self.system_id,
             kind=self.kind,
@@ -314,6 +346,8 @@ class Vehicle:
             round_trip_s=self._times.round_trip_s,
             clock_error_s=self._times.error_s,
             hardware=self.senders.hardware_text,
+            doubted_for=doubt.reason if doubt is not None else "",
+            compass_doubted=self.distress.compass(t_us),
         )
 
     def position_state(self, t_us: int, estimate: Estimate | None) -> PositionState:

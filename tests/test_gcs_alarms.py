@@ -64,6 +64,8 @@ def test_nothing_wrong_nothing_said(watch):
         (changed(2, position_state="never"), "no position 12", "warning"),
         (changed(2, clock_error_s=-1024 * 604800.0), "clock 12", "warning"),
         (changed(2, drift_ppm=900.0), "clock 12", "warning"),
+        (changed(2, doubted_for="GPS glitch"), "doubted 12", "alarm"),
+        (changed(2, compass_doubted=True), "compass 12", "alarm"),
     ],
 )
 def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(watch, rows, key, level):
@@ -84,6 +86,7 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, links=(replace(LINK, silent_s=math.nan),)), "link udpin:0.0.0.0:14550", "alarm"),
         (replace(WELL, video="stalled"), "video", "alarm"),
         (replace(WELL, lag_s=1.5), "lag", "warning"),
+        (replace(WELL, behind_s=2.5), "overload", "alarm"),
         (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
         (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
         (replace(WELL, recording=False), "recording", "alarm"),
@@ -320,10 +323,12 @@ def everything_wrong():
         replace(ROWS[2], heartbeat_age_s=math.inf),
         VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),
         VehicleRow(system_id=14, name="UGV-14", role="ugv", heartbeat_age_s=0.1, position_state="lost"),
-        VehicleRow(system_id=15, name="UGV-15", role="ugv", heartbeat_age_s=0.1),
+        VehicleRow(system_id=15, name="UGV-15", role="ugv", heartbeat_age_s=0.1, compass_doubted=True),
+        VehicleRow(system_id=16, name="UGV-16", role="ugv", heartbeat_age_s=0.1, doubted_for="GPS glitch"),
     )
     health = replace(
-        WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4),), recording=False, write_failing_s=3.0,
+        WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4, flooded=True),), recording=False,
+        write_failing_s=3.0,
         write_reason="No space left on device", write_stalled_s=2.0, write_lost=5, free_bytes=1, ingest_restarts=1,
         ring_dropped=3,
         undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,
@@ -332,7 +337,7 @@ def everything_wrong():
     yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
     garbled = replace(LINK, packets=0, junk_bytes=9, silent_s=math.inf)
     yield replace(BASE, pose="no attitude", health=replace(WELL, links=(garbled,)))
-    yield replace(BASE, health=replace(WELL, lag_s=2.0, keys=0, full_in_s=300.0))
+    yield replace(BASE, health=replace(WELL, lag_s=2.0, behind_s=3.0, keys=0, full_in_s=300.0))
 
 
 def test_the_operators_page_explains_every_alarm():

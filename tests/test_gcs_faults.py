@@ -60,7 +60,8 @@ def picture(index):
 
 def test_the_fleet_goes_on_without_its_detector(fold):
     for index in range(LASTING):
-        fold.take([packet(11, time.time_ns() // 1000)])
+        now_us = time.time_ns() // 1000
+        fold.take([packet(11, now_us)], now_us)
         fold.turn(picture(index))
     assert len(fold.seen) == LASTING and fold.latest.frame == LASTING - 1
     assert fold.latest.vehicles[1].heartbeat_age_s < 5
@@ -73,7 +74,7 @@ def test_one_packet_that_cannot_be_worked_on_costs_nothing_else(fold, monkeypatc
     feed = Pipeline.feed
     monkeypatch.setattr(Pipeline, "feed", lambda self, p: fail("odd") if p.system_id == 12 else feed(self, p))
     now_us = time.time_ns() // 1000
-    fold.take([packet(12, now_us), packet(11, now_us), packet(12, now_us)])
+    fold.take([packet(12, now_us), packet(11, now_us), packet(12, now_us)], now_us)
     fold.turn(None)
     assert fold.latest.vehicles[1].heartbeat_age_s < 5
     assert (fold._faults.count, fold._faults.lasting) == (2, "")
@@ -83,8 +84,25 @@ def test_one_packet_that_cannot_be_worked_on_costs_nothing_else(fold, monkeypatc
 def test_packets_that_wait_for_ever_are_bounded_and_counted(fold):
     batch = [packet(11)] * 1000
     for _ in range(MOST_WAITING // 1000 + 3):
-        fold.take(batch)
+        fold.take(batch, 1_000_000)
     assert fold.pace.pushed_out == 3000
+
+
+def test_telemetry_that_is_taken_in_late_makes_no_vehicle_silent(fold):
+    """As on a machine so busy that what was received and recorded waits for seconds."""
+    now_us = time.time_ns() // 1000
+    fold.take([packet(11, now_us - 6_000_000)], now_us - 5_800_000)
+    fold.turn(None)
+    snapshot = fold.latest
+    assert snapshot.vehicles[1].heartbeat_age_s == pytest.approx(0.2, abs=1e-3)
+    assert snapshot.health.behind_s == pytest.approx(5.8, abs=1.0)
+    assert {alarm.key for alarm in snapshot.alarms} >= {"overload"}
+    assert not any(alarm.key.startswith(("silent", "position")) for alarm in snapshot.alarms)
+    fold.take([], now_us)
+    fold.turn(None)
+    assert fold.latest.vehicles[1].heartbeat_age_s == pytest.approx(6.0, abs=0.1)
+    assert any(alarm.key == "silent 11" for alarm in fold.latest.alarms), "heard for so long, and it said nothing"
+    assert fold.latest.health.behind_s < 2.0
 
 
 def test_a_job_that_works_again_is_well(tmp_path):

@@ -19,6 +19,7 @@ from gcs.heard import Heard
 from gcs.session import open_session
 from gcs.sessionlog import SessionLog
 from mavlink.ingest.last_senders import LastSenders
+from mavlink.link_batch import Batch
 from mavlink.pack import COPTER, Speaker
 from mavlink.packet import Packet
 from mavlink.tlog_writer import TlogWriter
@@ -35,7 +36,7 @@ def noted(folder, packets):
     with TlogWriter(folder / "telemetry.tlog") as writer:
         for packet in packets:
             number = writer.write(packet)
-            for _, system_id in senders.take(packet.link, [packet.raw], [packet.peer]):
+            for _, system_id in senders.take(packet.link, Batch([packet.t_us], [packet.raw], [packet.peer])):
                 address = f"10.0.0.{packet.peer}:1" if packet.link == 0 else ""
                 writer.heard(number, packet.t_us, system_id, packet.link, packet.peer, address, NAMES[packet.link])
     return SessionLog(folder / "telemetry.tlog")

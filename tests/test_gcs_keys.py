@@ -7,6 +7,7 @@ import struct
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ from typer.main import get_command
 from gcs.cli.console import explained
 from gcs.cli.keys import SHORT, app
 from mavlink.keys import FLEET, Key, key_path, passphrase_secret, read_ring, write_key
+from mavlink.packet import Auth
 from mavlink.signing import without_secret
 from mavlink.signing_store import StreamStore
 from mavlink.tlog import TlogWriter
@@ -228,6 +230,26 @@ def test_check_counts_what_a_recording_is_worth(keys, tmp_path):
         ["51", "20", "0", "0", "0", "0", "0", "0"],
     ]
     assert "40 of 141 frames would be believed" in out
+
+
+def test_check_says_where_the_flight_decided_otherwise(keys, tmp_path):
+    folder = tmp_path / "k"
+    write_key(folder, 7, secret_of(7))
+    late, sender = Sender(8, timestamp=NOW - 90 * 100_000), Sender(7)
+    write_key(folder, 8, secret_of(8))
+    with TlogWriter(tmp_path / "telemetry.tlog") as log:
+        for k in range(10):
+            # 7 is good here, and the flight had heard its first three; 8 is held here, and an operator accepted it
+            log.write(replace(sender.packet(t_us=T0 + k * 10_000), auth=Auth.REPLAYED if k < 3 else Auth.GOOD))
+            log.write(replace(late.packet(t_us=T0 + k * 10_000), auth=Auth.GOOD))
+    code, out, err = keys("check", "--keys", folder, "--log", tmp_path / "telemetry.tlog")
+    assert (code, err) == (0, "")
+    assert "10 of 20 frames would be believed" in out
+    assert "system 7: 3 of these were refused in flight, replayed" in out
+    assert "system 8: 10 were believed in flight that are held here" in out
+    # of the same frames in a log of somebody else nothing is said
+    (tmp_path / "telemetry.tlog").rename(tmp_path / "other.tlog")
+    assert "in flight" not in keys("check", "--keys", folder, "--log", tmp_path / "other.tlog")[1]
 
 
 def test_nothing_that_a_flight_writes_holds_a_key(tmp_path):

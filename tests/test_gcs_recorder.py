@@ -60,7 +60,13 @@ def fly(recorder, frames):
         recorder.detections(frame, boxes(frame))
         recorder.fold(
             Fold(
-                frame=frame, t_us=T0 + 100_000 * frame, records=frame + 1, record_us=T0 + frame, boxes=2, size=(64, 48)
+                frame=frame,
+                t_us=T0 + 100_000 * frame,
+                records=frame + 1,
+                record_us=T0 + frame,
+                heard_us=0,
+                boxes=2,
+                size=(64, 48),
             )
         )
         recorder.unfolded(frame, 1)

@@ -348,6 +348,20 @@ def test_a_recording_played_from_elsewhere_is_told_as_one_however_slowly_the_cou
     assert (status.replayed, status.bad_signature, status.signs) == (10, 10, False)
 
 
+def test_a_recording_played_at_the_start_of_a_flight_is_told_by_the_vehicles_own_clock():
+    """What newer packets say is three seconds old, and the counter has hardly moved in twenty minutes."""
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    beats = [speaker.heartbeat() for _ in range(40)]
+    recording = [speaker.attitude(k * 500, 0.0, 0.0, 0.1) for k in range(40)]
+    for k in range(30):
+        fleet.feed(Packet(T0 + k * S // 10, speaker.attitude(1_200_000 + k * 100, 0.0, 0.0, 0.1), 0, 1, Auth.GOOD))
+    played = [raw for pair in zip(recording, beats, strict=True) for raw in pair]
+    told = [n for k, raw in enumerate(played) for n in fleet.feed(Packet(T0 + 3 * S + k, raw, 0, 2, Auth.REPLAYED))]
+    assert [notice.level for notice in told] == ["alarm"]
+    assert "a recording made at least 20 min ago is played (link 0 address 2)" in told[0].text
+    assert fleet.at(T0 + 3 * S).vehicles[1].replayed == 80
+
+
 @pytest.mark.parametrize("late_s", [1, 5, 10])
 @pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
 def test_a_slower_second_link_is_no_recording(late_s, per_s):

@@ -90,6 +90,24 @@ def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp
     assert recorded(tmp_path) == frames
 
 
+def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender):
+    """What came meanwhile is not known yet, so nobody may be called silent for it."""
+    ingest, port = started()
+    sender.sendto(some_frames(1)[0], (HOST, port))
+    packet, *_ = wait_for(ingest, 1)
+
+    def heard_us():
+        ingest.read(0.06)
+        return ingest.heard_us
+
+    assert until(lambda: heard_us() > packet.t_us) and until(lambda: heard_us() > time.time() * 1e6 - 400_000)
+    os.kill(ingest.pid, signal.SIGSTOP)
+    stopped_us = time.time() * 1e6
+    for _ in range(5):
+        assert heard_us() <= stopped_us
+    assert until(lambda: heard_us() > stopped_us + 500_000), "another process takes over"
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="looks for processes in /proc")
 def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path):
     port = free_port()

@@ -15,10 +15,8 @@ from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, LinkReport
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.shared import Shared, Word, make_memory
-from mavlink.link_batch import is_one_frame, looks_like_one_frame
-from mavlink.link_filter import attach, detach, program
-from mavlink.link_gate import LIKELY_PER_S, OTHER_PER_S, Gate
-from mavlink.link_peers import BAD_A_LOOK, NUMBERED, TRUSTED, Peers, key_of
+from mavlink.link_batch import MIXED, is_one_frame, looks_like_one_frame
+from mavlink.link_gate import STRANGERS, Limit
 from mavlink.link_stream import Backoff
 from mavlink.link_tally import LinkCounts
 from mavlink.link_udp import UdpIn
@@ -70,157 +68,6 @@ def test_the_short_check_takes_whole_frames():
     too_long = bytearray(Speaker(7).heartbeat())
     too_long[1] = DEFINITIONS[0][0] + 1
     assert not is_one_frame(bytes(too_long))
-
-
-# ---- peers
-
-
-def test_a_key_is_the_kernels_own_spelling_of_an_address():
-    peers = Peers()
-    number = peers.number(key_of(("192.0.2.7", 14551)))
-    peers.trust({number}, 1)
-    assert number == 1 and peers.number(key_of(("192.0.2.7", 14551))) == 1
-    assert peers.addresses() == {1: ("192.0.2.7", 14551)}
-    assert peers.senders() == [(0xC0000207, 14551)]
-
-
-def test_a_crowd_of_strangers_pushes_out_its_own():
-    peers = Peers()
-    fleet = [peers.number(k) for k in range(100)]
-    for t_us in range(10):
-        peers.trust(set(fleet), t_us)
-        peers.review(t_us)
-    for k in range(3 * NUMBERED):
-        peers.trust({peers.number(1000 + k)}, 100)
-    assert len(peers.trusted) <= TRUSTED and len(peers.numbers) <= NUMBERED
-    assert all(number in peers.trusted for number in fleet)
-    assert [peers.number(k) for k in range(100)] == fleet
-    peers.addresses()
-
-
-def test_trust_ends_with_silence_and_with_junk():
-    peers = Peers()
-    quiet, noisy, good = (peers.number(k) for k in range(3))
-    peers.trust({quiet, noisy, good}, 0)
-    peers.review(1)
-    peers.trust({noisy, good}, 59_000_000)
-    peers.review(59_000_000)
-    for _ in range(BAD_A_LOOK):
-        peers.misbehaved(noisy)
-    peers.misbehaved(good)
-    changes = peers.changes
-    peers.review(61_000_000)
-    assert list(peers.trusted) == [good] and peers.changes > changes
-    peers.trust({noisy, quiet}, 62_000_000)
-    assert set(peers.trusted) == {good, quiet}  # one good frame does not buy a new flood
-    peers.review(80_000_000)
-    peers.trust({noisy}, 80_000_000)
-    assert noisy in peers.trusted
-
-
-# ---- the filter in the kernel
-
-
-@LINUX
-@pytest.mark.parametrize("others", [0, 300])
-def test_the_filter_knows_senders_and_what_looks_like_a_frame(others):
-    frames = {
-        "v2": Speaker(1).heartbeat(),
-        "signed": Speaker(1, key=KEY).heartbeat(),
-        "v1": Speaker(1, version=1).heartbeat(),
-    }
-    junk = [b"", b"\xfd", b"\xfd\xff\x00", b"\xfd\xff\x01", b"x" * 100, frames["v2"][:-1], frames["v1"] + b"\0"]
-    strange_flag = bytearray(frames["v2"])
-    strange_flag[2] = 2
-    junk.append(bytes(strange_flag))
-    crowd = [(0x7F000001, 1 + k) for k in range(others)] + [(0x0A000000 + k, 5) for k in range(others)]
-    with udp() as here, udp() as known, udp() as stranger:
-        to = here.getsockname()
-        address = (0x7F000001, known.getsockname()[1])
-        for likely, other in [(1.0, 0.0), (0.0, 1.0), (0.0, 0.0)]:
-            attach(here, program([*crowd, address], likely, other))
-            for data in [*frames.values(), *junk]:
-                stranger.sendto(data, to)
-            expected = list(frames.values()) * bool(likely) + junk * bool(other)
-            assert arrived(here) == expected
-            for data in [*frames.values(), *junk]:
-                known.sendto(data, to)
-            assert arrived(here) == [*frames.values(), *junk]
-        detach(here)
-        detach(here)
-        stranger.sendto(b"anybody", to)
-        assert arrived(here) == [b"anybody"]
-
-
-@LINUX
-def test_a_share_of_strangers_passes_at_random():
-    with udp() as here, udp() as stranger:
-        here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
-        attach(here, program([], 1.0, 0.25))
-        for _ in range(2000):
-            stranger.sendto(b"x", here.getsockname())
-        assert 380 < len(arrived(here)) < 620  # six sigma
-
-
-def test_a_program_that_the_kernel_would_not_take_is_refused():
-    with pytest.raises(ValueError, match="4096"):
-        program([(k, 1) for k in range(5000)], 1.0, 1.0)
-
-
-# ---- the gate
-
-
-@LINUX
-def test_the_gate_narrows_under_a_flood_and_opens_again():
-    with udp() as here:
-        gate = Gate(here)
-        assert not gate.strangers(10, 10, 0.0) and not gate.narrow
-        gate.adapt(0.1, list, 0)
-        assert gate.shares == (1.0, 1.0)
-        assert gate.strangers(int(LIKELY_PER_S), int(OTHER_PER_S), 0.15)
-        gate.adapt(0.2, list, 0)
-        assert gate.narrow and max(gate.shares) < 0.2 and min(gate.shares) > 0.0
-        now_s = 0.2
-        for _ in range(40):
-            now_s += 0.1
-            gate.adapt(now_s, list, 0)
-        assert gate.shares == (1.0, 1.0) and not gate.narrow
-
-
-@LINUX
-def test_the_share_finds_the_rate_that_is_wanted():
-    with udp() as here:
-        gate, now_s, offered = Gate(here), 0.0, 100_000.0
-        for _ in range(50):
-            now_s += 0.1
-            let_in = [int(offered * share * 0.1) for share in gate.shares]
-            gate.strangers(*let_in, now_s)
-            gate.adapt(now_s, list, 0)
-        assert gate.shares[0] * offered == pytest.approx(LIKELY_PER_S, rel=0.3)
-        assert gate.shares[1] * offered == pytest.approx(OTHER_PER_S, rel=0.3)
-
-
-@LINUX
-def test_a_gate_that_cannot_work_lets_everybody_in():
-    with udp() as here, udp() as stranger:
-        gate = Gate(here)
-        gate.strangers(100_000, 100_000, 0.0)
-        gate.adapt(0.1, lambda: [(k, 1) for k in range(5000)], 1)  # more than the kernel takes
-        assert gate.broken and not gate.narrow
-        stranger.sendto(b"x", here.getsockname())
-        assert arrived(here) == [b"x"]
-
-
-@LINUX
-def test_what_is_turned_away_is_not_called_lost():
-    with udp() as here, udp() as stranger:
-        gate = Gate(here)
-        gate.strangers(0, 1_000_000, 0.0)
-        gate.adapt(0.1, list, 0)
-        for _ in range(500):
-            stranger.sendto(b"junk", here.getsockname())
-        gate.count_drops()
-        assert gate.turned_away > 400 and gate.dropped == 0
 
 
 # ---- links
@@ -330,7 +177,15 @@ def test_plan_and_health_survive_the_way_between_processes():
         outputs=Outputs(urls=("udpout:127.0.0.1:1?ro",), own=255),
     )
     assert Plan.from_text(plan.to_text()) == plan
-    health = IngestHealth(links=(LinkReport(name="a", counts=LinkCounts(packets=3, dropped=1)),), troubles=("no",))
+    report = LinkReport(
+        name="a",
+        counts=LinkCounts(packets=3, dropped=1),
+        addresses=((1, HOST, 5),),
+        claims=((1, 11), (1, 12)),
+        mixed=(1,),
+        limits=(STRANGE,),
+    )
+    health = IngestHealth(links=(report,), troubles=("no",))
     again = IngestHealth.from_json(health.to_json())
     assert again.links == health.links and again.troubles == ("no",)
     total = again.plus((LinkCounts(packets=4, dropped=2, silent_s=9.0),)).links[0].counts
@@ -355,20 +210,51 @@ def test_arrival_is_the_kernels():
 # ---- what is told
 
 
+STRANGE = Limit(address="10.0.0.9:5 and 299 more addresses", system_id=STRANGERS, wanted_per_s=57_312.0, turned_away=7)
+
+
 def test_each_change_is_told_once():
     changes = Changes()
     link = LinkReport(name="udp", counts=LinkCounts())
     assert changes.of(IngestHealth(links=(link,))) == []
-    lost = replace(link, counts=LinkCounts(dropped=3), narrow=True)
+    lost = replace(link, counts=LinkCounts(dropped=3), limits=(STRANGE,))
     told = changes.of(IngestHealth(links=(lost,), overrun=7, troubles=("no key",)))
     assert [level for level, _ in told] == ["alarm", "alarm", "alarm", "warning"]
-    assert "strangers flood" in told[0][1] and "3 datagrams were lost" in told[1][1] and told[3][1] == "no key"
-    assert changes.of(IngestHealth(links=(lost,), overrun=7, troubles=("no key",))) == []
-    over = replace(link, counts=LinkCounts(dropped=4, turned_away=1500), connected=False)
+    assert told[0][1] == (
+        "udp: strangers flood this port, 57,000 datagrams/s from 10.0.0.9:5 and 299 more addresses; "
+        "only few of them are let in"
+    )
+    assert "3 datagrams were lost" in told[1][1] and told[3][1] == "no key"
+    more = replace(lost, limits=(replace(STRANGE, address="10.0.0.8:5", turned_away=1500),))
+    assert changes.of(IngestHealth(links=(more,), overrun=7, troubles=("no key",))) == []
+    over = replace(link, counts=LinkCounts(dropped=4), connected=False)
     told = changes.of(IngestHealth(links=(over,), overrun=15))
-    assert told[0] == ("alarm", "udp: lost, trying on") and "1,500 datagrams of strangers" in told[1][1]
+    assert told[0] == ("alarm", "udp: lost, trying on") and "about 1,500 datagrams of strangers" in told[1][1]
     assert "15 packets were recorded and not shown" in told[2][1] and len(told) == 3
     assert changes.of(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [("info", "udp: back")]
+
+
+def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end():
+    changes = Changes()
+    first = Limit(address="10.0.0.7:5", system_id=11, wanted_per_s=60_123.0, turned_away=1)
+    router = Limit(address="10.0.0.7:5", system_id=MIXED, wanted_per_s=9000.0, turned_away=1)
+    link = LinkReport(name="udp", counts=LinkCounts(), limits=(first,))
+    assert changes.of(IngestHealth(links=(link,))) == [
+        (
+            "alarm",
+            "udp: 10.0.0.7:5 as system 11 floods this port, 60,000 datagrams/s, or somebody forges them; "
+            "only some are let in",
+        )
+    ]
+    both = replace(link, limits=(replace(first, turned_away=4321), router))
+    (told,) = changes.of(IngestHealth(links=(both,)))
+    assert "10.0.0.7:5 in datagrams of several frames floods" in told[1]
+    assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
+        ("info", "udp: 10.0.0.7:5 as system 11 is let in whole again; about 4,321 datagrams were turned away")
+    ]
+    crowd = tuple(replace(first, address=f"10.0.0.7:{k}") for k in range(300))
+    told = changes.of(IngestHealth(links=(replace(link, limits=crowd),)))
+    assert [level for level, _ in told] == ["alarm"] * 6 + ["info"] and told[5][1] == "295 more such senders"
 
 
 def test_a_connection_that_is_being_made_is_not_lost_and_one_that_flaps_is_told_now_and_then():

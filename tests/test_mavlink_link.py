@@ -282,7 +282,8 @@ def test_what_the_system_drops_is_counted(listener, sender):
         packets += more
     sender.sendto(frame, (HOST, listener.port))
     packets += wait_for(listener, 1)
-    assert len(packets) + listener.counts.dropped == sent + 1
+    # so much at once is a flood: of what comes next not all is let in
+    assert len(packets) + listener.counts.dropped + listener.counts.turned_away == sent + 1
     assert listener.counts.dropped > 0
 
 

@@ -12,7 +12,7 @@ from mavlink.keys import SigningError, write_key
 from mavlink.packet import Auth, Packet
 from mavlink.signing import Verifier
 from mavlink.signing_store import SLOTS, StreamStore, open_verifier
-from mavlink.signing_streams import AHEAD, SECOND, Row, Streams, ticks_of
+from mavlink.signing_streams import AHEAD, MOST_STREAMS, SECOND, Row, Streams, ticks_of
 from tests.signed_frames import Sender, ring_of, secret_of
 
 
@@ -300,16 +300,35 @@ def test_a_row_that_was_cut_short_by_the_kill_costs_one_frame_at_most(tmp_path, 
     store = StreamStore(tmp_path, period_s=30)
     now = ticks_of(now_us())
     for k in range(10):
-        assert store.streams.admit(7, 1, 0, now + k, now) is Auth.GOOD
+        assert store.streams.admit(7, 1, 0, now + k, now + 2 * k * SECOND) is Auth.GOOD
     path = store._journal.path
     before = path.read_bytes()
-    assert store.streams.admit(7, 1, 0, now + 10, now) is Auth.GOOD
+    assert store.streams.admit(7, 1, 0, now + 10, now + 20 * SECOND) is Auth.GOOD
     after = path.read_bytes()
-    first = next(k for k in range(len(after)) if before[k] != after[k]) // 32 * 32
+    rows_at = 64 + MOST_STREAMS * 8
+    first = next(k for k in range(rows_at, len(after)) if before[k] != after[k]) // 32 * 32
     abandon(store)
     path.write_bytes(before[:first] + after[first : first + torn] + before[first + torn :])
     again = StreamStore(tmp_path, period_s=30)
     assert again.streams.newest(7, 1, 0) in (now + 9, now + 10)
+    again.close()
+
+
+def test_a_journal_from_before_the_computer_was_started_is_not_trusted_to_be_the_newest(tmp_path):
+    store = StreamStore(tmp_path, period_s=30)
+    now = ticks_of(now_us())
+    assert store.streams.admit(7, 1, 0, now, now) is Auth.GOOD
+    store._save(ended=False)
+    path = store._journal.path
+    abandon(store)
+    content = bytearray(path.read_bytes())
+    content[8:16] = b"00000000"  # another start's mark
+    path.write_bytes(content)
+    again = StreamStore(tmp_path, period_s=30)
+    # frames of the last second may be missing in what was saved
+    assert again.streams.admit(7, 1, 0, now + SECOND, now + SECOND) is Auth.HELD
+    later = ticks_of(now_us()) + 3 * SECOND
+    assert again.streams.admit(7, 1, 0, later, later) is Auth.GOOD
     again.close()
 
 

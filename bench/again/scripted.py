@@ -184,7 +184,7 @@ class _Flight:
 
     def turn(self, frame: Frame | None) -> None:
         """One of the fold."""
-        self.fold.take(self.memory.take())
+        self.fold.take(self.memory.take(), self.wall_us())
         self.fold.turn(frame)
 
     def close(self) -> Path:

@@ -15,6 +15,7 @@ import argparse
 import os
 import shlex
 import shutil
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -99,17 +100,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{', '.join(sorted(unknown))}: no such attack; --list names them", file=sys.stderr)
         return 2
     options = _options(chosen)
+    # as Ctrl-C: what was started is ended, what was mounted or frozen is set free
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     rows: list[Row] = []
     try:
         for name in chosen.names or ATTACKS:
             rows += _play(name, options)
+            if chosen.rows:
+                write_rows(chosen.rows, rows)
     finally:
         if chosen.keep:
             print(f"sessions in {options.folder}", file=sys.stderr)
         else:
             shutil.rmtree(options.folder, ignore_errors=True)
-    if chosen.rows:
-        write_rows(chosen.rows, rows)
     text = page(rows, "Attacks", _words(chosen), read_rows(chosen.before) if chosen.before else ())
     if chosen.out:
         chosen.out.write_text(text, encoding="utf-8")
@@ -118,9 +121,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 WORDS = """
-`python -m bench.attacks{words}`: attacks played from outside against a real `gcs fly --headless`. Packets are written
-with pymavlink; what was recorded is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed
-is what the station under test makes of its own recording, looked at five times a second.
+`python -m bench.attacks{words}`
+
+Attacks played from outside against a real `gcs fly --headless`. Packets are written with pymavlink; what was recorded
+is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed is what the station under test
+makes of its own recording, looked at five times a second.
 
 "Lost" are packets of true vehicles that are not in the log or, with keys, were refused. "Recorded" are those of the
 attacker. "False believed" is for how long a false place was used after it could be known to be false, "alarm after" is

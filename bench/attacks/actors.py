@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from bench.attacks.stage import TRUE, Line, Party, Send
 from bench.attacks.wire import AUTOPILOT, COPTER, ROVER, Voice
 
-__all__ = ["FULL", "HOME", "UAV_ID", "Body", "lines_of", "place_of", "rover", "uav"]
+__all__ = ["DATED", "FULL", "HOME", "UAV_ID", "Body", "lines_of", "place_of", "rover", "uav"]
 
 HOME = (47.0, 8.0)
 """Latitude and longitude of the UAV, which hovers: all places are told relative to it."""
@@ -18,7 +19,9 @@ METRES_A_DEGREE = 111_194.9
 """Of a sphere of 6,371 km: within half a per cent of WGS 84, and the same for all."""
 UAV_ID = 1
 FULL = ("beat", "position", "attitude", "gps", "status")
-RATES_HZ = {"beat": 1.0, "position": 5.0, "attitude": 5.0, "gps": 2.0, "status": 1.0}
+DATED = (*FULL, "time")
+"""With the date, as real autopilots send it: two of them give two senders away, so attackers do without."""
+RATES_HZ = {"beat": 1.0, "position": 5.0, "attitude": 5.0, "gps": 2.0, "status": 1.0, "time": 1.0}
 UAV_RATES_HZ = RATES_HZ | {"position": 10.0, "attitude": 30.0}
 """As docs/operations.md asks for."""
 
@@ -38,6 +41,8 @@ class Body:
     """Its clock when the stage begins; as a number that stands for a clock set anew it may be negative."""
     height_m: float = 0.0
     home: tuple[float, float] = HOME
+    date_s: float = 0.0
+    """By how much its date is ahead of the time."""
 
     def moved(self, east_m: float, north_m: float = 0.0) -> Body:
         """The same elsewhere."""
@@ -131,6 +136,7 @@ def lines_of(
         "attitude": lambda t: voice.attitude(body.boot_ms(t), yaw(t)),
         "gps": lambda t: voice.gps(body.boot_ms(t), place_of(body, t)),
         "status": lambda t: voice.status(),
+        "time": lambda t: voice.time(round((time.time() + body.date_s - delay_s) * 1e3) * 1000, body.boot_ms(t)),
     }
 
     def line(k: int, name: str) -> Line:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import json
 import random
+import subprocess
+import sys
 from dataclasses import dataclass, replace
 
-from bench.attacks.actors import Body, lines_of, rover, uav
-from bench.attacks.records import first_told
+from bench.attacks.actors import DATED, Body, lines_of, rover, uav
+from bench.attacks.records import first_told, frames, sender_of, told
 from bench.attacks.report import Row
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, Door, Line, Send
+from bench.attacks.stage import FALSE, Door, Line, Send, Sent
+from bench.attacks.station import Station, mission_text
 from bench.attacks.takeover import CONTEST
 from bench.attacks.wire import Voice
+from bench.ports import free_port
 
 __all__ = ["duplicates", "jammed", "late_links"]
 
@@ -40,6 +45,7 @@ class Twin:
 
 
 NAN = float("nan")
+TWO_SENDERS = r"two senders|several senders|contest"
 TWINS = (
     Twin(clock_s=0.0, apart_m=245.0),
     Twin(clock_s=-58.0, apart_m=245.0),
@@ -73,12 +79,36 @@ def duplicates(options: Options) -> list[Row]:
         return found
 
     flown = fly(options, "duplicates", list(ids), lines, 15.0 if options.quick else 25.0)
-    return [_judge_twin(flown, system_id, twin) for system_id, twin in ids.items()]
+    return [*(_judge_twin(flown, system_id, twin) for system_id, twin in ids.items()), _documented(options)]
+
+
+def _documented(options: Options) -> Row:
+    """The fleet with an impostor that docs/operations.md shows: both speak from the start."""
+    port, system_id = free_port(), 13
+    words = [sys.executable, "-m", "sim.fleet_process", "--vehicles", "8", "--duplicate", str(system_id)]
+    ids = range(11, 18)
+    station = Station(options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"])
+    try:
+        done = subprocess.run(
+            [*words, "--to", f"127.0.0.1:{port}", "--duration", "10"], capture_output=True, text=True, check=True,
+            timeout=60.0,
+        )  # fmt: skip
+    finally:
+        station.end()
+    packets: dict[str, int] = json.loads(done.stdout)["packets"]
+    sent, false = packets[str(system_id)], packets[f"impostor {system_id}"]
+    times_us = [t_us for t_us, raw in frames(station.session) if sender_of(raw) == system_id]
+    alarm = first_told(told(station.session, Sent(start_us=times_us[0])), TWO_SENDERS, system_id)
+    return Row(
+        attack="duplicates", case="the fleet of docs/operations.md", sent=sent, lost=sent + false - len(times_us),
+        false_sent=false, false_recorded=min(false, len(times_us)), alarm_s=alarm.t_s if alarm else NAN,
+        held=alarm is not None and alarm.t_s <= PROMISE_S + SLACK_S, note="" if alarm else "no alarm",
+    )  # fmt: skip
 
 
 def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> Row:
     begin_s = flown.sent.first_s[FALSE, system_id]
-    alarm = first_told(flown.told, r"two senders|several senders|contest", system_id)
+    alarm = first_told(flown.told, TWO_SENDERS, system_id)
     after_s = alarm.t_s - begin_s if alarm else NAN
     true = rover(system_id, boot_s=300.0)
     since_s = begin_s + PROMISE_S + SLACK_S
@@ -151,13 +181,13 @@ def late_links(options: Options) -> list[Row]:
             body, second = rover(system_id), other()
             if link.copied:
                 echo = Echo(door(), link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
-                found += lines_of(body, Voice(system_id), echo.send)
+                found += lines_of(body, Voice(system_id), echo.send, says=DATED)
                 found.append(Line(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
             else:
-                found += lines_of(body, Voice(system_id), door())
+                found += lines_of(body, Voice(system_id), door(), says=DATED)
                 found += lines_of(
-                    body, Voice(system_id), second, FALSE, start_s=link.delay_s, delay_s=link.delay_s
-                )  # fmt: skip
+                    body, Voice(system_id), second, FALSE, says=DATED, start_s=link.delay_s, delay_s=link.delay_s
+                )
         return found
 
     flown = fly(options, "late-links", list(ids), lines, 18.0 if options.quick else 60.0, ports=2)

@@ -7,11 +7,12 @@ import random
 from collections.abc import Callable, Sequence
 
 from bench.attacks.actors import lines_of, rover, uav
+from bench.attacks.flooder import Flood
 from bench.attacks.records import first_told
 from bench.attacks.report import Row
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import FALSE, TRUE, Door, Line
-from bench.attacks.station import key_of, write_keys
+from bench.attacks.stage import FALSE, TRUE, Door, Line, Party, Stage
+from bench.attacks.station import Station, key_of, write_keys
 from bench.attacks.wire import Voice, ticks_now
 
 __all__ = ["known_id", "spoofed_junk"]
@@ -20,9 +21,10 @@ STRANGER = 0
 """System id of a party that has none."""
 BEGIN_S = 4.0
 """The vehicles are known by then."""
-TICK_HZ = 200.0
-FLOOD_HZ, JUNK_HZ, PADDING_HZ = 15_000.0, 2_000.0, 200.0
-KNOWN_HZ, FLEET_HZ = 15_000.0, 2_400.0
+FLOOD_HZ, JUNK_HZ, PADDING_HZ = 30_000.0, 2_000.0, 200.0
+KNOWN_HZ, FLEET_HZ = 60_000.0, 2_400.0
+WITHOUT_END = 1 << 40
+"""As often may be recorded what a flood sends."""
 FLEET = 20
 PORTS = 300
 FLOODED = r"flood|too many|limit|barred|turned away|more than"
@@ -43,13 +45,6 @@ def _words_of(size: int) -> Callable[[float], list[bytes]]:
     return lambda t_s: [rng.randbytes(size)]
 
 
-def _in_turn(datagrams: Sequence[bytes], rate_hz: float) -> Callable[[float], list[bytes]]:
-    """The same datagrams round and round, so many at each tick that the rate comes out."""
-    ring = itertools.cycle(datagrams)
-    each = max(round(rate_hz / TICK_HZ), 1)
-    return lambda t_s: list(itertools.islice(ring, each))
-
-
 def _junk() -> list[bytes]:
     """Mostly frames with a wrong checksum, which nobody can tell from good ones before they are read."""
     rng = random.Random(7)
@@ -60,6 +55,34 @@ def _junk() -> list[bytes]:
 
 def _lost(flown: Flown, ids: Sequence[int]) -> int:
     return sum(flown.sent.count[TRUE, i] - flown.recorded[TRUE, i] for i in ids)
+
+
+def _flooded(
+    options: Options,
+    name: str,
+    ids: Sequence[int],
+    lines: Callable[..., list[Line]],
+    party: Party,
+    rate_hz: float,
+    senders: int,
+    datagrams: Sequence[bytes],
+    keys: str = "none",
+) -> Flown:
+    """A flight with a flood from :data:`BEGIN_S` until just before its end."""
+    length_s = 12.0 if options.quick else 20.0
+
+    def during(station: Station, stage: Stage) -> None:
+        stage.wait(BEGIN_S)
+        for raw in datagrams:
+            stage.sent.owners[raw][party] = WITHOUT_END
+        flood = Flood(station.ports[0], rate_hz * options.rate, senders, datagrams)
+        stage.sent.first_s[party] = stage.now_s
+        try:
+            stage.wait(length_s - 1.0)
+        finally:
+            stage.sent.count[party] = flood.end()
+
+    return fly(options, name, ids, lines, length_s, keys=keys, during=during)
 
 
 def spoofed_junk(options: Options) -> list[Row]:
@@ -85,11 +108,11 @@ def _spoofed(options: Options, signed: bool) -> Row:
                     Line(party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ,
                          start_s=BEGIN_S)
                 )  # fmt: skip
-        flood = Line(party=(FALSE, STRANGER), make=_in_turn(_junk(), FLOOD_HZ * options.rate), send=door(),
-                     rate_hz=TICK_HZ, start_s=BEGIN_S)  # fmt: skip
-        return [*found, flood]
+        return found
 
-    flown = fly(options, f"junk-{signed}", ids, lines, 12.0 if options.quick else 16.0, keys=str(keys))
+    flown = _flooded(
+        options, f"junk-{signed}", ids, lines, (FALSE, STRANGER), FLOOD_HZ, 1, _junk(), keys=str(keys)
+    )  # fmt: skip
     others = _lost(flown, ids[1:])
     silent = first_told(flown.told, "no heartbeat")
     limited = first_told(flown.told, FLOODED)
@@ -99,7 +122,7 @@ def _spoofed(options: Options, signed: bool) -> Row:
     return Row(
         attack="spoofed junk", case="with keys" if signed else "without keys",
         **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, STRANGER]},
-        alarm_s=limited.t_s - BEGIN_S if limited else float("nan"),
+        alarm_s=max(limited.t_s - flown.sent.first_s[FALSE, STRANGER], 0.0) if limited else float("nan"),
         held=not counts["lost"] and not others and silent is None, note="; ".join(notes),
     )  # fmt: skip
 
@@ -121,25 +144,23 @@ def _known(options: Options, ports: int) -> Row:
                 Line(party=(TRUE, system_id), make=_padding(voice), send=send,
                      rate_hz=FLEET_HZ * options.rate / len(ids))
             )  # fmt: skip
-        false = Voice(ids[0])
-        frames = [false.parameter(-1.0 - k) for k in range(256)]
-        senders = itertools.cycle([door() for _ in range(ports)])
-        flood = Line(party=(FALSE, ids[0]), make=_in_turn(frames, KNOWN_HZ * options.rate),
-                     send=lambda raw: next(senders)(raw), rate_hz=TICK_HZ, start_s=BEGIN_S)  # fmt: skip
-        return [*found, flood]
+        return found
 
-    flown = fly(options, f"known-id-{ports}", ids, lines, 14.0 if options.quick else 24.0)
+    false = Voice(ids[0])
+    frames = [false.parameter(-1.0 - k) for k in range(256)]
+    flown = _flooded(options, f"known-id-{ports}", ids, lines, (FALSE, ids[0]), KNOWN_HZ, ports, frames)
     others = _lost(flown, ids[1:])
     counts = flown.counts(ids[0])
     share = 1.0 - counts["lost"] / max(counts["sent"], 1)
     alarm = first_told(flown.told, FLOODED, since_s=BEGIN_S)
     over = [event for event in flown.told if "over" in event.text and "flood" in event.text]
-    early = [event for event in over if event.t_s < flown.flown_s - 1.0]
+    early = [event for event in over if event.t_s < flown.flown_s - 1.5]
     notes = [f"{others} of the {len(ids) - 1} others lost", f"{share:.0%} of the imitated one kept"]
     notes += [] if alarm else ["no alarm"]
     notes += [f"said to be over after {early[0].t_s - BEGIN_S:.0f} s"] if early else []
     notes += [f"sender {flown.sent.late_s:.1f} s late"] if flown.sent.late_s > 0.5 else []
-    told_s = alarm.t_s - BEGIN_S if alarm else float("nan")
+    begun_s = flown.sent.first_s[FALSE, ids[0]]
+    told_s = alarm.t_s - begun_s if alarm else float("nan")
     return Row(
         attack="flood of a known id", case=f"from {ports} ports" if ports > 1 else "from one port", **counts,
         alarm_s=told_s, held=not others and share >= FAIR and told_s <= TOLD_S and not early, note="; ".join(notes),

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from bench.attacks.actors import lines_of, rover, uav
+from bench.attacks.actors import DATED, lines_of, rover, uav
 from bench.attacks.records import Told, frames, sender_of, told
 from bench.attacks.report import Row
 from bench.attacks.run import Flown, Options, fly
@@ -34,9 +34,9 @@ def healthy_fleet(options: Options) -> list[Row]:
     """Innocent: a UAV and twelve vehicles that do nothing wrong, for --minutes."""
 
     def lines(door: Door) -> list[Line]:
-        found = lines_of(uav(), Voice(1), door())
+        found = lines_of(uav(), Voice(1), door(), says=DATED)
         for system_id in FLEET:
-            found += lines_of(rover(system_id), Voice(system_id), door())
+            found += lines_of(rover(system_id), Voice(system_id), door(), says=DATED)
         return found
 
     flown: Flown = fly(options, "quiet", FLEET, lines, 60.0 * (0.25 if options.quick else options.minutes))

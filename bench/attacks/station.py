@@ -58,6 +58,7 @@ class Station:
 
     Attributes:
         pid: of the flight.
+        ports: that it listens on.
         session: folder of its recording.
         start_s: how long the start took.
 
@@ -89,6 +90,7 @@ class Station:
                 words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=os.environ | home
             )
         self.pid = self._process.pid
+        self.ports = tuple(int(link.rpartition(":")[2]) for link in links if link.startswith(("udp", "tcp")))
         try:
             self.session = self._wait_for_session(began_s + patience_s)
         except BaseException:

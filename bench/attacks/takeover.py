@@ -164,7 +164,8 @@ def _one(options: Options, name: str) -> Row:
         attack="first position", case=name, sent=sum(sent[party] for party in true),
         lost=sum(sent[party] - found[party] for party in true), false_sent=sent[FALSE, 1],
         false_recorded=found[FALSE, 1], believed_s=wrong / 5.0 / len(vehicles),
-        alarm_s=told[0].t_s - SPEAKS_S if told else math.nan, held=not wrong and right > 0 and bool(told), note=note,
+        alarm_s=max(told[0].t_s - SPEAKS_S, 0.0) if told else math.nan,
+        held=not wrong and right > 0 and bool(told), note=note,
     )  # fmt: skip
 
 

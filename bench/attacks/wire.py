@@ -117,6 +117,10 @@ class Voice:
             dialect.MAVLink_sys_status_message(sensors, sensors, sensors, 300, 12_100, 900, 80, 0, 0, 0, 0, 0, 0)
         )
 
+    def time(self, unix_us: int, boot_ms: int) -> bytes:
+        """SYSTEM_TIME."""
+        return self.pack(dialect.MAVLink_system_time_message(unix_us, boot_ms))
+
     def text(self, severity: int, text: str) -> bytes:
         return self.pack(dialect.MAVLink_statustext_message(severity, text.encode()))
 

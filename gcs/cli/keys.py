@@ -16,8 +16,10 @@ import typer
 from gcs.cli.console import note, say
 from gcs.config import user_keys
 from gcs.errors import ConfigError
+from gcs.sessionlog import RECORDED, SessionLog
 from mavlink.keys import FLEET, KEY_LENGTH, KeyRing, SigningError, key_path, passphrase_secret, read_ring, write_key
 from mavlink.packet import Auth
+from mavlink.segments import segments
 from mavlink.signing import RADIO_STATUS, Verifier
 from mavlink.tlog import Tlog
 
@@ -26,6 +28,7 @@ __all__ = ["app"]
 app = typer.Typer(help="Make, list and check the keys that vehicles sign with.", no_args_is_help=True,
                   add_completion=False, rich_markup_mode=None)  # fmt: skip
 SHORT = 16
+REFUSED = "refused.csv"
 _Who = Annotated[str, typer.Argument(help="System id of the vehicle, 1 to 255, or fleet: all without their own.")]
 _Folder = Annotated[
     Path | None, typer.Option("--keys", help="Folder of the keys; else ~/.config/rollcall/keys.", show_default=False)
@@ -105,16 +108,40 @@ def check(
     checker = Verifier(ring, steady_ns=lambda: 0)
     for path in log or []:
         say("")
-        say(*log_lines(path, verdicts(checker, path)))
+        judged = verdicts(checker, path)
+        say(*log_lines(path, judged), *flight_lines(judged))
 
 
-def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth]]:
-    """How often each verdict was given to each system of a log, at the times of its records."""
-    return Counter((packet.system_id, checker.check(packet)) for packet in Tlog.open(path).packets())
+def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
+    """How often which verdict is given to each system of a log at the times of its records, and was in flight.
+
+    The flight's is ``GOOD`` for all that it believed; for a log without a session's tables it is the same as here.
+    """
+    flown = path.name == RECORDED and bool(segments(path.with_name(REFUSED)))
+    log = SessionLog(path) if flown else Tlog.open(path)
+    counts: Counter[tuple[int, Auth, Auth]] = Counter()
+    for packet in log.packets():
+        here = checker.check(packet)
+        counts[packet.system_id, here, max(packet.auth, Auth.GOOD) if flown else here] += 1
+    return counts
 
 
-def log_lines(path: Path, counts: Counter[tuple[int, Auth]]) -> list[str]:
+def flight_lines(judged: Counter[tuple[int, Auth, Auth]]) -> list[str]:
+    """Where the flight decided otherwise; none where it did not."""
+    lines = []
+    for (system_id, here, flown), count in sorted(judged.items()):
+        if here <= Auth.GOOD < flown:
+            lines.append(f"system {system_id}: {count} of these were refused in flight, {flown.name.lower()}")
+        elif flown <= Auth.GOOD < here:
+            lines.append(f"system {system_id}: {count} were believed in flight that are {here.name.lower()} here")
+    return [*lines, "The flight knew of frames from before it, and what its operator accepted."] if lines else []
+
+
+def log_lines(path: Path, judged: Counter[tuple[int, Auth, Auth]]) -> list[str]:
     """The verdicts as a table."""
+    counts: Counter[tuple[int, Auth]] = Counter()
+    for (system_id, here, _), count in judged.items():
+        counts[system_id, here] += count
     systems = sorted({system_id for system_id, _ in counts})
     good = sum(count for (_, verdict), count in counts.items() if verdict is Auth.GOOD)
     lines = [f"{path}: {good} of {counts.total()} frames would be believed"]

@@ -22,6 +22,7 @@ from mavlink.heartbeat import Heartbeat, TimeSyncer
 from mavlink.outgoing import COMPONENT_ID, SYSTEM_ID, Outgoing
 from mavlink.pack import Speaker
 from mavlink.packet import Auth, Packet
+from mavlink.rate_requests import GIMBAL_ATTITUDE
 from mavlink.rates import UAV_RATES, Rate, RateKeeper
 
 __all__ = ["CommandDesk"]
@@ -163,6 +164,8 @@ class CommandDesk:
             self._note(level, "operator", f"{words}: {text}", about)
 
         tell("info", "ordered")
+        if order.job == "camera":
+            self._rates.want(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
         try:
             await self._jobs.carry_out(order.key, system_id, tell)
         except asyncio.CancelledError:

@@ -1,5 +1,8 @@
 """How each order is carried out: asked once, another way when the first is not known, or again and again in a stream.
 
+That an autopilot accepts to point the camera says little: ArduPilot accepts to follow a vehicle that it does not hear,
+and nothing moves. So pointing counts as done when the gimbal reports to look there; else the next way is tried.
+
 A stream follows a ground vehicle by the positions heard here. It waits while they are missing, ends after a while
 without them, and ends at the first refusal or when somebody else changes the flight mode: it never takes the UAV back
 from a pilot.
@@ -16,6 +19,7 @@ from typing import Protocol
 
 from gcs.command import wire
 from gcs.command.answer import Answer
+from gcs.command.look import Look, Verdict
 from gcs.command.paths import Path, above, circles, points
 from gcs.command.uav import Uav
 from gcs.command.wire import Command, Place
@@ -49,6 +53,8 @@ class Rules:
     """A vehicle that has gone so far is circled around anew."""
     settle_s: float = 2.0
     """For the flight mode to be the one that an order asked for."""
+    see_s: float = 5.0
+    """For a gimbal to report that it turns where it was ordered to: its reports may have to be asked for first."""
     text_s: float = 0.3
     """After a refusal, for the reason to come as text."""
 
@@ -123,20 +129,59 @@ class Jobs:
 
     async def _point(self, ugv: int, tell: Tell) -> None:
         answer = await self._ask(wire.point_at_system(ugv))
-        if answer.accepted:
-            tell("info", "accepted; it follows the positions that it hears itself")
-        elif answer.not_known:
-            tell("info", f"{answer.words}; by the positions heard here instead")
-            await self._track(ugv, tell)
-        else:
+        if not answer.accepted and not answer.not_known:
             tell("warning", answer.words)
+            return
+        if answer.not_known:
+            tell("info", f"{answer.words}; by the positions heard here instead")
+        else:
+            tell("warning", f"{await self._left_alone(ugv, tell)}; by the positions heard here instead")
+        await self._track(ugv, tell)
+
+    async def _left_alone(self, ugv: int, tell: Tell) -> str:
+        """Watches an autopilot that is to follow a vehicle by itself; why that does not do."""
+        look, done = self._look(), False
+        while True:
+            verdict = look.see(self._off_rad(ugv), time.monotonic())
+            if verdict == "not moved" or (verdict == "unknown" and not done):
+                return f"the camera does not follow: {_off(look)}" if done else f"accepted, but {_words(look)}"
+            if verdict == "done" and not done:
+                done = True
+                tell("info", "done: the camera looks there; the autopilot follows the positions that it hears itself")
+            if verdict != "not yet":
+                look = self._look()
+            await asyncio.sleep(_SEE_PERIOD_S)
 
     async def _track(self, ugv: int, tell: Tell) -> None:
-        def look(place: Place, first: bool) -> Command | None:
-            ground_m = self._uav.ground_m
-            return None if math.isnan(ground_m) else wire.point_at_place(place, ground_m)
+        """By the positions heard here: in one way after the other, until the camera is seen to turn."""
+        uav = self._uav
 
-        await self._stream(ugv, look, self._rules.point_s, tell, flies=False)
+        def place(place: Place, first: bool) -> Command | None:
+            return None if math.isnan(uav.ground_m) else wire.point_at_place(place, uav.ground_m)
+
+        def angles(place: Place, first: bool) -> Command | None:
+            to = uav.angles_to(place)
+            return None if to is None else wire.gimbal_angles(to[0], to[1], uav.gimbal_component)
+
+        def older_angles(place: Place, first: bool) -> Command | None:
+            to = uav.angles_to(place)
+            return None if to is None else wire.mount_angles(to[0], to[2])
+
+        ways = (("its place", place), ("angles", angles), ("angles the older way", older_angles))
+        for k, (_, way) in enumerate(ways):
+            last = k == len(ways) - 1
+            instead = "" if last else f"; by {ways[k + 1][0]} instead"
+            watch = self._camera_watch(ugv, tell)
+            if await self._stream(ugv, way, self._rules.point_s, tell, watch, instead=instead):
+                return
+
+    def _look(self) -> Look:
+        return Look(self._rules.see_s, time.monotonic())
+
+    def _off_rad(self, ugv: int) -> float:
+        """Between where the camera looks and a ground vehicle, NaN unknown."""
+        place = self._where(ugv)
+        return math.nan if place is None else self._uav.off_rad(place)
 
     async def _above(self, ugv: int, tell: Tell) -> None:
         place, alt_m = self._where(ugv), self._uav.alt_m
@@ -150,7 +195,7 @@ class Jobs:
         if math.isnan(alt_m):
             tell("warning", _NO_HEIGHT)
             return
-        await self._stream(ugv, above(alt_m), self._rules.fly_s, tell)
+        await self._stream(ugv, above(alt_m), self._rules.fly_s, tell, self._mode_watch())
 
     async def _orbit(self, ugv: int, tell: Tell) -> None:
         place, alt_m, rules = self._where(ugv), self._uav.alt_m, self._rules
@@ -163,11 +208,11 @@ class Jobs:
             path = circles(
                 place, alt_m, radius_m=rules.radius_m, speed_mps=rules.speed_mps, moved_m=rules.moved_m
             )  # fmt: skip
-            await self._stream(ugv, path, rules.fly_s, tell, begun=True)
+            await self._stream(ugv, path, rules.fly_s, tell, self._mode_watch(), begun=True)
         elif answer.not_known:
             tell("info", f"{answer.words}; point by point instead")
             path = points(alt_m, radius_m=rules.radius_m, speed_mps=rules.speed_mps, period_s=rules.fly_s)
-            await self._stream(ugv, path, rules.fly_s, tell)
+            await self._stream(ugv, path, rules.fly_s, tell, self._mode_watch())
         else:
             tell("warning", answer.words)
 
@@ -190,10 +235,31 @@ class Jobs:
         await self._once(wire.photo(self._photos, self._uav.camera_component), tell)
 
     async def _stream(
-        self, ugv: int, path: Path, period_s: float, tell: Tell, *, flies: bool = True, begun: bool = False
-    ) -> None:
-        """Commands by the newest place until a refusal, a pilot, a long silence, or the next order."""
-        first, missing_s, flown_s, mode = not begun, 0.0, 0.0, ""
+        self,
+        ugv: int,
+        path: Path,
+        period_s: float,
+        tell: Tell,
+        watch: Callable[[], str],
+        *,
+        instead: str = "",
+        begun: bool = False,
+    ) -> bool:
+        """Commands by the newest place until a refusal, a long silence, what is watched for, or the next order.
+
+        Args:
+            ugv: whose place.
+            path: the command for it.
+            period_s: between two.
+            tell: given what becomes of it.
+            watch: asked after each command since the first was accepted; why to end, empty: go on.
+            instead: what is done then, or where the command is not known; empty: nothing.
+            begun: the first command was given already.
+
+        Returns:
+            Whether it is over; False: what is done instead comes next.
+        """
+        first, missing_s = not begun, 0.0
         while True:
             place = self._where(ugv)
             if place is None:
@@ -202,24 +268,79 @@ class Jobs:
                 missing_s += period_s
                 if missing_s > self._rules.lost_s:
                     tell("alarm", f"ended: no position for {self._rules.lost_s:.0f} s")
-                    return
+                    return True
             else:
                 missing_s = 0.0
                 command = path(place, first)
                 answer = None if command is None else await self._ask(command)
                 if answer is not None and not answer.accepted:
-                    tell("warning", answer.words if first else f"ended: {answer.words}")
-                    return
+                    then = instead if first and answer.not_known else ""
+                    tell("warning", f"{answer.words}{then}" if first else f"ended: {answer.words}")
+                    return not then
                 if answer is not None and first:
                     tell("info", "accepted; goes on until another order")
                     first = False
             await asyncio.sleep(period_s)
-            flown_s += period_s
-            if flies and flown_s >= self._rules.settle_s:
-                mode = mode or self._uav.mode
-                if self._uav.mode != mode:
-                    tell("warning", f"ended: the flight mode was changed to {self._uav.mode}")
-                    return
+            if not first and (why := watch()):
+                tell("warning", f"{why}{instead}")
+                return not instead
+
+    def _mode_watch(self) -> Callable[[], str]:
+        """Ends when somebody else changes the flight mode."""
+        since_s, mode = time.monotonic(), ""
+
+        def watch() -> str:
+            nonlocal mode
+            if time.monotonic() - since_s < self._rules.settle_s:
+                return ""
+            mode = mode or self._uav.mode
+            return "" if self._uav.mode == mode else f"ended: the flight mode was changed to {self._uav.mode}"
+
+        return watch
+
+    def _camera_watch(self, ugv: int, tell: Tell) -> Callable[[], str]:
+        """Ends when the camera is seen not to turn at all; tells whether it follows, or that nothing reports it."""
+        look: Look | None = None
+        told: Verdict = "not yet"
+        done = False
+
+        def watch() -> str:
+            nonlocal look, told, done
+            seen = look = look or self._look()
+            verdict = seen.see(self._off_rad(ugv), time.monotonic())
+            if verdict == "not moved" and not done:
+                return f"accepted, but {_words(seen)}"
+            if verdict != "not yet":
+                look = None
+                done |= verdict == "done"
+                if verdict != told:
+                    told = verdict
+                    tell(*_seen(verdict, seen))
+            return ""
+
+        return watch
 
 
+def _words(look: Look) -> str:
+    """What is seen of a camera that does not look where it should."""
+    if math.isnan(look.off_rad):
+        return "nothing reports where the camera looks"
+    return f"the camera did not move: {_off(look)}"
+
+
+def _off(look: Look) -> str:
+    return f"it looks {math.degrees(look.off_rad):.0f}° off"
+
+
+def _seen(verdict: Verdict, look: Look) -> tuple[Level, str]:
+    """What is told of a camera while commands go on."""
+    if verdict == "done":
+        return "info", "done: the camera looks there"
+    if verdict == "unknown":
+        return "info", f"accepted, but {_words(look)}"
+    return "warning", f"the camera does not follow: {_off(look)}"
+
+
+_SEE_PERIOD_S = 0.1
+"""Between looks whether the camera turns."""
 _NO_HEIGHT = "not sent: its own height is not known"

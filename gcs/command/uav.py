@@ -7,10 +7,22 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+from gcs.command.wire import Place
 from mavlink.decode import decode
+from mavlink.geodesy import LocalFrame, wrap_pi
+from mavlink.gimbal import Gimbals, GimbalSample
 from mavlink.modes import is_vehicle, kind_name, mode_name
 from mavlink.packet import Packet
-from mavlink.samples import GlobalPosition, Heartbeat, StatusText
+from mavlink.samples import (
+    Attitude,
+    CameraFov,
+    GimbalAttitude,
+    GlobalPosition,
+    Heartbeat,
+    MountOrientation,
+    MountStatus,
+    StatusText,
+)
 
 __all__ = ["Uav"]
 
@@ -18,6 +30,8 @@ _ACK, _GIMBAL_MANAGERS, _GIMBAL_MANAGER_STATUS = 77, (280, 281), 281
 _IN_PROGRESS = 5
 _CAMERA_TYPE = 30
 _FRESH_S = 3.0
+_AXIS_S = 1.0
+"""A gimbal that was silent for so long may look elsewhere."""
 _TEXTS = 40
 
 
@@ -30,6 +44,9 @@ class Uav:
         self._position: tuple[float, GlobalPosition] | None = None
         self._texts: deque[tuple[float, str]] = deque(maxlen=_TEXTS)
         self._progress: dict[int, int] = {}
+        self._nose: tuple[float, float] | None = None
+        self._gimbals = Gimbals()
+        self._axis: tuple[float, tuple[float, float, float]] | None = None
         self.camera_component = 1
         """Component of the first camera that beats, the autopilot's without one."""
         self.gimbal_component = 1
@@ -51,15 +68,31 @@ class Uav:
                 self.gimbal_holder = (payload[9], payload[10])
             return
         sample = decode(packet)
-        if isinstance(sample, Heartbeat):
-            if is_vehicle(sample.type, sample.autopilot):
-                self._beat = sample
-            elif sample.type == _CAMERA_TYPE and self.camera_component == 1:
-                self.camera_component = packet.component_id
-        elif isinstance(sample, GlobalPosition) and packet.component_id == 1:
-            self._position = (self._clock(), sample)
+        if isinstance(sample, GimbalAttitude | MountOrientation | MountStatus | CameraFov):
+            self._look(sample)
+        elif isinstance(sample, Heartbeat):
+            self._hear_beat(sample)
         elif isinstance(sample, StatusText):
             self._texts.append((self._clock(), sample.text))
+        elif isinstance(sample, GlobalPosition) and packet.component_id == 1:
+            self._position = (self._clock(), sample)
+        elif isinstance(sample, Attitude) and packet.component_id == 1:
+            self._nose = (self._clock(), sample.yaw)
+
+    def _hear_beat(self, sample: Heartbeat) -> None:
+        if is_vehicle(sample.type, sample.autopilot):
+            self._beat = sample
+        elif sample.type == _CAMERA_TYPE and self.camera_component == 1:
+            self.camera_component = sample.component_id
+
+    def _look(self, sample: GimbalSample) -> None:
+        """Where the gimbal looks, by its newest report."""
+        now_s, nose = self._clock(), self.nose
+        self._gimbals.take(round(now_s * 1e6), sample, nose)
+        R_enu_gimbal = self._gimbals.at(round(now_s * 1e6), nose)
+        if R_enu_gimbal is not None:
+            east, north, up = R_enu_gimbal[:, 0].tolist()
+            self._axis = (now_s, (east, north, up))
 
     @property
     def kind(self) -> str:
@@ -88,6 +121,44 @@ class Uav:
         """Height above sea level of the ground at its home, NaN when unknown or old."""
         sample = self._fresh
         return sample.alt_m - sample.relative_alt_m if sample is not None else math.nan
+
+    @property
+    def nose(self) -> float:
+        """Direction of its nose from north, radians, NaN when unknown or old."""
+        held = self._nose
+        return held[1] if held is not None and self._clock() - held[0] <= _FRESH_S else math.nan
+
+    @property
+    def axis(self) -> tuple[float, float, float] | None:
+        """Where its gimbal reports to look: east, north, up, of length 1; None when unknown or old."""
+        held = self._axis
+        return held[1] if held is not None and self._clock() - held[0] <= _AXIS_S else None
+
+    def way_to(self, place: Place) -> tuple[float, float, float] | None:
+        """Direction from it to a place on the ground: east, north, up, of length 1; None when its own is not known."""
+        sample = self._fresh
+        if sample is None:
+            return None
+        frame = LocalFrame(sample.lat_deg, sample.lon_deg, sample.alt_m)
+        east, north, up = frame.to_enu_point(place.lat_deg, place.lon_deg, self.ground_m)
+        length = math.hypot(east, north, up)
+        return (east / length, north / length, up / length) if length else None
+
+    def off_rad(self, place: Place) -> float:
+        """Angle between where its gimbal reports to look and a place on the ground, NaN when unknown."""
+        axis, way = self.axis, self.way_to(place)
+        if axis is None or way is None:
+            return math.nan
+        return math.acos(max(-1.0, min(1.0, sum(a * b for a, b in zip(axis, way, strict=True)))))
+
+    def angles_to(self, place: Place) -> tuple[float, float, float] | None:
+        """Pitch from the horizon, yaw from north and yaw from the nose to a place; radians, None when unknown."""
+        way, nose = self.way_to(place), self.nose
+        if way is None or math.isnan(nose):
+            return None
+        east, north, up = way
+        yaw = math.atan2(east, north)
+        return math.atan2(up, math.hypot(east, north)), yaw, wrap_pi(yaw - nose)
 
     @property
     def _fresh(self) -> GlobalPosition | None:

@@ -16,9 +16,11 @@ from pymavlink.dialects.v20 import ardupilotmega
 __all__ = [
     "Command",
     "Place",
+    "gimbal_angles",
     "gimbal_control",
     "gimbal_neutral",
     "hold",
+    "mount_angles",
     "mount_neutral",
     "orbit",
     "photo",
@@ -41,6 +43,7 @@ _REPOSITION, _ORBIT, _RETURN, _SET_MODE = 192, 34, 20, 176
 _PHOTO, _RECORD, _RECORD_STOP = 2000, 2500, 2501
 _CHANGE_MODE = 1
 _FLAG_NEUTRAL, _MOUNT_NEUTRAL = 2, 1
+_FLAGS_FROM_NORTH, _MOUNT_TARGETING = 4 | 8 | 16, 2  # roll, pitch and yaw lock
 _GIVE_UP, _UNCHANGED = -3, -1
 _ARMED_CUSTOM = 1
 _ARDUPILOT, _PX4 = 3, 12
@@ -112,6 +115,24 @@ def point_at_place(place: Place, ground_m: float) -> Command:
 def point_nowhere() -> Command:
     """The gimbal goes back to what it did."""
     return Command(number=_ROI_NONE)
+
+
+def gimbal_angles(pitch_rad: float, yaw_rad: float, component: int = AUTOPILOT) -> Command:
+    """Gimbal protocol 2: the gimbal looks in a direction.
+
+    Args:
+        pitch_rad: from the horizon, down is negative.
+        yaw_rad: from north.
+        component: of the gimbal manager.
+    """
+    angles = (math.degrees(pitch_rad), math.degrees(yaw_rad))
+    return Command(number=_PITCHYAW, params=(*angles, NAN, NAN, _FLAGS_FROM_NORTH), component=component)
+
+
+def mount_angles(pitch_rad: float, yaw_rad: float) -> Command:
+    """The older way to look in a direction; yaw counts from the nose."""
+    angles = (math.degrees(pitch_rad), 0.0, math.degrees(yaw_rad))
+    return Command(number=_MOUNT_CONTROL, params=(*angles, 0, 0, 0, _MOUNT_TARGETING))
 
 
 def gimbal_neutral(component: int = AUTOPILOT) -> Command:

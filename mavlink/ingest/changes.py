@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from mavlink.forward import HARMLESS, Said
 from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.link_batch import MIXED
+from mavlink.link_gate import STRANGERS, Limit
 
 __all__ = ["Changes"]
 
@@ -15,6 +17,8 @@ GROWN = 2.0
 """A loss is told again when it is so many times what was told."""
 PATIENCE = 10
 """A connection that is being made is not missed for so many looks, twice a second."""
+MOST = 5
+"""Senders who flood, told one by one at a time."""
 QUIET = 20
 """Nor is one that comes and goes lost again for so many; what a program says is told again after as many without."""
 
@@ -25,7 +29,7 @@ class Changes:
     def __init__(self) -> None:
         self._connected: dict[str, bool] = {}
         self._patience: dict[str, int] = {}
-        self._narrow: dict[str, bool] = {}
+        self._limits: dict[str, dict[tuple[str, int], Limit]] = {}
         self._losses: dict[str, int] = {}
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
@@ -52,12 +56,12 @@ class Changes:
         return told
 
     def _link(self, link: LinkReport) -> list[Told]:
+        now = {("" if limit.system_id == STRANGERS else limit.address, limit.system_id): limit for limit in link.limits}
+        before = self._limits.get(link.name, {})
+        self._limits[link.name] = now
         told = self._connection(link)
-        if link.narrow != self._narrow.get(link.name, False):
-            away = f"{link.name}: {link.counts.turned_away:,} datagrams of strangers were turned away"
-            start = f"{link.name}: strangers flood this port; only few of their datagrams are let in"
-            told.append(("alarm", start) if link.narrow else ("info", f"{away}; the flood is over"))
-        self._narrow[link.name] = link.narrow
+        told += _few("alarm", [f"{link.name}: {_flood(now[key])}" for key in now if key not in before])
+        told += _few("info", [f"{link.name}: {_flood_over(before[key])}" for key in before if key not in now])
         return told
 
     def _connection(self, link: LinkReport) -> list[Told]:
@@ -99,3 +103,27 @@ class Changes:
             return []
         self._losses[name] = count
         return [("alarm", text.format(f"{count:,}"))]
+
+
+def _few(level: str, texts: list[str]) -> list[Told]:
+    """The first of them, and how many more there are."""
+    more = len(texts) - MOST
+    return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)
+
+
+def _flood(limit: Limit) -> str:
+    rate = float(f"{limit.wanted_per_s:.2g}")
+    if limit.system_id == STRANGERS:
+        return f"strangers flood this port, {rate:,.0f} datagrams/s from {limit.address}; only few of them are let in"
+    return f"{_source(limit)} floods this port, {rate:,.0f} datagrams/s, or somebody forges them; only some are let in"
+
+
+def _flood_over(limit: Limit) -> str:
+    if limit.system_id == STRANGERS:
+        return f"about {limit.turned_away:,} datagrams of strangers were turned away; the flood is over"
+    return f"{_source(limit)} is let in whole again; about {limit.turned_away:,} datagrams were turned away"
+
+
+def _source(limit: Limit) -> str:
+    kind = "in datagrams of several frames" if limit.system_id == MIXED else f"as system {limit.system_id}"
+    return f"{limit.address} {kind}"

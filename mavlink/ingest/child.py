@@ -24,6 +24,7 @@ from mavlink.ingest.shared import Shared, Word
 from mavlink.journal import Journal
 from mavlink.link import Link
 from mavlink.link_serial import SerialLink
+from mavlink.link_tally import now_us
 from mavlink.link_tcp import TcpOut
 from mavlink.link_tcp_in import TcpIn
 from mavlink.link_udp import UdpIn, UdpOut
@@ -100,11 +101,13 @@ class _Ingest:
         """Everything, until the station closes the control socket."""
         while self._open:
             self._memory.words[Word.BEAT] += 1
-            ready = self._wait()
+            ready, heard_us, all_taken = self._wait(), now_us(), True
             for index, link in enumerate(self._links):
                 if link.overdue or ready.intersection(link.files):
-                    self._drain(index, link)
+                    all_taken &= self._drain(index, link)
                 link.tend()
+            if all_taken:
+                self._memory.words[Word.HEARD_US] = heard_us
             if self._control.fileno() in ready:
                 self._obey()
             if self._outputs and ready.intersection(self._outputs.files):
@@ -123,19 +126,20 @@ class _Ingest:
             ready |= set(select.select(others, [], [], PAUSE_S)[0])
         return ready
 
-    def _drain(self, index: int, link: Link) -> None:
-        """Takes what a link has."""
+    def _drain(self, index: int, link: Link) -> bool:
+        """Takes what a link has; False where that is too much for one turn."""
         for _ in range(_ROUNDS):
             self._memory.words[Word.IN_HAND] = index + 1
             batch = link.take()
             if not batch.frames:
                 self._memory.words[Word.IN_HAND] = 0
-                return
+                return True
             self._receiver.take(index, batch)
             with contextlib.suppress(OSError):  # it has not read for long: the ring counts what does not fit
                 self._control.send(b".")
             if len(batch.frames) < _FEW:
-                return  # what came meanwhile can wait for the next round
+                return True  # what came meanwhile can wait for the next round
+        return False
 
     def _obey(self) -> None:
         """Does what the station wants done."""
@@ -235,7 +239,7 @@ def _go_on(links: list[Link], status: bytes | None) -> None:
     for link, report in zip(links, before, strict=False):
         if isinstance(link, UdpIn):
             known = {number: (host, port) for number, host, port in report.addresses}
-            link.peers.adopt(known, report.last_peer, time.time_ns() // 1000)
+            link.peers.adopt(known, report.claims, report.mixed, report.last_peer, time.time_ns() // 1000)
         elif isinstance(link, TcpIn):
             link.accepted = report.last_peer
 
@@ -257,7 +261,9 @@ def _report(link: Link) -> LinkReport:
             peers=len(addresses),
             addresses=addresses,
             others=tuple(link.peers.strangers().items()),
-            narrow=link.gate.narrow,
+            claims=tuple(link.peers.trusted),
+            mixed=tuple(link.peers.mixed),
+            limits=link.limits(),
         )
     if isinstance(link, TcpIn):
         return replace(report, peers=link.clients, others=tuple(link.addresses().items()))

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from mavlink.forward import OutputCounts, Said
+from mavlink.link_batch import Claim
+from mavlink.link_gate import Limit
 from mavlink.link_tally import LinkCounts
 from mavlink.record_state import RecordState
 
@@ -44,8 +46,17 @@ class LinkReport:
     last_peer: int = 0
     """Highest number given to a sender."""
     connected: bool = True
-    narrow: bool = False
-    """Whether strangers flood it and most of them are turned away."""
+    claims: tuple[Claim, ...] = ()
+    """What the known senders are trusted for."""
+    mixed: tuple[int, ...] = ()
+    """Numbers of those whose datagrams are not always one frame each."""
+    limits: tuple[Limit, ...] = ()
+    """Who floods it and is not let in whole."""
+
+    @property
+    def narrow(self) -> bool:
+        """Whether somebody floods it and is not let in whole."""
+        return bool(self.limits)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +117,14 @@ def _fields(record: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the datacla
 def _link(table: dict[str, Any]) -> LinkReport:
     addresses = tuple((number, host, port) for number, host, port in table["addresses"])
     others = tuple((number, address) for number, address in table["others"])
-    return LinkReport(**table | {"counts": LinkCounts(**table["counts"]), "addresses": addresses, "others": others})
+    lists = {
+        "addresses": addresses,
+        "others": others,
+        "claims": tuple((number, system_id) for number, system_id in table["claims"]),
+        "mixed": tuple(table["mixed"]),
+        "limits": tuple(Limit(**limit) for limit in table["limits"]),
+    }
+    return LinkReport(**table | {"counts": LinkCounts(**table["counts"])} | lists)
 
 
 def _output(table: dict[str, Any]) -> OutputCounts:

@@ -77,6 +77,7 @@ class Ingest:
         self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
         self._restarts, self._gap_s = 0, 0.0
+        self._heard_us = 0
         self._health = IngestHealth()
         self._lock = threading.Lock()
         self._stopping = threading.Event()
@@ -130,12 +131,19 @@ class Ingest:
         """
         stop_s = time.monotonic() + timeout_s
         while not self._stopping.is_set():
+            heard_us = self._memory.words[Word.HEARD_US]
             packets = self._memory.take()
+            self._heard_us = heard_us
             left_s = stop_s - time.monotonic()
             if packets or left_s <= 0.0:
                 return packets
             self._wait(left_s)
         return []
+
+    @property
+    def heard_us(self) -> int:
+        """Unix µs: whatever came before this has been read; 0 before anything could come."""
+        return self._heard_us
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
         """Sends a frame to those on the other end of a link who are known; :meth:`health` tells what did not work.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-from mavlink.packet import MAGIC_V2
+from mavlink.link_batch import Batch
 
 __all__ = ["LastSenders"]
 
@@ -13,19 +13,19 @@ class LastSenders:
     """The sender of each system id so far."""
 
     def __init__(self) -> None:
-        self._senders = [-1] * 256
+        self._senders: list[tuple[int, int] | None] = [None] * 256
 
-    def take(self, link: int, frames: Sequence[bytes], peers: Sequence[int]) -> Iterator[tuple[int, int]]:
+    def take(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
         """Places in a batch, and system ids, of frames whose system id was last heard from another sender, or never.
 
         Args:
             link: the batch came over.
-            frames: whole frames of MAVLink 1 or 2.
-            peers: number of each one's sender on that link.
+            batch: whole frames.
         """
-        senders, of_link = self._senders, link << 32
-        for k, raw in enumerate(frames):
-            system_id, sender = raw[5 if raw[0] == MAGIC_V2 else 3], of_link | peers[k]
-            if senders[system_id] != sender:
-                senders[system_id] = sender
+        senders, claimed = self._senders, batch.claimed()
+        if all(senders[system_id] == (link, peer) for peer, system_id in claimed):
+            return  # nearly always
+        for k, (peer, system_id) in enumerate(batch.claims()):
+            if senders[system_id] != (link, peer):
+                senders[system_id] = link, peer
                 yield k, system_id

@@ -183,7 +183,7 @@ class Receiver:
     def _note_senders(self, index: int, batch: Batch, number: int) -> None:
         """Who sent what stands beside the log, so that a replay tells senders apart as the flight does."""
         link = self._links[index]
-        for k, system_id in self._senders.take(index, batch.frames, batch.peers):
+        for k, system_id in self._senders.take(index, batch):
             peer = batch.peers[k]
             self._log.heard(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
@@ -196,7 +196,7 @@ class Receiver:
                     self._log.refuse(number + k, packet)
                 self._memory.words[Word.REFUSED] += 1
             elif packet.auth is Auth.GOOD:
-                known.add(packet.peer)
+                known.add((packet.peer, packet.system_id))
         if known:
             self._links[index].trust(known, time.time_ns() // 1000)
 

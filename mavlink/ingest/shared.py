@@ -22,7 +22,7 @@ __all__ = ["RING_BYTES", "Shared", "Word", "make_memory"]
 
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
-_STATUS_AT, _STATUS_BYTES = 4096, 61440
+_STATUS_AT, _STATUS_BYTES = 4096, 258_048
 _RING_AT = _STATUS_AT + _STATUS_BYTES
 _HEAD = struct.Struct("=QIHBB")
 _AUTHS = tuple(Auth)
@@ -51,6 +51,8 @@ class Word(IntEnum):
     STATUS = 8
     """Odd while the status is being written."""
     STATUS_LENGTH = 9
+    HEARD_US = 10
+    """Unix µs: what came before has been put into the ring."""
 
 
 def make_memory(ring_bytes: int = RING_BYTES) -> int:

@@ -1,0 +1,214 @@
+"""Floods that claim to be a vehicle of the fleet, by its system id, its address or both, against ``gcs fly``.
+
+    python -m bench.flood_claims --seconds 30 [--only "300 ports"] [--markdown bench/results/flood_claims.md]
+
+Twenty vehicles send from ports of their own; one of them, system 11, is imitated. The flight is the command that a user
+gives; what was recorded is read from its session, and told apart by the bytes of the frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.ports import free_port
+from bench.senders import fleet_frames, send_fleet, send_flood
+from mavlink.keys import Key, write_key
+from mavlink.pack import Speaker
+from mavlink.segments import segments
+from mavlink.signer import Signer
+from mavlink.tlog import Tlog
+
+VEHICLES, CLAIMED = 20, 11
+RATE = 2400.0
+FLOOD = 60_000.0
+BEFORE_S, AFTER_S = 3.0, 3.0
+"""The fleet is heard for so long before and after the flood."""
+_PATIENCE_S = 60.0
+_MESSAGES = 8
+_WRONG = bytes(range(100, 132))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One attack."""
+
+    name: str
+    kinds: tuple[str, ...]
+    """What each of its senders sends: ``valid`` or ``signed`` frames of the system, frames with a wrong checksum
+    (``bad``), or eight bytes of ``junk``."""
+    sources: int = 1
+    spoofed: bool = False
+    """Whether the first sends from the vehicle's own address and port."""
+    keys: bool = False
+
+
+CASES = (
+    Case(name="valid frames, 300 ports", kinds=("valid",), sources=300),
+    Case(name="valid frames, one port", kinds=("valid",)),
+    Case(name="valid frames, the vehicle's port", kinds=("valid",), spoofed=True),
+    Case(name="junk from the vehicle's port beside a flood", kinds=("junk", "bad"), spoofed=True),
+    Case(name="bad frames from the vehicle's port", kinds=("bad",), spoofed=True),
+    Case(name="junk from the vehicle's port beside a flood, keys", kinds=("junk", "bad"), spoofed=True, keys=True),
+    Case(name="wrongly signed from the vehicle's port, keys", kinds=("signed",), spoofed=True, keys=True),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """What became of it."""
+
+    sent: Sequence[int]
+    """By vehicle."""
+    recorded: Sequence[int]
+    flooded: int
+    of_it: int
+    """Records that are none of the fleet's."""
+    told: Sequence[tuple[float, str]]
+    """Events of the link with the time since the flood began."""
+    flood_s: float
+
+
+def run(case: Case, seconds: float, folder: Path) -> Result:
+    """One attack."""
+    spawn, port = multiprocessing.get_context("spawn"), free_port()
+    ports = [free_port() for _ in range(VEHICLES)]
+    secrets = [random.Random(k).randbytes(32) for k in range(VEHICLES)] if case.keys else []
+    with ExitStack() as stack:
+        session = _fly(stack, folder, port, secrets)
+        ours, theirs = spawn.Pipe()
+        options = {"ports": ports, "keys": secrets}
+        fleet = spawn.Process(target=send_fleet, args=(port, VEHICLES, RATE, seconds, theirs), kwargs=options)
+        fleet.start()
+        time.sleep(BEFORE_S)
+        flood_s = seconds - BEFORE_S - AFTER_S
+        floods = []
+        for k, kind in enumerate(case.kinds):
+            tells, hears = spawn.Pipe()
+            more = {"datagrams": _datagrams(kind), "sources": case.sources, "own": 0}
+            more["own"] = ports[CLAIMED - 1] if case.spoofed and k == 0 else 0
+            flood = spawn.Process(target=send_flood, args=(port, FLOOD / len(case.kinds), flood_s, hears), kwargs=more)
+            flood.start()
+            floods.append((flood, tells))
+        began_us = time.time_ns() // 1000
+        sent = ours.recv()
+        flooded = sum(tells.recv() for _, tells in floods)
+        for process in (fleet, *(flood for flood, _ in floods)):
+            process.join()
+        time.sleep(5.0)
+    return _result(session, sent, flooded, began_us, flood_s)
+
+
+def _datagrams(kind: str) -> list[bytes]:
+    speaker, rng = Speaker(CLAIMED), random.Random(kind)
+    place = (46.6, 8.6, 500.0, 0.0)
+    frames = [speaker.global_position_int(k * 7, *place, (3.0, 0.5, 0.0), 0.25) for k in range(_MESSAGES)]
+    if kind == "junk":
+        return [rng.randbytes(8) for _ in frames]
+    if kind == "bad":
+        return [frame[:-1] + bytes([frame[-1] ^ 1]) for frame in frames]
+    if kind == "signed":
+        signer = Signer(Key(_WRONG))
+        return [signer.sign(frame, time.time_ns() // 1000) for frame in frames]
+    return frames
+
+
+def _fly(stack: ExitStack, folder: Path, port: int, secrets: Sequence[bytes]) -> Path:
+    """Starts a flight; its session."""
+    mission = "[uav]\nsystem_id = 1\n" + "".join(f"[[ugv]]\nsystem_id = {k}\n" for k in range(2, VEHICLES + 1))
+    keys = folder / "keys"
+    keys.mkdir(mode=0o700)
+    for k, secret in enumerate(secrets):
+        write_key(keys, k + 1, secret)
+    mission += f'[signing]\nkeys = "{keys if secrets else "none"}"\n'
+    mission += "[camera]\nwidth = 1920\nheight = 1080\nfx = 1200.0\nfy = 1200.0\ncx = 960.0\ncy = 540.0\n"
+    (folder / "mission.toml").write_text(mission)
+    words = [sys.executable, "-c", "from gcs.cli.app import main; main()", "fly", folder / "mission.toml"]
+    words += ["--headless", "--sessions", folder / "sessions", "-l", f"udpin:127.0.0.1:{port}"]
+    said = stack.enter_context((folder / "said.txt").open("w+"))
+    flight = subprocess.Popen([*map(str, words)], stdout=said, stderr=subprocess.STDOUT)
+    stack.callback(_end, flight)
+    until = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < until and flight.poll() is None:
+        if found := list((folder / "sessions").glob("*/telemetry.tlog")):
+            time.sleep(2.0)
+            return found[0].parent
+        time.sleep(0.1)
+    raise RuntimeError(f"the flight did not begin: {(folder / 'said.txt').read_text()}")
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(timeout=_PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _said(raw: bytes) -> bytes:
+    """What a frame says, signed or not."""
+    return raw[4 : 10 + raw[1]]
+
+
+def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flood_s: float) -> Result:
+    owner = {_said(frame): k for k in range(VEHICLES) for frame in fleet_frames(k + 1)}
+    logs = [Tlog.open(path) for path in segments(session / "telemetry.tlog")]
+    counts = Counter(owner.get(_said(packet.raw), -1) for log in logs for packet in log.packets())
+    rows = [json.loads(line) for line in (session / "events.jsonl").read_text().splitlines()]
+    told = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
+    recorded = [counts[k] for k in range(VEHICLES)]
+    return Result(sent=sent, recorded=recorded, flooded=flooded, of_it=counts[-1], told=told, flood_s=flood_s)
+
+
+def table(rows: Sequence[tuple[Case, Result]]) -> str:
+    """The results as Markdown."""
+    lines = [
+        f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight.",
+        "",
+        "| attack | flood sent | of it recorded | sent by the others | lost | sent by the one imitated | lost |",
+        "|" + "---|" * 7,
+    ]
+    for case, r in rows:
+        mine, heard = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
+        others, kept = sum(r.sent) - mine, sum(r.recorded) - heard
+        cells = [case.name, *(f"{n:,}" for n in (r.flooded, r.of_it, others, others - kept, mine, mine - heard))]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "What the link told, in seconds since the flood began:", ""]
+    for case, r in rows:
+        lines.append(f"- {case.name} ({r.flood_s:.0f} s):")
+        lines += [f"  - {at_s:.1f}: {text}" for at_s, text in r.told]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m bench.flood_claims", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--only", default="", help="attacks whose name has this")
+    parser.add_argument("--markdown", type=Path)
+    options = parser.parse_args()
+    rows = []
+    for case in CASES:
+        if options.only in case.name:
+            with tempfile.TemporaryDirectory(prefix="flood-") as folder:
+                rows.append((case, run(case, options.seconds, Path(folder))))
+            print(table(rows[-1:]), flush=True)
+    if options.markdown:
+        options.markdown.write_text(table(rows))
+
+
+if __name__ == "__main__":
+    main()
