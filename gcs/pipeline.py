@@ -39,6 +39,8 @@ FloatArray = NDArray[np.float64]
 UNKNOWN_OFFSET_STD_S = 0.35
 APART_M, APART_US = 8.0, 1_000_000
 """Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
+MOST_BOXES = 300
+"""Of a picture: more vehicles than system ids, and at most 0.2 s of work in a picture that is full of them."""
 MOUNT_DOUBT = np.deg2rad(20.0)
 TURNED_US = 5_000_000
 """For a gimbal's reports to come that were asked for when an order turned the camera."""
@@ -72,6 +74,7 @@ class Pipeline:
             links=links,
             address=address,
         )
+        self._crowded = False
         self._tracker: Tracker | None = None
         auto = mission.clock.video_offset_s == "auto"
         params = IdentifierParams(threshold=mission.identity.threshold)
@@ -149,6 +152,9 @@ class Pipeline:
             heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
+        if detections is not None and len(detections) > MOST_BOXES:
+            self._tell_crowd(t_us, len(detections))
+            detections = detections.take(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
         state = self.fleet.at(self._telemetry_time(t_us), heard_us)
         self._follow_origin()
         view = self._look(state, size if image is None else _size_of(image))
@@ -166,6 +172,14 @@ class Pipeline:
         self._tell(t_us, identities)
         self._conflict |= self._apart_from_picture(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
+
+    def _tell_crowd(self, t_us: int, boxes: int) -> None:
+        if not self._crowded:
+            text = (
+                f"{boxes} boxes in a picture, of which the {MOST_BOXES} best count: the detector sees what is not there"
+            )
+            self.note(Event(t_us=t_us, level="warning", kind="video", text=text))
+        self._crowded = True
 
     def _follow_origin(self) -> None:
         """Begin the names anew when places are told in another frame: what was seen and heard was in the one before."""

@@ -17,7 +17,7 @@ from vision.yolo_nms import Rivals, fast_nms
 
 __all__ = ["Dropped", "Rule", "decode_boxes", "decode_raw"]
 
-MOST_CANDIDATES = 10_000
+MOST_CANDIDATES = 2000
 """Boxes that suppression looks at, the best ones; bounds the time that a model takes to which all is a vehicle."""
 
 

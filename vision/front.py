@@ -23,7 +23,7 @@ from vision.detector import Detector
 from vision.errors import ModelError
 from vision.front_contract import ACCEPTED, read_contract
 from vision.front_crops import rectify
-from vision.onnx_model import open_session
+from vision.onnx_model import RUN_ERRORS, open_session
 
 __all__ = ["BUNDLED_FRONT", "FrontClassifier", "FrontedDetector", "Fronts", "open_front_classifier"]
 
@@ -66,7 +66,7 @@ class FrontClassifier:
         """
         rows = canonical(np.asarray(boxes, dtype=np.float64).reshape(-1, 5))
         front = self._contract.front
-        logits = self._logits(rectify(image, rows, self._contract.side, self._contract.margin))
+        logits = self._logits(image, rows)
         # the front is at a shorter side, unless it cannot be said which sides those are
         slim = rows[:, 2] > SQUARE * np.maximum(rows[:, 3], 1e-9)
         across = np.abs(np.sin(front)) > 0.5
@@ -79,16 +79,16 @@ class FrontClassifier:
         heading = np.mod(rows[:, 4] + front[best] + 0.5 * np.pi, 2.0 * np.pi)
         return Fronts(heading=np.where(confidence >= self._sure, heading, np.nan), confidence=confidence)
 
-    def _logits(self, crops: Image) -> Floats:
-        """(n, classes) of crops (n, S, S, 3) BGR."""
+    def _logits(self, image: Image, rows: Floats) -> Floats:
+        """(n, classes) of boxes (n, 5) in a picture."""
         contract, fixed = self._contract, self._contract.batch
         # z = (rgb / 255 − mean) / std
         gain, bias = 1.0 / (255.0 * contract.std), contract.mean / contract.std
-        planes = (crops[..., ::-1] * gain - bias).transpose(0, 3, 1, 2).astype(contract.dtype)
-        logits = np.empty((len(crops), len(contract.front)))
+        logits = np.empty((len(rows), len(contract.front)))
         step = fixed or MOST_CROPS
-        for start in range(0, len(crops), step):
-            part = planes[start : start + step]
+        for start in range(0, len(rows), step):
+            crops = rectify(image, rows[start : start + step], contract.side, contract.margin)
+            part = (crops[..., ::-1] * gain - bias).transpose(0, 3, 1, 2).astype(contract.dtype)
             # a model that takes just so many crops gets some twice
             filled = part[np.arange(fixed) % len(part)] if fixed else part
             logits[start : start + step] = self._run(filled)[: len(part)]
@@ -96,7 +96,10 @@ class FrontClassifier:
 
     def _run(self, planes: NDArray[np.floating]) -> NDArray[np.floating]:
         out: NDArray[np.floating]
-        (out,) = self._session.run(None, {self._contract.name: np.ascontiguousarray(planes)})
+        try:
+            (out,) = self._session.run(None, {self._contract.name: np.ascontiguousarray(planes)})
+        except RUN_ERRORS as error:
+            raise ModelError(f"{self._where}: cannot be run on {len(planes)} crops: {error}") from error
         wanted = (len(planes), len(self._contract.front))
         if out.shape != wanted:
             raise ModelError(

@@ -29,10 +29,12 @@ ACCEPTED = (
     "accepted are image classifiers (one input [N, 3, S, S] float32 or float16 → one output [N, classes] of logits; "
     "metadata 'front_deg' unless there are 2 or 4 classes)"
 )
+MOST_BATCH, MOST_SIDE, MOST_CLASSES = 64, 1024, 360
+"""A run is 800 MB at the most; more classes than degrees tell no more."""
 _DTYPES: dict[str, DTypeLike] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _DEFAULTS = {"margin": "0", "mean": "0.485 0.456 0.406", "std": "0.229 0.224 0.225", "size": "224"}
 _COUNTS = {"margin": 1, "mean": 3, "std": 3, "size": 1}
-_RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, 1024.0)}
+_RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MOST_SIDE)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,11 +68,18 @@ def read_contract(session: ort.InferenceSession, where: str) -> Contract:
     front = _fronts(notes, classes, where)
     values = {key: _in_range(key, _numbers(notes, key, text, where), where) for key, text in _DEFAULTS.items()}
     batch, _, side, _ = image.shape
+    fixed = batch if isinstance(batch, int) else None
+    side = side if isinstance(side, int) else int(values["size"][0])
+    if not (1 <= (fixed or 1) <= MOST_BATCH and 8 <= side <= MOST_SIDE and len(front) <= MOST_CLASSES):
+        raise ModelError(
+            f"{where}: it takes {fixed or 'any number of'} crops of {side} × {side} px and has {len(front)} classes; "
+            f"at most {MOST_BATCH} crops of {MOST_SIDE} px and {MOST_CLASSES} classes are accepted"
+        )
     return Contract(
         name=image.name,
         dtype=_DTYPES[image.type],
-        batch=batch if isinstance(batch, int) else None,
-        side=side if isinstance(side, int) else int(values["size"][0]),
+        batch=fixed,
+        side=side,
         margin=values["margin"][0],
         mean=np.array(values["mean"], np.float32),
         std=np.array(values["std"], np.float32),

@@ -7,6 +7,8 @@ of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.decode_heatma
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from vision import decode_heatmap
 from vision.detections import Detections
 from vision.errors import ModelError
 from vision.letterbox import letterbox, undo
-from vision.onnx_model import described, metadata
+from vision.onnx_model import RUN_ERRORS, described, metadata
 from vision.tiles import look_at_tiles, tile_grid
 
 __all__ = ["ACCEPTED", "HeatmapDetector"]
@@ -46,11 +48,12 @@ class HeatmapDetector:
     def __init__(self, session: ort.InferenceSession, where: str, *, score: float) -> None:
         notes = metadata(session)
         self._session = session
+        self._where = where
         self._score = score
         try:
-            self._stride = int(notes["stride"])
-            self._length_px = float(notes["nominal_length_px"])
-            self._px_per_m = self._length_px / float(notes["nominal_length_m"])
+            self._stride = int(_ranged(notes, "stride", 1, SIDE_STEP))
+            self._length_px = _ranged(notes, "nominal_length_px", 1, MOST_SIDE)
+            self._px_per_m = self._length_px / _ranged(notes, "nominal_length_m", 0.01, 100)
         except (KeyError, ValueError, ZeroDivisionError) as error:
             raise ModelError(
                 f"{where}: metadata {error} of a Rollcall model is missing or no number; export it again"
@@ -71,8 +74,23 @@ class HeatmapDetector:
 
     def _look(self, image: Image, scale: float) -> Detections:
         canvas, fit = letterbox(image, _canvas(image.shape[1], image.shape[0], scale))
-        (cells,) = self._session.run(None, {"image": canvas[None]})
+        try:
+            (cells,) = self._session.run(None, {"image": canvas[None]})
+        except RUN_ERRORS as error:
+            raise ModelError(
+                f"{self._where}: cannot be run on a {fit.width} × {fit.height} picture: {error}"
+            ) from error
+        wanted = (1, decode_heatmap.CHANNELS, fit.height // self._stride, fit.width // self._stride)
+        if cells.shape != wanted:
+            raise ModelError(f"{self._where}: gave a map {list(cells.shape)}, wanted {list(wanted)}; {ACCEPTED}")
         return undo(decode_heatmap.decode(cells[0], self._stride, self._score), fit, image)
+
+
+def _ranged(notes: Mapping[str, str], key: str, least: float, most: float) -> float:
+    value = float(notes[key])
+    if not least <= value <= most:
+        raise ValueError(f"{key!r} is {value:g}; it must lie between {least:g} and {most:g}")
+    return value
 
 
 def _check_map(session: ort.InferenceSession, where: str) -> None:

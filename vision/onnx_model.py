@@ -16,8 +16,13 @@ __all__ = ["RUN_ERRORS", "described", "metadata", "open_session", "shape_text", 
 RUN_ERRORS = (
     ort_errors.Fail, ort_errors.InvalidArgument, ort_errors.InvalidGraph, ort_errors.InvalidProtobuf,
     ort_errors.NoSuchFile, ort_errors.NotImplemented, ort_errors.NoModel, ort_errors.RuntimeException,
+    MemoryError, IndexError, ValueError,
 )  # fmt: skip
-"""All that onnxruntime raises, on loading as on running."""
+"""All that onnxruntime raises, on loading as on running; the last three for sizes that it cannot have."""
+MOST_BYTES = 1 << 30
+"""Of a file: four times the largest YOLO."""
+MOST_NOTES = 1 << 20
+"""Letters of a table in the notes: a thousand classes take 30,000."""
 
 
 def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.InferenceSession:
@@ -43,6 +48,8 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
     # between pictures its threads would wait by spinning: twice the processor time, taken from who receives telemetry
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
+    if path.stat().st_size > MOST_BYTES:
+        raise ModelError(f"{path}: {path.stat().st_size} bytes are more than the {MOST_BYTES} that a model may have")
     try:
         return ort.InferenceSession(str(path), options, providers=list(providers))
     except RUN_ERRORS as error:
@@ -62,6 +69,8 @@ def table(text: str) -> dict[object, object]:
     """
     if not text:
         return {}
+    if len(text) > MOST_NOTES:
+        raise ValueError(f"is a table of {len(text)} letters")
     try:
         value = ast.literal_eval(text)
         return dict(value) if isinstance(value, dict) else dict(enumerate(value))

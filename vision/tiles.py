@@ -15,6 +15,8 @@ __all__ = ["Tile", "look_at_tiles", "tile_grid"]
 
 SAME = 0.45
 """Boxes of two tiles that overlap more (probabilistic IoU) are one vehicle's."""
+MOST_COMPARED = 1000
+"""Boxes of all tiles, the best ones: to compare all with all takes the square of their number in time and memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +66,8 @@ def look_at_tiles(
     columns = np.concatenate([part.table for part in parts], axis=1)
     cx, cy, w, h, angle, score, heading = columns
     found = Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=score, heading=heading)
+    if len(found) > MOST_COMPARED:
+        found = found.take(np.sort(np.argsort(-score, kind="stable")[:MOST_COMPARED]))
     return found.take(nms(found.boxes, found.score, SAME))
 
 

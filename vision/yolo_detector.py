@@ -16,7 +16,7 @@ from vision.letterbox import Letterbox, draw, undo
 from vision.onnx_model import RUN_ERRORS, described
 from vision.tiles import look_at_tiles, tile_grid
 from vision.yolo_classes import vehicle_classes
-from vision.yolo_layout import ACCEPTED, anchor_counts, output_form, read_input
+from vision.yolo_layout import ACCEPTED, anchor_counts, check_size, output_form, read_input
 
 __all__ = ["YoloDetector"]
 
@@ -128,6 +128,10 @@ class YoloDetector:
         except RUN_ERRORS as error:
             size = " × ".join(str(n) for n in batch.shape)
             raise ModelError(f"{self._where}: cannot be run on a {size} picture: {error}") from error
+        try:
+            check_size(out.shape)
+        except ValueError as error:
+            raise ModelError(f"{self._where}: {error}") from error
         if out.ndim != 3 or len(out) < len(canvases):
             raise ModelError(
                 f"{self._where}: gave an output {list(out.shape)} for {len(canvases)} pictures; accepted are {ACCEPTED}"

@@ -9,7 +9,8 @@ Outputs of Ultralytics' exports of YOLOv8-OBB, YOLO11-OBB and YOLO26-OBB (a = an
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,7 +20,7 @@ import onnxruntime as ort
 from vision.onnx_model import described, metadata, shape_text, table
 from vision.yolo_classes import class_names
 
-__all__ = ["ACCEPTED", "Form", "YoloInput", "anchor_counts", "output_form", "read_input"]
+__all__ = ["ACCEPTED", "Form", "YoloInput", "anchor_counts", "check_size", "output_form", "read_input"]
 
 ACCEPTED = (
     "YOLO-OBB exports: one input [b, 3, H, W] float32 or float16, any of b, H, W fixed or not; one output, raw "
@@ -35,6 +36,13 @@ SIDE = 1024
 LEVELS = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64))
 """Strides of the grids that anchors stand on: the plain heads, those with a finer and those with a coarser level."""
 BOX_COLUMNS = 7
+_DIGITS = 18
+MOST_SIDE = 8192
+"""Of a canvas, px."""
+MOST_PIXELS = 1 << 25
+"""Of all canvases of a run, 400 MB: 32 of 1024 × 1024."""
+MOST_VALUES = 1 << 26
+"""Of an output, 256 MB: 65,536 for each of a thousand boxes, or 80 classes at each anchor of 6000 × 6000 px."""
 _KINDS: dict[str, np.dtype[np.float32] | np.dtype[np.float16]] = {
     "tensor(float)": np.dtype(np.float32),
     "tensor(float16)": np.dtype(np.float16),
@@ -81,6 +89,8 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
         raise ValueError(f"not a detector of a known shape: {described(session)}")
     batch, _, height, width = (n if isinstance(n, int) and n > 0 else None for n in inputs[0].shape)
     stride = _number(notes.get("stride", ""), STRIDE)
+    canvas = _canvas(height, width, notes, imgsz, stride)
+    _bound(batch or 1, canvas, stride, outputs[0].shape)
     return YoloInput(
         name=inputs[0].name,
         kind=_KINDS[inputs[0].type],
@@ -88,7 +98,7 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
         height=height,
         width=width,
         stride=stride,
-        imgsz=_canvas(height, width, notes, imgsz, stride),
+        imgsz=canvas,
         names=class_names(notes),
         suppressed=notes.get("end2end") == "True" or _nms_inside(notes),
     )
@@ -128,6 +138,31 @@ def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: froze
     return "raw" if along else "turned"
 
 
+def _bound(batch: int, canvas: tuple[int, int], stride: int, output: Sequence[object]) -> None:
+    """Refuse what no picture needs, before any memory is asked for.
+
+    Raises:
+        ValueError: says what is too much.
+    """
+    height, width = canvas
+    if max(height, width, stride) > MOST_SIDE or batch * height * width > MOST_PIXELS:
+        raise ValueError(
+            f"it takes {batch} × {width} × {height} px in steps of {stride} px; the most are {MOST_SIDE} px a side and "
+            f"{MOST_PIXELS} in all"
+        )
+    check_size([n for n in output if isinstance(n, int) and n > 0])
+
+
+def check_size(output: Sequence[int]) -> None:
+    """Refuse an output that is too large to be looked through.
+
+    Raises:
+        ValueError: it is.
+    """
+    if math.prod(output) > MOST_VALUES:
+        raise ValueError(f"its output {shape_text(output)} has more than {MOST_VALUES} numbers")
+
+
 def anchor_counts(height: int, width: int) -> frozenset[int]:
     """How many anchors models have on a canvas, px: one for each cell of each level's grid."""
     return frozenset(sum(-(-height // s) * -(-width // s) for s in strides) for strides in LEVELS)
@@ -162,7 +197,7 @@ def _canvas(
             raise ValueError(f"a canvas of {imgsz} px is smaller than its step of {stride} px")
         own = [imgsz]
     else:
-        own = [int(n) for n in notes.get("imgsz", "").strip("[]() ").split(",") if n.strip().isdigit() and int(n) > 0]
+        own = [number for n in notes.get("imgsz", "").strip("[]() ").split(",") if (number := _number(n.strip(), 0))]
     sides = [-(-n // stride) * stride for n in own] or [SIDE]
     return height or sides[0], width or sides[-1]
 
@@ -175,4 +210,7 @@ def _nms_inside(notes: Mapping[str, str]) -> bool:
 
 
 def _number(text: str, default: int) -> int:
-    return int(text) if text.isdigit() and int(text) > 0 else default
+    if not (text.isdecimal() and text.isascii()):
+        return default
+    # more digits are no side of a picture, whatever they are
+    return int(text[:_DIGITS]) or default

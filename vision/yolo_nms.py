@@ -20,6 +20,8 @@ Rivals = Literal["any", "same", "other"]
 
 PAIRS = 1 << 20
 """Pairs of boxes compared at once; bounds the memory."""
+FIRST = 16
+"""Best boxes that all others are compared with at first."""
 
 
 def fast_nms(
@@ -47,10 +49,14 @@ def fast_nms(
     rows, kinds = boxes[order], np.zeros(len(order), dtype=np.intp) if kind is None else kind[order]
     reach_px2 = _reach(rows, overlap)
     alive = np.ones(len(order), dtype=bool)
-    step = max(1, PAIRS // max(len(order), 1))
-    for start in range(0, len(order), step):
-        worse = np.arange(start, min(start + step, len(order)))
-        better = np.arange(worse[-1])
+    start, step = 0, FIRST
+    while start < len(order):
+        # the best ones by themselves: where thousands say the same, they leave none to compare
+        better = np.arange(start, min(start + step, len(order)))
+        worse = start + np.flatnonzero(alive[start:])
+        start, step = start + step, max(1, min(2 * step, PAIRS // len(order)))
+        if not len(worse):
+            break
         gap = (rows[better, None, :2] - rows[None, worse, :2]) ** 2
         near = gap.sum(axis=-1) <= reach_px2[better, None] + reach_px2[None, worse]
         near &= better[:, None] < worse
