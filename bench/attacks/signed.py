@@ -7,7 +7,9 @@ import threading
 from collections.abc import Callable, Set
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from bench.attacks.actors import DATED, FULL, UAV_ID, Body, lines_of, rover, uav
 from bench.attacks.records import Told, beliefs, beliefs_of, first_told, frames, sender_of, told
@@ -116,23 +118,37 @@ class Judged:
     sure_s: float
 
 
-def _judge(
-    options: Options, session: Path, stage: Stage, system_id: int, since_s: float = 0.0, again: Set[bytes] = frozenset()
-) -> Judged:
-    """What became of a vehicle's packets since a time of the stage, without those that somebody sent again."""
-    numbers = refused_records(session)
-    since_us = stage.sent.start_us + since_s * 1e6
-    its = [
-        (number, t_us) for number, (t_us, raw) in enumerate(frames(session))
-        if sender_of(raw) == system_id and raw not in again and t_us >= since_us
-    ]  # fmt: skip
-    refused = sum(number in numbers for number, _ in its)
-    first_s = (its[0][1] - stage.sent.start_us) * 1e-6 if its else float("inf")
-    seen = beliefs_of(beliefs(options.python, session, stage.sent), system_id)
-    sure = [belief for belief in seen if belief.sure and belief.t_s >= first_s]
-    # five times a second is looked: what was so at the first look is so at once
-    after_s = max(sure[0].t_s - first_s - 0.2, 0.0) if sure else float("inf")
-    return Judged(sent=len(its), refused=refused, believed_after_s=after_s, sure_s=len(sure) / 5.0)
+@dataclass(frozen=True, kw_only=True)
+class Heard:
+    """One session of a signed fleet."""
+
+    python: str
+    """Interpreter of the station that recorded it."""
+    folder: Path
+    sent: Sent
+
+    @cached_property
+    def refused(self) -> set[int]:
+        """Numbers of the records that were not believed."""
+        return refused_records(self.folder)
+
+    @cached_property
+    def _folded(self) -> list[dict[str, Any]]:
+        return beliefs(self.python, self.folder, self.sent)
+
+    def judge(self, system_id: int, since_s: float = 0.0, again: Set[bytes] = frozenset()) -> Judged:
+        """What became of a vehicle's packets since a time of the stage, without those that somebody sent again."""
+        since_us = self.sent.start_us + since_s * 1e6
+        its = [
+            (number, t_us) for number, (t_us, raw) in enumerate(frames(self.folder))
+            if sender_of(raw) == system_id and raw not in again and t_us >= since_us
+        ]  # fmt: skip
+        refused = sum(number in self.refused for number, _ in its)
+        first_s = (its[0][1] - self.sent.start_us) * 1e-6 if its else float("inf")
+        sure = [b for b in beliefs_of(self._folded, system_id) if b.sure and b.t_s >= first_s]
+        # five times a second is looked: what was so at the first look is so at once
+        after_s = max(sure[0].t_s - first_s - 0.2, 0.0) if sure else float("inf")
+        return Judged(sent=len(its), refused=refused, believed_after_s=after_s, sure_s=len(sure) / 5.0)
 
 
 def refused_records(session: Path) -> set[int]:
@@ -171,16 +187,17 @@ def late_start(options: Options) -> list[Row]:
         stage.wait(LATE_S)
         station.end()
         events = told(station.session, stage.sent)
-        return [_late_row(options, station.session, stage, clock, events) for clock in LATE]
+        heard = Heard(python=options.python, folder=station.session, sent=stage.sent)
+        return [_late_row(heard, clock, events) for clock in LATE]
 
 
-def _late_row(options: Options, session: Path, stage: Stage, clock: Clock, events: list[Told]) -> Row:
+def _late_row(heard: Heard, clock: Clock, events: list[Told]) -> Row:
     """Who proves nothing, not even with a date, is as good as a recording: that has to be told."""
-    judged = _judge(options, session, stage, clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0)
+    judged = heard.judge(clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0)
     row = _row("signed, late start", clock.name, judged, clock.recorded)
-    alarm = first_told(events, "sign", clock.system_id)
+    alarm = first_told(events, "sign|recording", clock.system_id)
     if judged.refused < judged.sent / 2:
-        return row
+        return replace(row, held=False, note=f"{row.note}; false alarm: {alarm.text}") if alarm else row
     row = replace(row, note=f"{row.note}; told: {alarm.text if alarm else 'nothing'}")
     return row if clock.dated else replace(row, held=alarm is not None)
 
@@ -219,8 +236,9 @@ def restarts(options: Options) -> list[Row]:
             station.end()
             stage.wait(stage.now_s + PAUSE_S)
             again = set(earlier)
+            heard = Heard(python=options.python, folder=station.session, sent=stage.sent)
             for clock in STEADY:
-                judged = _judge(options, station.session, stage, clock.system_id, again=again)
+                judged = heard.judge(clock.system_id, again=again)
                 rows.append(_row("signed, restart", f"{clock.name}, after {after}", judged, hostile=False))
             rows.append(_replayed_row(station.session, again, f"hostile: frames of the first flight, after {after}"))
     return rows
