@@ -77,6 +77,8 @@ class Analysis:
             CameraError: the mission's camera cannot have taken the video.
         """
         self.session = session
+        self.faults = 0
+        """Packets that could not be worked on."""
         self._log = SessionLog(session.tlog, session.notes.signs)
         self.mission = session.mission or discover(self._log)
         self._frames = read_times(session.frames) if session.frames else None
@@ -189,7 +191,7 @@ class Analysis:
         packets = _Ahead(self._log.packets())
         for index, t_us, image, boxes in self._looked(images):
             for packet in packets.until(t_us):
-                pipeline.feed(packet)
+                self._feed(pipeline, packet)
             shown = image if images else None
             yield pipeline.frame(
                 index, t_us, image=shown, size=self._size.size, detections=boxes, health=self._health(index)
@@ -205,7 +207,7 @@ class Analysis:
         early: tuple[Event, ...] = ()
         for turn, packets, boxes in flown.turns():
             for packet in packets:
-                pipeline.feed(packet)
+                self._feed(pipeline, packet)
             if turn.frame == NO_PICTURE:
                 health = self._health(latest.frame if latest else 0)
                 said = pipeline.frame(NO_PICTURE, turn.t_us, health=health, heard_us=turn.heard_us).events
@@ -241,6 +243,16 @@ class Analysis:
             while frame is not None and frame.index < index:
                 frame = next(pictures, None)
             yield index, t_us, frame.image if frame is not None and frame.index == index else None
+
+    def _feed(self, pipeline: Pipeline, packet: Packet) -> None:
+        """As in a flight, a packet that cannot be worked on costs nothing else; the first is told."""
+        try:
+            pipeline.feed(packet)
+        except Exception as error:  # noqa: BLE001 - told below
+            if not self.faults:
+                text = f"a fault of this program was passed over: packet of system {packet.system_id}: {error!r}"
+                pipeline.note(Event(t_us=packet.t_us, level="alarm", kind="recording", text=text))
+            self.faults += 1
 
     def _health(self, index: int) -> Health:
         return Health(frames=index + 1, video="ok" if self.video else "none")

@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from typing import TypeVar
 
 from mavlink.keys import KeyRing
 
 __all__ = ["PROGRAM", "FlightNotes", "key_notes"]
+
+Kind = TypeVar("Kind")
 
 PROGRAM = f"rollcall-gcs {version('rollcall-gcs')}"
 FLEET = "fleet"
@@ -29,6 +32,8 @@ class FlightNotes:
     """Fingerprints by system id, as text, or ``FLEET``."""
     models: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of the networks that looked, by what they are for."""
+    lost: Mapping[str, int] = field(default_factory=dict)
+    """Rows that the disk did not take, by file."""
     refused: int | None = None
     """Records that were not believed; None: the flight was not ended in order."""
 
@@ -41,8 +46,9 @@ class FlightNotes:
         return cls(
             flown="started" in table,
             program=str(table.get("program", "")),
-            keys=_texts(table.get("keys")),
-            models=_texts(table.get("models")),
+            keys=_of(str, table.get("keys")),
+            models=_of(str, table.get("models")),
+            lost=_of(int, table.get("lost")),
             refused=refused if isinstance(refused, int) else None,
         )
 
@@ -57,7 +63,8 @@ def key_notes(ring: KeyRing) -> dict[str, str]:
     return notes | ({FLEET: ring.default.fingerprint} if ring.default else {})
 
 
-def _texts(table: object) -> dict[str, str]:
+def _of(kind: type[Kind], table: object) -> dict[str, Kind]:
+    """The values of a table that are of a kind."""
     if not isinstance(table, Mapping):
         return {}
-    return {str(name): text for name, text in table.items() if isinstance(text, str)}
+    return {str(name): value for name, value in table.items() if isinstance(value, kind)}

@@ -107,6 +107,8 @@ def missing(session: Session, log: SessionLog, *, looked_again: bool) -> Iterato
         yield "folds.csv is missing: the flight skipped frames and heard packets late, and may have named others"
     if len(log) and not segments(folder / "senders.csv"):
         yield "senders.csv is missing: who sent what is not known, and two senders of one id are told apart less well"
+    for name, rows in notes.lost.items():
+        yield f"{name}: {rows} rows of the flight were lost"
     if notes.refused and log.refused != notes.refused:
         yield f"refused.csv: the flight did not believe {notes.refused} records, it names {log.refused}"
     if notes.program != PROGRAM:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from bench.again.scripted import CAMERA, Troubles, fly
+from bench.again.scripted import CAMERA, SECRET, Troubles, fly
+from gcs.analysis import Analysis
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.folds import Folds
+from gcs.pipeline import Pipeline
 from gcs.session import open_session
 from sim.presets import nominal
 from sim.scenario import Ground
@@ -73,6 +75,31 @@ def test_the_troubles_came(flown):
     assert ("two senders use system id" in said) == (troubles.impostor is not None)
     assert ("has rebooted" in said) == (troubles.restart is not None)
     assert (folder / "faults.txt").exists() == (troubles.broken is not None)
+
+
+def test_who_signed_in_flight_has_signed_in_a_replay(tmp_path):
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=2.0), Troubles(signed=True))
+    *_, last = Analysis(open_session(folder)).snapshots()
+    assert all(row.signed > 0 and not row.unsigned for row in last.vehicles)
+    assert last.vehicles[1].bad_signature > 0
+
+
+def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch):
+    def feed(self, packet):
+        if packet.message_id == 0:
+            raise ValueError("odd")
+        heard(self, packet)
+
+    heard = Pipeline.feed
+    monkeypatch.setattr(Pipeline, "feed", feed)
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=3.0), Troubles())
+    for name in ("flown", "by time"):
+        if name == "by time":
+            (folder / "folds.csv").unlink()
+        analysis = Analysis(open_session(folder, frame_size=(CAMERA.width, CAMERA.height)))
+        events = [event.text for snapshot in analysis.snapshots() for event in snapshot.events]
+        assert analysis.faults > 10
+        assert sum("a fault of this program was passed over" in text for text in events) == 1
 
 
 def test_after_a_restart_the_fleet_is_named_again(tmp_path):
@@ -139,6 +166,9 @@ def test_what_a_recording_lacks_is_said(tmp_path, capsys):
     identify_into(open_session(folder), tmp_path / "whole")
     whole = complaints(capsys)
     assert not any(word in whole for word in ("is missing", "lacks records", "has not the boxes", "recorded by"))
+    notes = open_session(folder).notes
+    assert set(notes.keys) == {str(i) for i in (1, *SCENARIO.ugv_ids)}
+    assert SECRET.hex() not in (folder / "session.toml").read_text()
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     lines = (copy / "detections.csv").read_text().splitlines(keepends=True)
