@@ -23,7 +23,7 @@ from bench.process_tree import family
 __all__ = ["behind_an_output", "video_password"]
 
 PASSWORD = "Hush0xBEEF77"
-FLY_S = 6.0
+FLY_S, TRY_S = 6.0, 30.0
 OPERATOR = 255
 """System id of the program behind the output."""
 SET_MODE = 176
@@ -45,7 +45,7 @@ def _password(options: Options, case: str, mission: str, words: Sequence[str], n
         options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words
     )  # fmt: skip
     try:
-        time.sleep(FLY_S)
+        tried = _tried(station.session)
         # what the user typed is the user's; what the station starts is its own
         asked = [pid for pid in family(station.pid) if not words or pid != station.pid]
         listed = [pid for pid in asked if PASSWORD in _command_line(pid)]
@@ -55,8 +55,23 @@ def _password(options: Options, case: str, mission: str, words: Sequence[str], n
         path.name for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name != "mission.toml" and PASSWORD.encode() in path.read_bytes()
     ]  # fmt: skip
-    notes = [f"in {name}" for name in files] + [f"in {len(listed)} process lists"] * bool(listed)
+    notes = (
+        ["the video was never tried"] * (not tried)
+        + [f"in {name}" for name in files]
+        + [f"in {len(listed)} process lists"] * bool(listed)
+    )
     return Row(attack="video password", case=case, held=not notes, note="; ".join(notes))
+
+
+def _tried(session: Path) -> bool:
+    """Whether the event log tells of the video, waited for: whatever names the address is written by then."""
+    until_s = time.monotonic() + TRY_S
+    while time.monotonic() < until_s:
+        if any('"kind":"video"' in path.read_text() for path in session.glob("events*.jsonl")):
+            time.sleep(1.0)
+            return True
+        time.sleep(0.2)
+    return False
 
 
 def _command_line(pid: int) -> str:

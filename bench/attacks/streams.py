@@ -18,7 +18,7 @@ from bench.attacks.station import Station, mission_text
 from bench.attacks.wire import Voice
 from bench.ports import free_port
 
-__all__ = ["over_serial", "over_tcp", "swallowed_frames"]
+__all__ = ["over_serial", "over_tcp", "poison", "swallowed_frames"]
 
 POISON = b"\xfd\xff\x00"
 GOOD = 3
@@ -40,22 +40,23 @@ def _open_tcp(port: int) -> socket.socket:
 def over_tcp(options: Options) -> list[Row]:
     """Over a connection that stays and one that is closed at once."""
     port = free_port(socket.SOCK_STREAM)
-    station = Station(
-        options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"]
-    )  # fmt: skip
+    station = Station(options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"])
     try:
-        waits, closes = Voice(11), Voice(12)
-        sent = {
-            voice: [voice.parameter(1000.0 * voice.system_id + k) for k in range(GOOD)] for voice in (waits, closes)
-        }
-        with _open_tcp(port) as kept, _open_tcp(port) as closed:
-            kept.sendall(POISON + b"".join(sent[waits]))
-            closed.sendall(POISON + b"".join(sent[closes]))
-            closed.shutdown(socket.SHUT_RDWR)
-            time.sleep(WAIT_S)
-            after = Counter(raw for _, raw in frames(station.session))
+        return poison(port, station.session)
     finally:
         station.end()
+
+
+def poison(port: int, session: Path) -> list[Row]:
+    """Three bytes and good frames over two connections to a flight, and what of them is in its log in a moment."""
+    waits, closes = Voice(11), Voice(12)
+    sent = {voice: [voice.parameter(1000.0 * voice.system_id + k) for k in range(GOOD)] for voice in (waits, closes)}
+    with _open_tcp(port) as kept, _open_tcp(port) as closed:
+        kept.sendall(POISON + b"".join(sent[waits]))
+        closed.sendall(POISON + b"".join(sent[closes]))
+        closed.shutdown(socket.SHUT_RDWR)
+        time.sleep(WAIT_S)
+        after = Counter(raw for _, raw in frames(session))
     return [
         _row("TCP, the connection stays", sent[waits], after, f"within {WAIT_S:.0f} s"),
         _row("TCP, the connection is closed", sent[closes], after, "at the close"),
