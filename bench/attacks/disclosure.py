@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bench.attacks.actors import lines_of, rover, uav
-from bench.attacks.records import frames
+from bench.attacks.records import frames, told
 from bench.attacks.report import Row
 from bench.attacks.run import Options
-from bench.attacks.stage import Stage, udp_to
+from bench.attacks.stage import Sent, Stage, udp_to
 from bench.attacks.station import Station, StationError, mission_text
 from bench.attacks.wire import Voice
 from bench.ports import free_port
@@ -64,10 +64,10 @@ def _password(options: Options, case: str, mission: str, words: Sequence[str], n
 
 
 def _tried(session: Path) -> bool:
-    """Whether the event log tells of the video, waited for: whatever names the address is written by then."""
+    """Whether the event log tells of the video's failure, waited for: whatever names the address is written by then."""
     until_s = time.monotonic() + TRY_S
     while time.monotonic() < until_s:
-        if any('"kind":"video"' in path.read_text() for path in session.glob("events*.jsonl")):
+        if any(event.loud and event.kind == "video" for event in told(session, Sent())):
             time.sleep(1.0)
             return True
         time.sleep(0.2)
