@@ -52,6 +52,7 @@ ATTACKS: Final[dict[str, Attack]] = {
 
 def _options(chosen: argparse.Namespace) -> Options:
     words = shlex.split(chosen.gcs) if chosen.gcs else [str(Path(sys.executable).with_name("gcs"))]
+    words[0] = str(Path(words[0]).absolute()) if "/" in words[0] else words[0]
     python = Path(words[0]).with_name("python")
     return Options(
         gcs=tuple(words), python=str(python) if python.exists() else sys.executable, quick=chosen.quick,

@@ -82,12 +82,17 @@ class Station:
         words = [*gcs, "fly", str(file), "--headless", *more]
         words += [] if "--sessions" in more else ["--sessions", str(folder / "sessions")]
         words += [word for link in links for word in ("-l", link)]
-        # no key and no setting of whoever runs this may take part
+        # no key, no setting and no module of whoever runs this may take part
         home = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "XDG_DATA_HOME": str(folder / "data")}
         began_s = time.monotonic()
         with self._said.open("w") as said:
             self._process = subprocess.Popen(
-                words, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT, env=os.environ | home
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                cwd=folder,
+                env=os.environ | home,
             )
         self.pid = self._process.pid
         self.ports = tuple(int(link.rpartition(":")[2]) for link in links if link.startswith(("udp", "tcp")))
