@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from fastcrc import crc16
 
 from mavlink.dialect import DEFINITIONS
 from mavlink.frame import SIGNATURE_LENGTH
-from mavlink.packet import MAGIC_V1, MAGIC_V2, Packet
+from mavlink.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 
 __all__ = ["MIXED", "Batch", "Claim", "Sender", "is_one_frame", "looks_like_one_frame", "system_of"]
 
@@ -45,10 +46,13 @@ class Batch:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def packets(self, link: int) -> list[Packet]:
-        """The same as packets of one link."""
-        rows = zip(self.times_us, self.frames, self.peers, strict=True)
-        return [Packet(t_us, raw, link, peer) for t_us, raw, peer in rows]
+    def packets(self, link: int, auths: Sequence[Auth] | None = None) -> list[Packet]:
+        """The same as packets of one link, with what their signatures are worth where that is known."""
+        if auths is None:
+            rows = zip(self.times_us, self.frames, self.peers, strict=True)
+            return [Packet(t_us, raw, link, peer) for t_us, raw, peer in rows]
+        judged = zip(self.times_us, self.frames, self.peers, auths, strict=True)
+        return [Packet(t_us, raw, link, peer, auth) for t_us, raw, peer, auth in judged]
 
     def claims(self) -> list[Claim]:
         """Who each frame claims to be from, and where it came from."""

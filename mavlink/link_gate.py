@@ -19,11 +19,11 @@ from mavlink.link_shares import HOLD_S, SENDER_PER_S, Allowance, Coming, Shares
 __all__ = ["STRANGERS", "Gate", "Limit"]
 
 TICK_S = 0.1
-_BRIEF_S, _LONG_S = 1e-3, 10.0
+_LONG_S = 10.0
 _SO_MEMINFO = 55
 _MEMINFO = struct.Struct("=9I")
 _QUEUED, _ROOM, _DROPS = 0, 1, 8
-_FULL = 0.75
+_FULL, _LATE = 0.75, 0.2
 STRANGERS = -1
 """In the place of a system id: all strangers together."""
 
@@ -40,6 +40,8 @@ class Limit:
     """How many come."""
     turned_away: int
     """How many of them were not let in, about."""
+    refused: bool = False
+    """Whether they are not believed, and so many that not all are recorded."""
 
 
 class Gate:
@@ -70,15 +72,15 @@ class Gate:
         """Whether somebody is not let in whole."""
         return self._attached is not None
 
-    def look(self) -> None:
-        """Notes how full the socket is; to be called before it is read."""
-        if self._attached is not None:
+    def look(self, hurry: bool) -> None:
+        """Notes how full the socket is; to be called before it is read.
+
+        Args:
+            hurry: whether there was more than could be read at once before.
+        """
+        if hurry or self._attached is not None:
             memory = self._memory()
             self._fullest = max(self._fullest, memory[_QUEUED] / max(memory[_ROOM], 1))
-
-    def over(self, likely: int, other: int, now_s: float) -> bool:
-        """Whether so many strangers' datagrams came since the last time that it cannot wait for the next tick."""
-        return self.shares.over(likely, other, max(now_s - self._since_s, 0.0))
 
     def due(self, now_s: float) -> bool:
         """Whether it is time to adapt."""
@@ -90,7 +92,7 @@ class Gate:
 
     def elapsed_s(self, now_s: float) -> float:
         """Time since the last :meth:`adapt`."""
-        return min(max(now_s - self._since_s, _BRIEF_S), _LONG_S)
+        return min(max(now_s - self._since_s, TICK_S), _LONG_S)
 
     def adapt(self, now_s: float, dt_s: float, coming: Coming, peers: Peers) -> None:
         """Sets the shares from what came since the last time, and the filter from the shares.
@@ -104,8 +106,9 @@ class Gate:
         self._since_s = self._now_s = now_s
         self.count_drops()
         away, self._away = self.turned_away - self._away, self.turned_away
+        late, self._fullest = self._fullest > _LATE, 0.0
         systems = peers.systems()
-        self.shares.adapt(replace(coming, turned_away=away), systems, dt_s, now_s)
+        self.shares.adapt(replace(coming, turned_away=away, late=late), systems, dt_s, now_s)
         self.shares.forget(now_s - HOLD_S, systems)
         self._apply(systems, peers)
 
@@ -134,7 +137,6 @@ class Gate:
         lost = new if self._attached is None or self._fullest > _FULL else 0
         self.dropped += lost
         self.turned_away += new - lost
-        self._fullest = 0.0
 
     def _apply(self, systems: Mapping[Sender, int], peers: Peers) -> None:
         likely, other = self.shares.likely.share, self.shares.other.share

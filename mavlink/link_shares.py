@@ -28,15 +28,16 @@ SENDER_PER_S = 2000.0
 ALL_PER_S = 25_000.0
 """Good frames wanted of all who are known: a hundred vehicles send 20,000 a second."""
 READ_PER_S = 30_000.0
-"""Datagrams read of all who are known, with the junk that claims to be theirs: of a third of a second, in which this
-process may be held up, a socket has room for them."""
-_LOOK_S = 0.1
-"""So much more than is allowed is too much to wait for the next time."""
+"""Datagrams read of all who are known, with the junk that claims to be theirs, on a machine that is quick enough. Who
+sends no more than a vehicle does is always read."""
 SENDER_BURST_S = 2.0
 """A radio hands on at once what it could not for a while."""
 _SMOOTH_S = 1.0
 HOLD_S = 3.0
 """A flood that has paused for no longer goes on."""
+_SLOWER, _FASTER = 0.5, 1.03
+_DRAIN_S = 0.3
+"""After it was told to read less it takes so long until what waits is read."""
 _LEAST = 1e-6
 
 
@@ -119,6 +120,8 @@ class Coming:
     """Datagrams of those who are known."""
     turned_away: int = 0
     """Datagrams that were not let in."""
+    late: bool = False
+    """Whether many waited to be read."""
 
 
 class Shares:
@@ -128,11 +131,9 @@ class Shares:
         self.likely, self.other = Allowance.full(STRANGERS_BURST_S), Allowance.full(STRANGERS_BURST_S)
         self.own: dict[Sender, Allowance] = {}
         """Those of known senders who have sent more than their part lately; all others are let in whole."""
-
-    def over(self, likely: int, other: int, dt_s: float) -> bool:
-        """Whether strangers have used up what they may, so that this cannot wait."""
-        likely_s, other_s = max(self.likely.credit_s, _LOOK_S) + dt_s, max(self.other.credit_s, _LOOK_S) + dt_s
-        return likely > LIKELY_PER_S * likely_s or other > OTHER_PER_S * other_s
+        self.read_per_s = READ_PER_S
+        """Datagrams of all who are known that this machine can read, as far as was seen."""
+        self._slower_s = -math.inf
 
     def adapt(self, coming: Coming, systems: Mapping[Sender, int], dt_s: float, now_s: float) -> None:
         """Sets the shares from what came.
@@ -144,10 +145,11 @@ class Shares:
             now_s: monotonic.
         """
         self._count(coming, dt_s, now_s)
+        self._learn(sum(coming.read.values()) / dt_s, now_s, late=coming.late)
         self.likely.use(coming.likely / LIKELY_PER_S, dt_s, now_s)
         self.other.use(coming.other / OTHER_PER_S, dt_s, now_s)
         frames_level = self._level(coming.frames, ALL_PER_S, dt_s)
-        read_level = self._level(coming.read, READ_PER_S, dt_s)
+        read_level = max(self._level(coming.read, self.read_per_s, dt_s), SENDER_PER_S)
         for sender in {*coming.read, *self.own}:
             most_per_s = min(SENDER_PER_S * systems.get(sender, 1), frames_level)
             frames_s, read_s = coming.frames.get(sender, 0) / most_per_s, coming.read.get(sender, 0) / read_level
@@ -173,6 +175,14 @@ class Shares:
             rested = allowance.share >= 1.0 and allowance.credit_s >= allowance.burst_s
             if sender not in known or (rested and allowance.limited_s < since_s):
                 del self.own[sender]
+
+    def _learn(self, read_per_s: float, now_s: float, *, late: bool) -> None:
+        """How fast this machine reads while it does what else it has to do."""
+        if not late:
+            self.read_per_s = min(READ_PER_S, _FASTER * self.read_per_s)
+        elif now_s - self._slower_s >= _DRAIN_S:
+            self.read_per_s = max(SENDER_PER_S, _SLOWER * min(self.read_per_s, read_per_s))
+            self._slower_s = now_s
 
     def _level(self, counts: Mapping[Sender, int], total: float, dt_s: float) -> float:
         own = self.own

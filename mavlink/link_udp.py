@@ -59,6 +59,7 @@ class _Udp(Reader):
         self._crowd = ""
         self._clock_s = clock_s
         self._newest_us = 0
+        self._hurry = False
 
     @property
     def counts(self) -> LinkCounts:
@@ -82,7 +83,7 @@ class _Udp(Reader):
         batch = Batch()
         if not self._open:
             return batch
-        self.gate.look()
+        self.gate.look(self._hurry)
         try:
             if self._datagrams:
                 self._take_many(batch)
@@ -92,10 +93,7 @@ class _Udp(Reader):
             if self._open:
                 raise
             return batch
-        now = now_us()
-        self._note(batch, now)
-        if self.gate.over(self._strange[0], self._strange[1], self._clock_s()):
-            self.adapt(now)
+        self._note(batch, now_us())
         return batch
 
     def _note(self, batch: Batch, t_us: int) -> None:
@@ -188,6 +186,7 @@ class _Udp(Reader):
         datagrams = self._datagrams
         assert datagrams is not None
         count = datagrams.receive()
+        self._hurry = count == BATCH
         if not count:
             return
         now = now_us()  # not before the call: what comes while this process is held up would be stamped too early

@@ -252,6 +252,16 @@ def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end()
     assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
         ("info", "udp: 10.0.0.7:5 as system 11 is let in whole again; about 4,321 datagrams were turned away")
     ]
+    refused = replace(first, refused=True, turned_away=99)
+    assert changes.of(IngestHealth(links=(replace(link, limits=(router, refused)),))) == [
+        (
+            "alarm",
+            "udp: 10.0.0.7:5 as system 11 floods this link with packets that are refused; not all of them are recorded",
+        )
+    ]
+    assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
+        ("info", "udp: 10.0.0.7:5 as system 11 floods no more; 99 refused packets were not recorded")
+    ]
     crowd = tuple(replace(first, address=f"10.0.0.7:{k}") for k in range(300))
     told = changes.of(IngestHealth(links=(replace(link, limits=crowd),)))
     assert [level for level, _ in told] == ["alarm"] * 6 + ["info"] and told[5][1] == "295 more such senders"

@@ -209,7 +209,7 @@ def test_a_fair_division_gives_all_or_the_same(wanted, total):
         assert sum(given_) == pytest.approx(total, rel=1e-6) and math.isfinite(level)
 
 
-def settle(shares, offered, seconds=5.0):
+def settle(shares, offered, seconds=5.0, late=False):
     """Steady rates for a while: {sender, or "likely" or "other": (datagrams, good frames a second)}; what is let in."""
     passed = dict.fromkeys(offered, 0.0)
     for k in range(round(seconds / TICK_S)):
@@ -230,6 +230,7 @@ def settle(shares, offered, seconds=5.0):
             other=seen.get("other", (0, 0))[0],
             frames={who: good for who, (_, good) in known.items() if good},
             read={who: read for who, (read, _) in known.items()},
+            late=late,
         )
         shares.adapt(coming, {}, TICK_S, 10.0 + k * TICK_S)
     return {who: total / seconds for who, total in passed.items()}
@@ -269,6 +270,15 @@ def test_junk_that_claims_to_be_a_vehicle_does_not_count_as_its_frames():
     assert not shares.own
     got = settle(shares, {(1, 11): (3 * READ_PER_S, 120), (2, 12): (120, 120)}, seconds=20.0)
     assert got[1, 11] == pytest.approx(READ_PER_S, rel=0.1) and got[2, 12] == pytest.approx(120)
+
+
+def test_a_machine_that_is_late_reads_less_of_those_who_flood_and_all_of_the_others():
+    shares, fleet = Shares(), {(k, k): (200, 200) for k in range(100)}
+    got = settle(shares, fleet | {(1, 11): (60_000, 120)}, seconds=20.0, late=True)
+    assert got[1, 11] == pytest.approx(SENDER_PER_S, rel=0.3)
+    assert [got[k, k] for k in range(100)] == [pytest.approx(200)] * 100
+    got = settle(shares, {(1, 11): (10_000, 120)}, seconds=20.0)
+    assert got[1, 11] > 5_000 and shares.read_per_s == pytest.approx(READ_PER_S)
 
 
 def test_a_large_fleet_is_let_in_whole():
@@ -318,6 +328,7 @@ class Field:
         self.port = free_port()
         url = parse_url(f"udpin:{HOST}:{self.port}")
         self.link = UdpIn(url, 0, system_ids=range(11, 19), vouch=not keys, clock_s=lambda: self.now_s)
+        self.link._arrived_s = lambda: 0.0  # the kernel's stamps follow another clock than this test's
         stack.callback(self.link.close)
         self.sockets = {k: stack.enter_context(udp()) for k in range(11, 19)}
         self.speakers = {k: Speaker(k) for k in self.sockets}

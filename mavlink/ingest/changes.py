@@ -29,7 +29,7 @@ class Changes:
     def __init__(self) -> None:
         self._connected: dict[str, bool] = {}
         self._patience: dict[str, int] = {}
-        self._limits: dict[str, dict[tuple[str, int], Limit]] = {}
+        self._limits: dict[str, dict[tuple[str, int, bool], Limit]] = {}
         self._losses: dict[str, int] = {}
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
@@ -56,7 +56,7 @@ class Changes:
         return told
 
     def _link(self, link: LinkReport) -> list[Told]:
-        now = {("" if limit.system_id == STRANGERS else limit.address, limit.system_id): limit for limit in link.limits}
+        now = {_key(limit): limit for limit in link.limits}
         before = self._limits.get(link.name, {})
         self._limits[link.name] = now
         told = self._connection(link)
@@ -111,14 +111,23 @@ def _few(level: str, texts: list[str]) -> list[Told]:
     return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)
 
 
+def _key(limit: Limit) -> tuple[str, int, bool]:
+    """Whom it is about; of strangers the address changes."""
+    return "" if limit.system_id == STRANGERS else limit.address, limit.system_id, limit.refused
+
+
 def _flood(limit: Limit) -> str:
     rate = float(f"{limit.wanted_per_s:.2g}")
+    if limit.refused:
+        return f"{_source(limit)} floods this link with packets that are refused; not all of them are recorded"
     if limit.system_id == STRANGERS:
         return f"strangers flood this port, {rate:,.0f} datagrams/s from {limit.address}; only few of them are let in"
     return f"{_source(limit)} floods this port, {rate:,.0f} datagrams/s, or somebody forges them; only some are let in"
 
 
 def _flood_over(limit: Limit) -> str:
+    if limit.refused:
+        return f"{_source(limit)} floods no more; {limit.turned_away:,} refused packets were not recorded"
     if limit.system_id == STRANGERS:
         return f"about {limit.turned_away:,} datagrams of strangers were turned away; the flood is over"
     return f"{_source(limit)} is let in whole again; about {limit.turned_away:,} datagrams were turned away"

@@ -172,7 +172,10 @@ class _Ingest:
         """How it goes, for the station."""
         self._told_s, self._told_senders = time.monotonic(), self._senders()
         if self._open or not self._reports:
-            self._reports = tuple(_report(link) for link in self._links)
+            reports = [_report(link) for link in self._links]
+            self._reports = tuple(
+                self._receiver.excess.told(k, report, self._links[k].address) for k, report in enumerate(reports)
+            )
         record = self._log.state
         outputs = self._outputs.counts if self._outputs else ()
         troubles = [self._send_trouble, self._receiver.output_trouble, *self._signatures.troubles]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from mavlink.errors import LinkError
 from mavlink.forward import Forwarder
+from mavlink.ingest.excess import Excess
 from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.ingest.shared import Shared, Word
@@ -125,22 +126,23 @@ class Receiver:
         self._signatures = signatures
         self._outputs = outputs
         self._senders = LastSenders()
+        self.excess = Excess()
         self.output_trouble = ""
 
     def take(self, index: int, batch: Batch) -> None:
         """One batch of a link."""
         original = self._hide_secrets(index, batch)
-        number = self._record(batch)
+        auths: Sequence[Auth] | None = None
+        if self._signatures.on:  # looked at before they are recorded: those of a forger could fill the disk
+            packets = batch.packets(index)
+            auths = self._signatures.check([original.get(k, packet) for k, packet in enumerate(packets)])
+            batch, auths = self.excess.without(index, batch, auths)
+        number = self._record(batch) if batch.frames else None
         self._memory.words[Word.IN_HAND] = 0
         if number is not None:
             self._note_senders(index, batch, number)
-        auths: list[Auth] | None = None
-        packets: list[Packet] = []
-        if self._signatures.on or self._outputs:
-            packets = batch.packets(index)
+        packets = batch.packets(index, auths) if self._signatures.on or self._outputs else []
         if self._signatures.on:
-            auths = self._signatures.check([original.get(k, packet) for k, packet in enumerate(packets)])
-            packets = [_judged(packet, auth) for packet, auth in zip(packets, auths, strict=True)]
             self._judge(index, packets, number)
         self._memory.put(index, number, batch.times_us, batch.frames, batch.peers, auths)
         self.forward(packets)
@@ -211,7 +213,3 @@ class Receiver:
                     original[k] = packet
                     batch.frames[k] = clean.raw
         return original
-
-
-def _judged(packet: Packet, auth: Auth) -> Packet:
-    return Packet(packet.t_us, packet.raw, packet.link, packet.peer, auth)

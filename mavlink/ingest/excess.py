@@ -1,0 +1,108 @@
+"""Packets that are not believed and come in masses: all are counted, and of each sender's only so many are recorded.
+
+A key keeps a forger's packets from being believed, but not from coming, from the very address of the vehicle that he
+poses as. Those with a right signature are recorded however many there are of the others.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from mavlink.ingest.health import LinkReport
+from mavlink.link_batch import Batch, Claim
+from mavlink.link_gate import Limit
+from mavlink.link_shares import HOLD_S
+from mavlink.packet import Auth
+
+__all__ = ["BURST_S", "KEPT_PER_S", "Excess"]
+
+KEPT_PER_S, BURST_S = 500.0, 4.0
+"""Refused packets recorded of one sender: all of a vehicle that has no key, and enough to see what a forger does."""
+_MOST = 1024
+"""Senders that are watched at a time; those who come later are one."""
+_OTHERS: Claim = (0, 0)
+
+
+@dataclass(slots=True)
+class _Allowance:
+    credit: float
+    since_s: float
+    seen: int = 0
+    shed: int = 0
+    """Of this flood."""
+    shed_s: float = 0.0
+    told: tuple[int, float] = (0, 0.0)
+    """How many were seen when it was last told, and when that was."""
+
+
+class Excess:
+    """Says what is not to be recorded.
+
+    Args:
+        clock_s: monotonic.
+    """
+
+    def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self._clock_s = clock_s
+        self._senders: dict[tuple[int, Claim], _Allowance] = {}
+        self._shed: Counter[int] = Counter()
+
+    def without(self, index: int, batch: Batch, auths: Sequence[Auth]) -> tuple[Batch, Sequence[Auth]]:
+        """A link's batch, and what its signatures are worth, without what is too much of the refused ones."""
+        if max(auths, default=Auth.OPEN) <= Auth.GOOD:
+            return batch, auths
+        claims, now_s = batch.claims(), self._clock_s()
+        kept = [k for k, auth in enumerate(auths) if auth <= Auth.GOOD or self._keeps(index, claims[k], now_s)]
+        if len(kept) == len(auths):
+            return batch, auths
+        self._shed[index] += len(auths) - len(kept)
+        frames, times_us, peers = batch.frames, batch.times_us, batch.peers
+        some = Batch([times_us[k] for k in kept], [frames[k] for k in kept], [peers[k] for k in kept])
+        return some, [auths[k] for k in kept]
+
+    def told(self, index: int, report: LinkReport, address: Callable[[int], str]) -> LinkReport:
+        """A link's report, with what was not recorded and whose that was."""
+        counts = replace(report.counts, turned_away=report.counts.turned_away + self._shed[index])
+        now_s = self._clock_s()
+        limits = [
+            self._limit(claim, sender, address, now_s)
+            for (link, claim), sender in self._senders.items()
+            if link == index and sender.shed and now_s - sender.shed_s < HOLD_S
+        ]
+        return replace(report, counts=counts, limits=(*report.limits, *limits))
+
+    def _keeps(self, index: int, claim: Claim, now_s: float) -> bool:
+        """Takes one refused packet off what its sender may have recorded."""
+        sender = self._senders.get((index, claim))
+        if sender is None:
+            sender = self._new(index, claim, now_s)
+        sender.seen += 1
+        sender.credit = min(KEPT_PER_S * BURST_S, sender.credit + KEPT_PER_S * (now_s - sender.since_s))
+        sender.since_s = now_s
+        if sender.credit >= 1.0:
+            sender.credit -= 1.0
+            return True
+        if now_s - sender.shed_s >= HOLD_S:
+            sender.shed = 0
+        sender.shed += 1
+        sender.shed_s = now_s
+        return False
+
+    def _new(self, index: int, claim: Claim, now_s: float) -> _Allowance:
+        if len(self._senders) >= _MOST:
+            rested = [who for who, sender in self._senders.items() if now_s - sender.since_s > BURST_S]
+            for who in rested:
+                del self._senders[who]
+        if len(self._senders) >= _MOST:
+            claim = _OTHERS
+        return self._senders.setdefault((index, claim), _Allowance(KEPT_PER_S * BURST_S, now_s))
+
+    def _limit(self, claim: Claim, sender: _Allowance, address: Callable[[int], str], now_s: float) -> Limit:
+        seen, since_s = sender.told
+        sender.told = sender.seen, now_s
+        rate = (sender.seen - seen) / max(now_s - since_s, 1e-3) if since_s else 0.0
+        where = address(claim[0]) or "many addresses"
+        return Limit(address=where, system_id=claim[1], wanted_per_s=rate, turned_away=sender.shed, refused=True)
