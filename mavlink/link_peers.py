@@ -153,15 +153,20 @@ class Peers:
     def addresses(self) -> dict[int, tuple[str, int]]:
         """Number → address of those who are trusted, as sockets take them."""
         if self._told[0] != self.changes:
-            sources = ((number, *self._source(number)) for number in self._known)
-            told = {number: (socket.inet_ntoa(host.to_bytes(4, "big")), port) for number, host, port in sources}
-            self._told = self.changes, told
+            self._told = self.changes, {number: address for number in self._known for address in self.one(number)}
         return self._told[1]
 
     def strangers(self) -> dict[int, str]:
         """Number → host and port of the latest who are not trusted, to tell an operator."""
         latest = (number for number in reversed(self.numbers.values()) if number not in self._known)
         return {number: self.address(number) for number in islice(latest, TOLD)}
+
+    def one(self, number: int) -> list[tuple[str, int]]:
+        """A sender's address, as sockets take it, trusted or not; none where it is forgotten."""
+        if number not in self.keys:
+            return []
+        host, port = self._source(number)
+        return [(socket.inet_ntoa(host.to_bytes(4, "big")), port)]
 
     def address(self, number: int) -> str:
         """Host and port of a sender; empty where it is forgotten."""

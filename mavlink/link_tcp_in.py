@@ -132,18 +132,18 @@ class TcpIn(Reader):
             client.known = client.known or client.stream.peer in peers
 
     def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to every client that sent good frames; one that does not take it is closed.
+        """Sends to every client that sent good frames, or to one; one that does not take it is closed.
 
         Args:
             data: one frame.
-            peer: number of the one client that is to get it; 0: all.
+            peer: number of the only client that is to get it, of whom nothing else is asked; 0: all of them.
 
         Raises:
             LinkError: nobody is connected.
         """
         clients = list(self._clients.items())
-        heard = [(sock, client.stream.peer) for sock, client in clients if client.known and not client.broken]
-        known = [sock for sock, number in heard if peer in (0, number)]
+        open_ = [(sock, client) for sock, client in clients if not client.broken]
+        known = [sock for sock, client in open_ if (client.stream.peer == peer if peer else client.known)]
         if not known:
             raise LinkError(f"{self.name}: nobody is connected who was heard")
         for sock in known:

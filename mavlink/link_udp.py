@@ -295,18 +295,17 @@ class UdpIn(_Udp):
         return port
 
     def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to everybody who sent good frames in the last minute, and to nobody else.
+        """Sends to everybody who sent good frames in the last minute, or to one sender.
 
         Args:
             data: one frame.
-            peer: number of the one of them who is to get it; 0: all.
+            peer: number of the only one who is to get it, of whom nothing else is asked; 0: all of them.
 
         Raises:
             LinkError: nobody was heard yet, or not this one.
         """
         self.peers.review(now_us())
-        addresses = self.peers.addresses()
-        wanted = [address for number, address in addresses.items() if peer in (0, number)]
+        wanted = self.peers.one(peer) if peer else list(self.peers.addresses().values())
         if not wanted:
             whom = f"cannot send to sender {peer}" if peer else "nobody to send to"
             raise LinkError(f"{self.name}: {whom}, nothing was heard in the last minute")

@@ -11,6 +11,7 @@ halves in turn, each with a checksum: whatever happens while one is written, the
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import mmap
 import os
@@ -105,6 +106,7 @@ def _boot_id() -> bytes:
 
 
 def _mapped(path: Path) -> mmap.mmap:
+    """The file in memory, which is this process's own until it is closed."""
     fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
     try:
         found = os.fstat(fd)
@@ -115,6 +117,8 @@ def _mapped(path: Path) -> mmap.mmap:
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(fd, 0, _SIZE)
         os.ftruncate(fd, _SIZE)
+        # others that see the same memory may call another folder by this name; the map keeps the file open
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return mmap.mmap(fd, _SIZE)
     finally:
         os.close(fd)

@@ -2,10 +2,12 @@
 
 import csv
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from pathlib import Path
@@ -19,6 +21,7 @@ from mavlink.signing_journal import StreamJournal
 from mavlink.tlog import Tlog
 from tests.signed_frames import secret_of
 from tests.signing_clocks import ArduPilot, S, Vehicle
+from tests.test_gcs_fly_terminal import Terminal
 
 MISSION = """
 [uav]
@@ -100,15 +103,20 @@ class Place:
 
     def judged(self, count):
         """System and verdict of each record, in order, once there are so many."""
+        found = self.judged_at_least(count)
+        assert len(found) == count
+        return found
+
+    def judged_at_least(self, count):
+        """The same, of a station that says something itself."""
         path = self.session / "telemetry.tlog"
         end = time.monotonic() + 20
         packets = []
         while len(packets) < count and time.monotonic() < end:
             time.sleep(0.1)
             packets = list(Tlog.open(path).packets()) if path.stat().st_size else []
-        assert len(packets) == count
         time.sleep(0.3)  # what is refused is noted after it is recorded
-        verdicts = [Auth.GOOD] * count
+        verdicts = [Auth.GOOD] * len(packets)
         if (self.session / "refused.csv").exists():
             with (self.session / "refused.csv").open() as file:
                 for row in csv.DictReader(file):
@@ -170,6 +178,73 @@ def test_a_fleet_that_has_long_been_driving_is_believed_at_once_and_after_a_kill
     place.speak([told, untold], 1.0)
     counts = Counter((i, verdict) for i, verdict, _ in place.judged(168 + 24))
     assert counts == {(11, Auth.REPLAYED): 108, (11, Auth.GOOD): 12, (12, Auth.GOOD): 12, (12, Auth.REPLAYED): 60}
+
+
+def test_an_operator_believes_a_held_vehicle_by_a_key_and_a_second_one(tmp_path):
+    for system_id in (1, 11, 12):
+        write_key(tmp_path / "keys", system_id, secret_of(system_id))
+    vehicle, sent = driving(11, system_time=False), 0
+    terminal = Terminal(tmp_path, mission=MISSION)
+
+    def speaks_until(is_true, seconds=40.0):
+        """The vehicle speaks until something is true of what the screen has shown since."""
+        nonlocal sent
+        seen, end = b"", time.monotonic() + seconds
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out:
+            while not is_true(seen) and time.monotonic() < end:
+                out.sendto(vehicle.frame(sent, time.time_ns() // 1000), ("127.0.0.1", terminal.port))
+                sent += 1
+                if select.select([terminal.keeper], [], [], 1.0 / vehicle.rate_hz)[0]:
+                    seen += os.read(terminal.keeper, 65536)
+        assert is_true(seen), seen[-3000:]
+
+    try:
+        terminal.read_until(b"NAME")
+        (session,) = terminal.sessions.iterdir()
+        speaks_until(lambda seen: b"held, since nothing" in seen)
+        os.write(terminal.keeper, b"b")
+        speaks_until(lambda seen: b"Believe" in seen)
+        os.write(terminal.keeper, b"y")
+        told = "UGV-11: signed packets that were held are accepted without a proof"
+        speaks_until(lambda seen: told in (session / "events.jsonl").read_text())
+        accepted = sent
+        speaks_until(lambda seen: sent >= accepted + 24)
+        time.sleep(0.5)
+        assert len(Tlog.open(session / "telemetry.tlog").index) == sent
+        with (session / "refused.csv").open() as file:
+            assert max(int(row["record"]) for row in csv.DictReader(file)) < accepted + 2
+    finally:
+        terminal.process.send_signal(signal.SIGTERM)
+        drained = threading.Thread(target=terminal.drain, daemon=True)
+        drained.start()
+        terminal.process.wait(timeout=60)
+        os.close(terminal.keeper)
+        StreamJournal(tmp_path / "keys").close(needed=False)
+
+
+def test_a_uav_that_is_held_is_asked_where_this_station_may_speak(place):
+    """Only a living autopilot raises its timestamps to the one in our heartbeat."""
+    uav = driving(1, system_time=False)
+    place.out.setblocking(False)
+    place.start("--command")
+    heard = []
+    end = time.monotonic() + 20.0
+    k = 0
+    while time.monotonic() < end and (not heard or k < heard[0] + 24):
+        place.out.sendto(uav.frame(k, time.time_ns() // 1000), ("127.0.0.1", place.port))
+        k += 1
+        time.sleep(1.0 / uav.rate_hz)
+        try:
+            raw = place.out.recv(2048)
+        except BlockingIOError:
+            continue
+        assert raw[2] & 1, "it is signed"
+        heard.append(k)
+        uav.clock.hears(int.from_bytes(raw[-12:-6], "little"))
+    assert heard, "nobody asked"
+    verdicts = [verdict for system_id, verdict, _ in place.judged_at_least(k) if system_id == 1]
+    assert verdicts[:5] == [Auth.HELD] * 5
+    assert set(verdicts[heard[0] + 5 :]) == {Auth.GOOD}
 
 
 def test_only_vehicles_of_the_mission_can_be_accepted(tmp_path):

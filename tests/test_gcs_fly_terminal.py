@@ -34,9 +34,9 @@ def heartbeat():
 class Terminal:
     """A flight on a pseudo terminal of 80 by 24."""
 
-    def __init__(self, folder, *extra, errors=None):
+    def __init__(self, folder, *extra, errors=None, mission=MISSION):
         self.port = free_port()
-        (folder / "mission.toml").write_text(MISSION)
+        (folder / "mission.toml").write_text(mission)
         self.sessions = folder / "sessions"
         self.keeper, child = pty.openpty()
         words = ["fly", folder / "mission.toml", "-l", f"udpin:127.0.0.1:{self.port}", "--sessions", self.sessions]
@@ -54,6 +54,14 @@ class Terminal:
             if select.select([self.keeper], [], [], 0.1)[0]:
                 said += os.read(self.keeper, 65536)
         assert word in said, said[-2000:]
+
+    def drain(self):
+        """Reads until it is closed: who writes to a terminal that nobody reads waits."""
+        try:
+            while os.read(self.keeper, 65536):
+                pass
+        except OSError:
+            pass
 
     def send(self, count):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:

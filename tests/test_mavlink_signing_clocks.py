@@ -29,6 +29,7 @@ class Station:
 
     def start(self):
         self.store = StreamStore(self.folder, period_s=3600.0, **self.options)
+        self.runs = True
         self.journals.add(self.store._journal.path)
         self.checker = Verifier(ring_of(7, 8), streams=self.store.streams, steady_ns=lambda: (self.t_us - NOW) * 1000)
 
@@ -40,12 +41,15 @@ class Station:
         return verdicts
 
     def end(self, how):
+        self.runs = False
         if how == "orderly":
             self.store.close()
             return
         self.store._stop.set()
         self.store._thread.join()
         os.close(self.store._lock)
+        self.store._journal.newest.release()
+        self.store._journal._map.close()
         if how == "power cut":
             self.store._journal.path.unlink()
 
@@ -67,7 +71,7 @@ def station(tmp_path):
         (tmp_path / name).mkdir()
     yield make
     for one in made:
-        with contextlib.suppress(OSError):
+        if one.runs:
             one.end("kill")
         one.clean()
 

@@ -41,6 +41,8 @@ def abandon(store):
     store._stop.set()
     store._thread.join()
     os.close(store._lock)
+    store._journal.newest.release()
+    store._journal._map.close()
 
 
 def restarted(folder, heard, *, by):

@@ -116,7 +116,7 @@ def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
     if row.contested:
         facts.append(("sender", "SEVERAL with this id", ALARM))
     if keyed or row.signed or row.bad_signature:
-        colour = ALARM if row.bad_signature else WARN if row.unsigned else INK
+        colour = INK if row.signs else ALARM if row.bad_signature else WARN if row.unsigned else INK
         held = f"  held {row.held}" if row.held else ""
         facts.append(("signed", f"{row.signed}  unsigned {row.unsigned}  bad {row.bad_signature}{held}", colour))
     for reason, times in sorted(row.refusals.items(), key=lambda item: -item[1])[:4]:
