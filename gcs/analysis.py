@@ -179,13 +179,18 @@ class Analysis:
         A flight is folded as it was flown, where it kept the order; else telemetry and frames go by their times.
 
         Args:
-            images: Put each frame's picture into its snapshot.
+            images: Put each frame's picture into its snapshot; frames of a video that cannot be decoded are left out.
         """
         heard = self._log.heard
         pipeline = Pipeline(self.mission, links=heard.names, address=heard.address, sized=self._size.known)
         for text in self.warnings:
             pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
-        return self._as_flown(pipeline, self._flown, images) if self._flown else self._by_time(pipeline, images)
+        if self._flown is None:
+            yield from self._by_time(pipeline, images)
+            return
+        for snapshot in self._as_flown(pipeline, self._flown, images):
+            if snapshot.image is not None or not images or self.video is None:
+                yield snapshot  # a film has no frames without a picture
 
     def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
         packets = _Ahead(self._log.packets())
@@ -205,7 +210,7 @@ class Analysis:
         places = self._places(images)
         latest: Snapshot | None = None
         early: tuple[Event, ...] = ()
-        for turn, packets, boxes in flown.turns():
+        for turn, packets, boxes in flown.turns(len(self.times_us)):
             for packet in packets:
                 self._feed(pipeline, packet)
             if turn.frame == NO_PICTURE:

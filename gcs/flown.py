@@ -63,16 +63,21 @@ class Flown:
         more = np.interp(frames, np.array(list(later)), np.array(list(later.values()), dtype=np.float64))
         return np.concatenate([known, np.round(more).astype(np.int64)])
 
-    def turns(self) -> Iterator[tuple[Fold, Iterator[Packet], Detections | None]]:
+    def turns(self, frames: int) -> Iterator[tuple[Fold, Iterator[Packet], Detections | None]]:
         """Each turn with the packets that were taken in before it, which are to be used up, and its boxes.
 
         Boxes are None where nobody looked.
+
+        Args:
+            frames: of the recording; turns for others are left out.
         """
         taken = self._folds.taken_in(len(self._log)).tolist()
         packets = (packet for packet, wanted in zip(self._log.packets(as_stamped=True), taken, strict=True) if wanted)
         counts = np.concatenate([[0], np.cumsum(taken, dtype=np.int64)])
         fed = 0
         for turn, stop in zip(self._folds.turns, self._stops.tolist(), strict=True):
+            if turn.frame >= frames:
+                continue
             more = max(int(counts[min(stop, len(taken))]) - fed, 0)
             fed += more
             yield turn, islice(packets, more), None if turn.boxes is None else self._boxes.at(turn.frame)

@@ -38,6 +38,8 @@ BEYOND = 1.02
 EVERY_US = 2_000_000
 """Frames closer to each other say the same twice."""
 MOST_LOOKS = 40
+DESCRIBED = 3.0
+"""For the size that the camera is described for, nats: twenty streams have it for one that has not."""
 SURE = 5.0
 """The best size is taken when it is better than any other by so much, nats: 150 to one."""
 ALIKE = 0.03
@@ -86,6 +88,7 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
     if not len(widths):
         return _unknown("boxes lie farther out than any known size of frames")
     fit = np.array([sum(_fit(look, each / width) for look in looks) for each in widths])
+    fit += DESCRIBED * (widths == width)
     best = int(widths[np.argmax(fit)])
     others = fit[np.abs(widths / best - 1.0) > ALIKE]
     if len(others) and fit.max() - others.max() < SURE:

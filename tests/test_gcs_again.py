@@ -77,6 +77,16 @@ def test_the_troubles_came(flown):
     assert (folder / "faults.txt").exists() == (troubles.broken is not None)
 
 
+def test_every_frame_has_one_snapshot(flown):
+    folder, _ = flown
+    analysis = Analysis(open_session(folder))
+    shown = list(analysis.snapshots())
+    assert [snapshot.frame for snapshot in shown] == list(range(len(analysis.times_us)))
+    looked = {turn.frame for turn in Folds.read(folder).turns}
+    assert not any(snapshot.boxes for snapshot in shown if snapshot.frame not in looked)
+    assert all(len(snapshot.vehicles) == 1 + len(SCENARIO.ugv_ids) for snapshot in shown)
+
+
 def test_who_signed_in_flight_has_signed_in_a_replay(tmp_path):
     folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=2.0), Troubles(signed=True))
     *_, last = Analysis(open_session(folder)).snapshots()

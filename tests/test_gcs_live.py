@@ -130,10 +130,15 @@ def test_every_packet_and_frame_is_kept(field, tmp_path):
     assert well and well[0] >= times.times_us[0], "the video was called well before any of it had come"
 
 
+def looked_again(session, out):
+    """Rows that a flight wrote, and those of a later look at its recording."""
+    identify_into(open_session(session), out)
+    return ((folder / "identity.jsonl").read_text().splitlines() for folder in (session, out))
+
+
 def same_again(session, out):
     """A later look at the recording says the same of every box; most must have been named."""
-    identify_into(open_session(session), out)
-    live, again = ((folder / "identity.jsonl").read_text().splitlines() for folder in (session, out))
+    live, again = looked_again(session, out)
     assert again == live
     assert sum(json.loads(row)["system_id"] is not None for row in live) > 0.5 * len(live)
 
@@ -194,3 +199,5 @@ def test_a_kill_loses_at_most_the_last_second(field, after_s):
     assert sum(1 for _ in film.frames()) >= 1
     assert times[min(film.n, len(times)) - 1] > picture_us - 2_500_000
     film.close()
+    live, again = looked_again(field.session, field.folder / "again")
+    assert again[: len(live)] == live, "what was said before the kill is said again"
