@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import threading
 import time
 import traceback
 from pathlib import Path
@@ -16,6 +17,8 @@ __all__ = ["Faults"]
 LASTING = 20
 """As many faults of one job in a row mean that it does not work any more."""
 MOST_KEPT = 100
+_WAIT_S = 0.2
+"""For a traceback to be written; on a disk that hangs it is written later."""
 
 
 class Faults:
@@ -68,6 +71,12 @@ class Faults:
 
     def _keep(self, job: str, error: Exception) -> None:
         text = f"{time.strftime('%FT%TZ', time.gmtime())} {job}\n{''.join(traceback.format_exception(error))}\n"
-        # a fault must not fail on a full disk
+        data = "\n".join(map(plain, text.split("\n"))).encode()
+        writing = threading.Thread(target=self._append, args=(data,), name="faults", daemon=True)
+        writing.start()
+        writing.join(_WAIT_S)
+
+    def _append(self, data: bytes) -> None:
+        # a fault must not fail on a full disk, nor wait for one that hangs
         with contextlib.suppress(OSError), os.fdopen(open_to_append(self._path), "ab") as file:
-            file.write("\n".join(map(plain, text.split("\n"))).encode())
+            file.write(data)

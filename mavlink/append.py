@@ -140,6 +140,11 @@ class AppendFile:
         return self._accepted
 
     @property
+    def holds(self) -> bool:
+        """Whether rows wait in memory for a disk that did not take them."""
+        return bool(self._waiting)
+
+    @property
     def state(self) -> RecordState:
         """How it is doing now; without the lock, since who asks must not hang with the disk."""
         faults = self._faults  # before the reason, which is set before them

@@ -14,12 +14,11 @@ import os
 import struct
 import threading
 from dataclasses import dataclass
-from enum import IntEnum
 
 from mavlink.append import RAM_BYTES
 from mavlink.nameless import make_nameless
 
-__all__ = ["Journal", "Piece", "make_journal"]
+__all__ = ["PIECE_BYTES", "Journal", "Piece", "make_journal"]
 
 PIECE_BYTES = 1 << 18
 """Written at once: the disk then asks for few system calls and no row waits long for those before it."""
@@ -28,23 +27,13 @@ _RESERVE = 1 << 18
 _TRIM_BYTES = 1 << 20
 """Memory is given back once so much was used."""
 _WORDS_BYTES = 4096
-_HEAD = struct.Struct("=QIIB")
+_ENTRY = struct.Struct("=QIIB")
 """Before each entry: number of its first row, bytes, rows, file."""
 
 
-class _Word(IntEnum):
-    """Counters, eight bytes each."""
-
-    HEAD = 0
-    """Bytes put in; with ``TAIL`` back to nought whenever nothing waits."""
-    TAIL = 1
-    """Bytes taken out."""
-    ROWS = 2
-    """Rows of the first file ever put in."""
-    WRITTEN = 3
-    """Of those, rows that are in the file."""
-    LOST = 4
-    """Rows of all files for which there was no room."""
+_HEAD, _TAIL, _ROWS, _WRITTEN, _LOST = range(5)
+"""Counters of eight bytes each: bytes put in and bytes taken out, both back to nought whenever nothing waits; rows of
+the first file ever put in, and of those the ones that are in it; rows of all files for which there was no room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,29 +77,28 @@ class Journal:
         self._words = self._view[:_WORDS_BYTES].cast("Q")
         self._arena = self._view[_WORDS_BYTES:]
         self._room = size - _WORDS_BYTES
-        self._used = 0
         self._lock = threading.Lock()
         self.due = threading.Event()
 
     @property
     def rows(self) -> int:
         """Rows of the first file ever accepted: the number of the next one."""
-        return self._words[_Word.ROWS]
+        return self._words[_ROWS]
 
     @property
     def written(self) -> int:
         """Of those, rows that are in the file."""
-        return self._words[_Word.WRITTEN]
+        return self._words[_WRITTEN]
 
     @property
     def waiting_bytes(self) -> int:
         """Bytes that are only here."""
-        return max(self._words[_Word.HEAD] - self._words[_Word.TAIL], 0)
+        return max(self._words[_HEAD] - self._words[_TAIL], 0)
 
     @property
     def lost(self) -> int:
         """Rows of all files for which there was no room."""
-        return self._words[_Word.LOST]
+        return self._words[_LOST]
 
     def close(self) -> None:
         """Lets go of the memory."""
@@ -122,20 +110,19 @@ class Journal:
     def take_over(self) -> bool:
         """Puts in order what a process left that died at any moment; whether rows wait."""
         words = self._words
-        if words[_Word.TAIL] >= words[_Word.HEAD]:
-            words[_Word.HEAD] = words[_Word.TAIL] = 0
-        place, waiting = words[_Word.TAIL], 0
-        while place < words[_Word.HEAD]:
-            number, length, rows, file = _HEAD.unpack(self._read(place, _HEAD.size))
+        if words[_TAIL] >= words[_HEAD]:
+            words[_HEAD] = words[_TAIL] = 0
+        place, waiting = words[_TAIL], 0
+        while place < words[_HEAD]:
+            number, length, rows, file = _ENTRY.unpack(self._read(place, _ENTRY.size))
             if not file:
-                words[_Word.ROWS] = number + rows
+                words[_ROWS] = number + rows
                 waiting += rows
-            place += _HEAD.size + length
-        words[_Word.WRITTEN] = words[_Word.ROWS] - waiting
-        self._used = words[_Word.HEAD]
-        if self._used:
+            place += _ENTRY.size + length
+        words[_WRITTEN] = words[_ROWS] - waiting
+        if waits := words[_HEAD] > words[_TAIL]:
             self.due.set()
-        return bool(self._used)
+        return waits
 
     def put(self, file: int, data: bytes, rows: int) -> int | None:
         """Accepts whole rows.
@@ -148,20 +135,16 @@ class Journal:
         Returns:
             The number of the first of them, None when there is no room: they are lost, and counted.
         """
-        words, size = self._words, _HEAD.size + len(data)
+        words, size = self._words, _ENTRY.size + len(data)
         with self._lock:
-            head, tail, number = words[_Word.HEAD], words[_Word.TAIL], words[_Word.ROWS]
+            head, tail, number = words[_HEAD], words[_TAIL], words[_ROWS]
             if size > self._room - (head - tail) - (0 if file else _RESERVE):
-                words[_Word.LOST] += rows
+                words[_LOST] += rows
                 return None
-            entry, at = _HEAD.pack(number, len(data), rows, file) + data, head % self._room
-            first = min(size, self._room - at)
-            self._arena[at : at + first] = entry[:first]
-            self._arena[: size - first] = entry[first:]
-            words[_Word.HEAD] = head + size
+            self._write(head, _ENTRY.pack(number, len(data), rows, file) + data)
+            words[_HEAD] = head + size
             if not file:
-                words[_Word.ROWS] = number + rows
-            self._used = max(self._used, head + size)
+                words[_ROWS] = number + rows
         if head == tail:
             self.due.set()
         return number
@@ -169,38 +152,51 @@ class Journal:
     def oldest(self) -> Piece | None:
         """The entries that have waited longest, about ``PIECE_BYTES`` of them; they stay until :meth:`done`."""
         with self._lock:
-            place, head = self._words[_Word.TAIL], self._words[_Word.HEAD]
+            place, head = self._words[_TAIL], self._words[_HEAD]
         if place == head:
             return None
-        stop, data, rows = min(head, place + PIECE_BYTES), dict[int, bytearray](), dict[int, int]()
-        while place < stop:
-            _, length, count, file = _HEAD.unpack(self._read(place, _HEAD.size))
-            data.setdefault(file, bytearray()).extend(self._read(place + _HEAD.size, length))
+        first_bytes = _ENTRY.size + _ENTRY.unpack(self._read(place, _ENTRY.size))[1]
+        block = self._read(place, min(head - place, max(PIECE_BYTES, first_bytes)))
+        at, parts, rows = 0, dict[int, list[bytes]](), dict[int, int]()
+        while at + _ENTRY.size <= len(block):
+            _, length, count, file = _ENTRY.unpack_from(block, at)
+            stop = at + _ENTRY.size + length
+            if stop > len(block):
+                break
+            parts.setdefault(file, []).append(block[at + _ENTRY.size : stop])
             rows[file] = rows.get(file, 0) + count
-            place += _HEAD.size + length
-        return Piece(place, {file: bytes(data[file]) for file in sorted(data)}, rows)
+            at = stop
+        return Piece(place + at, {file: b"".join(parts[file]) for file in sorted(parts)}, rows)
 
     def done(self, piece: Piece) -> None:
         """They are in their files."""
         words = self._words
         with self._lock:
-            words[_Word.TAIL] = piece.stop
-            words[_Word.WRITTEN] += piece.rows.get(0, 0)
-            if words[_Word.HEAD] > piece.stop:
+            words[_TAIL] = piece.stop
+            words[_WRITTEN] += piece.rows.get(0, 0)
+            if words[_HEAD] > piece.stop:
                 return
-            words[_Word.HEAD] = 0  # first, so that a process that dies between the two leaves nothing twice
-            words[_Word.TAIL] = 0
-            used, self._used = self._used, 0
-        if used > _TRIM_BYTES and hasattr(mmap, "MADV_REMOVE"):
+            words[_HEAD] = 0  # first, so that a process that dies between the two leaves nothing twice
+            words[_TAIL] = 0
+        if piece.stop > _TRIM_BYTES and hasattr(mmap, "MADV_REMOVE"):
             self._give_back()
 
     def _give_back(self) -> None:
         """The memory of a long wait."""
         with self._lock, contextlib.suppress(OSError):  # where the system cannot, it stays ours
-            if not self._words[_Word.HEAD]:
+            if not self._words[_HEAD]:
                 self._map.madvise(mmap.MADV_REMOVE, _WORDS_BYTES, self._room)
 
+    def _write(self, place: int, data: bytes) -> None:
+        at, stop = place % self._room, place % self._room + len(data)
+        if stop <= self._room:
+            self._arena[at:stop] = data
+            return
+        self._arena[at:] = data[: self._room - at]
+        self._arena[: stop - self._room] = data[self._room - at :]
+
     def _read(self, place: int, size: int) -> bytes:
-        at = place % self._room
-        first = min(size, self._room - at)
-        return bytes(self._arena[at : at + first]) + bytes(self._arena[: size - first])
+        at, stop = place % self._room, place % self._room + size
+        if stop <= self._room:
+            return bytes(self._arena[at:stop])
+        return bytes(self._arena[at:]) + bytes(self._arena[: stop - self._room])

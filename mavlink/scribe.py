@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from mavlink.append import AppendFile
-from mavlink.journal import Journal, Piece
+from mavlink.journal import PIECE_BYTES, Journal, Piece
 from mavlink.segments import segments
 
 __all__ = ["HANG_S", "Scribe"]
 
-GATHER_S = 0.01
+GATHER_S = 0.04
 """Rows of so long are written together: fewer system calls. Until then they are in memory that outlives the process."""
-HANG_S = 5.0
-"""A disk that hangs is waited for so long at the end."""
+HANG_S = 60.0
+"""A disk that hangs is waited for so long at the end: as long as memory lasts; a station that lives waits less."""
 _LOOK_S = 0.1
 """Between looks whether a disk that failed takes rows again."""
 
@@ -40,7 +41,7 @@ class Scribe:
         self._thread.start()
 
     def stop(self) -> bool:
-        """Has everything written and ends; whether it could: a disk that hangs is left after five seconds."""
+        """Has everything written and ends; whether it could: a disk that hangs is left after a minute."""
         self._stop.set()
         self._journal.due.set()
         self._thread.join(HANG_S)
@@ -51,19 +52,21 @@ class Scribe:
         while not self._stop.is_set():
             journal.due.wait()
             journal.due.clear()
-            self._stop.wait(GATHER_S)
+            time.sleep(GATHER_S)
             while (piece := journal.oldest()) is not None:
                 if self._goes_on:
                     piece = self._without_written(piece)
                     self._goes_on = False
                 self._bring(piece)
+                if journal.waiting_bytes < PIECE_BYTES and not self._stop.is_set():
+                    time.sleep(GATHER_S)  # rather than to be woken for each batch
 
     def _bring(self, piece: Piece) -> None:
         """Writes rows, and waits until a disk that does not take them does."""
         for file, data in piece.data.items():
             if data:
                 self._files[file].write(data, piece.rows[file])
-        while any(self._files[file].state.waiting for file in piece.data) and not self._stop.wait(_LOOK_S):
+        while any(self._files[file].holds for file in piece.data) and not self._stop.wait(_LOOK_S):
             continue  # the caretaker repairs
         self._journal.done(piece)
 

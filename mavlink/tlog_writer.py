@@ -173,7 +173,7 @@ class TlogWriter:
     def close(self) -> None:
         """Write what still waits, sync and close; closing twice does nothing. ``state`` then tells what was lost.
 
-        A disk that hangs is left after some seconds, with the files open.
+        A disk that hangs is left after a minute, with the files open.
         """
         if self._scribe is not None and not self._scribe.stop():
             self._abandoned = True

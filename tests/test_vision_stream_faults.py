@@ -16,6 +16,8 @@ import pytest
 from bench.ports import free_port
 from tests.video_sender import FPS, GOP, Sender, coded, number_of, wait_for
 from vision.stream import VideoStream
+from vision.stream_child import WAITING_PATIENCE_S
+from vision.stream_process import Process
 from vision.video import VideoFile
 
 CLIP = 300
@@ -114,6 +116,20 @@ def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
         numbers == sorted(numbers) and dict(film)[second] - dict(film)[max(i for i, _ in film if i < second)] <= 2 * GOP
     )
     assert (tmp_path / "video.1.mkv").exists()
+
+
+def test_a_process_that_waits_for_its_disk_is_not_ended(tmp_path, monkeypatch):
+    with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)):
+        assert watched.shows(30)
+        monkeypatch.setattr(Process, "waits_for_disk", property(lambda process: True))
+        victim = watched.stream.process_id
+        os.kill(victim, signal.SIGSTOP)
+        time.sleep(WAITING_PATIENCE_S + 1.0)
+        assert watched.stream.stalled and watched.stream.process_id == victim
+        os.kill(victim, signal.SIGCONT)
+        assert watched.shows(len(watched.rows) + 10)
+        assert watched.stream.restarts == 0 and watched.stream.process_id == victim
+    assert not (tmp_path / "video.1.mkv").exists()
 
 
 def test_damage_on_the_way_is_counted_and_never_raises(tmp_path):

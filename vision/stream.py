@@ -230,6 +230,8 @@ class VideoStream:
             if self._stop.is_set():
                 patience_s = min(patience_s, CLOSE_S)
             if not hung and now_s - heard_s > patience_s and not self._progress.ended:
+                if not self._stop.is_set() and self._process.waits_for_disk:
+                    continue  # no death: what it holds goes into the file when the disk answers
                 self._process.kill()
                 hung = True
 

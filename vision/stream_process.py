@@ -108,6 +108,15 @@ class Process:
             lines = self._words.read(1 << 16).decode(errors="replace").strip().splitlines()
         return f" ({lines[-1].strip()[:200]})" if lines else ""
 
+    @property
+    def waits_for_disk(self) -> bool:
+        """Whether a thread of it waits in the kernel, as for a disk that hangs: it cannot be ended then."""
+        try:
+            states = [task.joinpath("stat").read_text() for task in Path(f"/proc/{self.pid}/task").iterdir()]
+        except OSError:
+            return False
+        return any(state.rpartition(")")[2].split()[:1] == ["D"] for state in states)
+
     def kill(self) -> None:
         """End it at once; what it said before can still be heard."""
         self._child.kill()
