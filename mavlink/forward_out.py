@@ -7,6 +7,7 @@ radio.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import time
@@ -16,8 +17,11 @@ from typing import Protocol, TypeVar
 import serial
 
 from mavlink.errors import LinkError
-from mavlink.frame import Framer, split
+from mavlink.frame import split
+from mavlink.link_batch import Batch
 from mavlink.link_owner import owner_of
+from mavlink.link_stream import Stream
+from mavlink.link_tally import Tally, now_us
 from mavlink.link_url import LinkUrl, parse_url
 
 __all__ = ["Output", "open_output"]
@@ -139,7 +143,7 @@ class _Pipe:
         self.file = file
         self.who = who
         """Address of the other end."""
-        self._framer = Framer()
+        self._stream = Stream(Tally(), 0)
         self._pending = b""
 
     def write(self, raw: bytes) -> bool:
@@ -162,13 +166,14 @@ class _Pipe:
     def read(self) -> list[bytes]:
         """Frames that came, after sending what waits; raises OSError when the other end is gone."""
         self._flush()
-        try:
+        data: bytes | None = None
+        with contextlib.suppress(BlockingIOError):
             data = os.read(self.file, _CHUNK)
-        except BlockingIOError:
-            return []
-        if not data:
+        if data == b"":
             raise ConnectionResetError("closed by the other end")
-        return self._framer.feed(data)
+        batch = Batch()
+        self._stream.take(data, now_us(), batch)
+        return batch.frames
 
 
 class _Stream:

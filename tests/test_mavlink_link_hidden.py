@@ -10,6 +10,7 @@ import pytest
 
 from bench.ports import free_port
 from mavlink.dialect import DEFINITIONS
+from mavlink.forward_out import open_output
 from mavlink.frame import Framer, checksum
 from mavlink.link import open_link
 from mavlink.link_batch import Batch
@@ -217,3 +218,14 @@ def test_a_connection_that_takes_nothing_is_read_to_its_end():
         assert [packet.raw for packet in wait_for(link, 1)] == [frames[1]]
         assert until(lambda: (link.read(0.0), link.clients)[1] == 0)
     link.close()
+
+
+def test_three_bytes_of_noise_hide_nothing_that_a_program_behind_an_output_says():
+    port, frames = free_port(socket.SOCK_STREAM), some_frames(2)
+    output = open_output(f"tcpin:{HOST}:{port}")
+    got = []
+    with socket.create_connection((HOST, port)) as program:
+        program.sendall(b"\xfd\xff\x00" + b"".join(frames))
+        assert until(lambda: got.extend(output.read()) or len(got) == 2)
+    assert [raw for raw, _ in got] == frames
+    output.close()
