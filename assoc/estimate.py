@@ -34,6 +34,8 @@ _RECENT_S = 1.5
 _LARGE = 400
 _SHAKEN = 12.0
 """A fall of a seen track's best score by this much from one update to the next, nats, opens the search again."""
+_STRAINED, _STRAINED_S = 1.5, 3.0
+"""Standard deviations of its prior that the clocks' offset may be off, while all is sure, and for how long."""
 _STRANGE_S, _STRANGER_S = 2.5, 30.0
 _SPARE = 0.5
 """So many tracks more than the vehicles expected in the picture are no strangers yet."""
@@ -66,6 +68,8 @@ class Estimator:
         self._standing: dict[int, float] = {}
         self._shaken_s = -np.inf
         self._started_s = np.inf
+        self._offset_std_s = params.time_offset_std_s
+        self._strained_s = np.inf
         self._watch = ConflictWatch()
         self.conflict: tuple[int, ...] = ()
         self.theta_std: FloatArray = np.full(THETA, np.nan)
@@ -171,7 +175,7 @@ class Estimator:
             first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
             first_look_s=3.0, heading_std=float(_HEADING_STD),
             state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
-            prior=prior_of(q, camera),
+            prior=prior_of(q, camera, self._offset_std_s),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
             log_odds=q.prior_log_odds, claim=self._claim[live],
             view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
@@ -279,7 +283,15 @@ class Estimator:
         good = np.max(p, axis=1) > _LOCK
         enough = good.all() or (good.sum() >= max(3.0, 0.7 * len(good)) and share > _SURE)
         self._note_shaken(t, scene, best)
+        self._note_strain(t)
         self._locked = bool(min(t - self._started_s, t - self._shaken_s) > 4.0 and enough)
+
+    def _note_strain(self, t: float) -> None:
+        """Take the offset of the clocks for unknown once it has long been farther off than its prior likes."""
+        strained = self._locked and abs(self.time_offset_s) > _STRAINED * self._params.time_offset_std_s
+        self._strained_s = min(self._strained_s, t) if strained else np.inf
+        if t - self._strained_s > _STRAINED_S:
+            self._offset_std_s = max(self._offset_std_s, self._params.unknown_offset_std_s)
 
     def _note_shaken(self, t: float, scene: Scene, best: Hypothesis) -> None:
         """Open the search again when what was believed of a track has suddenly become doubtful."""

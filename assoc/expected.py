@@ -39,12 +39,10 @@ def noise_of(q: IdentifierParams, camera: CameraState, *, white_std_m: float, bi
     )  # fmt: skip
 
 
-def prior_of(q: IdentifierParams, camera: CameraState) -> PosePrior:
-    """Prior of θ for this camera; without attitude all headings are possible."""
+def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> PosePrior:
+    """Prior of θ for this camera; without attitude all headings are possible. ``offset_std_s``: 1σ of δ."""
     free = not camera.attitude_known
     tilt = np.deg2rad(5.0 if free and not camera.stabilized else q.tilt_std_deg)
     yaw, rate = (np.pi, np.deg2rad(3.0)) if free else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
     level = q.position_std_m if camera.position_known else 30.0
-    return PosePrior(
-        std=np.array([yaw, rate, tilt, tilt, level, level, q.height_std_m, q.time_offset_std_s], np.float64)
-    )
+    return PosePrior(std=np.array([yaw, rate, tilt, tilt, level, level, q.height_std_m, offset_std_s], np.float64))

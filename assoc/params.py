@@ -42,7 +42,9 @@ class IdentifierParams:
     height_std_m: float = 1.0
     """Prior 1σ of the camera's height above the ground."""
     time_offset_std_s: float = 0.06
-    """Prior 1σ of video time minus telemetry time. Give 0.35 when the offset is unknown."""
+    """Prior 1σ of video time minus telemetry time. Give that of the next when the offset is unknown."""
+    unknown_offset_std_s: float = 0.35
+    """The same of a stream whose offset nobody knows, and of one that has shown to be farther off than was taken."""
     prior_log_odds: float = 2.5
     """ln odds, before any evidence, that a vehicle close enough is the one in the picture. Lower → more boxes stay
     unnamed at first."""

@@ -48,6 +48,7 @@ class FlightVideo:
         self._offered = ""
         self._state = "none"
         self._told = ("", "", 0)
+        self._dated = ""
         if wanted not in ("", AUTO):
             self._open(wanted)
 
@@ -104,6 +105,10 @@ class FlightVideo:
     def _troubles(self, stream: VideoStream) -> Iterator[Event]:
         """Each once."""
         now = (stream.error, stream.recording_error, stream.restarts)
+        how = stream.exposure
+        if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated:
+            self._dated = kind
+            yield _event("warning" if "not used" in how else "info", "video", f"pictures are dated {how}")
         before, self._told = self._told, now
         if now[0] and now[0] != before[0]:
             yield _event("warning", "video", f"video: {now[0]}")

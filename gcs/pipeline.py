@@ -36,7 +36,6 @@ __all__ = ["Pipeline"]
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
-UNKNOWN_OFFSET_STD_S = 0.35
 APART_M, APART_US = 8.0, 1_000_000
 """Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
 MOST_BOXES = 300
@@ -79,7 +78,7 @@ class Pipeline:
         auto = mission.clock.video_offset_s == "auto"
         params = IdentifierParams(threshold=mission.identity.threshold)
         if auto:
-            params = replace(params, time_offset_std_s=UNKNOWN_OFFSET_STD_S)
+            params = replace(params, time_offset_std_s=params.unknown_offset_std_s)
         self._params = params
         self._identifier = Identifier(mission.ugv_ids, params)
         self._origin: LocalFrame | None = None

@@ -28,6 +28,8 @@ from vision.video import Frame
 
 __all__ = ["VideoStream"]
 
+_TOLD = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
+
 STALL_S = 1.0
 AWAKE = 2
 """Pictures that end a stall."""
@@ -133,6 +135,17 @@ class VideoStream:
     def strangers(self) -> int:
         """Datagrams of others than the sender being listened to, dropped; counted when a connection ends."""
         return self._progress.strangers
+
+    @property
+    def exposure(self) -> str:
+        """How it is known when pictures were taken, in words; empty while that is told by when they come."""
+        progress = self._progress
+        if progress.told_by:
+            word, delay_s = _TOLD.get(progress.told_by, "word"), progress.told_delay_s
+            return f"by the stream's own {word}, {delay_s:.2f} s before they come"
+        if progress.told_error_s:
+            return f"by when they come: the stream's own clock is {progress.told_error_s:+.1f} s off and not used"
+        return ""
 
     @property
     def reconnects(self) -> int:

@@ -6,10 +6,11 @@ Datagrams come from a port of ours (``vision.stream_port``), all else is opened 
 from __future__ import annotations
 
 import io
+import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import TypeAlias, cast
 
@@ -20,12 +21,13 @@ from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
+from vision.exposure import Exposures, klv_time_s, sei_time_s, sender_report
 from vision.pictures import reason
 from vision.stream_port import Port
 from vision.stream_rtp import MPEG_TS, TICK_HZ, Depacketizer, Unit, parse
 from vision.stream_source import Source
 
-__all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "open_input"]
+__all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "listen", "open_input"]
 
 OPEN_TIMEOUT_S = 3.0
 READ_TIMEOUT_S = 2.0
@@ -36,6 +38,8 @@ PATIENCE_S = 6.0
 """For a first picture in RTP, before it is told that none can be had."""
 GUESS_S = 2.0
 """For the first picture of a codec that was guessed, before it is guessed anew."""
+_PRODUCER_TIME = struct.Struct("=qi")
+"""FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2
 """Pictures that a stream with B-frames holds back, where no decoding times tell."""
 
@@ -57,6 +61,8 @@ class Input:
     """False once nothing more comes and only what was held back is handed out."""
     drains: bool = False
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
+    exposures: Exposures = field(default_factory=Exposures)
+    """What the stream says of when its pictures were taken."""
 
 
 def open_input(source: Source) -> Input:
@@ -133,7 +139,35 @@ def _input(source: Source, container: InputContainer) -> Input:
     stream.thread_type = "SLICE"
     tick_s = float(stream.time_base or 1e-6)
     drains = source.kind == "datagrams"
-    return Input(stream=stream, tick_s=tick_s, packets=container.demux(stream), container=container, drains=drains)
+    opened = Input(stream=stream, tick_s=tick_s, packets=iter(()), container=container, drains=drains)
+    return replace(opened, packets=_told(opened, container))
+
+
+def _told(opened: Input, container: InputContainer) -> Packets:
+    """Packets of the video; metadata beside it is listened to."""
+    for packet in container.demux([opened.stream, *container.streams.data]):
+        if packet.stream is opened.stream:
+            yield cast("Packet[CodedStream]", packet)
+        elif packet.pts is not None and packet.time_base is not None:
+            taken_s = klv_time_s(bytes(packet))
+            if taken_s is not None:
+                opened.exposures.see("KLV", float(packet.pts * packet.time_base), taken_s, time.time())
+
+
+def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None:
+    """What a packet of the video says of when its picture was taken: its time stamp, and what the RTSP server reported.
+
+    Args:
+        opened: the connection.
+        packet: with a presentation time.
+        arrival_s: Unix time at which it came.
+    """
+    stamp_s, taken_s = (packet.pts or 0) * opened.tick_s, sei_time_s(bytes(packet))
+    if taken_s is not None:
+        opened.exposures.see("SEI", stamp_s, taken_s, arrival_s)
+    elif packet.has_sidedata("prft"):
+        wall_us, _ = _PRODUCER_TIME.unpack_from(bytes(packet.get_sidedata("prft")))
+        opened.exposures.see("RTCP", stamp_s, wall_us * 1e-6, arrival_s)
 
 
 class _Bytes:
@@ -174,8 +208,8 @@ def _mpegts(source: Source, file: _Bytes) -> Input:
 
 def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
     """Open at the first picture that decoding can begin with."""
-    depacketizer, decided = Depacketizer(source.codec), threading.Event()
-    units = _units(port, depacketizer, decided, guess=source.codec == "")
+    depacketizer, decided, exposures = Depacketizer(source.codec), threading.Event(), Exposures()
+    units = _units(port, depacketizer, decided, exposures, guess=source.codec == "")
     heard = False
     for unit in units:
         heard = True
@@ -189,7 +223,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         if opened.stream.codec_context.width:
             decided.set()
             packets = _packets(unit, units, bool(opened.stream.codec_context.has_b_frames))
-            return _of_port(port, replace(opened, tick_s=1 / TICK_HZ, packets=packets))
+            return _of_port(port, replace(opened, tick_s=1 / TICK_HZ, packets=packets, exposures=exposures))
         opened.container.close()
     if not go_on():
         return None
@@ -203,7 +237,9 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
     )
 
 
-def _units(port: Port, depacketizer: Depacketizer, decided: threading.Event, *, guess: bool) -> Iterator[Unit]:
+def _units(
+    port: Port, depacketizer: Depacketizer, decided: threading.Event, exposures: Exposures, *, guess: bool
+) -> Iterator[Unit]:
     """Access units; until it is decided what they are, a guess is made anew from time to time, and then given up."""
     began_s = guessed_s = time.monotonic()
     while data := port.read():
@@ -212,6 +248,11 @@ def _units(port: Port, depacketizer: Depacketizer, decided: threading.Event, *, 
                 return
             if guess and time.monotonic() - guessed_s > GUESS_S:
                 depacketizer.codec, guessed_s = "", time.monotonic()
+        for report, arrival_s in ((data, port.arrival_s), *port.reports()):
+            told = sender_report(report)
+            stamp = depacketizer.full_time(told.source, told.time) if told is not None else None
+            if told is not None and stamp is not None:
+                exposures.see("RTCP", stamp / TICK_HZ, told.unix_s, arrival_s)
         datagram = parse(data)
         if datagram is not None:
             yield from depacketizer.feed(datagram)

@@ -80,6 +80,10 @@ class Progress(Report):
     undecoded: int = 0
     damaged: int = 0
     strangers: int = 0
+    told_by: str = ""
+    """How the stream tells when its pictures were taken, empty where it does not."""
+    told_delay_s: float = 0.0
+    told_error_s: float = 0.0
     segment: int = -1
     error: str = ""
     recording_error: str = ""

@@ -7,6 +7,7 @@ own; until then its datagrams are counted and dropped.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import select
 import socket
@@ -27,6 +28,8 @@ LARGEST = 65536
 SLICE_S = 0.2
 """Longest wait between two looks at whether to go on."""
 TAKEOVER_S = 0.5
+MOST_REPORTS = 8
+"""Taken at once: a sender reports every few seconds."""
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -94,6 +97,7 @@ class Port:
         self._open = False
         self._heard_s = 0.0
         self._held: tuple[bytes, tuple[str, int], float] | None = None
+        self._control: socket.socket | None = None
 
     def wait(self) -> bytes:
         """The first datagram of the next connection, left to be read; empty when it is time to end."""
@@ -133,9 +137,39 @@ class Port:
                 return b""
         return b""
 
+    def reports(self) -> list[tuple[bytes, float]]:
+        """What came on the next higher port, where RTCP of RTP on an even one is, each with its Unix time of arrival.
+
+        That port is bound with the first call, where it is to be had, and only the present sender's host is heard.
+        """
+        if self._control is None:
+            self._control = self._next_port()
+        found: list[tuple[bytes, float]] = []
+        try:
+            while len(found) < MOST_REPORTS:
+                data, extra, _, peer = self._control.recvmsg(LARGEST, 64)
+                if self._peer is not None and peer[0] == self._peer[0]:
+                    found.append((data, _stamp(extra)))
+        except OSError:
+            pass  # nothing more
+        return found
+
+    def _next_port(self) -> socket.socket:
+        control = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        control.setblocking(False)
+        address, port = self._socket.getsockname()[:2]
+        if port % 2 == 0:
+            with contextlib.suppress(OSError):
+                if sys.platform == "linux":
+                    control.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+                control.bind((address, port + 1))
+        return control
+
     def close(self) -> None:
         """Give the port back."""
         self._socket.close()
+        if self._control is not None:
+            self._control.close()
 
     def _receive(self) -> tuple[bytes, tuple[str, int], float] | None:
         try:

@@ -16,7 +16,7 @@ import av
 
 from vision.arrival import ArrivalClock
 from vision.recording import PictureOrder, Recording
-from vision.stream_input import READ_TIMEOUT_S, Input
+from vision.stream_input import READ_TIMEOUT_S, Input, listen
 from vision.stream_messages import Progress, Settings
 from vision.stream_newest import Newest
 from vision.stream_stamps import Coded, Stamps
@@ -135,6 +135,9 @@ class _Connection:
             if packet.size:
                 arrival_s = self._arrive(packet)
                 reader.progress.connected = self._source.live()
+                exposures = self._source.exposures
+                reader.progress.told_by, reader.progress.told_delay_s = exposures.told_by, exposures.delay_s
+                reader.progress.told_error_s = exposures.error_s
                 if held is not None:
                     # packets buffered while opening came earlier than now: hold them until one comes that is on time
                     held.append((packet, arrival_s))
@@ -175,6 +178,8 @@ class _Connection:
             # what is drained at the end comes before its time
             if self._reader.go_on() or not self._clock.known:
                 self._clock.see(packet.pts * self._tick_s, arrival_s)
+                if not self._paced:
+                    listen(self._source, packet, arrival_s)
             learnt.append(packet)
         self._use(learnt)
 
@@ -194,7 +199,7 @@ class _Connection:
     def _take(self, packet: Coded) -> bool:
         """Record, number and time one packet, from the first key picture on; False for what has no place."""
         reader, order, pts = self._reader, self._reader.order, packet.pts or 0
-        taken_s = self._clock.unix_s(pts * self._tick_s) - reader.offset_s
+        taken_s = self._taken_s(pts)
         recording = reader.recording
         if packet.is_keyframe and recording is not None and recording.wants_segment(self._stream, taken_s):
             self._renew()
@@ -210,11 +215,17 @@ class _Connection:
         self.list(order.add(pts, pts if packet.dts is None else packet.dts))
         return True
 
+    def _taken_s(self, pts: int) -> float:
+        """Unix time at which a picture was taken: by the stream's own word, else by when it came."""
+        stamp_s = pts * self._tick_s
+        told_s = self._source.exposures.unix_s(stamp_s)
+        return self._clock.unix_s(stamp_s) - self._reader.offset_s if told_s is None else told_s
+
     def list(self, released: list[tuple[int, int]]) -> None:
         """Give pictures whose place is certain their time, and tell it."""
         reader = self._reader
         for index, pts in released:
-            t_us = round((self._clock.unix_s(pts * self._tick_s) - reader.offset_s) * 1e6)
+            t_us = round(self._taken_s(pts) * 1e6)
             reader.last_us = t_us = max(t_us, reader.last_us + 1)
             self._placed[pts] = index, t_us
             reader.progress.rows.append([index, t_us])
@@ -249,6 +260,5 @@ class _Connection:
             reader.progress.damaged += picture.is_corrupt
             place = self._placed.get(pts)
             if place is None:
-                stamp_us = round((self._clock.unix_s(pts * self._tick_s) - reader.offset_s) * 1e6)
-                place = reader.order.place(pts), stamp_us
+                place = reader.order.place(pts), round(self._taken_s(pts) * 1e6)
             reader.newest.put(*place, picture)

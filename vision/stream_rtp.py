@@ -150,6 +150,12 @@ class Depacketizer:
         """Datagrams that never came."""
         return self._order.lost
 
+    def full_time(self, source: int, time: int) -> int | None:
+        """A time of this sender (90 kHz, 32 bits) counted as those of the units are; None of another, or before any."""
+        if source != self._source or self._time is None:
+            return None
+        return self._full_time + (time - self._time + (1 << 31)) % (1 << 32) - (1 << 31)
+
     def feed(self, datagram: Datagram) -> list[Unit]:
         """The access units that are complete with this packet."""
         if self._source == datagram.source and not self._order.far(datagram):
