@@ -16,7 +16,7 @@ import os
 import struct
 import threading
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,12 +87,20 @@ class StreamStore:
         folder: exists; the keys' own is a good one.
         period_s: between saves.
         accept_late: as :class:`mavlink.signing_streams.Streams` has it.
+        wall_ns: the computer's clock, Unix ns.
 
     Raises:
         SigningError: both files are damaged, the folder cannot be written, or another station keeps its table there.
     """
 
-    def __init__(self, folder: Path, *, period_s: float = PERIOD_S, accept_late: Collection[int] = ()) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        period_s: float = PERIOD_S,
+        accept_late: Collection[int] = (),
+        wall_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
         self.folder = folder
         self.streams = Streams(accept_late)
         self.warning = ""
@@ -100,7 +108,7 @@ class StreamStore:
         self.trouble = ""
         """Why nothing can be saved now; empty: it can."""
         self._number = self._births = 0
-        self._period_s = period_s
+        self._period_s, self._wall_ns = period_s, wall_ns
         self._run_id = os.urandom(RUN_BYTES)
         self._lock = self._locked()
         try:
@@ -189,9 +197,10 @@ class StreamStore:
         for row in self._journal.rows() if exact else ():
             if row[:3] not in newest or newest[row[:3]].timestamp < row.timestamp:
                 newest[row[:3]] = row
-        sure = exact or saved.ended
+        # a clock that was set back since tells nothing of then, and it is later than then
+        lost_until = min(saved.at, ticks_of(self._wall_ns() // 1000)) + _LOST
         for row in newest.values():
-            self.streams.restore(row, not_before=0 if sure else saved.at + _LOST)
+            self.streams.restore(row, not_before=0 if exact or saved.ended else lost_until)
         self.streams.proven = saved.proven
         self._number = saved.number
 
@@ -201,7 +210,7 @@ class StreamStore:
         self._births, kept = self.streams.births, list(self.streams.rows())
         rows = [_ROW.pack(*row) for row in kept]
         # where the computer's clock was set back, that of the streams went on
-        at = max([ticks_of(time.time_ns() // 1000), *(row.heard for row in kept)])
+        at = max([ticks_of(self._wall_ns() // 1000), *(row.heard for row in kept)])
         head = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, self._run_id, len(rows))
         data = head + b"".join(rows)
         try:

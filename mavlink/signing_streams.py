@@ -151,6 +151,7 @@ class Streams:
                 return Auth.HELD
             if known is None:
                 known = self._add(system_id, stream)
+            known.not_before = 0
         if self._held:
             self._held.pop((system_id, stream), None)
         known.timestamp, known.heard = timestamp, now
@@ -175,7 +176,7 @@ class Streams:
         for key, timestamp in found:
             del self._held[key]
             known = self._of[system_id].get(key[1]) or self._add(*key)
-            known.timestamp, known.heard = max(timestamp, known.timestamp), now
+            known.timestamp, known.heard, known.not_before = max(timestamp, known.timestamp), now, 0
             self._keep(*key, known)
         return len(found)
 

@@ -28,7 +28,7 @@ class Station:
         self.start()
 
     def start(self):
-        self.store = StreamStore(self.folder, period_s=3600.0, **self.options)
+        self.store = StreamStore(self.folder, period_s=3600.0, wall_ns=lambda: self.t_us * 1000, **self.options)
         self.runs = True
         self.journals.add(self.store._journal.path)
         self.checker = Verifier(ring_of(7, 8), streams=self.store.streams, steady_ns=lambda: (self.t_us - NOW) * 1000)

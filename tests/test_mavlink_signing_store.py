@@ -334,6 +334,22 @@ def test_a_journal_from_before_the_computer_was_started_is_not_trusted_to_be_the
     again.close()
 
 
+def test_a_power_cut_under_a_clock_that_was_a_day_ahead_holds_nobody_for_a_day(tmp_path):
+    store = StreamStore(tmp_path, period_s=30, wall_ns=lambda: time.time_ns() + 86_400 * 10**9)
+    now = ticks_of(now_us())
+    # the vehicle is right, and was believed by an operator's word
+    store.streams.restore(Row(7, 1, 0, now, now + 86_400 * SECOND))
+    store._save(ended=False)
+    path = store._journal.path
+    abandon(store)
+    path.unlink()
+    again = StreamStore(tmp_path, period_s=30)
+    assert again.streams.admit(7, 1, 0, now + SECOND, now + SECOND) is Auth.HELD
+    soon = ticks_of(now_us()) + 3 * SECOND
+    assert again.streams.admit(7, 1, 0, soon, soon) is Auth.GOOD
+    again.close()
+
+
 def test_two_stations_do_not_share_a_table(tmp_path):
     store = StreamStore(tmp_path)
     with pytest.raises(SigningError, match="another station"):
