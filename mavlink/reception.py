@@ -166,7 +166,8 @@ class Reception:
     def refuse(self, packet: Packet) -> tuple[Level, str]:
         """Counts a packet whose signature forbids to believe it; says why when an operator should know."""
         if packet.auth is Auth.REPLAYED:
-            if self._copies.first(packet) is not None:
+            first = self._copies.first(packet)
+            if first is not None and packet.t_us - first[0] < SLOWEST_US:
                 self.copies += 1  # the same packet over a second link
                 return "info", ""
             if self._merely_late(packet):

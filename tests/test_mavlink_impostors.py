@@ -362,6 +362,18 @@ def test_a_recording_played_at_the_start_of_a_flight_is_told_by_the_vehicles_own
     assert fleet.at(T0 + 3 * S).vehicles[1].replayed == 80
 
 
+@pytest.mark.parametrize(("late_s", "replayed"), [(10, 0), (13, 5), (20, 5), (23, 5), (60, 5)])
+def test_the_same_packets_again_are_copies_for_twelve_seconds_and_then_a_recording(late_s, replayed):
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    frames = [speaker.heartbeat() for _ in range(100)]
+    for k, raw in enumerate(frames):
+        fleet.feed(Packet(T0 + k * S, raw, 0, 1, Auth.GOOD))
+    now = T0 + 99 * S
+    told = [n for k in range(5) for n in fleet.feed(Packet(now, frames[99 - late_s - k % 2], 0, 2, Auth.REPLAYED))]
+    status = fleet.at(now).vehicles[1]
+    assert (status.replayed, len(told)) == (replayed, min(replayed, 1))
+
+
 @pytest.mark.parametrize("late_s", [1, 5, 10])
 @pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
 def test_a_slower_second_link_is_no_recording(late_s, per_s):
