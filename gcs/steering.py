@@ -58,6 +58,7 @@ def open_desk(
         where=where,
         tell=tell,
         rates=uav_rates(gimbal=mission.follows_gimbal),
+        gimbal=mission.camera.gimbal if mission.camera else 0,
     )
 
 

@@ -44,6 +44,7 @@ class CommandDesk:
         own: system and component id that the station speaks as.
         rules: how orders are carried out.
         rates: message id → Hz wanted of the UAV.
+        gimbal: that carries the camera: a device id 1-6 or a component id, 0: the first that reports.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class CommandDesk:
         own: tuple[int, int] = (SYSTEM_ID, COMPONENT_ID),
         rules: Rules | None = None,
         rates: Mapping[int, float] = UAV_RATES,
+        gimbal: int = 0,
     ) -> None:
         self._uav_id, self._uav_name, self._ground = uav, uav_name, dict(ground)
         self._outgoing, self._tell = outgoing, tell
@@ -67,7 +69,7 @@ class CommandDesk:
         self._look_s = 0.0
         self._own = own
         self._holder: tuple[int, int] | None = None
-        self._uav = Uav()
+        self._uav = Uav(gimbal)
         self._sdk = Sdk(uav, own, outgoing.give)
         self._jobs = Jobs(self._sdk, self._uav, where, own=own, rules=rules or Rules())
         self._running: dict[str, tuple[Order, asyncio.Task[None]]] = {}

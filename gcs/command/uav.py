@@ -36,16 +36,21 @@ _TEXTS = 40
 
 
 class Uav:
-    """The newest state of one vehicle. One thread takes packets, another reads."""
+    """The newest state of one vehicle. One thread takes packets, another reads.
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    Args:
+        gimbal: that carries the camera, as :class:`mavlink.gimbal.Gimbals` has it.
+        clock: seconds, monotonic.
+    """
+
+    def __init__(self, gimbal: int = 0, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._beat: Heartbeat | None = None
         self._position: tuple[float, GlobalPosition] | None = None
         self._texts: deque[tuple[float, str]] = deque(maxlen=_TEXTS)
         self._progress: dict[int, int] = {}
         self._nose: tuple[float, float] | None = None
-        self._gimbals = Gimbals()
+        self._gimbals = Gimbals(gimbal)
         self._axis: tuple[float, tuple[float, float, float]] | None = None
         self.camera_component = 1
         """Component of the first camera that beats, the autopilot's without one."""
