@@ -156,7 +156,7 @@ def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds
             said = dialect.MAVLink_command_ack_message(*ack)
             pipeline.feed(Packet(t_us, Speaker(system_id).pack(said), 0, 1, auth))
         told += [event for event in pipeline.frame(k, t_us).events if "an order turned the camera" in event.text]
-    view = pipeline._look(pipeline.fleet.at(t_us))
+    view = pipeline._look(pipeline.fleet.at(t_us), None)
     return view.pose.R_enu_cam[:, 2], told
 
 
