@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import socket
 import struct
-from collections import Counter
+from collections import Counter, OrderedDict
 from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass
 from itertools import islice
@@ -23,9 +23,13 @@ TRUSTED = 512
 NUMBERED = 4096
 PLACES = 4
 """Addresses trusted for one system: it may be heard over some routes at once, and has a new one when it reboots."""
+WAITING = 512
+"""Senders that may wait for a place."""
 TOLD = 32
 QUIET_US = 60_000_000
 """Trust ends when nothing good was heard for this long."""
+GONE_US = 5_000_000
+"""Nor does anybody wait for a place who says nothing for this long."""
 _KEY = struct.Struct("=q")
 _SENDER = struct.Struct("=H2s4s")
 
@@ -54,7 +58,7 @@ class Peers:
     """Senders of one port, by the number that their packets carry."""
 
     def __init__(self) -> None:
-        self.numbers: dict[int, int] = {}
+        self.numbers: OrderedDict[int, int] = OrderedDict()
         """Address (:func:`key_of`) → number, from 1."""
         self.trusted: dict[Claim, _Trust] = {}
         """Those whose frames were good and who have a place; look-ups say whether somebody is trusted."""
@@ -94,7 +98,7 @@ class Peers:
                 continue  # forgotten meanwhile
             if self._places[claim[1]] < PLACES and len(self.trusted) < TRUSTED:
                 self._place(claim, _Trust(t_us))
-            elif claim in self._waiting or len(self._waiting) < NUMBERED:
+            elif claim in self._waiting or len(self._waiting) < WAITING:
                 self._waiting.setdefault(claim, _Trust(t_us)).heard_us = t_us
 
     def mix(self, numbers: Set[int]) -> None:
@@ -203,7 +207,7 @@ class Peers:
         """One of each system who wait takes a place that is free, or that of one who was heard less often."""
         first: dict[int, Claim] = {}
         for claim, entry in list(self._waiting.items()):
-            if t_us - entry.heard_us > QUIET_US or claim[0] not in self.keys:
+            if t_us - entry.heard_us > GONE_US or claim[0] not in self.keys:
                 del self._waiting[claim]
             elif claim[1] not in first or entry.times > self._waiting[first[claim[1]]].times:
                 first[claim[1]] = claim
@@ -235,7 +239,8 @@ class Peers:
 
     def _forget_one(self) -> None:
         """The oldest who is not trusted; there always is one, as more are numbered than trusted."""
-        key = next(key for key, number in self.numbers.items() if number not in self._known)
+        while self.numbers[key := next(iter(self.numbers))] in self._known:
+            self.numbers.move_to_end(key)
         number = self.numbers.pop(key)
         del self.keys[number]
         self._mixed.discard(number)

@@ -16,7 +16,7 @@ from bench.ports import free_port
 from mavlink.link_batch import MIXED
 from mavlink.link_filter import attach, detach, program
 from mavlink.link_gate import STRANGERS, Gate
-from mavlink.link_peers import NUMBERED, PLACES, TRUSTED, Peers, key_of
+from mavlink.link_peers import GONE_US, NUMBERED, PLACES, TRUSTED, WAITING, Peers, key_of
 from mavlink.link_shares import (
     HOLD_S,
     LIKELY_PER_S,
@@ -119,10 +119,23 @@ def test_trust_ends_with_silence_and_its_place_is_free():
     peers.trust({waiting}, 59_000_000)
     peers.review(59_000_000)
     changes = peers.changes
+    peers.trust({waiting}, 60_000_000)
     peers.review(60_000_001)
     assert list(peers.trusted) == [waiting] and peers.changes > changes
-    peers.review(120_000_000)
+    peers.review(120_000_002)
     assert not peers.trusted and not peers.addresses()
+
+
+def test_those_who_wait_for_a_place_are_few_and_soon_forgotten():
+    peers = Peers()
+    claims = [(peer(peers, k), 11) for k in range(PLACES + 2 * WAITING)]
+    peers.trust(set(claims[:PLACES]), 0)
+    peers.trust(set(claims[PLACES:]), 0)
+    peers.review(0)
+    assert len(peers._waiting) == WAITING
+    peers.trust({claims[0]}, GONE_US + 1)
+    peers.review(GONE_US + 1)
+    assert not peers._waiting and len(peers.trusted) == PLACES
 
 
 def test_another_process_goes_on_with_what_is_known():
