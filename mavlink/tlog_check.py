@@ -20,6 +20,7 @@ __all__ = ["TlogCheck", "check"]
 
 _MOST_GAPS, _LONGEST = 1000, 300
 _SHORT_RUN = 8
+_WINDOW = 1 << 20  # bytes looked at at a time; one such window tells which way round the times are
 _BACK_US = 1_000_000
 _CROSSED = 3
 
@@ -139,13 +140,18 @@ def _cut_short(tlog: Tlog) -> tuple[int, TimeSource]:
     Some programs wrote whole logs of them.
     """
     data = tlog.data
-    at = np.flatnonzero(data == MAGIC_V1)
-    at = at[(at >= TIME_LENGTH) & (at + 1 < data.size)]
-    length = data[at + 1].astype(np.int64)
-    following = at + length + TIME_LENGTH
-    chained = following < data.size
-    chained[chained] = data[following[chained]] == MAGIC_V1
-    count = int(np.count_nonzero(chained))
-    if count < max(_SHORT_RUN, at.size // 4):
+    seen = count = 0
+    sample = Frames(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+    for start in range(0, data.size, _WINDOW):
+        at = np.flatnonzero(data[start : start + _WINDOW] == MAGIC_V1) + start
+        at = at[(at >= TIME_LENGTH) & (at + 1 < data.size)]
+        length = data[at + 1].astype(np.int64)
+        following = at + length + TIME_LENGTH
+        chained = following < data.size
+        chained[chained] = data[following[chained]] == MAGIC_V1
+        seen, count = seen + at.size, count + int(np.count_nonzero(chained))
+        if not sample.offset.size:
+            sample = Frames(at[chained], length[chained])
+    if count < max(_SHORT_RUN, seen // 4):
         return 0, "none"
-    return count, read_times(data, Frames(at[chained], length[chained]))[2]
+    return count, read_times(data, sample)[2]

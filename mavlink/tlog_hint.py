@@ -23,6 +23,7 @@ _SIGNATURES = (
     (b"\xa3\x95", "the log that an ArduPilot keeps on board (DataFlash), which holds no MAVLink"),
     (b"ULog\x01\x12\x35", "the log that a PX4 keeps on board (ULog), which holds no MAVLink"),
 )
+_WINDOW = 1 << 23  # bytes looked at at a time
 _LINE_FEEDS = 32  # by chance all of them follow a carriage return once in 256^32 logs
 
 
@@ -34,5 +35,11 @@ def looks_like(data: Bytes) -> str:
 
 def sent_as_text(data: Bytes) -> bool:
     """Whether each line feed follows a carriage return, as after a transfer that took the file for text."""
-    feeds = np.flatnonzero(data == 0x0A)
-    return feeds.size >= _LINE_FEEDS and bool((data[feeds - 1] == 0x0D).all())
+    count = 0
+    for start in range(0, data.size, _WINDOW):
+        feeds = data[start : start + _WINDOW] == 0x0A
+        before = data[start - 1 : start - 1 + feeds.size] if start else np.append(np.uint8(0), data[: feeds.size - 1])
+        if (feeds & (before != 0x0D)).any():
+            return False
+        count += int(np.count_nonzero(feeds))
+    return count >= _LINE_FEEDS

@@ -5,13 +5,14 @@ A record is 8 bytes of time (big-endian Unix µs) and a frame. Old files carry l
 
 from __future__ import annotations
 
+from bisect import bisect
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mavlink.frame import SIGNATURE_LENGTH
-from mavlink.packet import MAGIC_V1, MAGIC_V2
+from mavlink.packet import MAGIC_V2
 from mavlink.tlog_carried import carried
 from mavlink.tlog_damage import Damage, describe_gaps, describe_times
 from mavlink.tlog_scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
@@ -90,12 +91,14 @@ def _untangle(frames: Frames, step: int) -> Frames:
     edges = np.flatnonzero(np.diff(np.concatenate([inside, [False]]).astype(np.int8)))
     for first, last in edges.reshape(-1, 2):
         cluster = np.arange(first, last + 1)
-        kept: list[int] = []
-        for i in cluster[np.lexsort((start[cluster], -links[cluster]))]:
-            if all(end[i] <= start[k] or start[i] >= end[k] for k in kept):
-                kept.append(int(i))
+        kept: list[tuple[int, int, int]] = []  # start, end and row of those that stay, in order
+        order = cluster[np.lexsort((start[cluster], -links[cluster]))]
+        for row in zip(start[order].tolist(), end[order].tolist(), order.tolist(), strict=True):
+            place = bisect(kept, row)
+            if (place == 0 or kept[place - 1][1] <= row[0]) and (place == len(kept) or row[1] <= kept[place][0]):
+                kept.insert(place, row)
         keep[cluster] = False
-        keep[kept] = True
+        keep[[row for _, _, row in kept]] = True
     return frames.take(keep)
 
 
@@ -109,10 +112,7 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     stop = np.where(stamped(data, stop) & (stop < data.size), stop - step, stop)
     if not start.size:
         return Frames(start, start)
-    edges = np.zeros(data.size + 1, dtype=np.int8)
-    edges[start + step], edges[stop] = 1, -1
-    inside = np.cumsum(edges[:-1], dtype=np.int8).view(np.bool_)
-    found = find_unknown(data, np.flatnonzero(inside & ((data == MAGIC_V2) | (data == MAGIC_V1))))
+    found = find_unknown(data, start + step, stop)
     gap = np.searchsorted(start, found.offset, side="right") - 1
     found = found.take(found.end <= stop[gap])
     if step == 0:

@@ -10,6 +10,7 @@ So damage anywhere costs only the frame it is in: no frame is found by way of th
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -29,7 +30,12 @@ Ints = NDArray[np.int64]
 _WINDOW = 1 << 23  # bytes searched at a time: the candidates of one window stay in the cache
 _ROWS = 1 << 14  # frames per checksum block, for the same reason
 _ID_LIMIT = 1 << 16  # one more than the greatest id the tables hold; no dialect here goes beyond
+LONGEST = 255 + 12 + SIGNATURE_LENGTH
+"""Bytes of a frame, at the most."""
 _UNKNOWN = -1
+_V1_IDS, _V1_ID, _V2_FLAGS = 256, 5, 2  # MAVLink 1's ids, their place in its header, that of MAVLink 2's flags
+_BATCH = 1 << 18  # candidates looked at at a time; a window of a log that is well holds as many
+_DENSE = 64  # a window with more magics than one in so many bytes is full of them; noise has one in 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,35 +153,112 @@ def find_frames(data: Bytes) -> Frames:
     Returns:
         Frames of known messages with the right checksum, by offset.
     """
+    longest = _tables()[0]
+    known_v1 = longest[:_V1_IDS]
     found: list[Frames] = []
-    for start in range(0, data.size, _WINDOW):
-        window = data[start : start + _WINDOW]
-        found += [_good_frames(data, np.flatnonzero(window == magic) + start, magic) for magic in (MAGIC_V2, MAGIC_V1)]
+    windows = [start for start in range(0, data.size, _WINDOW) if _has_magic(data, start)]
+    for magic in (MAGIC_V2, MAGIC_V1):
+        places = (_candidates(data, start, magic, lambda length, ids: length <= known_v1[ids]) for start in windows)
+        found += [_good_frames(data, at, magic) for at in _batches(places)]
     offset = np.concatenate([frames.offset for frames in found]) if found else np.empty(0, dtype=np.int64)
     length = np.concatenate([frames.length for frames in found]) if found else np.empty(0, dtype=np.int64)
     order = np.argsort(offset, kind="stable")
     return Frames(offset[order], length[order])
 
 
-def find_unknown(data: Bytes, at: Ints) -> Frames:
-    """Frames of unknown messages at these places, (n,) in order: those that some CRC extra makes right.
+def find_unknown(data: Bytes, start: Ints, stop: Ints) -> Frames:
+    """Frames of unknown messages that begin in some places: those that some CRC extra makes right.
 
     All frames of one message share their extra: where they disagree, the most frequent one counts.
+
+    Args:
+        data: (size,) the file.
+        start: (n,) first bytes of ranges, in order and not overlapping.
+        stop: (n,) one after their last.
     """
-    longest = _tables()[0]
+    unknown_v1 = _tables()[0][:_V1_IDS] == _UNKNOWN
     found = [np.empty((0, 3), dtype=np.int64)]
+    # windows without a gap are most of a log that is well
+    windows = [
+        window
+        for window in range(0, data.size, _WINDOW)
+        if np.searchsorted(stop, window, side="right") < np.searchsorted(start, window + _WINDOW)
+        and _has_magic(data, window)
+    ]
+
+    def within(at: Ints) -> Ints:
+        gap = np.searchsorted(start, at, side="right") - 1
+        return at[(gap >= 0) & (at < stop[gap])]
+
     for magic in (MAGIC_V2, MAGIC_V1):
-        places, length, ids, payload = _headers(data, at[data[at] == magic], magic)
-        new = np.flatnonzero(longest[np.minimum(ids, _ID_LIMIT - 1)] == _UNKNOWN)
-        states, sent = _crcs(data, places[new], payload[new], magic)
-        byte = _byte_of()[sent ^ (states >> 8)]
-        fits = byte >= 0
-        key = ids[new] << 8 | (byte ^ (states & 0xFF).astype(np.int16))
-        found.append(np.stack([places[new], length[new], key], axis=1)[fits])
+        places = (within(_candidates(data, window, magic, lambda length, ids: unknown_v1[ids])) for window in windows)
+        found += [_unknown_at(data, at, magic) for at in _batches(places)]
     rows = np.concatenate(found)
     rows = rows[np.argsort(rows[:, 0], kind="stable")]
     rows = rows[_most_frequent(rows[:, 2])]
     return Frames(rows[:, 0], rows[:, 1])
+
+
+def _unknown_at(data: Bytes, at: Ints, magic: int) -> Ints:
+    """(m, 3) place, length, and id with CRC extra, of frames of unknown messages among the candidate places."""
+    longest = _tables()[0]
+    places, length, ids, payload = _headers(data, at, magic)
+    new = np.flatnonzero(longest[np.minimum(ids, _ID_LIMIT - 1)] == _UNKNOWN)
+    states, sent = _crcs(data, places[new], payload[new], magic)
+    byte = _byte_of()[sent ^ (states >> 8)]
+    fits = byte >= 0
+    key = ids[new] << 8 | (byte ^ (states & 0xFF).astype(np.int16))
+    rows: Ints = np.stack([places[new], length[new], key], axis=1)[fits]
+    return rows
+
+
+def _has_magic(data: Bytes, start: int) -> bool:
+    """Whether a window has a byte as large as the smaller magic; a disk that was full leaves gigabytes without."""
+    return bool(data[start : start + _WINDOW].max() >= MAGIC_V2)
+
+
+def _candidates(data: Bytes, start: int, magic: int, wanted_v1: Callable[[Bytes, Bytes], NDArray[np.bool_]]) -> Ints:
+    """Places in a window where a frame can begin.
+
+    A header is looked at for each of them, which takes forty times its bytes: where a window is full of magics, those
+    that cannot begin one are left out first.
+
+    Args:
+        data: (size,) the file.
+        start: of the window.
+        magic: of the frames.
+        wanted_v1: of payload lengths and message ids, (n,) each, which MAVLink 1 frames are looked for.
+    """
+    window = data[start : start + _WINDOW]
+    begins = window == magic
+    count = np.count_nonzero(begins)
+    if not count:
+        return np.empty(0, dtype=np.int64)
+    if count == window.size:
+        begins[:-LONGEST] = False  # a frame of magics alone is none: its length, or its flags, cannot be
+    elif count > window.size // _DENSE:
+        header = data[start : start + _WINDOW + _V1_ID]
+        if magic == MAGIC_V2:
+            flags = header[_V2_FLAGS : _V2_FLAGS + window.size]
+            begins[: flags.size] &= flags <= 1
+        else:
+            ids = header[_V1_ID:]
+            begins[: ids.size] &= wanted_v1(header[1 : 1 + ids.size], ids)
+    return np.flatnonzero(begins) + start
+
+
+def _batches(places: Iterable[Ints]) -> Iterator[Ints]:
+    """The places of windows that hold few of them put together: work on a hundred takes as long as on a thousand."""
+    held: list[Ints] = []
+    count = 0
+    for at in places:
+        held += [at] if at.size else []
+        count += at.size
+        if count >= _BATCH:
+            yield np.concatenate(held)
+            held, count = [], 0
+    if count:
+        yield np.concatenate(held)
 
 
 def _most_frequent(key: Ints) -> NDArray[np.bool_]:
