@@ -123,6 +123,8 @@ ELSEWHERE = {
     "the other hemisphere": (-33.0, 151.0),
     "20 km away": (HOME[0] + 0.18, HOME[1]),
 }
+HARMLESS = ("20 km away",)
+"""So near that all places stay right by the false origin: it need not be told."""
 SPEAKS_S = 2.0
 """When the UAV itself begins."""
 RIGHT_BY_S = 10.0
@@ -165,7 +167,7 @@ def _one(options: Options, name: str) -> Row:
         lost=sum(sent[party] - found[party] for party in true), false_sent=sent[FALSE, 1],
         false_recorded=found[FALSE, 1], believed_s=wrong / 5.0 / len(vehicles),
         alarm_s=max(told[0].t_s - SPEAKS_S, 0.0) if told else math.nan,
-        held=not wrong and right > 0 and bool(told), note=note,
+        held=not wrong and right > 0 and (bool(told) or name in HARMLESS), note=note,
     )  # fmt: skip
 
 
