@@ -84,7 +84,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--minutes", type=float, default=20.0, help="of the quiet flight")
     add("--recording", type=Path, default=Path("sitl_logs/ardupilot-swarm"), help="session that is played live")
     add("--rows", type=Path, help="keep the results in this file as well, for --before")
-    add("--before", type=Path, help="results of an earlier build, for a column more")
+    add("--results", type=Path, action="append", default=[], help="play nothing, tell of these; the last one counts")
+    add("--before", type=Path, action="append", default=[], help="results of an earlier build, for a column more")
     add("-o", "--out", type=Path, help="the page, in Markdown")
     add("--keep", action="store_true", help="keep the sessions, and say where")
     return parser
@@ -100,6 +101,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     if unknown := set(chosen.names) - set(ATTACKS):
         print(f"{', '.join(sorted(unknown))}: no such attack; --list names them", file=sys.stderr)
         return 2
+    rows = _results(chosen.results) if chosen.results else _played(chosen)
+    text = page(rows, "Attacks", _words(chosen), _results(chosen.before))
+    if chosen.out:
+        chosen.out.write_text(text, encoding="utf-8")
+    print(text)
+    return 0 if all(row.held for row in rows) else 1
+
+
+def _results(files: Sequence[Path]) -> list[Row]:
+    """Kept results; of a case that was played again, the last."""
+    rows = [row for file in files for row in read_rows(file)]
+    return list({(row.attack, row.case): row for row in rows}.values())
+
+
+def _played(chosen: argparse.Namespace) -> list[Row]:
     options = _options(chosen)
     # as Ctrl-C: what was started is ended, what was mounted or frozen is set free
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -114,11 +130,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"sessions in {options.folder}", file=sys.stderr)
         else:
             shutil.rmtree(options.folder, ignore_errors=True)
-    text = page(rows, "Attacks", _words(chosen), read_rows(chosen.before) if chosen.before else ())
-    if chosen.out:
-        chosen.out.write_text(text, encoding="utf-8")
-    print(text)
-    return 0 if all(row.held for row in rows) else 1
+    return rows
 
 
 WORDS = """

@@ -177,13 +177,13 @@ def late_start(options: Options) -> list[Row]:
     keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
     with ExitStack() as stack:
         door = stack.enter_context(closing(Door(port)))
-        stage = Stage(_lines(door, LATE))
-        stage.start()
-        stack.callback(stage.stop)
         station = Station(
             options.gcs, options.folder / "late", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )  # fmt: skip
         stack.callback(station.kill)
+        stage = Stage(_lines(door, LATE))
+        stage.start()
+        stack.callback(stage.stop)
         stage.wait(LATE_S)
         station.end()
         events = told(station.session, stage.sent)
