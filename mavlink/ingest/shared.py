@@ -108,13 +108,14 @@ class Shared:
             auths: (N), None: all open.
         """
         words, pack = self.words, _HEAD.pack
+        pieces = [pack(_UNRECORDED if record is None else record, 0, 0, link, 0)]
         if auths is None:
             rows = zip(times_us, frames, peers, strict=True)
-            pieces = [piece for t, raw, peer in rows for piece in (pack(t, peer, len(raw), link, 0), raw)]
+            pieces += [piece for t, raw, peer in rows for piece in (pack(t, peer, len(raw), link, 0), raw)]
         else:
             full = zip(times_us, frames, peers, auths, strict=True)
-            pieces = [piece for t, raw, peer, auth in full for piece in (pack(t, peer, len(raw), link, auth), raw)]
-        data = b"".join([pack(_UNRECORDED if record is None else record, 0, 0, link, 0), *pieces])
+            pieces += [piece for t, raw, peer, auth in full for piece in (pack(t, peer, len(raw), link, auth), raw)]
+        data = b"".join(pieces)
         written = words[Word.WRITTEN]
         if len(data) > self._room - (written - words[Word.READ]):
             words[Word.OVERRUN] += len(frames)
@@ -148,15 +149,15 @@ class Shared:
         data = bytes(self._ring[at : at + first]) + bytes(self._ring[: size - first])
         words[Word.READ] = written
         packets: list[Packet] = []
-        place, record, unpack = 0, 0, _HEAD.unpack_from
+        place, record, step, unpack = 0, 0, 1, _HEAD.unpack_from
         while place < size:
             t_us, peer, length, link, auth = unpack(data, place)
             stop = place + 16 + length
             if length:
                 packets.append(Packet(t_us, data[place + 16 : stop], link, peer, _AUTHS[auth], record))
-                record += record >= 0
+                record += step
             else:
-                record = -1 if t_us == _UNRECORDED else t_us
+                record, step = (-1, 0) if t_us == _UNRECORDED else (t_us, 1)
             place = stop
         return packets
 
