@@ -124,8 +124,13 @@ class VehicleClock:
         """Learns from one message and says when it was made, Unix µs."""
         return self.unix_of(self.learn(boot_ms, arrival_us))
 
-    def learn(self, boot_ms: int, arrival_us: int) -> int:
+    def learn(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> int:
         """Learns from one message and returns its boot time, unwrapped, µs.
+
+        Args:
+            boot_ms: as sent.
+            arrival_us: Unix µs.
+            trails: its link is known to be later than another, so that it tells of no reboot.
 
         A sender that leaves its boot time at zero has none, and one that cannot be followed (a simulator that runs
         at another speed) has none that helps: their messages count by their arrival.
@@ -143,13 +148,28 @@ class VehicleClock:
         self.stray = back or late_us > self.params.late_us or late_us < -self.params.early_us
         self.late = self.stray and self._is_late(boot_us, arrival_us, late_us)
         if self.stray:
-            self._consider(boot_us, arrival_us)
+            self._consider(boot_us, arrival_us, trails)
             boot_us = arrival_us if self._by_arrival else boot_us
         else:
             self._lines.clear()
             self._astray_us = 0
             self._take(boot_us, arrival_us, late_us)
         return boot_us
+
+    def quicken(self, boot_us: int, arrival_us: int) -> None:
+        """Follows a message of the same count that came over a quicker link: what came so far was late."""
+        self._past = _Past(self._newest, round(self._line(self._newest)), arrival_us, lives=True)
+        self.stray = self.late = False
+        self._restart(boot_us, arrival_us)
+
+    def forget(self) -> None:
+        """Begins anew, for a vehicle whose clock was another's."""
+        self._started = self._by_arrival = self.stray = self.late = False
+        self._frozen = 0
+        self._steps.clear()
+        self._past = _Past(0, 0, 0, lives=False)
+        self.epoch += 1
+        self._restart(0, 0)
 
     def unix_of(self, boot_us: int) -> int:
         """Unix µs of a boot time."""
@@ -176,11 +196,6 @@ class VehicleClock:
         points = list(self._bins)
         halves = points[: len(points) // 2], points[len(points) // 2 :]
         return self.drift_known and all(abs(_hull_slope(half) - self._drift) <= self.params.sure for half in halves)
-
-    @property
-    def restarted_us(self) -> int:
-        """Arrival of the message with which the present count began, 0 for the first count."""
-        return self._past.end_us
 
     @property
     def uncertainty_s(self) -> float:
@@ -237,21 +252,24 @@ class VehicleClock:
         if 0 < late_us <= self.params.late_most_us and boot_us <= self._newest:
             return True
         past, most_us = self._past, self.params.late_most_us
-        if not 0 <= arrival_us - past.end_us <= most_us or not (past.lives or boot_us <= past.newest_us):
+        if past.lives and boot_us > self._newest:
+            return False  # the quicker link is back
+        made = past.lives or boot_us <= max(past.newest_us, past.end_us - past.offset_us)
+        if not 0 <= arrival_us - past.end_us <= most_us or not made:
             return False
         return -self.params.early_us <= arrival_us - boot_us - past.offset_us <= most_us
 
-    def _consider(self, boot_us: int, arrival_us: int) -> None:
+    def _consider(self, boot_us: int, arrival_us: int, trails: bool) -> None:
         """Collects messages on other time lines, and moves to one once it has run without ours for long enough."""
         self._astray_us = self._astray_us or arrival_us
         line = self._line_of(boot_us, arrival_us)
-        steady = self.late and arrival_us - line.first_us >= self.params.step_hold_us
-        if arrival_us - self._astray_us > 2 * self.params.step_hold_us and not steady:
+        steady = arrival_us - line.first_us >= self.params.step_hold_us
+        if arrival_us - self._astray_us > 2 * self.params.step_hold_us and not (steady or trails):
             self.stray = False
             self._give_up(arrival_us)
             return
         rebooted = boot_us < self._newest - self.params.back_us and boot_us < self.params.reboot_below_us
-        rebooted = rebooted and (not self.late or boot_us < self.params.reboot_fresh_us)
+        rebooted = rebooted and not trails and (not self.late or boot_us < self.params.reboot_fresh_us)
         hold_us = self._hold_us(rebooted)
         if line.count >= 3 and arrival_us - line.first_us >= hold_us:
             self.reboots += rebooted

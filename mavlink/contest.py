@@ -1,8 +1,9 @@
 """Whether one system id has two senders.
 
-A vehicle has one kind, one mode, one clock, one place and one hardware id at a time. Whoever says something else
-speaks in turn with the vehicle, and that is what is looked for: contradictions whose speaker changes again and again.
-A reboot, a new address, a jump of a receiver or a late copy changes once or for an instant, and is none.
+A vehicle has one kind, one mode, one clock, one place and one hardware id at a time. Places are compared by
+:mod:`mavlink.places`. Whoever else says something else speaks in turn with the vehicle, and that is what is looked for:
+contradictions whose speaker changes again and again. A reboot, a new address or a late copy changes once or for an
+instant, and is none; a receiver that jumps has one sender.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from mavlink.reception import Speaker
 
 __all__ = ["Claim", "Conflict", "Contest", "Turns"]
 
-Claim = Literal["kind", "mode", "clock", "boot", "place", "jump", "attitude", "uid"]
+Claim = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "uid"]
 
 _PAUSE_US = 3_000_000  # turns farther apart than this are not of one dispute
 _SPAN_US = 900_000
-_TURNS: dict[Claim, int] = {"kind": 3, "mode": 4, "clock": 3, "boot": 3, "place": 3, "attitude": 3, "jump": 4}
+_TURNS: dict[Claim, int] = {"autopilot": 3, "kind": 3, "mode": 4, "clock": 3, "boot": 3, "attitude": 3}
 _HOLD_US = 10_000_000
 _HOLD_UID_US = 60_000_000
 
@@ -99,10 +100,6 @@ class Contest:
         dispute = self._disputes.setdefault(claim, Turns())
         if dispute.take(speaker, where, other, t_us) and dispute.established(_TURNS[claim], t_us):
             self.declare(claim, detail, where, dispute.other, t_us)
-
-    def settle(self, claim: Claim) -> None:
-        """There was only one side."""
-        self._disputes.pop(claim, None)
 
     def declare(self, claim: Claim, detail: str, one: Speaker, other: Speaker, t_us: int) -> None:
         """Two senders for certain."""

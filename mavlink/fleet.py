@@ -233,16 +233,18 @@ class Fleet:
         return (Notice(t_us=packet.t_us, level="info", kind="vehicle", text=text, system_id=packet.system_id),)
 
     def _attitude(self, vehicle: Vehicle, sample: Attitude) -> tuple[Notice, ...]:
-        if not vehicle.counts(sample.component_id):
+        if not vehicle.counts(sample.component_id, sample.t_us):
             return ()
         boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
         vehicle.take_attitude(boot_us, sample)
         return notices
 
     def _position(self, vehicle: Vehicle, sample: GlobalPosition) -> tuple[Notice, ...]:
-        if not vehicle.counts(sample.component_id):
-            return ()
+        told = vehicle.compare_place(sample)
+        if not vehicle.counts(sample.component_id, sample.t_us):
+            return told
         boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
+        notices = told + notices
         reason = vehicle.nonsense(sample)
         if reason and vehicle.clock.stray:
             vehicle.refusals.count(reason)  # a reboot that is not yet believed begins without a fix
@@ -388,7 +390,7 @@ def _fresh(pose: Pose | None) -> bool:
 
 
 def _usable(estimate: Estimate | None, status: VehicleStatus) -> bool:
-    """Whether a position may be used: heard in the last two seconds, and from one sender only."""
-    if estimate is None or status.contested:
+    """Whether a position may be used: heard in the last two seconds, from one sender only, and that at one place."""
+    if estimate is None or status.contested or status.jumps:
         return False
     return estimate.bracketed or estimate.age_s <= _USABLE_S

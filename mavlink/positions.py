@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Hashable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mavlink.gate import GateParams, climbs_too_fast, course_gap, too_far
+from mavlink.gate import (
+    NOT_YET,
+    GateParams,
+    altitude_known,
+    climbs_too_fast,
+    course_gap,
+    speed_possible,
+    too_far,
+)
 from mavlink.geodesy import LocalFrame, wrap_pi
 from mavlink.history import History
 from mavlink.samples import GlobalPosition
+from mavlink.state import PositionState
 
-__all__ = ["LOST_S", "Estimate", "Fix", "Positions", "Verdict", "in_frame"]
+__all__ = ["LOST_S", "Estimate", "Fix", "Jumps", "Positions", "Verdict", "fix_of", "in_frame"]
 
 Verdict = Literal["new", "standing", "moved", "frozen", "duplicate", "late", "jump", "leap"]
 """new: usable; standing: usable, says nothing new; moved: usable after a jump; the others are not used (jump: too far,
 leap: too high)."""
 
 LOST_S = 3.0
+_STALE_S = 1.0  # radios are a few tenths of a second late, and that is no trouble
 _EXTRAPOLATE_S = 2.0
 _HERMITE_S = 2.0
 _ACCELERATION = 1.5  # m/s², 1σ of what a driver does between reports
@@ -27,6 +38,9 @@ _STANDING_SPEED = 0.3
 _STANDING_REPORT_US = 1_000_000
 _YAW_GAP = math.radians(20.0)
 _COURSE_DISTRUST, _COURSE_WORST = 5, 10
+_TURNS, _TURNS_US = 3, 10_000_000  # there, back and there again
+_AWAY_US = 2_000_000  # a new place that is held is believed before
+_SETTLED_US = 3_000_000
 
 
 class Fix(NamedTuple):
@@ -50,6 +64,47 @@ def in_frame(fixes: Sequence[Fix], before: LocalFrame, now: LocalFrame) -> list[
     p_enu = np.array([fix[:3] for fix in fixes], dtype=np.float64).reshape(-1, 3)
     moved = now.to_enu(*before.to_geodetic(p_enu)).tolist()
     return [fix._replace(east=p[0], north=p[1], up=p[2]) for p, fix in zip(moved, fixes, strict=True)]
+
+
+def fix_of(
+    sample: GlobalPosition,
+    frame: LocalFrame,
+    home_alt_m: float,
+    *,
+    heading: float,
+    std_m: float,
+    params: GateParams,
+    drives: bool,
+) -> tuple[Fix, tuple[str, ...]]:
+    """A report in ENU, and what was left out of it because it cannot be right.
+
+    Args:
+        sample: a place that may be one.
+        frame: ENU.
+        home_alt_m: altitude of the home plane, NaN unknown; what drives stands on it.
+        heading: from :meth:`Positions.judged_heading`.
+        std_m: 1σ.
+        params: what the vehicle can do.
+        drives: a ground vehicle.
+    """
+    left_out = []
+    alt_m = sample.alt_m if altitude_known(sample.alt_m) else math.nan
+    if drives and not abs(alt_m - home_alt_m) <= params.height_gap_m:
+        # rovers report sea level as their altitude until their filter has started, and more after
+        if math.isfinite(home_alt_m):
+            left_out.append("altitude, far from the ground")
+        alt_m = home_alt_m if math.isfinite(home_alt_m) else alt_m if math.isfinite(alt_m) else frame.alt_m
+    known = math.isfinite(alt_m)
+    east, north, up = frame.to_enu_point(sample.lat_deg, sample.lon_deg, alt_m if known else frame.alt_m)
+    v_east, v_north = sample.v_east, sample.v_north
+    if not speed_possible(sample, params):
+        left_out.append("faster than it can be")
+        v_east = v_north = math.nan
+    if math.isnan(heading) and not math.isnan(sample.heading):
+        left_out.append("heading, against course or attitude")
+    height_m = sample.relative_alt_m if altitude_known(sample.relative_alt_m) else math.nan
+    up = up if known else math.nan
+    return Fix(east, north, up, v_east, v_north, -sample.v_down, heading, std_m, height_m), tuple(left_out)
 
 
 class Estimate(NamedTuple):
@@ -172,6 +227,24 @@ class Positions:
             return Estimate(_between(before, after, boot_us), age_s, True)
         return Estimate(_carried(before[1], age_s), age_s, False)
 
+    def state(self, estimate: Estimate | None, refused_for: str) -> PositionState:
+        """How far an estimate may be relied on: stale after a second and twice the usual period, lost after three.
+
+        Args:
+            estimate: from :meth:`at`.
+            refused_for: why the last report was not used, empty where it was or is long ago.
+        """
+        if estimate is None:
+            return "refused" if refused_for and refused_for not in NOT_YET else "never"
+        due_s = _STALE_S if math.isnan(self.period_s) else 2.0 * self.period_s
+        if estimate.bracketed or estimate.age_s <= due_s:
+            return "ok"
+        if refused_for:
+            return "refused"
+        if estimate.age_s <= _STALE_S:
+            return "ok"
+        return "stale" if estimate.age_s <= LOST_S else "lost"
+
     def _is_jump(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:
         gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north)
         return too_far(gap_m, abs(boot_us - last[0]) * 1e-6, max(fix.std_m, last[1].std_m), self._params)
@@ -205,6 +278,48 @@ class Positions:
         gap_s = min((boot_us - last[0]) * 1e-6, LOST_S)
         # one gap after a loss must not look like a slow sender
         self.period_s = gap_s if math.isnan(self.period_s) else self.period_s + 0.1 * (gap_s - self.period_s)
+
+
+class Jumps:
+    """Whether a vehicle's own place jumps to and fro, as that of a receiver which is jammed or fails.
+
+    A jump that stays, or one bad report, is none of it.
+    """
+
+    def __init__(self) -> None:
+        self._good_way: Hashable = None
+        self._turns: deque[int] = deque(maxlen=_TURNS)
+        self._away_us = 0
+        self._last_us = 0
+
+    def take(self, verdict: Verdict, way: Hashable, t_us: int) -> None:
+        """Hears how a report was judged.
+
+        Args:
+            verdict: from :meth:`Positions.take`.
+            way: how it came; another sender's reports are no jumps of this one's.
+            t_us: Unix µs of its arrival.
+        """
+        if verdict in ("jump", "leap"):
+            if way != self._good_way:
+                return
+            if not self._away_us:
+                self._away_us = t_us
+                self._turns.append(t_us)
+            self._last_us = t_us
+        elif verdict in ("new", "standing", "moved"):
+            if self._away_us and way == self._good_way:
+                self._last_us = t_us
+                if verdict != "moved":
+                    self._turns.append(t_us)
+            self._good_way, self._away_us = way, 0
+
+    def jumps(self, t_us: int) -> bool:
+        """Whether it jumps to and fro at a Unix time, or did until a moment ago."""
+        if not 0 <= t_us - self._last_us < _SETTLED_US:
+            return False
+        away = self._away_us > 0 and self._last_us - self._away_us >= _AWAY_US
+        return away or (len(self._turns) == _TURNS and self._last_us - self._turns[0] < _TURNS_US)
 
 
 def _between(before: tuple[int, Fix], after: tuple[int, Fix], boot_us: int) -> Fix:

@@ -21,6 +21,7 @@ _CHANNELS = 16
 _MESSAGES = 128
 _LATE_US = 2_000_000  # copies over a channel that come this long after the first make it a late one
 _LATE_KNOWN_US = 60_000_000
+_PROMPT_US = 3_000_000  # for so long a radio that was prompt tells better than one that is behind
 _BEHIND_US = 500_000  # a link this far behind another tells how the vehicle was
 _FIRST_HAND = 10  # a channel with so many new messages on end has no copies: numbers have come round in its heartbeats
 _ALARM_AFTER = 3
@@ -50,6 +51,7 @@ class Speaker(NamedTuple):
     peer: int
     run: int
     """Of its sequence numbers on that channel."""
+    component: int = 0
 
 
 class _Channel:
@@ -126,6 +128,7 @@ class Reception:
         """Refused because nothing proves that they are made now."""
         self.speaker = Speaker(0, 0, 0)
         """Of the packet taken last."""
+        self._prompt = -1, 0, 0  # how and when the last one came that was not delayed
         self._channels: dict[tuple[int, int], _Channel] = {}
         self._channel = _Channel()
         self._copies = Copies()
@@ -153,7 +156,7 @@ class Reception:
                     channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
             return False
         self._copies.add(packet)
-        self.speaker = Speaker(packet.link, packet.peer, run)
+        self.speaker = Speaker(packet.link, packet.peer, run, packet.component_id)
         if packet.auth is Auth.GOOD:
             self.signed += 1
             self._signed_us = packet.t_us
@@ -249,6 +252,14 @@ class Reception:
     def prompt(self) -> bool:
         """Whether it came over one whose messages are; neither where none of them says when it was made."""
         return 0 <= self._channel.behind_us <= _BEHIND_US
+
+    def outdated(self, t_us: int) -> bool:
+        """Whether the packet taken last may tell how the vehicle was, while another radio tells how it is."""
+        link, peer, *_ = self.speaker
+        if self.prompt:
+            self._prompt = link, peer, t_us
+        elsewhere = (link, peer) != self._prompt[:2]
+        return not self.prompt and elsewhere and abs(t_us - self._prompt[2]) < _PROMPT_US
 
     @property
     def loss(self) -> float:

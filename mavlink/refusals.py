@@ -35,8 +35,8 @@ class Refusals:
         """Arrival of the last of them, 0 never."""
         self.reason = ""
         """Why, while no good position has come since."""
+        self.told = Told()
         self._counts: dict[str, int] = {}
-        self._told = Told()
 
     def count(self, reason: str) -> None:
         """A value that is left out; the rest of its report may be used."""
@@ -47,7 +47,7 @@ class Refusals:
         self.count(reason)
         self.positions += 1
         self.last_us, self.reason = t_us, reason
-        return self._told.due(reason, t_us)
+        return self.told.due(reason, t_us)
 
     @property
     def counts(self) -> tuple[tuple[str, int], ...]:

@@ -5,22 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from mavlink.attitudes import Pose
 from mavlink.contest import Claim, Conflict, Contest, Turns
 from mavlink.gate import GateParams
 from mavlink.hardware import Hardware, hardware_of
 from mavlink.modes import kind_name, mode_name
 from mavlink.packet import Packet
-from mavlink.positions import Estimate, Fix
+from mavlink.places import LATE_MOST_US, Places, same_way
 from mavlink.reception import Speaker
 from mavlink.refusals import Told
-from mavlink.samples import Attitude, Heartbeat
+from mavlink.samples import Attitude, GlobalPosition, Heartbeat
 from mavlink.state import Level
-from mavlink.tracks import AttitudeTracks, PlaceTracks
+from mavlink.tracks import AttitudeTracks, turned
 
 __all__ = ["Senders"]
 
 _SEVERAL_US = 3_000_000
-_LATE_PLACE_M = 10.0
+_LEADS_US = 2_000_000  # places come once a second, and then tell whether a link is quicker or a clock another
 _BOOT_US = 500_000  # an autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time
 _ADDRESS_TURNS = 4
 _ADDRESSES_US = 600_000_000  # two radios into one port last a whole flight
@@ -33,6 +34,7 @@ class Senders:
 
     Args:
         params: what the vehicle can do.
+        drives: a ground vehicle.
         links: names of the links by index, for what is told.
         address: of a link's index and a peer's number, in words; empty where it is not known.
     """
@@ -40,6 +42,8 @@ class Senders:
     def __init__(
         self,
         params: GateParams,
+        *,
+        drives: bool,
         links: tuple[str, ...] = (),
         address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
@@ -50,7 +54,7 @@ class Senders:
         self._links, self._address = links, address
         self._contest = Contest()
         self._contested = False
-        self._places = PlaceTracks(params)
+        self._places = Places(params, drives=drives)
         self._attitudes = AttitudeTracks()
         self._kinds: dict[tuple[int, int], tuple[int, Speaker]] = {}
         self._kind: tuple[int, int] | None = None
@@ -60,8 +64,9 @@ class Senders:
         self._speaker = Speaker(-1, 0, 0)
         self._changed_us = 0
         self._addresses = Turns()
-        self._clock_speaker = self._place_speaker = self._speaker
-        self._clock_other = self._place_other = self._speaker
+        self._clock_speaker = self._clock_other = self._speaker
+        self._leading = (self._speaker, 0)
+        self._autopilot: Speaker | None = None
 
     def speaks(self, speaker: Speaker, t_us: int) -> None:
         """Somebody said something."""
@@ -115,10 +120,24 @@ class Senders:
         self._contest.take("boot", moment_us > before[0], speaker, t_us, detail, before[2])
 
     def other_clock(self, t_us: int, speaker: Speaker, gap_s: float) -> None:
-        """A boot time that is not of this vehicle's count, nor of the one before its reboot."""
+        """A boot time that is not of this vehicle's count, nor of the one before its reboot.
+
+        Args:
+            gap_s: how much later the message came than its boot time allows; negative when it came earlier.
+        """
+        if -LATE_MOST_US <= gap_s * 1e6 < 0 and not self._is_other(speaker, t_us):
+            return
         self._clock_other = speaker
         detail = f"two clocks, {abs(gap_s):.0f} s apart"
         self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
+
+    def _is_other(self, speaker: Speaker, t_us: int) -> bool:
+        """Whether one who is some seconds ahead is another's clock, not this vehicle's over a quicker link."""
+        if self._places.tells(speaker, t_us):
+            return False  # its places decide
+        if self._leading[0] != speaker:
+            self._leading = (speaker, t_us)
+        return t_us - self._leading[1] >= _LEADS_US
 
     def usual_clock(self, t_us: int, speaker: Speaker) -> None:
         """A boot time that fits."""
@@ -126,43 +145,35 @@ class Senders:
         if self._contest.disputed("clock", t_us):
             self._contest.take("clock", _USUAL, speaker, t_us, "two clocks", self._clock_other)
 
-    def place(self, boot_us: int, t_us: int, fix: Fix, speaker: Speaker) -> None:
-        """A place: compared with what others said lately."""
-        dissent = self._places.take(speaker, boot_us, t_us, fix)
+    def place(self, sample: GlobalPosition, speaker: Speaker, std_m: float) -> None:
+        """A place of any component: compared with what others said."""
+        dissent = self._places.take(speaker, sample, std_m)
         if dissent:
-            detail = f"two places, {dissent.gap:.0f} m apart"
-            self._contest.take("place", speaker, speaker, t_us, detail, dissent.other)
+            detail = f"two places, {dissent.gap_m:.0f} m apart"
+            self._contest.declare("place", detail, speaker, dissent.other, sample.t_us)
 
-    def forget_places(self) -> None:
-        """Places heard from now on are told in another local frame."""
-        self._places.clear()
+    def quicker(self, speaker: Speaker, t_us: int) -> bool:
+        """Whether a sender turned out to be the same vehicle over a quicker link, or nobody else tells a place."""
+        if self._places.quicker(speaker):
+            return True
+        return not same_way(speaker, self._clock_speaker) and self._places.alone(speaker, t_us)
 
-    def late_place(self, t_us: int, speaker: Speaker, fix: Fix, then: Estimate | None) -> None:
-        """A place that came late: the vehicle's own word is known to the one that it gave then."""
-        if then is None or not then.bracketed:
-            return
-        gap_m = math.hypot(fix.east - then.fix.east, fix.north - then.fix.north)
-        if gap_m > _LATE_PLACE_M + 4.0 * then.fix.std_m:
-            self._clock_other = speaker
-            detail = f"two clocks and two places, {gap_m:.0f} m apart"
-            self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
+    def trails(self, speaker: Speaker) -> bool:
+        """Whether it turned out to be the same vehicle over a later one."""
+        return self._places.trails(speaker)
 
-    def jump(self, t_us: int, speaker: Speaker, fix: Fix, last: tuple[int, Fix] | None) -> None:
-        """A place that cannot be reached from the last."""
-        gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north) if last else math.nan
-        self._place_other = speaker
-        detail = f"two places, {gap_m:.0f} m apart"
-        self._contest.take("jump", _OTHER, speaker, t_us, detail, self._place_speaker)
+    def autopilots(self, t_us: int, speaker: Speaker, rival: int) -> None:
+        """Two components beat as the autopilot, and only the one that is not taken for it reports.
 
-    def no_jump(self, t_us: int, speaker: Speaker) -> None:
-        """A place that can."""
-        self._place_speaker = speaker
-        if self._contest.disputed("jump", t_us):
-            self._contest.take("jump", _USUAL, speaker, t_us, "two places", self._place_other)
-
-    def moved(self) -> None:
-        """The other place was held alone for so long that it is the vehicle's: one receiver that jumped."""
-        self._contest.settle("jump")
+        Args:
+            speaker: whose heartbeat came.
+            rival: id of the one that reports, negative for none.
+        """
+        before, self._autopilot = self._autopilot, speaker
+        sides = (before.component, speaker.component) if before is not None else ()
+        if before is not None and rival in sides and speaker.component != before.component:
+            detail = "two autopilots, and the other than before tells a place"
+            self._contest.take("autopilot", speaker.component, speaker, t_us, detail, before)
 
     def attitude(self, boot_us: int, sample: Attitude, speaker: Speaker) -> None:
         """An attitude, while several speak."""
@@ -170,6 +181,14 @@ class Senders:
         if dissent:
             detail = f"two attitudes, {math.degrees(dissent.gap):.0f}° apart"
             self._contest.take("attitude", speaker, speaker, sample.t_us, detail, dissent.other)
+
+    def late_attitude(self, sample: Attitude, speaker: Speaker, then: Pose | None) -> None:
+        """An attitude that came late: the vehicle's own word is known to the one that it gave then."""
+        if then is not None and then.bracketed and turned(sample, then, then.age_s):
+            self._clock_other = speaker
+            self._contest.take(
+                "clock", _OTHER, speaker, sample.t_us, "two clocks and two attitudes", self._clock_speaker
+            )
 
     def hardware(self, packet: Packet, speaker: Speaker, epoch: int) -> str:
         """Hardware id, compared with the one before; says so when the board was changed."""
@@ -208,7 +227,7 @@ class Senders:
         return f"system {system_id} speaks from two addresses ({self.where(turns.other)} and {self.where(turns.where)})"
 
     def where(self, speaker: Speaker) -> str:
-        """A channel in words."""
+        """A channel in words, without the component."""
         name = self._links[speaker.link] if 0 <= speaker.link < len(self._links) else f"link {speaker.link}"
         address = self._address(speaker.link, speaker.peer) if speaker.peer else ""
         if address:
@@ -217,6 +236,9 @@ class Senders:
 
     def _words(self, conflict: Conflict) -> str:
         one, other = self.where(conflict.other), self.where(conflict.one)
+        components = conflict.other.component, conflict.one.component
+        if components[0] != components[1]:
+            return f"{conflict.detail}: component {components[0]} at {one} and component {components[1]} at {other}"
         return f"{conflict.detail}: {one} and {other}" if one != other else f"{conflict.detail}: both on {one}"
 
     def _compare_kinds(self, kind: tuple[int, int], speaker: Speaker, t_us: int) -> None:

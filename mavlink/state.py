@@ -143,6 +143,8 @@ class VehicleStatus:
     last_text: str
     contested: bool = False
     """Two senders use this system id: its reports are not used."""
+    jumps: bool = False
+    """Its place jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
     refusals: tuple[tuple[str, int], ...] = ()
     """What was left out, by reason: positions, and single values of positions that were used without them."""
     refused_for: str = ""
