@@ -146,7 +146,7 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
         yield Finding(
             key=f"held {i}", level="alarm", kind="link", system_id=i, wait_s=HELD_S, told=True,
             text=f"{whose}: held, since nothing proves that its signed packets are made now",
-            advice="b believes it from now on: only if you know that it drives; and let it send SYSTEM_TIME",
+            advice="b believes it, if you know that it drives; it should send SYSTEM_TIME; all held: set this clock",
         )  # fmt: skip
     if math.isinf(row.heartbeat_age_s):
         return

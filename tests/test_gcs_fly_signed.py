@@ -15,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from bench.ports import free_port
+from gcs.cli.fly import fly
+from gcs.errors import GcsError
 from mavlink.keys import write_key
 from mavlink.packet import Auth
 from mavlink.signing_journal import StreamJournal
@@ -248,13 +250,8 @@ def test_a_uav_that_is_held_is_asked_where_this_station_may_speak(place):
 
 
 def test_only_vehicles_of_the_mission_can_be_accepted(tmp_path):
-    place = Place(tmp_path)
-    command = [sys.executable, "-c", "from gcs.cli.app import main; main()", "fly", tmp_path / "mission.toml"]
-    done = subprocess.run(
-        [*command, "-l", "udpin:127.0.0.1:1", "--accept-late", "13", "--headless"],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    place.out.close()
-    place.elsewhere.close()
-    assert done.returncode == 2
-    assert "--accept-late 13: no vehicle of the mission; it has 1, 11, 12" in done.stderr
+    (tmp_path / "mission.toml").write_text(MISSION)
+    (tmp_path / "keys").mkdir()
+    with pytest.raises(GcsError, match="--accept-late 13: no vehicle of the mission; it has 1, 11, 12"):
+        fly(tmp_path / "mission.toml", link=["udpin:127.0.0.1:1"], accept_late=[13], headless=True)
+    assert not (tmp_path / "sessions").exists()
