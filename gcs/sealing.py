@@ -81,15 +81,21 @@ def _apart(folder: Path) -> None:
     if child:
         os.waitpid(child, 0)
         return
-    signal.alarm(LONGEST_S)
     try:
-        found = seal(folder)
+        signal.alarm(LONGEST_S)
+        found = _sealed(folder)
+        if found is not None:
+            sys.stdout.write(plain(found.text) + "\n")
+            sys.stdout.flush()
+    finally:
+        os._exit(0)  # whatever happened: what follows is the other process's work
+
+
+def _sealed(folder: Path) -> Interrupted | None:
+    try:
+        return seal(folder)
     except Exception as error:  # noqa: BLE001 - told, as all that goes wrong in a session is
-        found = Interrupted(folder=folder, trouble=f"{type(error).__name__}: {error}")
-    if found is not None:
-        sys.stdout.write(plain(found.text) + "\n")
-        sys.stdout.flush()
-    os._exit(0)
+        return Interrupted(folder=folder, trouble=f"{type(error).__name__}: {error}")
 
 
 if __name__ == "__main__":

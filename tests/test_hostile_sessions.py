@@ -20,6 +20,7 @@ from gcs.tables import MOST_BOXES, read_table
 from tests.test_gcs_cli import gcs, session_without
 from tests.test_gcs_sessionfile import MISSION
 from tests.test_mavlink_tlog_writer import packet
+from vision.errors import VideoError
 from vision.video import VideoFile
 
 T0 = 1_795_171_704_000_000
@@ -217,4 +218,33 @@ def test_a_video_that_says_it_goes_on_far_away_asks_for_no_memory(tmp_path, firs
     Path(tmp_path / "video.mkv").unlink()
     film(tmp_path / "video.mkv", FIRST_FRAME=first)
     with VideoFile.open(tmp_path / "video.mkv") as video:
+        assert video.n == 5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "ffconcat version 1.0\nfile real.mkv\n",
+        "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nreal.mkv\n#EXT-X-ENDLIST\n",
+        "v=0\no=- 0 0 IN IP4 127.0.0.1\ns=x\nc=IN IP4 127.0.0.1\nm=video 5600 RTP/AVP 96\na=rtpmap:96 H264/90000\n",
+    ],
+)
+def test_a_video_that_names_other_files_is_none(tmp_path, text):
+    film(tmp_path / "real.mkv")
+    (tmp_path / "video.mkv").write_text(text)
+    with pytest.raises(VideoError, match="not a video that can be read"):
+        VideoFile.open(tmp_path / "video.mkv")
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".mp4", ".ts", ".mov", ".avi"])
+def test_every_container_of_a_session_is_read(tmp_path, suffix):
+    path = tmp_path / f"video{suffix}"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 32, 32, "yuv420p"
+        for _ in range(5):
+            frame = av.VideoFrame.from_ndarray(np.zeros((32, 32, 3), np.uint8), format="bgr24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    with VideoFile.open(path) as video:
         assert video.n == 5

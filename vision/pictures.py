@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 
 from vision.errors import VideoError
 
-__all__ = ["PictureIndex", "PictureReader", "bgr", "open_video", "read_index", "reason"]
+__all__ = ["ONE_FILE", "PictureIndex", "PictureReader", "bgr", "open_video", "read_index", "reason"]
+
+
+ONE_FILE = (
+    "matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,avi,mpegts,mpeg,mpegvideo,m4v,flv,ogg,asf,nut,mxf,gxf,dv,rm,wtv,ivf,obu,"
+    "h264,hevc,vvc,av1,mjpeg,yuv4mpegpipe,gif"
+)
+"""Containers that are one file: a playlist would have FFmpeg open whatever its author names, pipes included."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +195,7 @@ def open_video(path: Path) -> InputContainer:
     if path.stat().st_size == 0:
         raise VideoError(f"video {path}: the file is empty")
     try:
-        container: InputContainer = av.open(str(path))
+        container: InputContainer = av.open(str(path), options={"format_whitelist": ONE_FILE})
     except (av.FFmpegError, OSError, ValueError) as error:
         raise VideoError(f"video {path}: not a video that can be read ({reason(error)})") from error
     if not container.streams.video:

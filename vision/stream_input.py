@@ -22,7 +22,7 @@ from av.video.stream import VideoStream as CodedStream
 
 from vision.errors import VideoError
 from vision.exposure import Exposures, klv_time_s, sei_time_s, sender_report
-from vision.pictures import reason
+from vision.pictures import ONE_FILE, reason
 from vision.stream_port import Port
 from vision.stream_rtp import MPEG_TS, TICK_HZ, Depacketizer, Unit, parse
 from vision.stream_source import Source
@@ -126,6 +126,8 @@ def _open(source: Source) -> InputContainer:
         options |= {"protocol_whitelist": "file,udp,rtp,data"}
         container = av.open(source.address, format="sdp", options=options, timeout=timeout)
     else:
+        if source.kind == "file":
+            options |= {"format_whitelist": ONE_FILE}
         container = av.open(source.address, options=options, timeout=timeout)
     return container
 
