@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from bisect import bisect
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from mavlink.packet import MAGIC_V2
 from mavlink.tlog_carried import carried
 from mavlink.tlog_damage import Damage, describe_gaps, describe_times
 from mavlink.tlog_scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
-from mavlink.tlog_times import TIME_LENGTH, TimeSource, fill, read_times, stamped, times_ok
+from mavlink.tlog_times import TIME_LENGTH, TimeSource, could_be_time, fill, read_times, stamped, times_ok
 
 __all__ = ["TIME_LENGTH", "Damage", "TimeSource", "TlogCounts", "TlogIndex", "build_index"]
 
@@ -112,13 +113,18 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     stop = np.where(stamped(data, stop) & (stop < data.size), stop - step, stop)
     if not start.size:
         return Frames(start, start)
-    found = find_unknown(data, start + step, stop)
+    found = find_unknown(data, start + step, stop, partial(_can_begin, data, step))
     gap = np.searchsorted(start, found.offset, side="right") - 1
     found = found.take(found.end <= stop[gap])
     if step == 0:
         ends, starts = np.concatenate([[0], good.end, found.end]), np.concatenate([good.offset, found.offset])
         found = found.take(np.isin(found.offset, ends) | np.isin(found.end, starts))
     return _untangle(found, step)
+
+
+def _can_begin(data: Bytes, step: int, at: Ints) -> NDArray[np.bool_]:
+    """(n,) whether a frame of an unknown message can begin here: in a log with times only behind one."""
+    return could_be_time(data, at) if step else np.ones(at.size, dtype=np.bool_)
 
 
 def _step(data: Bytes, frames: Frames) -> int:

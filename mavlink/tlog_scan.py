@@ -166,7 +166,7 @@ def find_frames(data: Bytes) -> Frames:
     return Frames(offset[order], length[order])
 
 
-def find_unknown(data: Bytes, start: Ints, stop: Ints) -> Frames:
+def find_unknown(data: Bytes, start: Ints, stop: Ints, likely: Callable[[Ints], NDArray[np.bool_]]) -> Frames:
     """Frames of unknown messages that begin in some places: those that some CRC extra makes right.
 
     All frames of one message share their extra: where they disagree, the most frequent one counts.
@@ -175,6 +175,7 @@ def find_unknown(data: Bytes, start: Ints, stop: Ints) -> Frames:
         data: (size,) the file.
         start: (n,) first bytes of ranges, in order and not overlapping.
         stop: (n,) one after their last.
+        likely: whether a frame can begin at each of some places, by what stands before it; spares the checksums.
     """
     unknown_v1 = _tables()[0][:_V1_IDS] == _UNKNOWN
     found = [np.empty((0, 3), dtype=np.int64)]
@@ -188,7 +189,8 @@ def find_unknown(data: Bytes, start: Ints, stop: Ints) -> Frames:
 
     def within(at: Ints) -> Ints:
         gap = np.searchsorted(start, at, side="right") - 1
-        return at[(gap >= 0) & (at < stop[gap])]
+        at = at[(gap >= 0) & (at < stop[gap])]
+        return at[likely(at)]
 
     for magic in (MAGIC_V2, MAGIC_V1):
         places = (within(_candidates(data, window, magic, lambda length, ids: unknown_v1[ids])) for window in windows)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mavlink.tlog_scan import Bytes, Frames, Ints, gather
 
-__all__ = ["TIME_LENGTH", "TimeSource", "fill", "read_times", "stamped", "times_ok"]
+__all__ = ["TIME_LENGTH", "TimeSource", "could_be_time", "fill", "read_times", "stamped", "times_ok"]
 
 TIME_LENGTH = 8
 TimeSource = Literal["big-endian", "little-endian", "none"]
@@ -18,6 +18,7 @@ _YEAR_US = 366 * 86_400_000_000
 _SPIKE_US = 60_000_000
 _EARLIEST_US, _LATEST_US = 946_684_800_000_000, 4_102_444_800_000_000  # years 2000 and 2100
 _UNTIMED_STEP_US = 1000
+_ANY_CLOCK_US = 1 << 53  # the year 2255
 _FAR_US = 1 << 62
 _NEIGHBOURS = 4
 _BACKING = 2  # neighbours that must agree: a bit that flips in two stamps makes a pair, not a crowd
@@ -88,6 +89,12 @@ def stamped(data: Bytes, at: Ints, *, little: bool = False, near: Ints | None = 
         other, _ = _before(data, near)
         looks &= ~_dated(other) | (np.abs(big - other) < _YEAR_US)
     return looks | _dated(small) if little else looks
+
+
+def could_be_time(data: Bytes, at: Ints) -> NDArray[np.bool_]:
+    """(n,) whether the eight bytes before each place are a time of any clock, one that was never set included."""
+    big, little = ((t_us > 0) & (t_us < _ANY_CLOCK_US) for t_us in _before(data, at))
+    return big | little
 
 
 def _before(data: Bytes, at: Ints) -> tuple[Ints, Ints]:
