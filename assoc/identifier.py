@@ -63,6 +63,11 @@ class Identifier:
         """(8,) its 1σ if the names are right, NaN before the first update."""
         return self._estimator.theta_std.copy()
 
+    @property
+    def sure(self) -> bool:
+        """Whether nothing is in doubt: as good as all tracks have names, and have had them for seconds."""
+        return self._estimator.locked
+
     def hear(self, reports: VehicleReports) -> None:
         """Take what the vehicles said since the last call; before :meth:`stitch`, which goes by the newest reports."""
         if len(reports.t_us):

@@ -22,6 +22,7 @@ from gcs.picture import View, boxes_of, mount_of, vehicle_rows
 from gcs.quarantine import doubted, quarantined
 from gcs.quiet import Quiet
 from gcs.snapshot import Event, Health, Level, Snapshot
+from gcs.steady import SteadyCamera
 from gcs.trends import Trends
 from mavlink.fleet import Fleet, FleetState, Notice, UavState
 from mavlink.geodesy import LocalFrame
@@ -82,6 +83,7 @@ class Pipeline:
         self._params = params
         self._identifier = Identifier(mission.ugv_ids, params)
         self._origin: LocalFrame | None = None
+        self._steady = SteadyCamera()
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._optics = Optics(mission.camera, sized=sized)
         self._mount = mount_of(mission.camera)
@@ -156,6 +158,7 @@ class Pipeline:
             detections = detections.take(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
         state = self.fleet.at(self._telemetry_time(t_us), heard_us)
         self._follow_origin()
+        self._follow_steps(state)
         view = self._look(state, size if image is None else _size_of(image))
         self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
@@ -183,9 +186,29 @@ class Pipeline:
     def _follow_origin(self) -> None:
         """Begin the names anew when places are told in another frame: what was seen and heard was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
-            self._identifier = Identifier(self.mission.ugv_ids, self._params)
-            self._view = None
+            self._begin_anew()
+            self._steady = SteadyCamera()
         self._origin = self.fleet.origin
+
+    def _begin_anew(self) -> None:
+        """Forget what was seen and heard."""
+        self._identifier = Identifier(self.mission.ugv_ids, self._params)
+        self._view = None
+
+    def _follow_steps(self, state: FleetState) -> None:
+        """Take out steps of the UAV's position that the picture does not show, or begin the names anew after one."""
+        if not state.uav.position_valid:
+            return
+        before = self._steady.shift_enu
+        anew_m = self._steady.take(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.sure)
+        taken_m = float(np.linalg.norm(self._steady.shift_enu - before))
+        if anew_m:
+            self._begin_anew()
+        if anew_m or taken_m:
+            then = "names begin anew" if anew_m else "the picture goes on from where it was"
+            text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
+            uav = self.mission.uav.system_id
+            self._events.append(Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=uav))
 
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
@@ -204,7 +227,8 @@ class Pipeline:
         if self.mission.camera is None and uav.camera is not None:
             # a picture turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
-        pose = camera_pose(mount, uav.p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
+        p_enu = uav.p_enu + self._steady.shift_enu
+        pose = camera_pose(mount, p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
         return View(
             intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid,

@@ -16,7 +16,7 @@ from mavlink.pack import Speaker
 from mavlink.tlog import Tlog
 
 SWARM = Path("sitl_logs/ardupilot-swarm")
-WHO, FRAMES, BEGIN_S, END_S = 3, 280, 25.0, 33.0
+WHO, UAV, FRAMES, BEGIN_S, END_S = 3, 1, 280, 25.0, 33.0
 """Seconds of the log; its frames begin at 15 s, ten a second."""
 POSITION, RECEIVER = 33, 24
 AIDED, GLITCH = 0x033F, 0x833F
@@ -33,9 +33,9 @@ def moved(raw, east_m):
     return body + struct.pack("<H", checksum(body, DEFINITIONS[raw[7]][1]))
 
 
-def with_fault(folder, east_m, messages, ratio):
+def with_fault(folder, east_m, messages, ratio, who=WHO):
     """A copy of the session in which a vehicle is wrong for eight seconds, and its filter says so where it is asked."""
-    speaker = Speaker(WHO)
+    speaker = Speaker(who)
     for path in SWARM.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     with (folder / "telemetry.tlog").open("wb") as file:
@@ -44,10 +44,10 @@ def with_fault(folder, east_m, messages, ratio):
             start_us = start_us or packet.t_us
             raw, t_s = packet.raw, (packet.t_us - start_us) * 1e-6
             wrong = BEGIN_S <= t_s < END_S
-            if packet.system_id == WHO and packet.message_id in messages and wrong:
+            if packet.system_id == who and packet.message_id in messages and wrong:
                 raw = moved(raw, east_m)
             file.write(struct.pack(">Q", packet.t_us) + raw)
-            if ratio and packet.system_id == WHO and packet.message_id == 0:
+            if ratio and packet.system_id == who and packet.message_id == 0:
                 told = (GLITCH, ratio) if wrong else (AIDED, 0.01)
                 status = ardupilotmega.MAVLink_ekf_status_report_message(told[0], 0.01, told[1], 0.01, 0.01, 0.0)
                 file.write(struct.pack(">Q", packet.t_us + 1) + speaker.pack(status))
@@ -92,3 +92,10 @@ def test_a_wrong_position_is_an_alarm_while_it_lasts_and_costs_no_other_name(
         if doubted and key in keys and t_s < END_S:
             assert all(confidence < 0.9 for i, confidence in names if i == WHO), t_s
     assert [i for i, _ in rows[-1][2]] == [i for i, _ in well[-1][2]]
+
+
+@pytest.mark.parametrize("east_m", [15.0, 55.0])
+def test_a_step_of_the_uavs_position_costs_no_name(tmp_path, well, east_m):
+    rows = folded(tmp_path, with_fault(tmp_path, east_m, (POSITION, RECEIVER), 0.0, UAV))
+    for (t_s, _, names), (_, _, expected) in zip(rows, well, strict=True):
+        assert [i for i, _ in names] == [i for i, _ in expected] or t_s < 20.0, t_s

@@ -1,0 +1,83 @@
+"""A camera does not leap: steps in the UAV's reported position that no aircraft can do are taken out of the picture's
+pose while names are sure, and put back as soon as they are not.
+
+A receiver that glitches moves the reported camera and not the picture. To go on from where the picture was keeps names
+right through a glitch and its end. Where names are not sure the new place is as good as the old, and they begin anew.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["SteadyCamera"]
+
+FloatArray = NDArray[np.float64]
+
+_STEP_M, _REST_M, _ACCELERATION = 6.0, 1.0, 12.0
+"""Filters settle in steps of a few metres; what follows a step at once is the rest of it. Besides, an aircraft leaves
+its straight line by ½ a t² in the time looked back."""
+_BACK_US, _LONGEST_US = 300_000, 1_500_000
+"""Positions between reports are interpolated, so a step may be spread over some frames; a longer hole tells nothing."""
+_PATIENCE_US = 8_000_000
+"""Names that are not sure again after so long with a step taken out: the new place was the true one."""
+
+
+class SteadyCamera:
+    """The UAV's steps, frame by frame.
+
+    Attributes:
+        shift_enu: (3,) metres to add to the reported position, its height excepted.
+    """
+
+    def __init__(self) -> None:
+        self.shift_enu: FloatArray = np.zeros(3)
+        self._past: deque[tuple[int, FloatArray]] = deque()
+        self._unsure_us, self._stepped_us = 0, -_LONGEST_US
+
+    def take(self, t_us: int, p_enu: FloatArray, v_enu: FloatArray, *, sure: bool) -> float:
+        """One frame.
+
+        Args:
+            t_us: its time.
+            p_enu: (3,) the UAV as reported, NaN unknown.
+            v_enu: (3,) its velocity.
+            sure: whether the names are.
+
+        Returns:
+            Metres of a step after which names have to begin anew, 0 where there was none or it was taken out.
+        """
+        if not np.isfinite(p_enu).all():
+            return 0.0
+        while self._past and not 0 <= t_us - self._past[0][0] <= _LONGEST_US:
+            self._past.popleft()
+        while len(self._past) > 1 and t_us - self._past[1][0] >= _BACK_US:
+            self._past.popleft()
+        step = self._step(t_us, p_enu, v_enu)
+        self._past.append((t_us, p_enu))
+        self._unsure_us = 0 if sure or not self.shift_enu.any() else self._unsure_us or t_us
+        late = bool(self._unsure_us) and t_us - self._unsure_us > _PATIENCE_US
+        if not step.any() and not late:
+            return 0.0
+        self._past.clear()
+        self._past.append((t_us, p_enu))
+        self._stepped_us = t_us
+        if step.any() and (sure or self.shift_enu.any()) and not late:
+            self.shift_enu = self.shift_enu - step
+            return 0.0
+        size_m = float(np.hypot(*(step - self.shift_enu)[:2]))
+        self.shift_enu, self._unsure_us = np.zeros(3), 0
+        return size_m
+
+    def _step(self, t_us: int, p_enu: FloatArray, v_enu: FloatArray) -> FloatArray:
+        """(3,) how far it is from where it would be by its velocity, level; 0 where it may be there."""
+        if not self._past:
+            return np.zeros(3)
+        before_us, before = self._past[0]
+        dt = (t_us - before_us) * 1e-6
+        step = p_enu - before - np.where(np.isfinite(v_enu), v_enu, 0.0) * dt
+        step[2] = 0.0
+        least_m = _REST_M if t_us - self._stepped_us <= _BACK_US else _STEP_M
+        return step if np.hypot(step[0], step[1]) > least_m + 0.5 * _ACCELERATION * dt * dt else np.zeros(3)
