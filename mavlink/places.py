@@ -67,8 +67,8 @@ class _Track:
     """One sender: its clock, its path, and how often it contradicted others lately."""
 
     __slots__ = (
-        "began_us", "clocked", "compared", "count", "dissent_us", "first_us", "last_us", "late_us", "newest", "noise_m",
-        "offset_us", "path", "score", "since_us", "speaker", "zero",
+        "began_us", "clocked", "compared", "count", "dissent_us", "first_us", "follows", "last_us", "late_us", "newest",
+        "noise_m", "offset_us", "path", "score", "since_us", "speaker", "zero",
     )  # fmt: skip
 
     def __init__(self, speaker: Speaker, place: _Place, first_us: int) -> None:
@@ -85,6 +85,7 @@ class _Track:
         self.clocked, self.newest, self.last_us = clocked, place, place.t_us
         self.offset_us = place.t_us - place.boot_us  # by its quickest message
         self.late_us = 0  # by which it was found to be later than another
+        self.follows = False  # and its places lay on the path of that one
         self.path: History[_Place] = History(_PATH, _LATE_PROVEN_US)
         self.path.add(place.boot_us, place)
 
@@ -278,7 +279,7 @@ class Places:
             return gap_m if delay_us <= LATE_MOST_US else None
         if delay_us > _LATE_US:
             y.trails(x)
-            self._quicker = x.speaker
+            y.follows, self._quicker = True, x.speaker
         return 0.0
 
     def _by_clock(self, x: _Track, y: _Track, place: _Place, margin_m: float) -> float | None:
@@ -290,7 +291,10 @@ class Places:
         before, after = x.around(boot_us)
         end = before or after or x.newest
         gap_m = self._from_place(end, place, (boot_us - end.boot_us) * 1e-6, margin_m)
-        if delay_us > _LATE_US and before is None and not gap_m > 0.0:
+        if gap_m > 0.0:
+            # a jump of the receiver is on its way over the later link, whose places will tell
+            return math.nan if abs(delay_us) > _LATE_US and (x.follows or y.follows) else gap_m
+        if delay_us > _LATE_US and before is None:
             y.trails(x)  # made before x was heard: it may be, and soon x's path will tell
         return gap_m
 

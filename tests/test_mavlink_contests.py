@@ -189,3 +189,98 @@ def test_who_says_the_truth_every_other_time_is_told_all_the_same():
     jumps = tuple((3.0 + 0.4 * k, 3.2 + 0.4 * k, 500.0) for k in range(20))
     other = Voice(peer=2, seq=50, says="p", begins_s=3.05, jumps=jumps)
     assert Hearing().hear(Voice(), other, until_s=8.0).contested_s <= 5.05
+
+
+QUIET = {
+    "the same bytes ten seconds late": (Voice(), Voice(link=1, delay_s=10.0)),
+    "the later link is heard first": (Voice(begins_s=6.0), Voice(link=1, seq=9, delay_s=8.0, begins_s=-8.0)),
+    "the quick link is lost for fifteen seconds": (
+        Voice(holes=((12.0, 27.0),), loss=0.3), Voice(link=1, seq=9, delay_s=9.0, jitter_s=0.5, begins_s=-9.0),
+    ),
+    "the quick link loses half, the later one changes the order": (
+        Voice(loss=0.5), Voice(peer=2, seq=99, delay_s=5.0, jitter_s=1.0, begins_s=-5.0),
+    ),
+    "three links": (Voice(), Voice(link=1, seq=9, delay_s=3.0), Voice(peer=2, seq=77, delay_s=10.0, loss=0.3)),
+    "one place a second over either": (
+        Voice(rate_hz=1.0), Voice(link=1, seq=9, rate_hz=1.0, delay_s=10.0, begins_s=-10.0 + 0.45),
+    ),
+    "a link that becomes quicker": (
+        Voice(), Voice(link=1, seq=9, delay_s=7.0, ends_s=9.0), Voice(link=1, seq=9, delay_s=0.5, begins_s=15.5),
+    ),
+    "switched on a moment ago": (
+        Voice(boots_s=-2.0), Voice(link=1, seq=9, delay_s=10.0, begins_s=-2.0, boots_s=-2.0, loss=0.3),
+    ),
+    "a reboot while a link is ten seconds late": (
+        Voice(ends_s=12.0, says="pbagt"), Voice(link=1, seq=9, delay_s=10.0, ends_s=12.0, says="pbagt"),
+        Voice(begins_s=13.3, boots_s=12.0, seq=0, says="pbagt"),
+        Voice(link=1, begins_s=13.3, boots_s=12.0, delay_s=10.0, says="pbagt"),
+    ),
+    "another reboot within twenty seconds": (
+        Voice(ends_s=8.0, boots_s=-4.0), Voice(link=1, seq=9, delay_s=6.0, ends_s=8.0, boots_s=-4.0),
+        Voice(begins_s=9.3, boots_s=8.0), Voice(link=1, begins_s=9.3, boots_s=8.0, delay_s=6.0),
+    ),
+    "a receiver that jumps and stays, over two links": (
+        Voice(jumps=((10.0, 1e9, 111.0),)), Voice(link=1, seq=9, delay_s=4.0, jumps=((10.0, 1e9, 111.0),)),
+    ),
+    "a companion that hands on the same place by its own clock": (
+        Voice(), Voice(191, says="pc", ahead_s=-190.0, delay_s=0.3, begins_s=2.0),
+    ),
+    "a companion that was switched on five seconds later": (Voice(), Voice(191, says="pc", ahead_s=-5.0)),
+    "a second receiver some metres beside": (
+        Voice(), Voice(220, says="p", shift=(2.5, -2.0), noise_m=0.5, ahead_s=-100.0, rate_hz=1.0),
+    ),
+    "a companion that was there first": (Voice(begins_s=4.0), Voice(191, says="pc", ahead_s=-190.0)),
+    "a companion that says it is an autopilot": (Voice(), Voice(191, says="b")),
+    "a gimbal that beats": (Voice(), Voice(154, says="c")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", QUIET)
+def test_one_vehicle_over_late_links_and_with_its_components_is_no_contest(name):
+    true, *others = QUIET[name]
+    hearing = Hearing().hear(true, *others, until_s=40.0, look_s=1.0)
+    assert hearing.contested_s == math.inf, [text for text in hearing.texts() if "two senders" in text]
+    jumped_m = 111.0 if true.jumps else 0.0
+    newest = replace(true, jumps=(), ends_s=1e9)
+    off_m = [
+        math.dist((east - jumped_m, north), newest.place(t)[0])
+        for t, _, (east, north), valid in hearing.seen if valid and t > 30.0
+    ]  # fmt: skip
+    assert len(off_m) >= 8 and max(off_m) < 3.0
+    assert len([text for text in hearing.texts() if "rebooted" in text]) == ("reboot" in name)
+
+
+def test_a_receiver_whose_place_jumps_to_and_fro_is_no_second_sender():
+    """As a jammed one does: one address, one count of packets, one clock."""
+    jumps = tuple((10.0 + 1.4 * k, 10.6 + 1.4 * k, 400.0 + 90.0 * k) for k in range(8))
+    hearing = Hearing().hear(Voice(rate_hz=10.0, jumps=jumps), until_s=30.0, look_s=0.2)
+    assert hearing.contested_s == math.inf
+    told = [text for text in hearing.texts() if "jumps between places" in text]
+    assert told == ["positions not used: it jumps between places, receiver jammed or failing"]
+    first_s = next(t for t, status, _, _ in hearing.seen if status.jumps)
+    last_s = max(t for t, status, _, _ in hearing.seen if status.jumps)
+    assert 10.0 < first_s < 13.0 and 20.4 < last_s < 20.4 + 5.0
+    doubtful = [(status.position_state, valid) for t, status, _, valid in hearing.seen if first_s <= t <= last_s]
+    assert set(doubtful) == {("refused", False)}
+    assert hearing.look(29.9)[3]
+
+
+def test_a_jump_and_back_after_four_seconds_is_not_to_and_fro():
+    hearing = Hearing().hear(Voice(rate_hz=5.0, jumps=((10.0, 14.0, 111.0),)), until_s=20.0, look_s=0.2)
+    assert not any(status.jumps for _, status, _, _ in hearing.seen)
+
+
+def test_another_sender_does_not_make_a_receiver_look_jammed():
+    forged = [
+        Voice(peer=2, says="p", begins_s=5.02 + 6.0 * k, ends_s=5.1 + 6.0 * k, shift=(400.0, 0.0)) for k in range(4)
+    ]
+    hearing = Hearing().hear(Voice(rate_hz=10.0), *forged, until_s=30.0, look_s=0.5)
+    assert not any(status.jumps for _, status, _, _ in hearing.seen)
+
+
+def test_a_fix_that_comes_and_goes_is_one_line():
+    fixes = [Voice(says="g", holes=((10.0, 20.0),)), Voice(says="pba")]
+    flapping = [Voice(says="gn"[k % 2], begins_s=10.0 + 0.5 * k, ends_s=10.5 + 0.5 * k) for k in range(20)]
+    hearing = Hearing().hear(*fixes, *flapping, until_s=30.0)
+    told = [text for text in hearing.texts() if text.startswith("GPS fix")]
+    assert told == ["GPS fix none, was 3D", "GPS fix comes and goes: 3D, none", "GPS fix 3D, steady again"]
