@@ -27,7 +27,7 @@ SENDER_PER_S = 2000.0
 """Good frames wanted of one vehicle over one address: an autopilot on a fast line sends a few hundred a second."""
 ALL_PER_S = 25_000.0
 """Good frames wanted of all who are known: a hundred vehicles send 20,000 a second."""
-READ_PER_S = 30_000.0
+READ_PER_S = 60_000.0
 """Datagrams read of all who are known, with the junk that claims to be theirs, on a machine that is quick enough. Who
 sends no more than a vehicle does is always read."""
 SENDER_BURST_S = 2.0
