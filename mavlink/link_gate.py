@@ -16,7 +16,7 @@ from mavlink.link_filter import attach, detach, program
 from mavlink.link_peers import Peers
 from mavlink.link_shares import HOLD_S, SENDER_PER_S, Allowance, Coming, Shares
 
-__all__ = ["STRANGERS", "Gate", "Limit"]
+__all__ = ["STRANGERS", "TICK_S", "Gate", "Limit"]
 
 TICK_S = 0.1
 _LONG_S = 10.0
@@ -66,11 +66,6 @@ class Gate:
         self._counted = self._away = 0
         detach(sock)
         self._counted = self._drops()
-
-    @property
-    def narrow(self) -> bool:
-        """Whether somebody is not let in whole."""
-        return self._attached is not None
 
     def look(self, hurry: bool) -> None:
         """Notes how full the socket is; to be called before it is read.

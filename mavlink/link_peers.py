@@ -59,7 +59,7 @@ class Peers:
 
     def __init__(self) -> None:
         self.numbers: OrderedDict[int, int] = OrderedDict()
-        """Address (:func:`key_of`) → number, from 1."""
+        """Address (:func:`key_of`) → number, from 1; the oldest first."""
         self.trusted: dict[Claim, _Trust] = {}
         """Those whose frames were good and who have a place; look-ups say whether somebody is trusted."""
         self.changes = 0
