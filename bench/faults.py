@@ -140,7 +140,8 @@ class _Signs:
             if sample.fix_type < _FIX_3D:
                 yield _FIX
         elif isinstance(sample, FilterStatus):
-            if sample.glitch or max(sample.position_ratio, sample.velocity_ratio) >= 1.0:
+            unaided = sample.started and not sample.aided
+            if unaided or sample.glitch or max(sample.position_ratio, sample.velocity_ratio) >= 1.0:
                 yield _ESTIMATE
             if sample.compass_ratio >= 1.0:
                 yield _COMPASS
