@@ -15,7 +15,7 @@ from bench.attacks.stage import Party, Sent
 
 __all__ = ["Belief", "Told", "beliefs", "beliefs_of", "first_told", "frames", "recorded", "sender_of", "told"]
 
-FOLD_S = 120.0
+FOLD_S = 900.0
 _BARE = {0xFD: 12, 0xFE: 8}
 """Bytes of a frame beside its payload, by its first byte."""
 _SIGNATURE = 13
