@@ -143,7 +143,8 @@ makes of its own recording, looked at five times a second.
 "Lost" are packets of true vehicles that are not in the log or, with keys, were refused. "Recorded" are those of the
 attacker. "False believed" is for how long a false place was used after it could be known to be false, "alarm after" is
 how long the alarm took from then. A case is held when nothing false is believed, nothing true is lost and the alarm
-comes within two seconds, with one more granted to a busy machine. "Innocent" cases must raise no alarm.
+comes within two seconds, with one more granted to a busy machine. "Innocent" cases must raise no alarm. "Before" is the
+same case against an earlier build.
 
 Sender and station shared {cores} cores with other work: rates of floods are moderate ({rate:g} times those written in
 `bench/attacks/floods.py`), and shares say more than counts.

@@ -11,6 +11,7 @@ from pathlib import Path
 __all__ = ["Row", "page", "read_rows", "write_rows"]
 
 NAN = math.nan
+MOST_TEXT = 110
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,9 +69,15 @@ def page(rows: Sequence[Row], title: str, words: str, before: Sequence[Row] = ()
         if before:
             earlier = then.get((row.attack, row.case))
             cells.append(earlier.summary if earlier else "–")
-        lines.append(f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |")
+        lines.append(f"| {' | '.join(map(_cell, cells))} |")
     held = sum(row.held for row in rows)
     return "\n".join([*lines, "", f"{held} of {len(rows)} cases held.", ""])
+
+
+def _cell(text: str) -> str:
+    """As it may stand in a table; what was told is cut where addresses begin to fill it."""
+    text = text.replace("|", "/")
+    return text if len(text) <= MOST_TEXT else text[:MOST_TEXT].rstrip() + " …"
 
 
 def _count(number: int) -> str:
