@@ -105,6 +105,9 @@ class Endless:
     def read(self):
         return next(self._datagrams)
 
+    def reports(self):
+        return []
+
 
 @pytest.mark.parametrize(
     ("datagrams", "said"),
