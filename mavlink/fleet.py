@@ -240,11 +240,10 @@ class Fleet:
         return notices
 
     def _position(self, vehicle: Vehicle, sample: GlobalPosition) -> tuple[Notice, ...]:
-        told = vehicle.compare_place(sample)
+        vehicle.compare_place(sample)
         if not vehicle.counts(sample.component_id, sample.t_us):
-            return told
+            return vehicle.contest_notices(sample.t_us)
         boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
-        notices = told + notices
         reason = vehicle.nonsense(sample)
         if reason and vehicle.clock.stray:
             vehicle.refusals.count(reason)  # a reboot that is not yet believed begins without a fix

@@ -106,18 +106,20 @@ class _Track:
         """When one of its places was made, Unix µs by its quickest message and by how late that was."""
         return self.boot_us(place) + self.offset_us - self.late_us
 
-    def add(self, place: _Place, *, clocked: bool) -> None:
-        """Its next place."""
+    def add(self, place: _Place, *, clocked: bool, alone: bool) -> None:
+        """Its next place; how noisy it is matters only to others."""
         before, delay_us = self.newest, self.delay_us(place)
         self.count, self.compared = self.count + 1, False
         if clocked != self.clocked or abs(delay_us) > LATE_MOST_US:
             self.begin(place, clocked=clocked)
             return
-        place = place._replace(boot_us=self.boot_us(place))
+        boot_us = place.t_us - self.offset_us - delay_us
+        if boot_us != place.boot_us:
+            place = place._replace(boot_us=boot_us)  # the clock has wrapped
         if delay_us < 0:
             self.offset_us += delay_us
             self.late_us = max(0, self.late_us + delay_us)
-        if place.t_us - self.last_us < _ALIVE_US:
+        if not alone and place.t_us - self.last_us < _ALIVE_US:
             step_m = _beside_m(before, place, (place.boot_us - before.boot_us) * 1e-6)
             known = math.isfinite(self.noise_m)
             self.noise_m = self.noise_m + _NOISE_MEMORY * (step_m - self.noise_m) if known else step_m
@@ -187,7 +189,7 @@ class Places:
         if track is None:
             track = self._begin(speaker, place)
         else:
-            track.add(place, clocked=clocked)
+            track.add(place, clocked=clocked, alone=len(self._tracks) == 1)
         track.zero = sample.boot_ms == 0  # twice on end: it has no clock
         if len(self._tracks) == 1:
             return None

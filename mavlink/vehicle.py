@@ -256,12 +256,10 @@ class Vehicle:
         """Why a report is no place at all, empty when it may be one."""
         return nonsense(sample, self._gps_of(sample))
 
-    def compare_place(self, sample: GlobalPosition) -> tuple[Notice, ...]:
+    def compare_place(self, sample: GlobalPosition) -> None:
         """Compares a place with what others said of it, whichever component says it."""
-        if self.nonsense(sample):
-            return ()
-        self.senders.place(sample, self.reception.speaker, position_std(self._gps_of(sample), self._params))
-        return self.contest_notices(sample.t_us)
+        if not self.nonsense(sample):
+            self.senders.place(sample, self.reception.speaker, position_std(self._gps_of(sample), self._params))
 
     def take_position(
         self, boot_us: int, sample: GlobalPosition, frame: LocalFrame, home_alt_m: float
@@ -329,6 +327,8 @@ class Vehicle:
     def contest_notices(self, t_us: int) -> tuple[Notice, ...]:
         """What to say when a second sender was found, or is gone again, or another component speaks."""
         news = self.senders.news(t_us, self.system_id), self._components.news()
+        if not (news[0][1] or news[1][1]):
+            return ()
         return tuple(self._notice(t_us, level, text) for level, text in news if text)
 
     @property
