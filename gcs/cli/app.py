@@ -19,30 +19,45 @@ from gcs.cli.console import PlainStream, explained, say
 
 __all__ = ["app", "main"]
 
-_PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-_COMMANDS: dict[str, dict[str, Any]] = {
-    "fly": {}, "replay": {}, "identify": {}, "export": {}, "score": {}, "calibrate": {}, "sim": {}, "demo": {},
-    "eval-detector": {}, "bench": {"context_settings": _PASSED_ON},
-}  # fmt: skip
+_COMMANDS: dict[str, str] = {
+    "fly": "Name the vehicles in a live video; record everything.",
+    "replay": "Play, seek and step through a recording.",
+    "identify": "Name the boxes of a recording, faster than real time.",
+    "export": "Write identities for other programs, or a film with names.",
+    "score": "Compare an identity log with the truth.",
+    "tlog": "Look into telemetry logs; check, repair and cut them.",
+    "keys": "Make, list and check the keys that vehicles sign with.",
+    "calibrate": "Measure a camera: focal length, centre, lens distortion.",
+    "eval-detector": "Measure a detector on labelled pictures.",
+    "sim": "Simulate a flight with truth, as a session or live.",
+    "demo": "Replay the bundled recording.",
+    "bench": "Run a benchmark.",
+}
+"""What ``--help`` says of each, so that it need not load them."""
 _GROUPS = ("tlog", "keys")
+_PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 
 class _Commands(TyperGroup):
     """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``."""
 
     def list_commands(self, ctx: object) -> list[str]:
-        return [*_COMMANDS, *_GROUPS]
+        return list(_COMMANDS)
 
     def get_command(self, ctx: object, cmd_name: str) -> Any:  # noqa: ANN401  (the command class of whatever typer is built on)
-        if cmd_name not in self.list_commands(ctx):
+        if cmd_name not in _COMMANDS:
             return None
         name = cmd_name.replace("-", "_")
         module = import_module(f"gcs.cli.{name}")
         if cmd_name in _GROUPS:
             return get_command(module.app)
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(cmd_name, **_COMMANDS[cmd_name])(getattr(module, name))
+        single.command(cmd_name, context_settings=_PASSED_ON if cmd_name == "bench" else None)(getattr(module, name))
         return get_command(single)
+
+    def format_commands(self, ctx: object, formatter: Any) -> None:  # noqa: ANN401
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
 
 
 app = typer.Typer(
@@ -50,7 +65,6 @@ app = typer.Typer(
     cls=_Commands,
     help="Rollcall: tells identical ground vehicles apart from the air.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
