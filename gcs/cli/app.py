@@ -30,6 +30,7 @@ _COMMANDS: dict[str, str] = {
     "calibrate": "Measure a camera: focal length, centre, lens distortion.",
     "eval-detector": "Measure a detector on labelled pictures.",
     "sim": "Simulate a flight with truth, as a session or live.",
+    "doctor": "Say what this machine has for a flight, and what to mend.",
     "demo": "Replay the bundled recording.",
     "bench": "Run a benchmark.",
 }

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Graphics", "Pixels", "pixel_images"]
+__all__ = ["Graphics", "Pixels", "has_terminal", "pixel_images"]
 
 Graphics = Literal["auto", "blocks", "pixels"]
 
@@ -43,7 +43,7 @@ def pixel_images(graphics: Graphics) -> Pixels | None:
 
     ``auto`` keeps to half blocks over SSH: a picture is some 0.7 MB, a field of half blocks some 0.05 MB.
     """
-    if graphics == "blocks" or not _has_terminal() or (graphics == "auto" and "SSH_CONNECTION" in os.environ):
+    if graphics == "blocks" or not has_terminal() or (graphics == "auto" and "SSH_CONNECTION" in os.environ):
         return None
     try:
         from textual_image import renderable
@@ -57,6 +57,7 @@ def pixel_images(graphics: Graphics) -> Pixels | None:
     return Pixels(widget=widgets.Image, cell_width=max(1, size.width), cell_height=max(1, size.height))
 
 
-def _has_terminal() -> bool:
+def has_terminal() -> bool:
+    """Whether somebody sits at both ends: keys in, screen out."""
     streams = (sys.__stdin__, sys.__stdout__)
     return all(stream is not None and not stream.closed and stream.isatty() for stream in streams)

@@ -1,0 +1,54 @@
+"""``gcs doctor``: what this machine has for a flight."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gcs.cli.console import say
+from gcs.machine import Check, checks
+
+__all__ = ["doctor"]
+
+NOT_READY = 2
+_SMALLEST = (80, 24)
+_MARKS = {"ok": "ok   ", "short": "short", "bad": "BAD  "}
+
+
+def doctor(
+    sessions: Annotated[Path, typer.Option(help="Where flights are recorded.")] = Path("sessions"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, for programs.")] = False,
+) -> None:
+    """Say what this machine has: versions, detector speed, video, ports, disk, clock, terminal; and what to do."""
+    found = [*checks(sessions), _terminal()]
+    if as_json:
+        say(json.dumps({"checks": [asdict(check) for check in found]}, indent=2, ensure_ascii=False))
+    else:
+        for check in found:
+            say(f"{_MARKS[check.verdict]}  {check.name}: {check.found}")
+            if check.advice:
+                say(f"       → {check.advice}")
+    if any(check.verdict == "bad" for check in found):
+        raise SystemExit(NOT_READY)
+
+
+def _terminal() -> Check:
+    from gcs.tui.pixels import has_terminal, pixel_images
+
+    if not has_terminal():
+        return Check(
+            name="terminal", verdict="short", found="none here", advice="screens need one; --headless flies without"
+        )
+    columns, rows = shutil.get_terminal_size()
+    colours = "16 million colours" if os.environ.get("COLORTERM") in ("truecolor", "24bit") else "256 colours or fewer"
+    images = "images as pixels" if pixel_images("pixels") else "images as half blocks"
+    found = f"{columns}×{rows}, {colours}, {images}"
+    if columns < _SMALLEST[0] or rows < _SMALLEST[1]:
+        return Check(name="terminal", verdict="short", found=found, advice="make it 80×24 at least")
+    return Check(name="terminal", verdict="ok", found=found)
