@@ -1,1 +1,1 @@
-"""Benchmarks: published experiments, field suite, latency, throughput; tables and figures in ``bench/results``."""
+"""Benchmarks: published experiments, field suite, latency, throughput; what was kept is in ``bench/results``."""

@@ -26,7 +26,7 @@ from vision.lookahead import look_ahead
 from vision.video import VideoFile
 
 BUNDLED = Path("sitl_logs/curved-road/video.mp4")
-RESULTS = Path("bench/results/perception.md")
+RESULTS = Path("bench-results/perception.md")
 STAGES: tuple[tuple[ModuleType, str, str], ...] = (
     (heatmap_detector, "letterbox", "scale"),
     (heatmap_detector, "undo", "boxes"),

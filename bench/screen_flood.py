@@ -26,7 +26,7 @@ from gcs.config import parse_mission
 from gcs.live import Flight, FlightPlan
 from gcs.tui import RollcallApp
 
-RESULTS = Path("bench/results/screen_flood.md")
+RESULTS = Path("bench-results/screen_flood.md")
 VEHICLES, RATE = 100, 2000.0
 WAKE_S = 0.01
 SETTLE_S = 3.0

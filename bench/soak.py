@@ -30,7 +30,7 @@ from sim.fleet_process import system_ids
 
 __all__ = ["main", "soak"]
 
-RESULTS = Path("bench/results")
+RESULTS = Path("bench-results")
 SAMPLE_S = 10.0
 START_S, END_S = 60.0, 60.0
 """Patience with a flight that begins, and with one that seals its recording."""

@@ -192,7 +192,7 @@ def report(lines: Sequence[Line]) -> str:
 def main() -> int:
     """Compare and write the table."""
     parser = argparse.ArgumentParser(description="Compare YOLO-OBB boxes with Ultralytics' own predictor.")
-    parser.add_argument("--out", type=Path, default=Path("bench/results/yolo_parity.md"))
+    parser.add_argument("--out", type=Path, default=Path("bench-results/yolo_parity.md"))
     parser.add_argument("--families", nargs="*", default=FAMILIES)
     parser.add_argument("--pictures", type=Path, help="folder of photographs to compare on too")
     parser.add_argument("--trained", type=Path, help="a trained export")

@@ -12,7 +12,7 @@ from bench.apriltag.suite import WORKERS, run
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.apriltag", description="Tags on roofs against height")
     parser.add_argument("--quick", action="store_true", help="three heights and one camera")
-    parser.add_argument("--out", type=Path, default=Path("bench/results/apriltag"))
+    parser.add_argument("--out", type=Path, default=Path("bench-results/apriltag"))
     parser.add_argument("--workers", type=int, default=WORKERS)
     options = parser.parse_args()
     print(run(options.out, options.quick, workers=options.workers, say=_say))

@@ -18,7 +18,7 @@ def main() -> None:
     parser.add_argument("--family", type=int, action="append", default=[], choices=tuple(FAMILIES), help="repeatable")
     parser.add_argument("--hard", action="store_true", help="the hard version only")
     parser.add_argument("--standard", action="store_true", help="the standard version only")
-    parser.add_argument("--out", type=Path, default=Path("bench/results/field"))
+    parser.add_argument("--out", type=Path, default=Path("bench-results/field"))
     parser.add_argument("--workers", type=int, default=WORKERS)
     parser.add_argument("--seed", type=int, help="of the session to explain")
     parser.add_argument("--explain", action="store_true", help="say where the product was wrong in one session")

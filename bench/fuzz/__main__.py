@@ -42,7 +42,7 @@ def main() -> None:
     parser.add_argument("what", choices=list(_COUNTS))
     parser.add_argument("--count", type=int, help="cases; " + ", ".join(f"{k} {v}" for k, v in _COUNTS.items()))
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
-    parser.add_argument("--out", type=Path, default=Path("bench/results/fuzz.md"))
+    parser.add_argument("--out", type=Path, default=Path("bench-results/fuzz.md"))
     options = parser.parse_args()
     count = options.count or _COUNTS[options.what]
     if options.what == "logs":

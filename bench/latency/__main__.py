@@ -1,4 +1,4 @@
-"""``python -m bench.latency [--quick] [--out bench/results/latency]``."""
+"""``python -m bench.latency [--quick] [--out bench-results/latency]``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import platform
 from pathlib import Path
 
-RESULTS = Path("bench/results/latency")
+RESULTS = Path("bench-results/latency")
 
 
 def main() -> None:

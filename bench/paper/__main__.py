@@ -1,4 +1,4 @@
-"""``python -m bench.paper [--quick] [--out bench/results/paper]``."""
+"""``python -m bench.paper [--quick] [--out bench-results/paper]``."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ def _asked(levels: list[float], values: list[float]) -> tuple[list[float], list[
 def main() -> None:
     """Draw again from the rows of an earlier run."""
     parser = argparse.ArgumentParser(description="Figures 7 to 10 from the results of python -m bench.paper.")
-    parser.add_argument("folder", type=Path, nargs="?", default=Path("bench/results/paper"))
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("bench-results/paper"))
     if not draw(parser.parse_args().folder):
         raise SystemExit(MATPLOTLIB_MISSING)
 

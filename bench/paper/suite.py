@@ -17,7 +17,7 @@ from bench.paper.tables import write_tables
 
 __all__ = ["RESULTS", "run"]
 
-RESULTS = Path("bench/results/paper")
+RESULTS = Path("bench-results/paper")
 WORKERS = 2
 FLIGHTS, QUICK_FLIGHTS = 20, 1
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

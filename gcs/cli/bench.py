@@ -1,4 +1,4 @@
-"""``gcs bench``: the benchmarks of a checkout, each in a process of its own."""
+"""``gcs bench``: the benchmarks, each in a process of its own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gcs.errors import GcsError
 
 __all__ = ["bench"]
 
-CHECKOUT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[2]
 SUITES = ("paper", "field", "latency", "apriltag")
 
 
@@ -22,11 +22,11 @@ def bench(
     context: typer.Context,
     suite: Annotated[str, typer.Argument(help=f"One of {', '.join(SUITES)}; --help after it lists its options.")],
 ) -> None:
-    """Run a benchmark: the published experiments, the field suite, latencies, or tags; results in bench/results."""
+    """Run a benchmark: the published experiments, the field suite, latencies, or tags; results in bench-results/."""
     if suite not in SUITES:
         raise GcsError(f"no benchmark {suite!r}; there are {', '.join(SUITES)}")
-    if not (CHECKOUT / "bench" / suite).is_dir():
-        raise GcsError(f"{CHECKOUT}: no bench folder here; run benchmarks from a checkout of the project")
-    path = os.pathsep.join(filter(None, (str(CHECKOUT), os.environ.get("PYTHONPATH"))))
+    if not (ROOT / "bench" / suite).is_dir():
+        raise GcsError(f"{ROOT}: no bench folder here; install the whole wheel, or run it from a checkout")
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     command = [sys.executable, "-m", f"bench.{suite}", *context.args]
     raise SystemExit(subprocess.call(command, env=os.environ | {"PYTHONPATH": path}))

@@ -22,7 +22,7 @@ BUNDLED = Path(__file__).parents[2] / "sitl_logs" / "curved-road"
 def demo() -> None:
     """Replay the bundled recording; without a terminal, name its vehicles and print the score."""
     if not BUNDLED.is_dir():
-        raise SessionError(f"{BUNDLED}: the bundled recording is not here; run the demo from a checkout of the project")
+        raise SessionError(f"{BUNDLED}: the bundled recording is not here; run the demo from a wheel or a checkout")
     session = open_session(BUNDLED)
     if sys.stdout.isatty() and sys.stdin.isatty():
         raise SystemExit(show_replay(session, detect=True))
