@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import subprocess
 import sys
@@ -10,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gcs.cli.app import app
+from gcs.cli.console import say_json
 
 HEAVY = ("numpy", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 
@@ -48,3 +51,22 @@ def test_shells_complete_commands(shell, words):
     )
     assert "replay" in done.stdout
     assert "fly" not in done.stdout
+
+
+def test_programs_get_json_without_unknown_numbers(capsys):
+    say_json({"speed": math.nan, "rows": [{"age_s": math.inf, "name": "Über\nall"}], "n": 3})
+    line = capsys.readouterr().out
+    assert line.count("\n") == 1
+    assert json.loads(line) == {"speed": None, "rows": [{"age_s": None, "name": "Über\nall"}], "n": 3}
+
+
+def test_a_log_and_keys_as_json(tmp_path):
+    log = CliRunner().invoke(app, ["tlog", "info", "sitl_logs/curved-road/telemetry.tlog", "--json"])
+    told = json.loads(log.output)
+    assert told["counts"]["records"] == 5112
+    assert {row["name"] for row in told["messages"]} >= {"HEARTBEAT", "GLOBAL_POSITION_INT"}
+    CliRunner().invoke(app, ["keys", "new", "11", "--keys", str(tmp_path / "keys")])
+    keys = CliRunner().invoke(app, ["keys", "list", "--json", "--keys", str(tmp_path / "keys")])
+    (key,) = json.loads(keys.output)["keys"]
+    assert key["of"] == "system 11"
+    assert key["fingerprint"]

@@ -10,13 +10,17 @@ from __future__ import annotations
 import contextlib
 import errno
 import io
+import json
+import math
 import os
 import stat
 import sys
 import termios
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Annotated, Any, Literal, TextIO
+
+import typer
 
 from assoc.errors import AssocError
 from gcs.errors import GcsError
@@ -32,6 +36,7 @@ __all__ = [
     "NOT_AVAILABLE",
     "NO_NAMES",
     "VIDEO_START",
+    "AsJson",
     "Graphics",
     "PlainStream",
     "explained",
@@ -39,6 +44,7 @@ __all__ = [
     "note",
     "quiet_stderr",
     "say",
+    "say_json",
     "to_file_if_gone",
 ]
 
@@ -46,6 +52,7 @@ BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
 
 _OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
+AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
 VIDEO_START = "When a video without frames.csv begins, seconds after the log's first message."
 MOST_PX = 16384
 """No camera has a longer side."""
@@ -70,6 +77,19 @@ def say(*lines: str) -> None:
     """Lines of the command's result, on stdout; one that holds the end of a line is still one."""
     sys.stdout.write("".join(plain(line) + "\n" for line in lines))
     sys.stdout.flush()
+
+
+def say_json(table: Mapping[str, object]) -> None:
+    """A result for programs: one JSON object, on one line; numbers that are unknown are null."""
+    say(json.dumps(_without_nan(table), allow_nan=False))
+
+
+def _without_nan(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {name: _without_nan(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def note(text: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from dataclasses import asdict
@@ -11,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import say
+from gcs.cli.console import AsJson, say, say_json
 from gcs.machine import Check, checks
 
 __all__ = ["doctor"]
@@ -23,12 +22,12 @@ _MARKS = {"ok": "ok   ", "short": "short", "bad": "BAD  "}
 
 def doctor(
     sessions: Annotated[Path, typer.Option(help="Where flights are recorded.")] = Path("sessions"),
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, for programs.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Say what this machine has: versions, detector speed, video, ports, disk, clock, terminal; and what to do."""
     found = [*checks(sessions), _terminal()]
     if as_json:
-        say(json.dumps({"checks": [asdict(check) for check in found]}, indent=2, ensure_ascii=False))
+        say_json({"checks": [asdict(check) for check in found]})
     else:
         for check in found:
             say(f"{_MARKS[check.verdict]}  {check.name}: {check.found}")

@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import note, say
+from gcs.cli.console import AsJson, note, say, say_json
 from gcs.config import user_keys
 from gcs.errors import ConfigError
 from gcs.sessionlog import RECORDED, SessionLog
@@ -80,10 +80,13 @@ def add(
 
 
 @app.command("list")
-def list_(keys: _Folder = None) -> None:
+def list_(keys: _Folder = None, as_json: AsJson = False) -> None:
     """Whose keys there are, and what tells them apart."""
     folder = keys or user_keys()
     ring = read_ring(folder)
+    if as_json:
+        say_json({"folder": str(folder), "keys": [{"of": _name(i), "fingerprint": f} for i, f in _fingerprints(ring)]})
+        return
     say(f"{folder}: {_count(ring)}")
     for system_id, fingerprint in _fingerprints(ring):
         say(f"  {_name(system_id):<10} {fingerprint}")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.cli.console import say
+from gcs.cli.console import AsJson, say, say_json
 from gcs.errors import ScoreError
 from gcs.score import Score, score_files
 
@@ -19,14 +18,17 @@ __all__ = ["score", "score_lines"]
 def score(
     truth: Annotated[Path, typer.Argument(help="Session folder with truth.csv, or a truth.csv.")],
     identity: Annotated[Path, typer.Argument(help="identity.csv to judge.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare an identity log with the truth."""
     path = truth / "truth.csv" if truth.is_dir() else truth
     if not path.is_file():
         raise ScoreError(f"{path}: no such file; only simulated or annotated sessions have a truth to compare with")
     result = score_files(path, identity)
-    say(*([json.dumps(asdict(result))] if as_json else score_lines(result)))
+    if as_json:
+        say_json(asdict(result))
+    else:
+        say(*score_lines(result))
 
 
 def score_lines(result: Score) -> list[str]:

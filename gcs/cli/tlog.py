@@ -5,14 +5,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.cli.console import say
-from gcs.cli.tlog_report import check_json, check_lines, repair_lines
+from gcs.cli.console import AsJson, say, say_json
+from gcs.cli.tlog_report import check_lines, check_table, repair_lines
 from mavlink.errors import TlogError
 from mavlink.tlog import Tlog
 from mavlink.tlog_check import check as examine
@@ -30,9 +31,13 @@ DAMAGED = 5
 
 
 @app.command("info")
-def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")]) -> None:
+def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")], as_json: AsJson = False) -> None:
     """Who speaks in a log, what, how often, and what is damaged."""
-    say(*info_lines(log, summarise(Tlog.open(log))))
+    found = summarise(Tlog.open(log))
+    if as_json:
+        say_json({"path": str(log), **asdict(found), "span_s": found.span_s})
+    else:
+        say(*info_lines(log, found))
 
 
 def info_lines(path: Path, found: TlogInfo) -> list[str]:
@@ -65,16 +70,17 @@ def info_lines(path: Path, found: TlogInfo) -> list[str]:
 @app.command("check")
 def check(
     logs: Annotated[list[Path], typer.Argument(help="Telemetry logs, such as the segments of one flight.")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="For machines: a line for each log, all damage listed.")
-    ] = False,
+    as_json: AsJson = False,
     most: Annotated[int, typer.Option("--most", min=0, help="Damaged places listed.")] = MOST_DAMAGE,
 ) -> None:
     """Whether logs are whole, and what is to be known of them. Exit code 0 all whole, 5 any damaged."""
     whole = True
     for log in logs:
         found = examine(Tlog.open(log, any_file=True))
-        say(*([check_json(log, found)] if as_json else check_lines(log, found, most)))
+        if as_json:
+            say_json(check_table(log, found))
+        else:
+            say(*check_lines(log, found, most))
         whole &= found.whole
     if not whole:
         raise typer.Exit(DAMAGED)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from mavlink.tlog_check import TlogCheck
-from mavlink.tlog_clocks import SenderClock
 
-__all__ = ["check_json", "check_lines", "repair_lines"]
+__all__ = ["check_lines", "check_table", "repair_lines"]
 
 _MOST_STEPS = 5
 _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
@@ -101,21 +98,11 @@ def _damage_lines(found: TlogCheck, most: int) -> list[str]:
     return lines
 
 
-def check_json(path: Path, found: TlogCheck) -> str:
-    """All of it as one JSON object."""
-    table: dict[str, Any] = {"path": str(path), "whole": found.whole, "several_writers": found.several_writers}
-    table |= asdict(found)
-    table["speed"] = _number(found.speed)
-    table["clocks"] = [_clock(clock) for clock in found.clocks]
-    return json.dumps(table)
-
-
-def _clock(clock: SenderClock) -> dict[str, Any]:
-    return asdict(clock) | {"speed": _number(clock.speed)}
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value
+def check_table(path: Path, found: TlogCheck) -> dict[str, Any]:
+    """All of it, all damage listed."""
+    verdict = {"path": str(path), "whole": found.whole, "several_writers": found.several_writers}
+    clocks = [asdict(clock) | {"speed": clock.speed} for clock in found.clocks]
+    return verdict | asdict(found) | {"speed": found.speed, "clocks": clocks}
 
 
 def repair_lines(out: Path, found: TlogCheck) -> list[str]:
