@@ -29,6 +29,8 @@ _LINUX = sys.platform.startswith("linux")
 _TIMESPEC = struct.Struct("=qq")
 _ANCILLARY = 128
 _CLOCK_GAP_US = 10_000_000
+SUDDEN = 2500
+"""Strangers' datagrams that cannot wait for the next tenth of a second: a socket has room for some ten thousand."""
 _WAITED_S = 10.0
 
 
@@ -93,7 +95,10 @@ class _Udp(Reader):
             if self._open:
                 raise
             return batch
-        self._note(batch, now_us())
+        now = now_us()
+        self._note(batch, now)
+        if sum(self._strange) > SUDDEN:
+            self.adapt(now)
         return batch
 
     def _note(self, batch: Batch, t_us: int) -> None:
