@@ -22,7 +22,7 @@ __all__ = ["HOLD_S", "Allowance", "Coming", "Shares", "fair_level"]
 
 LIKELY_PER_S, OTHER_PER_S = 5000.0, 200.0
 """Strangers' datagrams wanted: those that look like a frame may be a vehicle that has just rebooted."""
-STRANGERS_BURST_S = 0.5
+STRANGERS_BURST_S = 0.25
 SENDER_PER_S = 2000.0
 """Good frames wanted of one vehicle over one address: an autopilot on a fast line sends a few hundred a second."""
 ALL_PER_S = 25_000.0

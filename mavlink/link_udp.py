@@ -29,7 +29,7 @@ _LINUX = sys.platform.startswith("linux")
 _TIMESPEC = struct.Struct("=qq")
 _ANCILLARY = 128
 _CLOCK_GAP_US = 10_000_000
-SUDDEN = 2500
+SUDDEN = 1000
 """Strangers' datagrams that cannot wait for the next tenth of a second: a socket has room for some ten thousand."""
 _WAITED_S = 10.0
 
