@@ -51,6 +51,8 @@ class _State:
     def hold_us(self, now_us: int) -> int:
         """How long it must be gone."""
         lately = sum(now_us - raised < LATELY_US for raised in self.raises)
+        if self.finding.settled and lately <= 1:
+            return 0
         return HOLD_US << min(max(lately - 1, 0), MOST_DOUBLINGS)
 
 

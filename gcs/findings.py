@@ -52,6 +52,8 @@ class Finding:
     """How long it must last before it is an alarm."""
     told: bool = False
     """Somebody else makes the events of it."""
+    settled: bool = False
+    """Whoever finds it holds it for some seconds after its last sign already: once it is gone it is over."""
     raises: bool = True
     """False: keeps an alarm that was raised before, and raises none: another finding says it better now."""
 
@@ -132,7 +134,7 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
     whose, i = row.name, row.system_id
     if row.contested:
         yield Finding(
-            key=f"contested {i}", level="alarm", kind="vehicle", system_id=i, told=True,
+            key=f"contested {i}", level="alarm", kind="vehicle", system_id=i, told=True, settled=True,
             text=f"{whose}: several senders use system id {i}; none is believed",
             advice="find the second one by the address in the event log; switch it off or give it another id",
         )  # fmt: skip

@@ -21,8 +21,10 @@ Claim = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude
 _PAUSE_US = 3_000_000  # turns farther apart than this are not of one dispute
 _SPAN_US = 900_000
 _TURNS: dict[Claim, int] = {"autopilot": 3, "kind": 3, "mode": 4, "clock": 3, "boot": 3, "attitude": 3}
-_HOLD_US = 10_000_000
+_HOLD_US = 4_500_000
+"""Longer than the longest pause within a dispute: two who beat once a second and lose packets are one contest."""
 _HOLD_UID_US = 60_000_000
+"""Hardware ids are told rarely."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,7 @@ class Turns:
 
 
 class Contest:
-    """Collects contradictions; contested for ten seconds after the last one (a minute after two hardware ids)."""
+    """Collects contradictions; contested for some seconds after the last one (a minute after two hardware ids)."""
 
     def __init__(self) -> None:
         self.conflict: Conflict | None = None

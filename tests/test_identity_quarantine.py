@@ -64,8 +64,8 @@ def test_no_name_comes_out_of_quarantine(tmp_path):
     assert found_us - begin_us <= 2 * S
     named = names[names[:, 1] == VICTIM, 0]
     assert (named < begin_us).any()
-    assert not ((named > found_us) & (named < end_us + 8 * S)).any()
+    assert not ((named > found_us) & (named < end_us + 4 * S)).any()
     others = names[(names[:, 0] > found_us) & (names[:, 0] < end_us), 1]
     assert {2, 3, 5, 6, 7} <= set(others.tolist())
     released = [event.t_us for event in events if "one sender again" in event.text]
-    assert len(released) == 1 and end_us + 8 * S < released[0] < end_us + 12 * S
+    assert len(released) == 1 and end_us + 4 * S < released[0] < end_us + 5 * S
