@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import socket
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from mavlink.link_batch import Sender
 from mavlink.link_filter import attach, detach, program
 from mavlink.link_peers import Peers
-from mavlink.link_shares import HOLD_S, SENDER_PER_S, Allowance, Coming, Shares
+from mavlink.link_shares import ALL_PER_S, HOLD_S, SENDER_PER_S, Allowance, Coming, Shares
 
 __all__ = ["STRANGERS", "TICK_S", "Gate", "Limit"]
 
@@ -81,9 +81,17 @@ class Gate:
         """Whether it is time to adapt."""
         return now_s - self._since_s >= TICK_S
 
-    def relaxed(self, datagrams: int, dt_s: float) -> bool:
-        """Whether so few came in a time that nobody who is known can have sent too many."""
-        return not self.shares.own and datagrams <= SENDER_PER_S * dt_s
+    def relaxed(self, datagrams: int, busiest: Callable[[], int], dt_s: float) -> bool:
+        """Whether so few came in a time that nobody who is known can have sent too many.
+
+        Args:
+            datagrams: of all together.
+            busiest: counts those of one address at most; only asked where that matters.
+            dt_s: in which they came.
+        """
+        if self.shares.own or self._fullest > _LATE or datagrams > min(ALL_PER_S, self.shares.read_per_s) * dt_s:
+            return False
+        return datagrams <= SENDER_PER_S * dt_s or busiest() <= SENDER_PER_S * dt_s
 
     def elapsed_s(self, now_s: float) -> float:
         """Time since the last :meth:`adapt`."""

@@ -90,9 +90,13 @@ class Peers:
         self.keys[self._last] = key
         return self._last
 
+    def hear(self, claims: set[Claim]) -> None:
+        """Good frames have just come from these, who are trusted already."""
+        self._heard |= claims
+
     def trust(self, claims: set[Claim], t_us: int) -> None:
         """Good frames have just come from these addresses under these system ids."""
-        self._heard |= claims
+        self.hear(claims)
         for claim in claims.difference(self.trusted):
             if claim[0] not in self.keys:
                 continue  # forgotten meanwhile

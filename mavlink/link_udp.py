@@ -8,6 +8,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Set
+from itertools import chain
 
 from mavlink.dialect import DEFINITIONS
 from mavlink.errors import LinkError
@@ -112,7 +113,7 @@ class _Udp(Reader):
         new = claimed.difference(self.peers.trusted)
         if not new:
             if self._vouch:
-                self.peers.trust(claimed, t_us)
+                self.peers.hear(claimed)
             return
         claims = batch.claims()
         for k, claim in enumerate(claims):
@@ -165,13 +166,18 @@ class _Udp(Reader):
     def _come(self, dt_s: float) -> tuple[Counter[Sender], Counter[Sender]]:
         """Good frames of those who are known, and datagrams read; none where no one of them can be too many."""
         frames: Counter[Sender] = Counter()
-        if self.gate.relaxed(sum(map(len, self._batches)) + self._spoiled.total(), dt_s):
+        if self.gate.relaxed(sum(map(len, self._batches)) + self._spoiled.total(), self._busiest, dt_s):
             return frames, frames
         for batch in self._batches:
             frames.update(batch.senders())
         for sender in [s for s in frames if not self.peers.knows(s)]:
             del frames[sender]
         return frames, frames + self._spoiled
+
+    def _busiest(self) -> int:
+        """Datagrams of one address at most, in whatever form."""
+        counts = Counter(chain.from_iterable(batch.peers for batch in self._batches))
+        return max(counts.values(), default=0) + self._spoiled.total()
 
     def close(self) -> None:
         """Closes the socket; a read in another thread comes back empty."""

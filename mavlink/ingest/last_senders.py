@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mavlink.link_batch import Batch
+from mavlink.link_batch import Batch, Claim
 
 __all__ = ["LastSenders"]
 
@@ -14,6 +14,8 @@ class LastSenders:
 
     def __init__(self) -> None:
         self._senders: list[tuple[int, int] | None] = [None] * 256
+        self._claims: dict[int, set[Claim]] = {}
+        """The same by link: who is heard over it."""
 
     def take(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
         """Places in a batch, and system ids, of frames whose system id was last heard from another sender, or never.
@@ -22,10 +24,14 @@ class LastSenders:
             link: the batch came over.
             batch: whole frames.
         """
-        senders, claimed = self._senders, batch.claimed()
-        if all(senders[system_id] == (link, peer) for peer, system_id in claimed):
+        if batch.claimed() <= self._claims.setdefault(link, set()):
             return  # nearly always
+        senders, claims = self._senders, self._claims
         for k, (peer, system_id) in enumerate(batch.claims()):
-            if senders[system_id] != (link, peer):
+            before = senders[system_id]
+            if before != (link, peer):
+                if before is not None:
+                    claims[before[0]].discard((before[1], system_id))
                 senders[system_id] = link, peer
+                claims[link].add((peer, system_id))
                 yield k, system_id
