@@ -51,6 +51,10 @@ class SteadyCamera:
         """
         if not np.isfinite(p_enu).all():
             return 0.0
+        if self._past and not 0 <= t_us - self._past[-1][0] <= _LONGEST_US:
+            self._past.clear()
+            if self.shift_enu.any():  # it may have stepped back in the hole
+                return self._begin_anew(t_us, p_enu, self.shift_enu)
         while self._past and not 0 <= t_us - self._past[0][0] <= _LONGEST_US:
             self._past.popleft()
         while len(self._past) > 1 and t_us - self._past[1][0] >= _BACK_US:
@@ -61,15 +65,22 @@ class SteadyCamera:
         late = bool(self._unsure_us) and t_us - self._unsure_us > _PATIENCE_US
         if not step.any() and not late:
             return 0.0
-        self._past.clear()
-        self._past.append((t_us, p_enu))
-        self._stepped_us = t_us
         if step.any() and (sure or self.shift_enu.any()) and not late:
+            self._go_on_from(t_us, p_enu)
             self.shift_enu = self.shift_enu - step
             return 0.0
-        size_m = float(np.hypot(*(step - self.shift_enu)[:2]))
+        return self._begin_anew(t_us, p_enu, step - self.shift_enu)
+
+    def _begin_anew(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
+        """From the reported place on; how far in metres that is from where the picture was taken to be."""
+        self._go_on_from(t_us, p_enu)
         self.shift_enu, self._unsure_us = np.zeros(3), 0
-        return size_m
+        return float(np.hypot(step[0], step[1]))
+
+    def _go_on_from(self, t_us: int, p_enu: FloatArray) -> None:
+        self._stepped_us = t_us
+        self._past.clear()
+        self._past.append((t_us, p_enu))
 
     def _step(self, t_us: int, p_enu: FloatArray, v_enu: FloatArray) -> FloatArray:
         """(3,) how far it is from where it would be by its velocity, level; 0 where it may be there."""

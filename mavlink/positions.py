@@ -288,17 +288,20 @@ class Jumps:
 
     def __init__(self) -> None:
         self._good_way: Hashable = None
+        self._good_fix: Fix | None = None
+        self._away_fix: Fix | None = None
         self._turns: deque[int] = deque(maxlen=_TURNS)
         self._away_us = 0
         self._last_us = 0
 
-    def take(self, verdict: Verdict, way: Hashable, t_us: int) -> None:
+    def take(self, verdict: Verdict, way: Hashable, t_us: int, fix: Fix) -> None:
         """Hears how a report was judged.
 
         Args:
             verdict: from :meth:`Positions.take`.
             way: how it came; another sender's reports are no jumps of this one's.
             t_us: Unix µs of its arrival.
+            fix: the place.
         """
         if verdict in ("jump", "leap"):
             if way != self._good_way:
@@ -306,13 +309,19 @@ class Jumps:
             if not self._away_us:
                 self._away_us = t_us
                 self._turns.append(t_us)
-            self._last_us = t_us
+            self._last_us, self._away_fix = t_us, fix
         elif verdict in ("new", "standing", "moved"):
             if self._away_us and way == self._good_way:
                 self._last_us = t_us
-                if verdict != "moved":
+                if verdict != "moved" and self._is_back(fix):
                     self._turns.append(t_us)
-            self._good_way, self._away_us = way, 0
+            self._good_way, self._good_fix, self._away_us = way, fix, 0
+
+    def _is_back(self, fix: Fix) -> bool:
+        """Whether a place goes on from before a jump; one near that jumped to has only come within reach meanwhile."""
+        if self._good_fix is None or self._away_fix is None:
+            return False
+        return _apart_m(fix, self._good_fix) < _apart_m(fix, self._away_fix)
 
     def jumps(self, t_us: int) -> bool:
         """Whether it jumps to and fro at a Unix time, or did until a moment ago."""
@@ -320,6 +329,10 @@ class Jumps:
             return False
         away = self._away_us > 0 and self._last_us - self._away_us >= _AWAY_US
         return away or (len(self._turns) == _TURNS and self._last_us - self._turns[0] < _TURNS_US)
+
+
+def _apart_m(one: Fix, other: Fix) -> float:
+    return math.hypot(one.east - other.east, one.north - other.north)
 
 
 def _between(before: tuple[int, Fix], after: tuple[int, Fix], boot_us: int) -> Fix:

@@ -292,7 +292,7 @@ class Vehicle:
         before = self.positions.last
         verdict = self.positions.take(boot_us, fix, (sample.lat_deg, sample.lon_deg))
         jumped = self._jumps.jumps(t_us)
-        self._jumps.take(verdict, speaker[:2], t_us)
+        self._jumps.take(verdict, speaker[:2], t_us, fix)
         if self._jumps.jumps(t_us):
             self.refusals.count(_JUMPS)
             if jumped or not self.refusals.told.due(_JUMPS, t_us):

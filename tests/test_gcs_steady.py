@@ -62,3 +62,11 @@ def test_what_is_not_known_or_long_ago_tells_nothing():
     fly(camera, 0.0, 2.0)
     assert camera.take(2 * S, np.full(3, np.nan), V, sure=True) == 0.0
     assert fly(camera, 10.0, 12.0, (300.0, 0.0)) == [] and not camera.shift_enu.any()
+
+
+def test_after_a_hole_nobody_knows_whether_it_has_stepped_back():
+    camera = SteadyCamera()
+    fly(camera, 0.0, 5.0)
+    assert fly(camera, 5.0, 6.0, (30.0, 0.0)) == []
+    assert fly(camera, 9.0, 12.0) == [pytest.approx(30.0)]
+    assert not camera.shift_enu.any()
