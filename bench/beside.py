@@ -22,11 +22,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bench.ports import free_port
-from mavlink.forward import Forwarder, OutputCounts
-from mavlink.link import Link, open_link
-from mavlink.pack import COPTER, ROVER, Speaker
-from mavlink.packet import Packet
-from mavlink.tlog import Tlog
+from mavlink.forwarding.forward import Forwarder, OutputCounts
+from mavlink.links.base import Link, open_link
+from mavlink.protocol.encoder import COPTER, ROVER, Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.log import Tlog
 
 POSITION, MOST_SECONDS, START_SECONDS = 33, 60.0, 30.0
 Seen = dict[int, int]

@@ -15,11 +15,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
-from mavlink.decode import FilterStatus, GlobalPosition, GpsRaw, Sample, StatusText, decode
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 from mavlink.geodesy import separation_m
-from mavlink.tlog import Tlog
+from mavlink.protocol.decode import FilterStatus, GlobalPosition, GpsRaw, Sample, StatusText, decode
+from mavlink.tlog.log import Tlog
 
 __all__ = ["Fault", "Raised", "Row", "compare", "main", "page", "read_faults"]
 

@@ -23,7 +23,7 @@ from bench.ports import free_port
 from bench.senders import FLOODER, send_fleet, send_flood
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
-from mavlink.tlog import Tlog
+from mavlink.tlog.log import Tlog
 
 VEHICLES = 100
 FLOOD_AFTER_S = 2.0

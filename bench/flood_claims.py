@@ -26,11 +26,11 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.senders import fleet_frames, send_fleet, send_flood
-from mavlink.keys import Key, write_key
-from mavlink.pack import Speaker
-from mavlink.segments import segments
-from mavlink.signer import Signer
-from mavlink.tlog import Tlog
+from infra.files.segments import segments
+from mavlink.protocol.encoder import Speaker
+from mavlink.signing.keys import Key, write_key
+from mavlink.signing.signer import Signer
+from mavlink.tlog.log import Tlog
 
 VEHICLES, CLAIMED = 20, 11
 RATE = 2400.0

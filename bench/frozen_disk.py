@@ -29,7 +29,7 @@ from pathlib import Path
 from bench.ports import free_port
 from bench.process_tree import family
 from bench.senders import send_fleet
-from gcs.sessionlog import SessionLog
+from gcs.session.log import SessionLog
 
 FLY = (sys.executable, "-c", "from gcs.cli.app import main; main()", "fly")
 TOOLS = ("fsfreeze", "mkfs.ext4", "mount", "umount")

@@ -20,16 +20,16 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.senders import fleet_frames, send_fleet
-from mavlink.decode import decode
+from infra.files.journal import Journal, make_journal
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.ingest.shared import Shared, make_memory
-from mavlink.journal import Journal, make_journal
-from mavlink.link_udp import UdpIn
-from mavlink.link_url import parse_url
-from mavlink.packet import Packet
-from mavlink.tlog_writer import TlogWriter
+from mavlink.links.udp import UdpIn
+from mavlink.links.url import parse_url
+from mavlink.protocol.decode import decode
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.writer import TlogWriter
 
 RATES = (2000.0, 5000.0, 20_000.0)
 _SECONDS = 5.0

@@ -23,11 +23,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mavlink.disk import Disk
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
-from mavlink.tlog import Tlog
-from mavlink.tlog_writer import TlogWriter
+from infra.files.disk import Disk
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.writer import TlogWriter
 
 T0 = 1_790_000_000_000_000
 FRAMES = [Speaker(1 + k % 100).global_position_int(k, 47.0, 8.0, 500.0, 40.0, (1.0, 2.0, 0.0), 1.0) for k in range(100)]

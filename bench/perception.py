@@ -20,10 +20,10 @@ from unittest.mock import patch
 
 import numpy as np
 
-from vision import decode_heatmap, heatmap_detector, yolo_detector
-from vision.detector import Detector, open_detector
-from vision.lookahead import look_ahead
-from vision.video import VideoFile
+from vision.detect import decode_heatmap, heatmap_detector, yolo_detector
+from vision.detect.detector import Detector, open_detector
+from vision.video.prefetch import look_ahead
+from vision.video.video import VideoFile
 
 BUNDLED = Path("sitl_logs/curved-road/video.mp4")
 RESULTS = Path("bench-results/perception.md")

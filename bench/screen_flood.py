@@ -22,8 +22,8 @@ import numpy as np
 
 from bench.ports import free_port
 from bench.senders import send_fleet, send_flood
-from gcs.config import parse_mission
-from gcs.live import Flight, FlightPlan
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.mission.mission import parse_mission
 from gcs.tui import RollcallApp
 
 RESULTS = Path("bench-results/screen_flood.md")

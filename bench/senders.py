@@ -9,10 +9,10 @@ import time
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 
-from mavlink.keys import Key
-from mavlink.link_mmsg import _Header, _IoVec
-from mavlink.pack import Speaker
-from mavlink.signer import Signer
+from mavlink.links.recvmmsg import _Header, _IoVec
+from mavlink.protocol.encoder import Speaker
+from mavlink.signing.keys import Key
+from mavlink.signing.signer import Signer
 
 __all__ = ["FLOODER", "fleet_frames", "send_fleet", "send_flood", "source_socket"]
 

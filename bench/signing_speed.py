@@ -15,12 +15,12 @@ from collections.abc import Callable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.keys import Key, KeyRing
-from mavlink.pack import Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.signer import Signer
-from mavlink.signing import Verifier
-from mavlink.signing_streams import ticks_of
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.signing.keys import Key, KeyRing
+from mavlink.signing.signer import Signer
+from mavlink.signing.streams import ticks_of
+from mavlink.signing.verifier import Verifier
 
 T0 = 1_790_000_000_000_000
 VEHICLES, STREAMS = 100, 4096

@@ -24,9 +24,9 @@ from typing import Any
 
 from pymavlink import mavutil
 
-from mavlink.pack import Speaker
-from mavlink.tlog import Tlog
-from mavlink.tlog_info import info
+from mavlink.protocol.encoder import Speaker
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.summary import info
 
 _GLOBAL_POSITION_INT = 33
 _SEEKS = 200

@@ -23,14 +23,14 @@ from pathlib import Path
 import av
 import numpy as np
 
-from vision.pictures import bgr
-from vision.stream import VideoStream
-from vision.stream_input import READ_TIMEOUT_S, datagrams
-from vision.stream_messages import Settings
-from vision.stream_port import Port, bind
-from vision.stream_reader import Reader
-from vision.stream_source import parse_source
-from vision.video import Frame
+from vision.stream.connection import READ_TIMEOUT_S, datagrams
+from vision.stream.messages import Settings
+from vision.stream.port import Port, bind
+from vision.stream.reader import Reader
+from vision.stream.source import parse_source
+from vision.stream.stream import VideoStream
+from vision.video.frame_index import bgr
+from vision.video.video import Frame
 
 WIDTH, HEIGHT, FPS, BIT_RATE = 1920, 1080, 30, 6_000_000
 RESULT = Path(__file__).parent / "results" / "video_stream.md"

@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bench.yolo_models import DOTA, LAYOUTS, Layout, export, random_model
-from vision.detector import open_detector
-from vision.letterbox import letterbox
+from vision.detect.detector import open_detector
+from vision.detect.letterbox import letterbox
 
 __all__ = ["Line", "compared", "main"]
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 
 
 def main(folder: str) -> None:

@@ -13,11 +13,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.analysis import Analysis
-from gcs.pipeline import Pipeline
-from gcs.session import open_session
-from gcs.sessionlog import SessionLog
-from vision.detections import Detections
+from gcs.fold.pipeline import Pipeline
+from gcs.playback.analysis import Analysis
+from gcs.session.log import SessionLog
+from gcs.session.session import open_session
+from vision.detect.detections import Detections
 
 GROUND_PX, CONTRAST, SMALLEST_PX = 101, 40, 200.0
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 from gcs.snapshot import Snapshot
 
 SECOND_US = 1_000_000

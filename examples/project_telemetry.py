@@ -10,12 +10,12 @@ from pathlib import Path
 
 import cv2
 
-from gcs.analysis import Analysis
-from gcs.picture import mount_of
-from gcs.session import open_session
-from gcs.sessionlog import SessionLog
-from mavlink.fleet import Fleet
-from vision.camera import camera_pose, project
+from gcs.fold.snapshot_rows import mount_of
+from gcs.playback.analysis import Analysis
+from gcs.session.log import SessionLog
+from gcs.session.session import open_session
+from mavlink.fleet.fleet import Fleet
+from vision.camera.camera import camera_pose, project
 
 YELLOW, CROSS_PX = (0, 255, 255), 24
 

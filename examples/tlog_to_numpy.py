@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-from mavlink.tlog import Tlog
+from mavlink.tlog.log import Tlog
 
 GLOBAL_POSITION_INT = 33
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from sim.errors import PlayError
-from sim.hostile import LIES, Cast, Part
-from sim.hostile_traffic import Traffic, traffic
+from sim.faults.fault_traffic import Traffic, traffic
+from sim.faults.fleet_faults import LIES, Cast, Part
 
 __all__ = ["Sent", "cast_of", "main", "read_keys", "send", "system_ids"]
 

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.broadcast import VideoSender
 from sim.errors import PlayError
-from sim.scenario import UAV_ID, Scenario
-from sim.speaker import TALK_FROM_S, Spoken, speak
-from sim.world import World
+from sim.render.broadcast import VideoSender
+from sim.telemetry.vehicle_telemetry import TALK_FROM_S, Spoken, speak
+from sim.world.scenario import UAV_ID, Scenario
+from sim.world.world import World
 
 __all__ = ["Played", "play"]
 

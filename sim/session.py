@@ -10,12 +10,12 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from sim.detections import DetectorModel, truth_rows
 from sim.errors import SessionError
-from sim.scenario import UAV_ID, Scenario
-from sim.scenario_file import save_scenario
-from sim.speaker import speak
-from sim.world import World, random_stream
+from sim.telemetry.detections import DetectorModel, truth_rows
+from sim.telemetry.vehicle_telemetry import speak
+from sim.world.scenario import UAV_ID, Scenario
+from sim.world.scenario_file import save_scenario
+from sim.world.world import World, random_stream
 
 __all__ = ["frame_times", "session_toml", "write_session"]
 
@@ -55,7 +55,7 @@ def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> W
     _write_tlog(folder / "telemetry.tlog", world)
     if video:
         # the renderer and the encoder are loaded only by those who need them
-        from sim.film import write_video
+        from sim.render.film import write_video
 
         _write_visible_truth(folder / "truth.csv", world, t)
         write_video(world, t, folder / "video.mp4")

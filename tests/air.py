@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mavlink.fleet import Fleet
-from mavlink.pack import ARDUPILOT, COPTER, ROVER, Speaker
-from mavlink.packet import Auth, Packet
+from mavlink.fleet.fleet import Fleet
+from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER, Speaker
+from mavlink.protocol.packet import Auth, Packet
 from tests.mavlink_flight import FIELD, T0, S
 
 UAV, UGV = 1, 11

@@ -6,7 +6,7 @@ import time
 from types import SimpleNamespace
 
 from gcs.command import CommandDesk, Place, Rules
-from mavlink.outgoing import Outgoing
+from mavlink.transmit.transmitter import Outgoing
 from tests.fake_autopilot import Socket, rover
 
 UAV, UGV, OTHER = 1, 3, 4

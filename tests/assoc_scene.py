@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assoc.identifier import CameraState, Sighting, VehicleReports
+from assoc.identification.identifier import CameraState, Sighting, VehicleReports
 
 T0_US = 1_700_000_000_000_000
 FOCAL_PX = 1200.0

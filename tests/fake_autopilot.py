@@ -10,8 +10,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.pack import COPTER, ROVER, Speaker
-from mavlink.packet import Packet
+from mavlink.protocol.encoder import COPTER, ROVER, Speaker
+from mavlink.protocol.packet import Packet
 
 MOST_S = 60.0
 

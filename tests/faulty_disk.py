@@ -5,7 +5,7 @@ import os
 import shutil
 import threading
 
-from mavlink.disk import Disk
+from infra.files.disk import Disk
 
 
 class FaultyDisk(Disk):

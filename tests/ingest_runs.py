@@ -3,9 +3,9 @@
 import socket
 import time
 
-from mavlink.pack import Speaker
-from mavlink.segments import segments
-from mavlink.tlog import Tlog
+from infra.files.segments import segments
+from mavlink.protocol.encoder import Speaker
+from mavlink.tlog.log import Tlog
 
 HOST = "127.0.0.1"
 PIECE = 200

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from mavlink.fleet import Fleet
+from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
-from mavlink.pack import COPTER, ROVER, Speaker
-from mavlink.packet import Packet
+from mavlink.protocol.encoder import COPTER, ROVER, Speaker
+from mavlink.protocol.packet import Packet
 
 T0 = 1_790_000_000_000_000
 S = 1_000_000

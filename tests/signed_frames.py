@@ -4,10 +4,10 @@ import hashlib
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.keys import Key, KeyRing
-from mavlink.packet import Packet
-from mavlink.signing import Verifier
-from mavlink.signing_streams import ticks_of
+from mavlink.protocol.packet import Packet
+from mavlink.signing.keys import Key, KeyRing
+from mavlink.signing.streams import ticks_of
+from mavlink.signing.verifier import Verifier
 
 T0 = 1_790_000_000_000_000
 NOW = ticks_of(T0)

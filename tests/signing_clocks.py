@@ -11,7 +11,7 @@ start and whenever it is stored; in the first ones never, and what is stored is 
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.packet import Packet
+from mavlink.protocol.packet import Packet
 from tests.signed_frames import Sender
 
 S = 1_000_000

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.pack import Speaker
-from mavlink.packet import Auth, Packet
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
 
 UAV, UGV = Speaker(1), Speaker(7)
 PARSER = dialect.MAVLink(None)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from assoc.belief import conflict, fuse, masses, min_max_norm, row_norm
+from assoc.methods.belief import conflict, fuse, masses, min_max_norm, row_norm
 
 shapes = st.tuples(st.integers(1, 6), st.integers(1, 6))
 costs = shapes.flatmap(lambda s: arrays(np.float64, s, elements=st.floats(0, 1e6)))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assoc import blocks as module
-from assoc.blocks import make_blocks
-from assoc.ground import THETA, GroundTracks
-from assoc.motion import Samples
+from assoc.evidence import blocks as module
+from assoc.evidence.blocks import make_blocks
+from assoc.evidence.motion import Samples
+from assoc.geometry.ground import THETA, GroundTracks
 
 
 def scene(n, seconds=6.0, seed=3):

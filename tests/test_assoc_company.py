@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assoc.company import Company
+from assoc.tracks.co_visibility import Company
 
 COLUMNS = np.arange(3)
 FAR = np.array([(0.0, 0.0), (5.0, 0.0), (10.0, 0.0)])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assoc.identifier import Identifier
+from assoc.identification.identifier import Identifier
 from tests.assoc_scene import Fleet, camera
 
 IDS = (11, 12, 13, 14)

@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from assoc.ground import EAST, HEIGHT, NORTH, OFFSET, PITCH, ROLL, THETA, YAW, ground_now, ground_tracks, off_axis
+from assoc.geometry.ground import (
+    EAST,
+    HEIGHT,
+    NORTH,
+    OFFSET,
+    PITCH,
+    ROLL,
+    THETA,
+    YAW,
+    ground_now,
+    ground_tracks,
+    off_axis,
+)
 from assoc.history import TrackHistory
 from tests.assoc_scene import Fleet, camera
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from assoc.errors import ShapeError
-from assoc.identifier import Identifier, IdentifierParams, Sighting, VehicleReports
+from assoc.identification.identifier import Identifier, IdentifierParams, Sighting, VehicleReports
 from tests.assoc_scene import T0_US, Fleet, camera, play
 
 IDS = (11, 12, 13, 14)

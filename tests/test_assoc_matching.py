@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from assoc.matching import best_assignment, exact_marginals, loopy_marginals, marginals
+from assoc.hypotheses.marginals import best_assignment, exact_marginals, loopy_marginals, marginals
 
 scores = st.tuples(st.integers(1, 4), st.integers(1, 4)).flatmap(
     lambda s: arrays(np.float64, s, elements=st.floats(-6, 6).map(lambda v: round(v, 3)))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assoc.motion import WHITE_STD_M, ReportLog
+from assoc.evidence.motion import WHITE_STD_M, ReportLog
 from assoc.records import VehicleReports
 
 

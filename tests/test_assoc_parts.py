@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assoc.matching import best_assignment, exact_marginals, loopy_marginals, marginals
-from assoc.parts import least_losses, separate
+from assoc.hypotheses.decomposition import least_losses, separate
+from assoc.hypotheses.marginals import best_assignment, exact_marginals, loopy_marginals, marginals
 
 
 def totals(score):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assoc.errors import AssocError, DegenerateError, ShapeError
-from assoc.projection import associate_by_projection, reprojection_errors
+from assoc.methods.projection import associate_by_projection, reprojection_errors
 
 
 def hypotheses(n_rl, n_im):

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assoc import assignments
-from assoc.assignments import block_shape, orders, vehicle_sets
-from assoc.projection import associate_by_projection
+from assoc.methods import assignments
+from assoc.methods.assignments import block_shape, orders, vehicle_sets
+from assoc.methods.projection import associate_by_projection
 from bench.latency import literal
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from assoc.reattach import reattach, reattach_gated
+from assoc.methods.reattach import reattach, reattach_gated
 
 PREDICTED = np.array([[0.0, 0.0], [10.0, 0.0], [20.0, 0.0], [np.nan, np.nan]])
 STD1 = np.ones(4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from assoc.params import IdentifierParams
-from assoc.swap_risk import SwapRisk
+from assoc.tracks.swap_risk import SwapRisk
 
 PARAMS = IdentifierParams()
 CALM = np.log(PARAMS.switch_rate * PARAMS.block_s)

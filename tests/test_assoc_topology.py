@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from assoc.topology import (
+from assoc.methods.topology import (
     associate_by_topology,
     signed_angles,
     signed_topology_cost,

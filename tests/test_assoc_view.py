@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from assoc.ground import HEIGHT, NORTH, PITCH, ROLL, THETA, YAW, ground_now, unturned
+from assoc.geometry.expected_view import chance_in_view
+from assoc.geometry.ground import HEIGHT, NORTH, PITCH, ROLL, THETA, YAW, ground_now, unturned
 from assoc.records import CameraState
-from assoc.view import chance_in_view
 from tests.assoc_scene import camera
 
 HALF = (0.8, 0.45)

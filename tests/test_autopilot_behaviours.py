@@ -13,17 +13,17 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bench.ports import free_port
-from mavlink.decode import decode
-from mavlink.dialect import DEFINITIONS
-from mavlink.fleet import Fleet
-from mavlink.frame import Framer, checksum, split
-from mavlink.keys import Key, KeyRing
-from mavlink.link import open_link
-from mavlink.pack import COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.rate_requests import interval_answer
-from mavlink.signing import Verifier
-from mavlink.signing_streams import ticks_of
+from mavlink.fleet.fleet import Fleet
+from mavlink.links.base import open_link
+from mavlink.protocol.decode import decode
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.framing import Framer, checksum, split
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.signing.keys import Key, KeyRing
+from mavlink.signing.streams import ticks_of
+from mavlink.signing.verifier import Verifier
+from mavlink.transmit.rate_requests import interval_answer
 from tests.mavlink_flight import FIELD, T0, S
 
 COPTER_ID, ROVER_ID = 1, 2

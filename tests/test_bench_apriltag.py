@@ -14,11 +14,11 @@ from bench.apriltag.flight import CAMERAS, DIAGONAL_DEG, SIDES_M, camera_of, fil
 from bench.apriltag.suite import cases
 from bench.apriltag.tables import METHODS, report, shares, write_csv
 from bench.apriltag.tags import Tag, read_picture, read_tags, stick_tags, tag_corners
-from sim.boxes import in_picture, true_boxes
-from sim.ground import GroundStyle
-from sim.render import Renderer, Style
-from sim.view import UGV, Bodies, CameraView, project
-from sim.world import World
+from sim.render.ground import GroundStyle
+from sim.render.render import Renderer, Style
+from sim.world.boxes import in_picture, true_boxes
+from sim.world.view import UGV, Bodies, CameraView, project
+from sim.world.world import World
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 

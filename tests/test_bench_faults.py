@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from bench.faults import main, read_faults
-from mavlink.packet import Packet
+from mavlink.protocol.packet import Packet
 from tests.mavlink_flight import T0, S, World
 
 MISSION = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n[[ugv]]\nsystem_id = 12\n"

@@ -15,9 +15,9 @@ from bench.field.suite import Task, play, tasks_of
 from bench.field.summary import Outcome, ece_of, percentile, summarise
 from bench.field.tables import report, write_reliability, write_sessions
 from bench.field.windows import METHODS, by_windows
-from gcs.score import Matched
-from sim.scenario import Attitude, Detector, Flight, Gnss, Ground, Scenario
-from sim.world import World
+from gcs.report.score import Matched
+from sim.world.scenario import Attitude, Detector, Flight, Gnss, Ground, Scenario
+from sim.world.world import World
 
 VERSIONS = [(number, hard) for number in FAMILIES for hard in (False, True)]
 EASY = Scenario(

@@ -6,9 +6,9 @@ from math import isnan
 import numpy as np
 import pytest
 
-from assoc.belief import fuse, masses
-from assoc.projection import associate_by_projection
-from assoc.topology import associate_by_topology, topology_angles, topology_cost
+from assoc.methods.belief import fuse, masses
+from assoc.methods.projection import associate_by_projection
+from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
 from bench.latency import literal
 from bench.latency.measure import Timing, timed
 from bench.latency.scenes import crowd, snap
@@ -22,7 +22,7 @@ from bench.paper.rows import read, write
 from bench.paper.streams import walk
 from bench.paper.tables import percent, pooled, published_at, write_tables
 from bench.paper.windows import windows
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 QUIET = Noise(position_m=0.0, topology=0.0)
 

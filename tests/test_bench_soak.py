@@ -14,10 +14,10 @@ from bench.log_watch import LogWatch
 from bench.process_tree import cost_of, family
 from bench.soak import mission
 from bench.soak_report import Run, report
-from gcs.config import load_mission
-from mavlink.packet import Packet
-from mavlink.tlog import TlogWriter
-from sim.hostile_frames import HEARTBEAT, Voice
+from gcs.mission.mission import load_mission
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.log import TlogWriter
+from sim.faults.fault_frames import HEARTBEAT, Voice
 
 KEY = bytes(range(32))
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

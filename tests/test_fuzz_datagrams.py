@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bench.fuzz.datagrams import Listener, draw_datagram, fuzz_datagrams, wild_frame
 from bench.fuzz.frames import frame_pool
 from bench.fuzz.streams import INPUTS, lost, read_with_ours, read_with_pymavlink
-from mavlink.frame import Framer, split
+from mavlink.protocol.framing import Framer, split
 
 CORPUS = sorted((Path(__file__).parent / "corpus" / "datagram").iterdir())
 KNOWN_V2 = [f for f in frame_pool(carried=False) if f[0] == 0xFD and not f[2] and f[7:10] != b"\x61\xea\0"][:1000]

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bench.fuzz.missions import GOOD, MissionScore, fuzz_missions, read_mission
-from gcs.config import Mission, load_mission, parse_mission
 from gcs.errors import ConfigError
+from gcs.mission.mission import Mission, load_mission, parse_mission
 
 CORPUS = sorted((Path(__file__).parent / "corpus" / "mission").iterdir())
 TABLE = tomllib.loads(GOOD)

@@ -12,9 +12,9 @@ from bench.fuzz.frames import frame_pool
 from bench.fuzz.logs import compare, draw_case, fuzz_logs, run_case
 from bench.fuzz.marked import Truth, marked_log
 from bench.fuzz.report import logs_text, write_section
-from mavlink.tlog import Tlog
-from mavlink.tlog_check import check
-from mavlink.tlog_index import Damage, build_index
+from mavlink.tlog.check import check
+from mavlink.tlog.index import Damage, build_index
+from mavlink.tlog.log import Tlog
 
 CORPUS = sorted((Path(__file__).parent / "corpus" / "tlog").iterdir())
 LOGS = 250

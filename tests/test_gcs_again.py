@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from bench.again.scripted import CAMERA, SECRET, Troubles, fly
-from gcs.analysis import Analysis
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
-from gcs.folds import Folds
-from gcs.pipeline import Pipeline
-from gcs.session import open_session
-from sim.presets import nominal
-from sim.scenario import Ground
+from gcs.fold.pipeline import Pipeline
+from gcs.playback.analysis import Analysis
+from gcs.session.fold_order import Folds
+from gcs.session.session import open_session
+from sim.world.presets import nominal
+from sim.world.scenario import Ground
 
 SCENARIO = replace(nominal(3), ground=Ground(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
 

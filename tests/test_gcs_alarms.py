@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from gcs.alarms import Alarms
-from gcs.findings import counted, findings
-from gcs.quiet import Quiet
+from gcs.health.alarm_rules import counted, findings
+from gcs.health.alarms import Alarms
+from gcs.health.event_throttle import Quiet
+from gcs.health.link_rates import Trends
 from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
-from gcs.trends import Trends
 from tests.fake_station import START_US, make_snapshot
 
 LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)

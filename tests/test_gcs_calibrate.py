@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gcs.cli.app import main
-from gcs.config import load_mission
+from gcs.mission.mission import load_mission
 from tests.board_video import BoardCamera, poses, write_video
-from vision.lens_file import read_lens
+from vision.camera.lens_file import read_lens
 
 SIZE = (640, 360)
 K = np.array([[452.4, 0.0, 327.4], [0.0, 451.0, 174.4], [0.0, 0.0, 1.0]])

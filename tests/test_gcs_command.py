@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.command import ORDERS, Place, Rules
 from gcs.command.answer import Answer
 from gcs.command.orders import orders_about
-from mavlink.packet import Auth, Packet
+from mavlink.protocol.packet import Auth, Packet
 from tests.air_desk import PLACE, UAV, UGV, open_air
 from tests.fake_autopilot import FakeVehicle
 

@@ -9,12 +9,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.command import Place, Rules
 from gcs.command.look import Look
-from gcs.config import Camera, Mission, Vehicle
-from gcs.pipeline import Pipeline
-from mavlink import rates
+from gcs.fold.pipeline import Pipeline
+from gcs.mission.mission import Camera, Mission, Vehicle
 from mavlink.geodesy import quaternion_from_euler
-from mavlink.pack import COPTER, Speaker
-from mavlink.packet import Auth, Packet
+from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.transmit import message_rates as rates
 from tests.air_desk import PLACE, UAV, UGV, open_air
 from tests.fake_copter import FakeCopter
 

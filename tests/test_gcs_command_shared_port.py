@@ -6,11 +6,11 @@ import time
 
 from bench.ports import free_port
 from gcs.command import CommandDesk
-from gcs.config import Mission, Vehicle
-from gcs.live import Flight, FlightPlan
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.mission.mission import Mission, Vehicle
 from mavlink.ingest.ingest import Ingest
-from mavlink.outgoing import Outgoing
-from mavlink.tlog import Tlog
+from mavlink.tlog.log import Tlog
+from mavlink.transmit.transmitter import Outgoing
 from tests.fake_autopilot import FakeVehicle, rover
 from tests.ingest_runs import until
 

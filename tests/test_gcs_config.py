@@ -2,9 +2,9 @@ import tomllib
 
 import pytest
 
-from gcs.config import BUNDLED, load_mission, parse_mission, user_keys
 from gcs.errors import ConfigError
-from gcs.session import mission_table
+from gcs.mission.mission import BUNDLED, load_mission, parse_mission, user_keys
+from gcs.session.session import mission_table
 
 GOOD = """
 [uav]

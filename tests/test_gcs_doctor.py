@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.ports import free_port
-from gcs import machine
 from gcs.cli.app import app
+from gcs.health import machine
 
 
 @pytest.fixture(autouse=True)

@@ -8,15 +8,15 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bench.ports import free_port
-from gcs.config import parse_mission
-from gcs.faults import LASTING, Faults
-from gcs.flight_fold import MOST_WAITING, FlightFold
-from gcs.live import Flight, FlightPlan
-from gcs.pipeline import Pipeline
-from gcs.recorder import Recorder
-from mavlink.packet import Packet
-from mavlink.tlog import Tlog
-from vision.video import Frame
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.frame_loop import MOST_WAITING, FlightFold
+from gcs.fold.pipeline import Pipeline
+from gcs.health.faults import LASTING, Faults
+from gcs.mission.mission import parse_mission
+from gcs.session.recorder import Recorder
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.log import Tlog
+from vision.video.video import Frame
 
 MISSION = parse_mission({"uav": {"system_id": 1}, "ugv": [{"system_id": 11}, {"system_id": 12}]}, "mission")
 
@@ -122,8 +122,8 @@ def test_tracebacks_that_cannot_be_kept_are_no_fault(tmp_path):
 
 def test_a_flight_whose_fold_fails_goes_on_recording_and_says_so(tmp_path, monkeypatch):
     port = free_port()
-    monkeypatch.setattr("gcs.live.FAULT_PAUSE_S", 0.01)
-    monkeypatch.setattr("gcs.live.IDLE_S", 0.01)
+    monkeypatch.setattr("gcs.flight.flight.FAULT_PAUSE_S", 0.01)
+    monkeypatch.setattr("gcs.flight.flight.IDLE_S", 0.01)
     monkeypatch.setattr(Pipeline, "frame", lambda *_, **__: fail("lost its head"))
     flight = Flight(FlightPlan(mission=MISSION, links=(f"udpin:127.0.0.1:{port}",), video="", sessions=tmp_path))
     sent = 0

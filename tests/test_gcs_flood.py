@@ -7,15 +7,15 @@ import tracemalloc
 
 import pytest
 
-from gcs.config import load_mission
-from gcs.identitylog import EventLog
-from gcs.pipeline import Pipeline
-from gcs.quiet import Quiet
+from gcs.fold.pipeline import Pipeline
+from gcs.health.event_throttle import Quiet
+from gcs.mission.mission import load_mission
+from gcs.session.identity_log import EventLog
 from gcs.snapshot import Event
-from mavlink.packet import Packet
-from mavlink.tlog import Tlog, TlogWriter
-from sim.hostile_frames import HEARTBEAT, TEXT, Voice
-from sim.hostile_words import HOSTILE_TEXTS
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.log import Tlog, TlogWriter
+from sim.faults.fault_frames import HEARTBEAT, TEXT, Voice
+from sim.faults.fault_texts import HOSTILE_TEXTS
 from tests.fake_station import START_US, FakeStation
 from tests.tui_pilot import running, screen_text
 

@@ -17,10 +17,10 @@ import pytest
 from bench.ports import free_port
 from gcs.cli.fly import fly
 from gcs.errors import GcsError
-from mavlink.keys import write_key
-from mavlink.packet import Auth
-from mavlink.signing_journal import StreamJournal
-from mavlink.tlog import Tlog
+from mavlink.protocol.packet import Auth
+from mavlink.signing.journal import StreamJournal
+from mavlink.signing.keys import write_key
+from mavlink.tlog.log import Tlog
 from tests.signed_frames import secret_of
 from tests.signing_clocks import ArduPilot, S, Vehicle
 from tests.test_gcs_fly_terminal import Terminal

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bench.ports import free_port
 from gcs.cli.fly import fly
-from mavlink.tlog import Tlog
+from mavlink.tlog.log import Tlog
 from tests.ingest_runs import until
 
 MISSION = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n"

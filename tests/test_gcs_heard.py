@@ -14,15 +14,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gcs.analysis import Analysis
-from gcs.heard import Heard
-from gcs.session import open_session
-from gcs.sessionlog import SessionLog
+from gcs.playback.analysis import Analysis
+from gcs.session.log import SessionLog
+from gcs.session.sender_table import Heard
+from gcs.session.session import open_session
 from mavlink.ingest.last_senders import LastSenders
-from mavlink.link_batch import Batch
-from mavlink.pack import COPTER, Speaker
-from mavlink.packet import Packet
-from mavlink.tlog_writer import TlogWriter
+from mavlink.links.batch import Batch
+from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.writer import TlogWriter
 from tests.ingest_runs import HOST, wait_for
 
 T0 = 1_790_000_000_000_000

@@ -3,14 +3,14 @@ import json
 import numpy as np
 import pytest
 
-from gcs.config import Mission, Vehicle
 from gcs.errors import GcsError, SessionError
 from gcs.export import open_export
-from gcs.identitylog import COLUMNS, EventLog, IdentityLog, read_identity
-from gcs.recorded import recorded
-from gcs.rollcall import RollCall
+from gcs.mission.mission import Mission, Vehicle
+from gcs.report.rollcall import RollCall
+from gcs.session.identity_log import COLUMNS, EventLog, IdentityLog, read_identity
+from gcs.session.identity_replay import recorded
 from gcs.snapshot import Box, Event, Health, Snapshot, VehicleRow
-from vision.video import VideoFile
+from vision.video.video import VideoFile
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
 

@@ -16,11 +16,11 @@ from typer.main import get_command
 
 from gcs.cli.console import explained
 from gcs.cli.keys import SHORT, app
-from mavlink.keys import FLEET, Key, key_path, passphrase_secret, read_ring, write_key
-from mavlink.packet import Auth
-from mavlink.signing import without_secret
-from mavlink.signing_store import StreamStore
-from mavlink.tlog import TlogWriter
+from mavlink.protocol.packet import Auth
+from mavlink.signing.keys import FLEET, Key, key_path, passphrase_secret, read_ring, write_key
+from mavlink.signing.store import StreamStore
+from mavlink.signing.verifier import without_secret
+from mavlink.tlog.log import TlogWriter
 from tests.signed_frames import NOW, T0, Sender, secret_of
 from tests.test_mavlink_keys import shown_anywhere
 

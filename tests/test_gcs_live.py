@@ -16,15 +16,15 @@ import pytest
 from bench.ports import free_port
 from bench.process_tree import family
 from gcs.cli.identify import identify_into
-from gcs.config import DetectorChoice
-from gcs.perception import fingerprints
-from gcs.session import open_session, read_times
-from mavlink.tlog import Tlog
+from gcs.fold.detector_factory import fingerprints
+from gcs.mission.mission import DetectorChoice
+from gcs.session.session import open_session, read_times
+from mavlink.tlog.log import Tlog
 from sim.live import play
-from sim.presets import nominal
-from sim.scenario import Camera
+from sim.world.presets import nominal
+from sim.world.scenario import Camera
 from tests.ingest_runs import until
-from vision.video import VideoFile
+from vision.video.video import VideoFile
 
 SMALL = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
 SCENARIO = replace(nominal(3), camera=SMALL, duration_s=60.0)
@@ -159,7 +159,7 @@ def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path)
     player = threading.Thread(target=field.fly, args=(7.0,))
     player.start()
     try:
-        for module in ("mavlink.ingest", "vision.stream"):
+        for module in ("mavlink.ingest", "vision.stream.stream"):
             assert until(lambda: min(newest_us(field.session)) > 0, 30.0)
             time.sleep(1.5)
             # the one that works is older than its spare

@@ -7,9 +7,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bench.ports import free_port
-from gcs.config import parse_mission
-from gcs.flight_video import AUTO
-from gcs.live import Flight, FlightPlan
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.video import AUTO
+from gcs.mission.mission import parse_mission
 
 MISSION = {"uav": {"system_id": 1}, "ugv": [{"system_id": 11}]}
 RTSP = 0

@@ -5,17 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from gcs.config import Camera, load_mission, parse_mission
 from gcs.errors import ConfigError
-from gcs.optics import Optics
-from gcs.pipeline import Pipeline
-from gcs.session import mission_table
-from mavlink.fleet import CameraReport
+from gcs.fold.optics import Optics
+from gcs.fold.pipeline import Pipeline
+from gcs.mission.mission import Camera, load_mission, parse_mission
+from gcs.session.session import mission_table
+from mavlink.fleet.fleet import CameraReport
 from mavlink.geodesy import LocalFrame
-from mavlink.pack import COPTER, Speaker
-from mavlink.packet import Packet
-from vision.intrinsics import Intrinsics
-from vision.lens_file import lens_text
+from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.packet import Packet
+from vision.camera.intrinsics import Intrinsics
+from vision.camera.lens_file import lens_text
 
 LENS = Intrinsics(
     width=1920, height=1080, fx=1300, fy=1302, cx=950, cy=545, distortion=np.array([-0.1, 0.02, 0.001, 0, 0])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.overlay import (
+from gcs.report.overlay import (
     STANDING_RGB,
     box_bounds,
     box_corners,

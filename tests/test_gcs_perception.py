@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 from tests.front_model import brightest_side, classifier, constant
 from vision.errors import ModelError
 

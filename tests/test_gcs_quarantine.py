@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assoc.identifier import Identities
-from gcs.identitylog import IdentityLog, read_identity
-from gcs.quarantine import quarantined
-from mavlink.fleet import Fleet
+from assoc.identification.identifier import Identities
+from gcs.fold.quarantine import quarantined
+from gcs.session.identity_log import IdentityLog, read_identity
+from mavlink.fleet.fleet import Fleet
 from tests.fake_station import START_US, make_snapshot
 
 IDENTITIES = Identities(

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.config import Mission, Vehicle
 from gcs.errors import SessionError
-from gcs.folds import Fold, Folds
-from gcs.linefile import LineFile
-from gcs.recorder import Recorder
-from gcs.recordwatch import RecordWatch
-from gcs.segmented import read_segments
-from gcs.session import open_session, read_detections, read_times
+from gcs.mission.mission import Mission, Vehicle
+from gcs.session.fold_order import Fold, Folds
+from gcs.session.line_file import LineFile
+from gcs.session.recorder import Recorder
+from gcs.session.recording_events import RecordWatch
+from gcs.session.segmented import read_segments
+from gcs.session.session import open_session, read_detections, read_times
 from gcs.snapshot import Box, Event, Health, Snapshot
-from mavlink.packet import Packet
-from mavlink.record_state import RecordState, overall
-from mavlink.segments import segments
+from infra.files.record_state import RecordState, overall
+from infra.files.segments import segments
+from mavlink.protocol.packet import Packet
 from tests.faulty_disk import FaultyDisk, HangingDisk, delete
 from tests.test_mavlink_tlog_writer import FRAMES, T0, expected, packet, until
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
 TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv", "folds.csv", "unfolded.csv")
@@ -212,7 +212,7 @@ def test_a_recording_that_cannot_begin_leaves_nothing(tmp_path, disk):
 
 
 def test_a_disk_that_hangs_holds_up_neither_the_flight_nor_its_end(tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs.linefile.HANG_S", 1.0)
+    monkeypatch.setattr("gcs.session.line_file.HANG_S", 1.0)
     disk = HangingDisk()
     recorder = Recorder(tmp_path, MISSION, video=True, telemetry=False, disk=disk)
     recorder.snapshot(snapshot(0))

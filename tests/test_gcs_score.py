@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import ScoreError
-from gcs.score import Matched, score, score_files
+from gcs.report.score import Matched, score, score_files
 
 TRUTH = "frame,cx,cy,w,h,angle,system_id\n"
 SAID = "time_us,frame,track_id,system_id,confidence,cx,cy,w,h,angle,heading,lat,lon\n"

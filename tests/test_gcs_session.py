@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import SessionError
-from gcs.session import create_folder, open_session, read_detections, read_times
-from gcs.tables import read_table
+from gcs.session.session import create_folder, open_session, read_detections, read_times
+from gcs.session.tables import read_table
 
 
 def test_a_name_is_never_reused(tmp_path):

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from gcs.config import Mission, Vehicle
-from gcs.recorder import Recorder
-from gcs.session import open_session
-from gcs.sessionfile import SessionFile, recorded_folders, seal
+from gcs.mission.mission import Mission, Vehicle
+from gcs.session.metadata import SessionFile, recorded_folders, seal
+from gcs.session.recorder import Recorder
+from gcs.session.session import open_session
 from tests.test_mavlink_tlog_writer import expected
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"),))
@@ -21,7 +21,7 @@ FLIGHT = """
 import sys, time
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
-from gcs.recorder import Recorder
+from gcs.session.recorder import Recorder
 from tests.test_gcs_sessionfile import MISSION
 from tests.test_mavlink_tlog_writer import packet
 recorder = Recorder(Path(sys.argv[1]), MISSION, video=True)

@@ -4,18 +4,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.analysis import Analysis, discover
-from gcs.clocksteps import Steps
 from gcs.errors import SessionError
-from gcs.segmented import read_segments
-from gcs.session import open_session
-from gcs.sessionlog import SessionLog
-from mavlink.clock_watch import ClockWatch
+from gcs.playback.analysis import Analysis, discover
+from gcs.session.clock_steps import Steps
+from gcs.session.log import SessionLog
+from gcs.session.segmented import read_segments
+from gcs.session.session import open_session
 from mavlink.errors import TlogError
-from mavlink.pack import COPTER, Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.tlog import Tlog
-from mavlink.tlog_writer import TlogWriter
+from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.tlog.clock_watch import ClockWatch
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.writer import TlogWriter
 from tests.test_vision_video import steady
 from tests.test_vision_video import write as clip
 

@@ -6,13 +6,13 @@ import pytest
 
 from gcs.snapshot import Alarm
 from gcs.tui import RollcallApp
-from gcs.tui.alarms import AlarmPane
-from gcs.tui.alert import AlertLine
-from gcs.tui.event_log import EventPane, grouped
-from gcs.tui.fleet import columns_for
-from gcs.tui.identity import IdentityPane
 from gcs.tui.palette import FAINT, level_colour
-from gcs.tui.status import StatusBar
+from gcs.tui.panes.alarms import AlarmPane
+from gcs.tui.panes.banner import AlertLine
+from gcs.tui.panes.event_log import EventPane, grouped
+from gcs.tui.panes.fleet import columns_for
+from gcs.tui.panes.identity import IdentityPane
+from gcs.tui.panes.status import StatusBar
 from tests.fake_station import START_US, FakeStation
 from tests.tui_pilot import SMALL, WIDE, on_screen, polled, running, screen_text, text_of
 

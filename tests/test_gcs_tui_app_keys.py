@@ -3,12 +3,12 @@ from __future__ import annotations
 import pytest
 
 from gcs.snapshot import Event
-from gcs.tui.event_log import EventPane
-from gcs.tui.help import HelpScreen
 from gcs.tui.keys import BINDINGS
-from gcs.tui.map import MapPane
-from gcs.tui.prompts import Ask
-from gcs.tui.timeline import TimelineBar
+from gcs.tui.panes.event_log import EventPane
+from gcs.tui.panes.map import MapPane
+from gcs.tui.panes.timeline import TimelineBar
+from gcs.tui.screens.help import HelpScreen
+from gcs.tui.screens.prompts import Ask
 from tests.fake_station import START_US, STOP_US
 from tests.tui_pilot import SMALL, WIDE, on_screen, polled, running, screen_text, text_of
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 from gcs.errors import FlightError
 from gcs.snapshot import Event
 from gcs.tui import app as app_module
-from gcs.tui.alert import AlertLine
-from gcs.tui.arrange import PANES
-from gcs.tui.event_log import EventPane
-from gcs.tui.map import MapPane
-from gcs.tui.prompts import Ask
-from gcs.tui.timeline import TimelineBar
+from gcs.tui.draw.pane_layout import PANES
+from gcs.tui.panes.banner import AlertLine
+from gcs.tui.panes.event_log import EventPane
+from gcs.tui.panes.map import MapPane
+from gcs.tui.panes.timeline import TimelineBar
+from gcs.tui.screens.prompts import Ask
 from tests.fake_station import START_US, FakeStation, make_snapshot
 from tests.tui_pilot import WIDE, on_screen, polled, running, screen_text, text_of
 

@@ -7,10 +7,10 @@ from contextlib import asynccontextmanager
 import pytest
 
 from gcs.tui import RollcallApp
-from gcs.tui.alarms import ALARM_KEYS
-from gcs.tui.command import OrderList
 from gcs.tui.keys import BINDINGS
-from gcs.tui.prompts import Confirm
+from gcs.tui.panes.alarms import ALARM_KEYS
+from gcs.tui.screens.command import OrderList
+from gcs.tui.screens.prompts import Confirm
 from tests.fake_station import HOSTILE, FakeStation
 from tests.tui_pilot import SMALL, screen_text
 

@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 
 from gcs.tui import RollcallApp
-from gcs.tui.prompts import Confirm
+from gcs.tui.screens.prompts import Confirm
 from tests.fake_station import FakeStation
 from tests.tui_pilot import SMALL, screen_text
 

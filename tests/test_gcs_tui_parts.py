@@ -10,17 +10,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gcs.tui import playback
-from gcs.tui.arrange import PANES, Wish, arranged
-from gcs.tui.cells import Cells, pack
-from gcs.tui.chart import chart_cells
-from gcs.tui.dots import Dots
-from gcs.tui.fleet import columns_for
-from gcs.tui.halfblock import fit, shrink
-from gcs.tui.saving import save_new
-from gcs.tui.scene import box_at, picture_cells
-from gcs.tui.strips import bar, fitted, line
-from gcs.tui.view import points_of, scale_bar, step_scale, view_of
-from gcs.tui.wording import age, bytes_text, clock, degrees, duration, metres, plain, position
+from gcs.tui.draw.braille import Dots
+from gcs.tui.draw.cell_grid import Cells, pack
+from gcs.tui.draw.format import age, bytes_text, clock, degrees, duration, metres, plain, position
+from gcs.tui.draw.ground_view import points_of, scale_bar, step_scale, view_of
+from gcs.tui.draw.halfblock import fit, shrink
+from gcs.tui.draw.map_canvas import chart_cells
+from gcs.tui.draw.pane_layout import PANES, Wish, arranged
+from gcs.tui.draw.strips import bar, fitted, line
+from gcs.tui.draw.video_canvas import box_at, picture_cells
+from gcs.tui.panes.fleet import columns_for
+from gcs.tui.screens.saving import save_new
 from tests.fake_station import START_US, STOP_US, FakeTimeline, make_events, make_snapshot
 
 SNAPSHOT = make_snapshot()

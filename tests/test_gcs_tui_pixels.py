@@ -17,7 +17,7 @@ from textual.widgets import Static
 
 from gcs.tui import RollcallApp
 from gcs.tui import app as app_module
-from gcs.tui.pixels import Pixels, pixel_images
+from gcs.tui.draw.pixels import Pixels, pixel_images
 from tests.fake_station import FakeStation
 
 

@@ -11,17 +11,17 @@ import tomllib
 import pytest
 
 from bench.ports import free_port
-from gcs.config import load_mission
 from gcs.errors import ConfigError
-from gcs.faults import Faults
-from gcs.session import create_folder, open_session
-from gcs.sessionfile import SessionFile, seal
+from gcs.health.faults import Faults
+from gcs.mission.mission import load_mission
+from gcs.session.metadata import SessionFile, seal
+from gcs.session.session import create_folder, open_session
+from infra.files.restorable_file import KeptFile
+from infra.files.safe_open import create, is_shared, open_to_append, read_small
 from mavlink.errors import TlogError
-from mavlink.files import create, is_shared, open_to_append, read_small
-from mavlink.tlog import Tlog
+from mavlink.tlog.log import Tlog
 from tests.test_gcs_sessionfile import MISSION
 from tests.test_mavlink_tlog_writer import expected
-from vision.kept_file import KeptFile
 
 MISSION_TOML = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n"
 INTERRUPTED = MISSION_TOML + "[session]\nformat = 1\nstarted = 2026-11-20T10:33:12Z\n"

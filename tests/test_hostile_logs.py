@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mavlink import tlog_check, tlog_hint, tlog_scan
-from mavlink.tlog import Tlog
-from mavlink.tlog_check import check
-from mavlink.tlog_hint import sent_as_text
-from mavlink.tlog_index import build_index
-from mavlink.tlog_info import info
-from mavlink.tlog_scan import Frames, find_frames
+from mavlink.tlog import check as tlog_check
+from mavlink.tlog import file_type as tlog_hint
+from mavlink.tlog import scan as tlog_scan
+from mavlink.tlog.check import check
+from mavlink.tlog.file_type import sent_as_text
+from mavlink.tlog.index import build_index
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.scan import Frames, find_frames
+from mavlink.tlog.summary import info
 
 SWARM = Path(__file__).parents[1] / "sitl_logs" / "ardupilot-swarm" / "telemetry.tlog"
 SWARM_INDEX = build_index(np.frombuffer(SWARM.read_bytes(), dtype=np.uint8))
@@ -127,7 +129,7 @@ def test_line_ends_are_compared_across_windows(monkeypatch):
 
 
 def test_thousands_of_frames_over_each_other_are_untangled_in_time():
-    from mavlink.tlog_index import _untangle
+    from mavlink.tlog.index import _untangle
 
     count = 20_000
     offset = np.arange(count, dtype=np.int64) * 10

@@ -7,21 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.analysis import Analysis
-from gcs.pipeline import MOST_BOXES, Pipeline
-from gcs.session import open_session
+from gcs.fold.pipeline import MOST_BOXES, Pipeline
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 from tests.front_model import classifier
 from tests.onnx_bytes import FLOAT, UINT8, model
 from tests.test_vision_yolo_detector import ANCHORS, ANY, NAMES, picture, raw, suppressed, yolo
-from vision import yolo_layout
-from vision.boxes import prob_iou
-from vision.decode_yolo import MOST_CANDIDATES
-from vision.detections import Detections
-from vision.detector import open_detector
+from vision.detect import yolo_layout
+from vision.detect.boxes import prob_iou
+from vision.detect.decode_yolo import MOST_CANDIDATES
+from vision.detect.detections import Detections
+from vision.detect.detector import open_detector
+from vision.detect.front import open_front_classifier
+from vision.detect.tiles import MOST_COMPARED, look_at_tiles, tile_grid
+from vision.detect.yolo_nms import fast_nms
 from vision.errors import ModelError
-from vision.front import open_front_classifier
-from vision.tiles import MOST_COMPARED, look_at_tiles, tile_grid
-from vision.yolo_nms import fast_nms
 
 SWARM = Path(__file__).parents[1] / "sitl_logs" / "ardupilot-swarm"
 SIZES = {

@@ -7,21 +7,21 @@ import av
 import numpy as np
 import pytest
 
-from gcs.analysis import BARE_PAUSE_US, Analysis
 from gcs.cli.score import score_lines
-from gcs.clocksteps import MOST_STEPS, Steps
-from gcs.config import load_mission
 from gcs.errors import ConfigError, SessionError
-from gcs.identitylog import read_identity
-from gcs.recorded import recorded
-from gcs.score import score_files
-from gcs.session import MOST_MISSING, open_session, read_detections, read_times
-from gcs.tables import MOST_BOXES, read_table
+from gcs.mission.mission import load_mission
+from gcs.playback.analysis import BARE_PAUSE_US, Analysis
+from gcs.report.score import score_files
+from gcs.session.clock_steps import MOST_STEPS, Steps
+from gcs.session.identity_log import read_identity
+from gcs.session.identity_replay import recorded
+from gcs.session.session import MOST_MISSING, open_session, read_detections, read_times
+from gcs.session.tables import MOST_BOXES, read_table
 from tests.test_gcs_cli import gcs, session_without
 from tests.test_gcs_sessionfile import MISSION
 from tests.test_mavlink_tlog_writer import packet
 from vision.errors import VideoError
-from vision.video import VideoFile
+from vision.video.video import VideoFile
 
 T0 = 1_795_171_704_000_000
 ROWS = {

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import checksum
-from mavlink.pack import Speaker
-from mavlink.tlog import Tlog
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import checksum
+from mavlink.tlog.log import Tlog
 
 SWARM = Path("sitl_logs/ardupilot-swarm")
 WHO, UAV, FRAMES, BEGIN_S, END_S = 3, 1, 280, 25.0, 33.0

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import checksum
-from mavlink.tlog import Tlog
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.framing import checksum
+from mavlink.tlog.log import Tlog
 
 SWARM = Path("sitl_logs/ardupilot-swarm")
 FRAMES, SETTLED = 190, 140

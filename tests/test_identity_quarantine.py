@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs.analysis import Analysis
-from gcs.identitylog import IdentityLog
-from gcs.session import open_session
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import checksum
-from mavlink.tlog import Tlog
+from gcs.playback.analysis import Analysis
+from gcs.session.identity_log import IdentityLog
+from gcs.session.session import open_session
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.framing import checksum
+from mavlink.tlog.log import Tlog
 
 SWARM = Path("sitl_logs/ardupilot-swarm")
 S = 1_000_000

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs.analysis import Analysis
-from gcs.identitylog import IdentityLog
-from gcs.score import score_files
-from gcs.session import open_session
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import checksum
-from mavlink.tlog import Tlog
-from sim.presets import nominal
+from gcs.playback.analysis import Analysis
+from gcs.report.score import score_files
+from gcs.session.identity_log import IdentityLog
+from gcs.session.session import open_session
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.framing import checksum
+from mavlink.tlog.log import Tlog
 from sim.session import write_session
+from sim.world.presets import nominal
 
 SWARM = Path("sitl_logs/ardupilot-swarm")
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavlink import append
-from mavlink.append import AppendFile
-from mavlink.backlog import Backlog
-from mavlink.segments import segment_path, segments
+from infra.files import append
+from infra.files.append import AppendFile
+from infra.files.segments import segment_path, segments
+from infra.files.write_buffer import Backlog
 from tests.faulty_disk import FaultyDisk
 from tests.test_mavlink_tlog_writer import until
 

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.camera_report import NARROWEST, WIDEST
-from mavlink.decode import CameraSettings, decode
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
+from mavlink.estimation.camera_report import NARROWEST, WIDEST
+from mavlink.protocol.decode import CameraSettings, decode
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
 from tests.mavlink_flight import FIELD, T0, World
 
 NOBODY = [math.nan] * 4

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
+from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import quaternion_from_euler, rotation_from_euler
-from mavlink.gimbal import yaw_frame
-from mavlink.pack import Speaker
+from mavlink.protocol.encoder import Speaker
 from tests.mavlink_flight import FIELD, T0, S, World
 
 NOSE = 0.5  # yaw of the copter in World.run

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mavlink.clock import ClockParams, VehicleClock
+from mavlink.estimation.clock import ClockParams, VehicleClock
 
 T0 = 1_790_000_000_000_000
 S = 1_000_000

@@ -5,11 +5,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.decode import clean_text, decode
-from mavlink.frame import split
-from mavlink.pack import GCS, NO_AUTOPILOT, ROVER, Speaker
-from mavlink.packet import Packet
-from mavlink.samples import (
+from mavlink.protocol.decode import clean_text, decode
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.framing import split
+from mavlink.protocol.messages import (
     Attitude,
     CameraFov,
     CameraInformation,
@@ -24,6 +23,7 @@ from mavlink.samples import (
     TimeSync,
     VideoStreamInformation,
 )
+from mavlink.protocol.packet import Packet
 
 UAV = Speaker(1)
 

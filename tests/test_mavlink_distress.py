@@ -5,7 +5,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.pack import ROVER
+from mavlink.protocol.encoder import ROVER
 from tests.mavlink_flight import FIELD, T0, World
 
 GPS, AHRS = 1 << 5, 1 << 21

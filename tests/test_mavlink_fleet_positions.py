@@ -4,8 +4,8 @@ import time
 import numpy as np
 import pytest
 
-from mavlink.fleet import Fleet
-from mavlink.pack import Speaker
+from mavlink.fleet.fleet import Fleet
+from mavlink.protocol.encoder import Speaker
 from tests.mavlink_flight import FIELD, SPEED, T0, S, World
 
 

@@ -1,8 +1,8 @@
 import pytest
 
-from mavlink.modes import fix_name, is_aircraft, is_ground_vehicle, is_vehicle, kind_name, mode_name
-from mavlink.pack import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
-from mavlink.sequence import SequenceLoss
+from mavlink.protocol.encoder import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.modes import fix_name, is_aircraft, is_ground_vehicle, is_vehicle, kind_name, mode_name
+from mavlink.reception.sequence import SequenceLoss
 from tests.mavlink_flight import FIELD, T0, S, World
 
 

@@ -11,11 +11,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bench.ports import free_port
 from mavlink.errors import LinkError
-from mavlink.forward import Forwarder
-from mavlink.frame import Framer, checksum
-from mavlink.pack import GCS, NO_AUTOPILOT, Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.target import EVERYBODY, target_of
+from mavlink.forwarding.forward import Forwarder
+from mavlink.protocol.addressing import EVERYBODY, target_of
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, Speaker
+from mavlink.protocol.framing import Framer, checksum
+from mavlink.protocol.packet import Auth, Packet
 
 UAV, ROVER = Speaker(1), Speaker(7)
 

@@ -9,15 +9,15 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bench.ports import free_port
-from gcs.config import Mission, Vehicle
-from gcs.live import Flight, FlightPlan
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.mission.mission import Mission, Vehicle
 from mavlink.errors import LinkError
-from mavlink.forward import Forwarder, parse_output
+from mavlink.forwarding.forward import Forwarder, parse_output
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.plan import Outputs
-from mavlink.pack import GCS, NO_AUTOPILOT, ROVER, Speaker
-from mavlink.packet import Packet
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.packet import Packet
 from tests.ingest_runs import HOST, recorded, until, wait_for
 
 UAV, ROVER_ID, OTHER = 1, 11, 12

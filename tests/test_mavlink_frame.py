@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.dialect import DEFINITIONS, message_name
-from mavlink.frame import FrameCounts, Framer, checksum, split
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
+from mavlink.protocol.dialect import DEFINITIONS, message_name
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import FrameCounts, Framer, checksum, split
+from mavlink.protocol.packet import Packet
 
 
 def some_frames(count=200, *, version=2, key=None, system_id=7):

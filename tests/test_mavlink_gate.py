@@ -2,9 +2,16 @@ import math
 
 import pytest
 
-from mavlink.gate import GateParams, altitude_known, course_gap, nonsense, position_std, too_far
-from mavlink.positions import Fix, Positions
-from mavlink.samples import GlobalPosition, GpsRaw
+from mavlink.estimation.position_validation import (
+    GateParams,
+    altitude_known,
+    course_gap,
+    nonsense,
+    position_std,
+    too_far,
+)
+from mavlink.estimation.positions import Fix, Positions
+from mavlink.protocol.messages import GlobalPosition, GpsRaw
 
 NAN = math.nan
 PARAMS = GateParams()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.fleet import Fleet
-from mavlink.pack import COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
-from mavlink.packet import Auth, Packet
+from mavlink.fleet.fleet import Fleet
+from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.packet import Auth, Packet
 from tests.air import UAV, UGV, Air, Sender
 from tests.mavlink_flight import FIELD, T0, S
 

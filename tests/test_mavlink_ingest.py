@@ -9,12 +9,12 @@ import pytest
 
 from bench.ports import free_port
 from mavlink.errors import LinkError, TlogError
-from mavlink.frame import checksum
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
-from mavlink.keys import SigningError, write_key
-from mavlink.pack import Speaker
-from mavlink.packet import Auth
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import checksum
+from mavlink.protocol.packet import Auth
+from mavlink.signing.keys import SigningError, write_key
 from tests.ingest_runs import HOST, is_free, recorded, some_frames, until, wait_for
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")

@@ -8,11 +8,11 @@ import time
 
 import pytest
 
-from mavlink.journal import Journal, make_journal
-from mavlink.pack import Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.segments import segments
-from mavlink.tlog_writer import TlogWriter
+from infra.files.journal import Journal, make_journal
+from infra.files.segments import segments
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.tlog.writer import TlogWriter
 from tests.faulty_disk import FaultyDisk, HangingDisk
 from tests.ingest_runs import bearable, recorded, some_frames, steady, until, wait_for
 
@@ -21,9 +21,9 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to 
 T0 = 1_790_000_000_000_000
 STUCK = """
 import os, time
-from mavlink import scribe
-from mavlink.disk import Disk
-scribe.HANG_S = 0.3
+from infra.files import journal_writer
+from infra.files.disk import Disk
+journal_writer.HANG_S = 0.3
 write, flag = Disk.write, os.environ["STUCK_DISK"]
 def stuck(self, fd, data):
     done = 0

@@ -5,13 +5,13 @@ import time
 from mavlink.ingest.excess import BURST_S, KEPT_PER_S, Excess
 from mavlink.ingest.health import LinkReport
 from mavlink.ingest.plan import Signing
-from mavlink.keys import Key, write_key
-from mavlink.link_batch import Batch
-from mavlink.link_shares import HOLD_S
-from mavlink.link_tally import LinkCounts
-from mavlink.pack import Speaker
-from mavlink.packet import Auth
-from mavlink.signer import Signer
+from mavlink.links.batch import Batch
+from mavlink.links.counters import LinkCounts
+from mavlink.links.fair_shares import HOLD_S
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth
+from mavlink.signing.keys import Key, write_key
+from mavlink.signing.signer import Signer
 from tests.ingest_runs import HOST, recorded, until, wait_for
 
 FRAMES = {k: Speaker(k).heartbeat() for k in (11, 12)}

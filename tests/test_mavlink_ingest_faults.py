@@ -12,11 +12,11 @@ from collections import Counter
 import pytest
 
 from bench.ports import free_port
+from infra.files.segments import segments
 from mavlink.ingest.lent import BUFFER_BYTES
 from mavlink.ingest.plan import Signing
-from mavlink.keys import write_key
-from mavlink.pack import Speaker
-from mavlink.segments import segments
+from mavlink.protocol.encoder import Speaker
+from mavlink.signing.keys import write_key
 from tests.ingest_runs import HOST, bearable, is_free, recorded, send, some_frames, steady, until, wait_for
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")

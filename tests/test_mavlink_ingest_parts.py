@@ -9,20 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bench.ports import free_port
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import split
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, LinkReport
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.shared import Shared, Word, make_memory
-from mavlink.link_batch import MIXED, is_one_frame, looks_like_one_frame
-from mavlink.link_gate import STRANGERS, Limit
-from mavlink.link_stream import Backoff
-from mavlink.link_tally import LinkCounts
-from mavlink.link_udp import UdpIn
-from mavlink.link_url import parse_url
-from mavlink.pack import Speaker
-from mavlink.packet import Auth
+from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
+from mavlink.links.byte_stream import Backoff
+from mavlink.links.counters import LinkCounts
+from mavlink.links.flood_limiter import STRANGERS, Limit
+from mavlink.links.udp import UdpIn
+from mavlink.links.url import parse_url
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import split
+from mavlink.protocol.packet import Auth
 
 HOST = "127.0.0.1"
 LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
@@ -75,7 +75,7 @@ def test_the_short_check_takes_whole_frames():
 
 @LINUX
 def test_without_the_batch_call_everything_is_the_same(monkeypatch):
-    monkeypatch.setattr("mavlink.link_udp.available", lambda: False)
+    monkeypatch.setattr("mavlink.links.udp.available", lambda: False)
     with udp() as sender:
         port = free_port()
         link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 3)

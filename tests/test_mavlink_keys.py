@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 from rich.traceback import Traceback
 
-from mavlink.keys import FLEET, Key, KeyRing, SigningError, key_path, passphrase_secret, read_ring, write_key
-from mavlink.signer import Signer
-from mavlink.signing import Verifier
-from mavlink.signing_store import StreamStore
+from mavlink.signing.keys import FLEET, Key, KeyRing, SigningError, key_path, passphrase_secret, read_ring, write_key
+from mavlink.signing.signer import Signer
+from mavlink.signing.store import StreamStore
+from mavlink.signing.verifier import Verifier
 from tests.signed_frames import T0, Sender, ring_of, secret_of
 
 SECRET = secret_of("hidden")
@@ -178,13 +178,13 @@ def test_no_traceback_shows_a_key(folder, monkeypatch):
         raise RuntimeError("deep inside")
 
     packet = Sender(7, secret=SECRET).packet()
-    monkeypatch.setattr("mavlink.signing.compare_digest", fail)
+    monkeypatch.setattr("mavlink.signing.verifier.compare_digest", fail)
     with pytest.raises(RuntimeError) as error:
         checker.check(packet)
     text = told(error.value)
     assert "key = Key(" in text
     assert not shown_anywhere(text)
-    monkeypatch.setattr("mavlink.signer.checksum", fail)
+    monkeypatch.setattr("mavlink.signing.signer.checksum", fail)
     with pytest.raises(RuntimeError) as error:
         signer.sign(Sender(7, signs=False).frame(), T0)
     assert not shown_anywhere(told(error.value))

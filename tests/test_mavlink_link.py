@@ -9,9 +9,9 @@ import pytest
 
 from bench.ports import free_port
 from mavlink.errors import LinkError
-from mavlink.link import open_link
-from mavlink.link_url import LinkUrl, parse_url
-from mavlink.pack import Speaker
+from mavlink.links.base import open_link
+from mavlink.links.url import LinkUrl, parse_url
+from mavlink.protocol.encoder import Speaker
 from tests.ingest_runs import HOST, wait_for
 
 

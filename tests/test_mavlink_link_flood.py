@@ -8,11 +8,11 @@ from contextlib import ExitStack
 import pytest
 
 from bench.ports import free_port
-from mavlink.link_gate import TICK_S
-from mavlink.link_shares import HOLD_S, SENDER_BURST_S, SENDER_PER_S
-from mavlink.link_udp import UdpIn
-from mavlink.link_url import parse_url
-from mavlink.pack import Speaker
+from mavlink.links.fair_shares import HOLD_S, SENDER_BURST_S, SENDER_PER_S
+from mavlink.links.flood_limiter import TICK_S
+from mavlink.links.udp import UdpIn
+from mavlink.links.url import parse_url
+from mavlink.protocol.encoder import Speaker
 from tests.ingest_runs import HOST
 from tests.test_mavlink_link_gate import LINUX, udp
 

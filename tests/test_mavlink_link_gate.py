@@ -8,11 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink.link_batch import MIXED
-from mavlink.link_filter import attach, detach, program
-from mavlink.link_gate import STRANGERS, TICK_S, Gate
-from mavlink.link_peers import GONE_US, NUMBERED, PLACES, TRUSTED, WAITING, Peers, key_of
-from mavlink.link_shares import (
+from mavlink.links.batch import MIXED
+from mavlink.links.bpf import attach, detach, program
+from mavlink.links.fair_shares import (
     LIKELY_PER_S,
     OTHER_PER_S,
     READ_PER_S,
@@ -21,7 +19,9 @@ from mavlink.link_shares import (
     Shares,
     fair_level,
 )
-from mavlink.pack import Speaker
+from mavlink.links.flood_limiter import STRANGERS, TICK_S, Gate
+from mavlink.links.peers import GONE_US, NUMBERED, PLACES, TRUSTED, WAITING, Peers, key_of
+from mavlink.protocol.encoder import Speaker
 
 HOST = "127.0.0.1"
 LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")

@@ -9,16 +9,16 @@ from contextlib import contextmanager
 import pytest
 
 from bench.ports import free_port
-from mavlink.dialect import DEFINITIONS
-from mavlink.forward_out import open_output
-from mavlink.frame import Framer, checksum
-from mavlink.link import open_link
-from mavlink.link_batch import Batch
-from mavlink.link_serial import SerialLink
-from mavlink.link_stream import PATIENCE_S, Stream
-from mavlink.link_tally import Tally
-from mavlink.link_url import parse_url
-from mavlink.pack import Speaker
+from mavlink.forwarding.outputs import open_output
+from mavlink.links.base import open_link
+from mavlink.links.batch import Batch
+from mavlink.links.byte_stream import PATIENCE_S, Stream
+from mavlink.links.counters import Tally
+from mavlink.links.serial_port import SerialLink
+from mavlink.links.url import parse_url
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import Framer, checksum
 from tests.ingest_runs import HOST, recorded, until, wait_for
 from tests.test_mavlink_frame import MIXED, some_frames
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-import mavlink.link_owner
-from mavlink.link_owner import owner_of
+import mavlink.links.port_owner
+from mavlink.links.port_owner import owner_of
 
 PORT = 14550
 TABLE = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
@@ -27,7 +27,7 @@ def proc(tmp_path, monkeypatch):
     (tmp_path / "net").mkdir()
     row = f"   1: 0100007F:{PORT:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 77 2 0 0\n"
     (tmp_path / "net" / "udp").write_text(TABLE + row)
-    monkeypatch.setattr(mavlink.link_owner, "_PROC", tmp_path)
+    monkeypatch.setattr(mavlink.links.port_owner, "_PROC", tmp_path)
     return tmp_path
 
 

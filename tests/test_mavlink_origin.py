@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from mavlink.estimation.origin import LOCAL_REACH_M, TOO_FAR
 from mavlink.geodesy import separation_m
-from mavlink.origin import LOCAL_REACH_M, TOO_FAR
 from tests.mavlink_flight import FIELD, SPEED, T0, S, World
 
 FALSE = {

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mavlink.errors import LinkError
-from mavlink.outgoing import Outgoing, only_to_uav
-from mavlink.pack import GCS, NO_AUTOPILOT, Speaker
-from mavlink.packet import Auth
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, Speaker
+from mavlink.protocol.packet import Auth
+from mavlink.transmit.transmitter import Outgoing, only_to_uav
 from tests.spoken import UAV, UGV, message, packet
 
 

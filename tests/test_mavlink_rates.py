@@ -7,12 +7,12 @@ import itertools
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.decode import decode
-from mavlink.heartbeat import Heartbeat, TimeSyncer
-from mavlink.pack import Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.rates import TRIES, UAV_RATES, RateKeeper, uav_rates
-from mavlink.timesync import Exchanges
+from mavlink.estimation.timesync import Exchanges
+from mavlink.protocol.decode import decode
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.transmit.heartbeat import Heartbeat, TimeSyncer
+from mavlink.transmit.message_rates import TRIES, UAV_RATES, RateKeeper, uav_rates
 from tests.spoken import UAV, UGV, message, packet
 
 BEAT = (2, 3, 0, 0, 4, 3)

@@ -6,14 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink import decode
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import FrameCounts, checksum, split
-from mavlink.keys import Key, KeyRing, SigningError
-from mavlink.packet import Auth, Packet
-from mavlink.signer import Signer
-from mavlink.signing import RADIO_STATUS, TELLING, Verifier, without_secret
-from mavlink.signing_streams import AHEAD, BEHIND, MOST_STREAMS, SECOND, Streams
+from mavlink.protocol import decode
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.framing import FrameCounts, checksum, split
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.signing.keys import Key, KeyRing, SigningError
+from mavlink.signing.signer import Signer
+from mavlink.signing.streams import AHEAD, BEHIND, MOST_STREAMS, SECOND, Streams
+from mavlink.signing.verifier import RADIO_STATUS, TELLING, Verifier, without_secret
 from tests.signed_frames import NOW, T0, Sender, Still, ring_of, secret_of, verifier
 
 S = 1_000_000

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from mavlink.packet import Auth
-from mavlink.signing import Verifier
-from mavlink.signing_store import StreamStore
+from mavlink.protocol.packet import Auth
+from mavlink.signing.store import StreamStore
+from mavlink.signing.verifier import Verifier
 from tests.signed_frames import ring_of
 from tests.signing_clocks import ArduPilot, Px4, S, Vehicle
 

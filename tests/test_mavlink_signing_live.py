@@ -13,8 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega
 from bench.ports import free_port
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Signing
-from mavlink.keys import write_key
-from mavlink.signing_streams import ticks_of
+from mavlink.signing.keys import write_key
+from mavlink.signing.streams import ticks_of
 from tests.ingest_runs import in_pieces, until, wait_for
 from tests.signed_frames import Sender, secret_of
 

@@ -8,11 +8,11 @@ import time
 
 import pytest
 
-from mavlink.keys import SigningError, write_key
-from mavlink.packet import Auth, Packet
-from mavlink.signing import Verifier
-from mavlink.signing_store import SLOTS, StreamStore, open_verifier
-from mavlink.signing_streams import AHEAD, MOST_STREAMS, SECOND, Row, Streams, ticks_of
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.signing.keys import SigningError, write_key
+from mavlink.signing.store import SLOTS, StreamStore, open_verifier
+from mavlink.signing.streams import AHEAD, MOST_STREAMS, SECOND, Row, Streams, ticks_of
+from mavlink.signing.verifier import Verifier
 from tests.signed_frames import Sender, ring_of, secret_of
 
 
@@ -154,7 +154,7 @@ def test_a_killed_station_has_saved(tmp_path):
     program = """
 import sys, time
 from pathlib import Path
-from mavlink.signing_store import StreamStore
+from mavlink.signing.store import StreamStore
 store = StreamStore(Path(sys.argv[1]), period_s=0.02)
 for k in range(1, 10**6):
     store.streams.admit(7, 1, 0, k, 0)

@@ -7,10 +7,10 @@ import pytest
 from pymavlink import mavutil
 
 from mavlink.errors import TlogError
-from mavlink.packet import Packet
-from mavlink.tlog import Tlog, TlogWriter
-from mavlink.tlog_columns import message_dtype
-from mavlink.tlog_info import info
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.columns import message_dtype
+from mavlink.tlog.log import Tlog, TlogWriter
+from mavlink.tlog.summary import info
 from tests.tlog_records import PACKETS, STEP_US, T0, index_of, record
 
 SITL_LOGS = sorted((Path(__file__).parent.parent / "sitl_logs").glob("*/telemetry.tlog"))

@@ -6,10 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 from gcs.cli.tlog import app
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
-from mavlink.tlog import Tlog
-from mavlink.tlog_check import check
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.check import check
+from mavlink.tlog.log import Tlog
 
 T0 = 1_790_000_000_000_000
 SECOND = 1_000_000

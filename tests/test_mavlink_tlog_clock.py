@@ -2,10 +2,10 @@ import struct
 
 import pytest
 
-from mavlink.clock_watch import ClockWatch
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
-from mavlink.tlog_writer import TlogWriter
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.clock_watch import ClockWatch
+from mavlink.tlog.writer import TlogWriter
 
 T0 = 1_790_000_000_000_000
 FRAME = Speaker(1).attitude(0, 0.1, 0.2, 0.0)

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.frame import checksum
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import checksum
+from mavlink.protocol.packet import Packet
 from tests.tlog_records import PACKETS, T0, frames_of, index_of, record
 
 

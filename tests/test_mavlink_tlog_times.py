@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mavlink.packet import Packet
+from mavlink.protocol.packet import Packet
 from tests.tlog_records import PACKETS, T0, frames_of, index_of, record
 
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from mavlink.append import AppendFile
+from infra.files.append import AppendFile
+from infra.files.record_state import RecordState, overall
+from infra.files.segments import segments
 from mavlink.errors import TlogError
-from mavlink.pack import Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.record_state import RecordState, overall
-from mavlink.segments import segments
-from mavlink.tlog_writer import TlogWriter
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.tlog.writer import TlogWriter
 from tests.faulty_disk import FaultyDisk, delete
 
 T0 = 1_790_000_000_000_000

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.origin import TOO_FAR
-from mavlink.packet import Packet
+from mavlink.estimation.origin import TOO_FAR
+from mavlink.protocol.packet import Packet
 from tests.mavlink_flight import FIELD, T0, S, World
 
 INT32_MAX, INT32_MIN, INT16_MAX = 2**31 - 1, -(2**31), 2**15 - 1

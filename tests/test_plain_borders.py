@@ -7,16 +7,16 @@ import tomllib
 import numpy as np
 import pytest
 
-from gcs.config import Mission, Vehicle
-from gcs.faults import Faults
-from gcs.heard import Heard
-from gcs.identitylog import event_row
-from gcs.overlay import draw, label_of
-from gcs.rollcall import RollCall
-from gcs.session import mission_table
+from gcs.health.faults import Faults
+from gcs.mission.mission import Mission, Vehicle
+from gcs.report.overlay import draw, label_of
+from gcs.report.rollcall import RollCall
+from gcs.session.identity_log import event_row
+from gcs.session.sender_table import Heard
+from gcs.session.session import mission_table
 from gcs.snapshot import Event
-from mavlink.plain_text import from_cell, plain, to_cell
-from mavlink.tlog_writer import TlogWriter
+from infra.plain_text import from_cell, plain, to_cell
+from mavlink.tlog.writer import TlogWriter
 from tests.fake_station import HOSTILE
 from tests.test_gcs_cli import gcs, session_without
 from tests.test_gcs_identitylog import box, snapshot

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.crops import MAX_BOXES, SIDE, _random_view, crop, labels, write_shard
-from sim.exposure import Exposure
-from sim.footage import as_footage
-from sim.placing import random_bodies
-from sim.randomise import FIRST_KIND, SIZES, VEHICLES, random_cast, random_scene, random_style
-from sim.render import Renderer
-from sim.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground
-from sim.yard import random_yard
+from sim.render.exposure import Exposure
+from sim.render.footage import as_footage
+from sim.render.randomise import FIRST_KIND, SIZES, VEHICLES, random_cast, random_scene, random_style
+from sim.render.render import Renderer
+from sim.render.training_ground import random_yard
+from sim.training.crops import MAX_BOXES, SIDE, _random_view, crop, labels, write_shard
+from sim.training.placing import random_bodies
+from sim.world.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground
 
 
 def camera(height=40.0, size=(640, 360), focal=400.0):

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.dressing import CLEAR_M, dress
-from sim.film import Film
-from sim.presets import curved_road
-from sim.randomise import FIRST_KIND
-from sim.view import OCCLUDER
-from sim.world import World
+from sim.render.film import Film
+from sim.render.randomise import FIRST_KIND
+from sim.render.scenery import CLEAR_M, dress
+from sim.world.presets import curved_road
+from sim.world.view import OCCLUDER
+from sim.world.world import World
 
 BUNDLED = Path(__file__).parents[1] / "sitl_logs"
 

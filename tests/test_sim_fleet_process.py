@@ -11,11 +11,11 @@ from itertools import takewhile
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.fleet import Fleet
-from mavlink.frame import split
-from mavlink.packet import Packet
+from mavlink.fleet.fleet import Fleet
+from mavlink.protocol.framing import split
+from mavlink.protocol.packet import Packet
+from sim.faults.fault_traffic import STRANGER, Traffic, traffic
 from sim.fleet_process import _parser, cast_of, main, read_keys, system_ids
-from sim.hostile_traffic import STRANGER, Traffic, traffic
 
 START_US = 1_795_170_792_000_000
 KEY = bytes(range(32))

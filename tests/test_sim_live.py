@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim import live
 from sim.errors import PlayError
 from sim.live import play
-from sim.presets import curved_road
-from sim.scenario import Camera
-from sim.speaker import Spoken
+from sim.telemetry.vehicle_telemetry import Spoken
+from sim.world.presets import curved_road
+from sim.world.scenario import Camera
 
 CAMERA = Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
 SMALL = dataclasses.replace(curved_road(), camera=CAMERA, occlusions=())

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.bodies import PAINT, Block, Model, crate
-from sim.exposure import Exposure
-from sim.ground import Ground, GroundStyle
-from sim.render import SKY, Renderer, Style, body_outline
-from sim.view import OCCLUDER, STRANGER, UGV, Bodies, CameraView, Road, Scene, project, ray_ground
+from sim.render.exposure import Exposure
+from sim.render.ground import Ground, GroundStyle
+from sim.render.render import SKY, Renderer, Style, body_outline
+from sim.world.bodies import PAINT, Block, Model, crate
+from sim.world.view import OCCLUDER, STRANGER, UGV, Bodies, CameraView, Road, Scene, project, ray_ground
 
 PLAIN = GroundStyle(side_px=1024)
 STILL = Exposure(noise=0.0, vignette=0.0)

@@ -4,9 +4,9 @@ import tomllib
 import pytest
 
 from sim.errors import ScenarioError
-from sim.presets import PRESETS, curved_road, preset
-from sim.scenario import Blackout, Detector, Fault, Gnss, Ground, Occlusion, Scenario
-from sim.scenario_file import load_scenario, save_scenario, scenario_from_dict
+from sim.world.presets import PRESETS, curved_road, preset
+from sim.world.scenario import Blackout, Detector, Fault, Gnss, Ground, Occlusion, Scenario
+from sim.world.scenario_file import load_scenario, save_scenario, scenario_from_dict
 
 
 def full_scenario():

@@ -3,13 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim.boxes import true_boxes
-from sim.detections import DetectorModel, wrapped
-from sim.earth import to_geodetic
-from sim.presets import nominal
-from sim.scenario import Attitude, Blackout, Detector, Fault, Gnss, Ground, Scenario, Targets
-from sim.sensors import Sensors, gauss_markov
-from sim.world import World
+from sim.telemetry.detections import DetectorModel, wrapped
+from sim.telemetry.sensors import Sensors, gauss_markov
+from sim.world.boxes import true_boxes
+from sim.world.earth import to_geodetic
+from sim.world.presets import nominal
+from sim.world.scenario import Attitude, Blackout, Detector, Fault, Gnss, Ground, Scenario, Targets
+from sim.world.world import World
 
 T = np.arange(0.0, 20.0, 0.2)
 

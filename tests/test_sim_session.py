@@ -8,10 +8,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from sim.errors import SessionError
-from sim.presets import curved_road
-from sim.scenario import Blackout, Camera, Timing
-from sim.scenario_file import load_scenario
 from sim.session import frame_times, write_session
+from sim.world.presets import curved_road
+from sim.world.scenario import Blackout, Camera, Timing
+from sim.world.scenario_file import load_scenario
 
 SHORT = dataclasses.replace(
     curved_road(), duration_s=4.0, occlusions=(), blackouts=(Blackout(start_s=0.95, stop_s=1.95),)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim.camera import body_rotation
-from sim.presets import nominal
-from sim.scenario import Attitude, Camera, Fault, Gnss, Timing
-from sim.speaker import speak
-from sim.world import World
+from sim.telemetry.vehicle_telemetry import speak
+from sim.world.camera import body_rotation
+from sim.world.presets import nominal
+from sim.world.scenario import Attitude, Camera, Fault, Gnss, Timing
+from sim.world.world import World
 
 CLEAN = Gnss(white_m=0.0, bias_m=0.0, uav_white_m=0.0, uav_bias_m=0.0)
 ORIGIN = (48.1, 11.6)

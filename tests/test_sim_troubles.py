@@ -3,16 +3,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim.detections import DetectorModel
 from sim.errors import ScenarioError
-from sim.formation import slots
-from sim.merging import merged_boxes
-from sim.presets import nominal
-from sim.scenario import Detector, Fault, Flight, Gnss, Ground, Scenario
-from sim.scenario_file import load_scenario, save_scenario
-from sim.sensors import Sensors
-from sim.view import ray_ground
-from sim.world import World
+from sim.telemetry.detections import DetectorModel
+from sim.telemetry.merging import merged_boxes
+from sim.telemetry.sensors import Sensors
+from sim.world.formation import slots
+from sim.world.presets import nominal
+from sim.world.scenario import Detector, Fault, Flight, Gnss, Ground, Scenario
+from sim.world.scenario_file import load_scenario, save_scenario
+from sim.world.view import ray_ground
+from sim.world.world import World
 
 T = np.arange(0.0, 20.0, 0.2)
 

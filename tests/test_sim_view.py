@@ -5,10 +5,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sim.camera import body_rotation, view_from
-from sim.flight import UavTruth
-from sim.scenario import Attitude, Camera, Scenario
-from sim.view import project, ray_ground
+from sim.world.camera import body_rotation, view_from
+from sim.world.flight import UavTruth
+from sim.world.scenario import Attitude, Camera, Scenario
+from sim.world.view import project, ray_ground
 
 BARREL = (-0.12, 0.03, 0.001, -0.0015, 0.002)
 angles = st.floats(-180.0, 180.0)

@@ -5,12 +5,12 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.boxes import in_picture, true_boxes, visible_share
 from sim.errors import ScenarioError
-from sim.presets import curved_road, nominal
-from sim.scenario import Flight, Ground, Scenario, Targets
-from sim.view import OCCLUDER
-from sim.world import World
+from sim.world.boxes import in_picture, true_boxes, visible_share
+from sim.world.presets import curved_road, nominal
+from sim.world.scenario import Flight, Ground, Scenario, Targets
+from sim.world.view import OCCLUDER
+from sim.world.world import World
 
 CROWD = Targets(still=2, moving=1, persons=2, lookalikes=2, parked_lookalikes=1)
 KINDS = {

@@ -5,14 +5,14 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.front_crops import write_shard
-from vision.detections import Detections
+from sim.training.front_crops import write_shard
+from vision.detect.detections import Detections
+from vision.detect.front import BUNDLED_FRONT
 from vision.errors import ModelError, VideoError
-from vision.front import BUNDLED_FRONT
 from vision.training.fronts.collect import ACROSS, LENGTH, collect_folder, collect_video, detector_of, read_crops
 from vision.training.fronts.quality import quality
 from vision.training.fronts.vehicles import MEAN, STD, Vehicles, crops_of, jittered
-from vision.video import VideoFile
+from vision.video.video import VideoFile
 
 
 def arrows(n=60, shape=(60.0, 30.0), seed=0):

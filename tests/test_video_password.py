@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from bench.ports import free_port
-from gcs.faults import Faults
-from gcs.flight_video import FlightVideo, check_source
-from gcs.recorder import Recorder
-from mavlink.samples import VideoStreamInformation
+from gcs.flight.video import FlightVideo, check_source
+from gcs.health.faults import Faults
+from gcs.session.recorder import Recorder
+from mavlink.protocol.messages import VideoStreamInformation
 from tests.test_gcs_sessionfile import MISSION
 from vision.errors import VideoError
-from vision.stream import VideoStream
-from vision.stream_secrets import conceal_in, concealed, secrets_of
-from vision.stream_source import parse_source
+from vision.stream.secrets import conceal_in, concealed, secrets_of
+from vision.stream.source import parse_source
+from vision.stream.stream import VideoStream
 
 PASSWORD = "hunter2-Zx9"
 MISSION_TOML = """

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.boxes import canonical, corners, hull, nms, prob_iou, rotated_iou, wrap
-from vision.detections import Detections
-from vision.letterbox import Letterbox, letterbox
+from vision.detect.boxes import canonical, corners, hull, nms, prob_iou, rotated_iou, wrap
+from vision.detect.detections import Detections
+from vision.detect.letterbox import Letterbox, letterbox
 
 MODEST = settings(max_examples=60, deadline=None)
 SIDE = st.floats(2.0, 80.0)

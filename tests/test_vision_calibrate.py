@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from tests.board_video import BoardCamera, poses
-from vision.calibrate import PARAMETERS, calibrate, doubts
-from vision.calibrate_views import BLURRED_PX, Board, View, chosen, find_view
+from vision.camera.calibrate import PARAMETERS, calibrate, doubts
+from vision.camera.calibrate_views import BLURRED_PX, Board, View, chosen, find_view
 from vision.errors import CameraError
-from vision.video import Frame
+from vision.video.video import Frame
 
 SIZE = (1280, 720)
 K = np.array([[905.0, 0.0, 655.0], [0.0, 902.0, 349.0], [0.0, 0.0, 1.0]])

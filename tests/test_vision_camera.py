@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.camera import (
+from vision.camera.camera import (
     R_ENU_NED,
     Intrinsics,
     Mount,
@@ -20,8 +20,8 @@ from vision.camera import (
     image_warp,
     project,
 )
+from vision.camera.lens import distort, fold_radius
 from vision.errors import CameraError
-from vision.lens import distort, fold_radius
 
 MODEST = settings(max_examples=40, deadline=None)
 SMALL = st.floats(-0.12, 0.12)

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.camera import Mount, camera_pose, ground, image_warp, project
+from vision.camera.camera import Mount, camera_pose, ground, image_warp, project
+from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized, zoomed
+from vision.camera.lens_file import lens_text, read_lens
 from vision.errors import CameraError
-from vision.intrinsics import Intrinsics, from_field_of_view, resized, zoomed
-from vision.lens_file import lens_text, read_lens
 
 LENS = np.array([-0.21, 0.06, 0.0011, -0.0007, -0.008])
 CAMERA = Intrinsics(width=1920, height=1080, fx=1310.0, fy=1304.0, cx=948.5, cy=551.0, distortion=LENS)

@@ -8,15 +8,15 @@ import sys
 import numpy as np
 import pytest
 
-from sim.boxes import true_boxes
-from sim.ground import GroundStyle
-from sim.render import Renderer, Style
-from sim.view import OCCLUDER, PERSON, STRANGER, UGV, Bodies, CameraView, Road, Scene
+from sim.render.ground import GroundStyle
+from sim.render.render import Renderer, Style
+from sim.world.boxes import true_boxes
+from sim.world.view import OCCLUDER, PERSON, STRANGER, UGV, Bodies, CameraView, Road, Scene
 from tests.onnx_bytes import UINT8, model
-from vision import decode_heatmap
-from vision.boxes import wrap
-from vision.detections import Detections
-from vision.detector import BUNDLED, HeatmapDetector, open_detector
+from vision.detect import decode_heatmap
+from vision.detect.boxes import wrap
+from vision.detect.detections import Detections
+from vision.detect.detector import BUNDLED, HeatmapDetector, open_detector
 from vision.errors import ModelError
 from vision.training.quality import measure
 
@@ -273,7 +273,7 @@ def test_quality_figures():
 def test_importing_says_nothing_to_anybody_and_leaves_nothing_in_the_home_folder(tmp_path):
     environment = {name: value for name, value in os.environ.items() if name != "ORT_DISABLE_TELEMETRY"}
     environment |= {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)}
-    code = "import vision.detector, os; print(os.environ['ORT_DISABLE_TELEMETRY'])"
+    code = "import vision.detect.detector, os; print(os.environ['ORT_DISABLE_TELEMETRY'])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
     assert (done.stdout, done.stderr) == ("1\n", "")
     assert list(tmp_path.iterdir()) == []

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.boxes import corners, rotated_iou
-from vision.detections import Detections
+from vision.detect.boxes import corners, rotated_iou
+from vision.detect.detections import Detections
 from vision.evaluation import Picture, Truth, average_precision, choose, evaluate, match, shard_truth
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, overlap
 from vision.evaluation.report import as_json, as_markdown

@@ -12,8 +12,8 @@ import pytest
 from bench.ports import free_port
 from tests.test_vision_stream_rtp import N, pack
 from tests.video_sender import FPS, PIECE, picture
-from vision.exposure import EARLY_S, LATE_S, Exposures, klv_time_s, sei_time_s, sender_report
-from vision.stream import VideoStream
+from vision.stream.exposure_times import EARLY_S, LATE_S, Exposures, klv_time_s, sei_time_s, sender_report
+from vision.stream.stream import VideoStream
 
 DELAY_S = 0.36
 UNIX_S = 1_795_318_171.737752

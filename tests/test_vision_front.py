@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 import pytest
 
-from sim.boxes import true_boxes
-from sim.ground import GroundStyle
-from sim.render import Renderer, Style
-from sim.view import STRANGER, UGV, Bodies, CameraView, Scene
+from sim.render.ground import GroundStyle
+from sim.render.render import Renderer, Style
+from sim.world.boxes import true_boxes
+from sim.world.view import STRANGER, UGV, Bodies, CameraView, Scene
 from tests.front_model import FLOAT16, brightest_side, classifier
-from vision.boxes import wrap
-from vision.detections import Detections
+from vision.detect.boxes import wrap
+from vision.detect.detections import Detections
+from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
 from vision.errors import ModelError
-from vision.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
 
 SIDE = 16
 GAIN = 6.0

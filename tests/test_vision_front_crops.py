@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.front_crops import rectify
+from vision.detect.front_crops import rectify
 
 
 def pixel_middles(height, width):

@@ -10,8 +10,8 @@ import pytest
 
 from gcs.cli.eval_detector import eval_detector
 from gcs.errors import GcsError
-from vision.boxes import corners, rotated_iou
-from vision.detections import Detections
+from vision.detect.boxes import corners, rotated_iou
+from vision.detect.detections import Detections
 from vision.errors import LabelError
 from vision.evaluation import open_folder
 
@@ -196,7 +196,7 @@ def test_the_command_looks_at_the_resolution_that_labels_tell(tmp_path, monkeypa
             cx, cy, w, h, angle = BOX[:, None]
             return Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=np.array([0.9]), heading=np.array([np.nan]))
 
-    monkeypatch.setattr("vision.detector.open_detector", lambda model, **settings: Knows())
+    monkeypatch.setattr("vision.detect.detector.open_detector", lambda model, **settings: Knows())
     folder = folder_of(tmp_path / "set", DOTA)
     call(folder, out=tmp_path / "out")
     call(folder, gsd=0.5)

@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from vision.detections import Detections
+from vision.detect.detections import Detections
 from vision.errors import ModelError
-from vision.lookahead import look_ahead
-from vision.video import Frame
+from vision.video.prefetch import look_ahead
+from vision.video.video import Frame
 
 
 class Slow:

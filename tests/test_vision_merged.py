@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.tracker_scene import STEP, boxes
-from vision.tracker import Tracker
+from vision.track.tracker import Tracker
 
 
 def in_one_box(places, w=40.0, h=20.0):

@@ -16,11 +16,11 @@ import pytest
 
 from bench.ports import free_port
 from tests.video_sender import FPS, number_of, picture, wait_for
-from vision.arrival import CREEP, ArrivalClock
 from vision.errors import VideoError
-from vision.recording import PictureOrder
-from vision.stream import VideoStream
-from vision.video import VideoFile
+from vision.stream.frame_clock import CREEP, ArrivalClock
+from vision.stream.stream import VideoStream
+from vision.video.recording import PictureOrder
+from vision.video.video import VideoFile
 
 
 def encode(target, n, *, kind=None, pace=False, bframes=0, stop=None, gop=10):
@@ -215,7 +215,7 @@ def test_a_recording_is_never_overwritten(tmp_path):
 def test_after_a_kill_the_recording_plays_to_a_second_before(tmp_path):
     encode(tmp_path / "clip.mp4", 200)
     code = (
-        "import sys, time; from pathlib import Path; from vision.stream import VideoStream\n"
+        "import sys, time; from pathlib import Path; from vision.stream.stream import VideoStream\n"
         "s = VideoStream(sys.argv[1], Path(sys.argv[2]), on_frame=lambda i, t: print(i, flush=True))\n"
         "time.sleep(30)"
     )

@@ -15,10 +15,10 @@ import pytest
 
 from bench.ports import free_port
 from tests.video_sender import FPS, GOP, Sender, coded, number_of, wait_for
-from vision.stream import VideoStream
-from vision.stream_child import WAITING_PATIENCE_S
-from vision.stream_process import Process
-from vision.video import VideoFile
+from vision.stream.process import Process
+from vision.stream.stream import VideoStream
+from vision.stream.stream_worker import WAITING_PATIENCE_S
+from vision.video.video import VideoFile
 
 CLIP = 300
 

@@ -11,7 +11,7 @@ import av
 import numpy as np
 import pytest
 
-from vision.stream_rtp import Depacketizer, guess_codec, parse
+from vision.stream.rtp import Depacketizer, guess_codec, parse
 
 N, GOP = 40, 8
 CODECS = {

@@ -10,11 +10,11 @@ import pytest
 
 from tests.rtsp_server import RtspServer, packed
 from tests.video_sender import GOP, number_of, wait_for
-from vision import stream_input
 from vision.errors import VideoError
-from vision.stream import VideoStream
-from vision.stream_source import parse_source
-from vision.video import VideoFile
+from vision.stream import connection as stream_input
+from vision.stream.source import parse_source
+from vision.stream.stream import VideoStream
+from vision.video.video import VideoFile
 
 CLIP = 600
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from vision.errors import VideoError
-from vision.stream_source import offered, parse_source
+from vision.stream.source import offered, parse_source
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.detections import Detections
-from vision.tiles import look_at_tiles, tile_grid
+from vision.detect.detections import Detections
+from vision.detect.tiles import look_at_tiles, tile_grid
 
 LENGTH = 16
 

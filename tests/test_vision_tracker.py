@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.tracker_scene import STEP, boxes
-from vision import kalman
-from vision.detections import Detections
-from vision.matching import Pairs, assign
-from vision.tracker import Tracker
-from vision.tracks import TrackerParams
+from vision.detect.detections import Detections
+from vision.track import kalman
+from vision.track.matching import Pairs, assign
+from vision.track.tracker import Tracker
+from vision.track.tracks import TrackerParams
 
 MODEST = settings(max_examples=25, deadline=None)
 SEED = st.integers(0, 10_000)
@@ -337,7 +337,7 @@ def test_pairs_that_nobody_disputes_are_those_that_the_assignment_takes(seed):
 
 
 def test_importing_brings_no_screen():
-    code = "import sys, vision.detector, vision.tracker; "
+    code = "import sys, vision.detect.detector, vision.track.tracker; "
     code += "sys.exit(bool({'textual', 'rich', 'pymavlink'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

@@ -10,7 +10,7 @@ from bench.tracker.scene import film
 from bench.tracker.scores import Score
 from bench.tracker.sort import OcSort, Sort
 from bench.tracker_speed import compare, verdict
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 
 def boxes(*centres):

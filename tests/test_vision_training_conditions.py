@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.crops import write_shard
-from vision.detections import Detections
-from vision.detector import BUNDLED
+from sim.training.crops import write_shard
+from vision.detect.detections import Detections
+from vision.detect.detector import BUNDLED
 from vision.training.conditions import Pictures, by_condition, look, read_pictures
 
 
@@ -70,7 +70,7 @@ def test_half_hidden_vehicles_are_told_apart():
 
 
 def test_a_folder_without_pictures_is_told(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"python -m sim\.crops"):
+    with pytest.raises(FileNotFoundError, match=r"python -m sim\.training\.crops"):
         read_pictures(tmp_path)
 
 

@@ -12,10 +12,10 @@ import av
 import numpy as np
 import pytest
 
-from vision import kept_file
+from infra.files import restorable_file as kept_file
 from vision.errors import VideoError
-from vision.recording import Recording
-from vision.video import VideoFile
+from vision.video.recording import Recording
+from vision.video.video import VideoFile
 
 WIDTH, HEIGHT, BITS = 160, 96, 10
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.onnx_bytes import FLOAT, FLOAT16, model
-from vision.detector import YoloDetector, open_detector
+from vision.detect.detector import YoloDetector, open_detector
 from vision.errors import ModelError
 
 NAMES = {"names": "{0: 'plane', 1: 'small vehicle', 2: 'storage tank'}"}

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bench.yolo_parity import compared
-from vision.decode_yolo import Rule, decode_raw
-from vision.letterbox import Letterbox, undo
+from vision.detect.decode_yolo import Rule, decode_raw
+from vision.detect.letterbox import Letterbox, undo
 
 RECORDED = json.loads((Path(__file__).parent / "yolo_boxes.json").read_text())
 

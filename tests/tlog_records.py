@@ -4,9 +4,9 @@ import struct
 
 import numpy as np
 
-from mavlink.pack import Speaker
-from mavlink.packet import Packet
-from mavlink.tlog_index import build_index
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.index import build_index
 
 T0 = 1_790_000_000_123_456
 STEP_US = 10_000

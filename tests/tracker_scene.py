@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 __all__ = ["STEP", "boxes"]
 

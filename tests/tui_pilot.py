@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 
 from gcs.tui import RollcallApp
 from gcs.tui.deck import Deck
-from gcs.tui.pane import Pane
+from gcs.tui.panes.pane import Pane
 from tests.fake_station import FakeStation
 
 SMALL, WIDE = (80, 24), (160, 48)

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from mavlink.fleet import Fleet
-from mavlink.pack import ARDUPILOT, ROVER, Speaker
-from mavlink.packet import Packet
+from mavlink.fleet.fleet import Fleet
+from mavlink.protocol.encoder import ARDUPILOT, ROVER, Speaker
+from mavlink.protocol.packet import Packet
 from tests.mavlink_flight import FIELD, T0, S
 
 UAV, UGV = 1, 11

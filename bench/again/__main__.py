@@ -17,8 +17,8 @@ from pathlib import Path
 
 from bench.again.scripted import Troubles, fly
 from gcs.cli.identify import identify_into
-from gcs.session import open_session
-from sim.presets import nominal
+from gcs.session.session import open_session
+from sim.world.presets import nominal
 
 FLIGHTS = {
     "none": Troubles(),

@@ -19,30 +19,30 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega
 
-from gcs.config import Mission, parse_mission
-from gcs.faults import Faults
-from gcs.flight_fold import FlightFold
-from gcs.flight_notes import key_notes
-from gcs.pipeline import Pipeline
-from gcs.recorder import Recorder
-from mavlink.clock_watch import ClockWatch
-from mavlink.dialect import DEFINITIONS
-from mavlink.frame import checksum
+from gcs.flight.frame_loop import FlightFold
+from gcs.fold.pipeline import Pipeline
+from gcs.health.faults import Faults
+from gcs.mission.mission import Mission, parse_mission
+from gcs.session.flight_notes import key_notes
+from gcs.session.recorder import Recorder
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.ingest.shared import Shared, Word, make_memory
-from mavlink.keys import Key, read_ring, write_key
-from mavlink.link_batch import Batch
-from mavlink.pack import GCS, Speaker
-from mavlink.packet import Packet
-from mavlink.signing_streams import ticks_of
-from mavlink.tlog_writer import TlogWriter
-from sim.detections import DetectorModel
-from sim.scenario import UAV_ID, Camera, Scenario
-from sim.speaker import TALK_FROM_S, speak
-from sim.world import World
-from vision.detections import Detections
-from vision.video import Frame
+from mavlink.links.batch import Batch
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.encoder import GCS, Speaker
+from mavlink.protocol.framing import checksum
+from mavlink.protocol.packet import Packet
+from mavlink.signing.keys import Key, read_ring, write_key
+from mavlink.signing.streams import ticks_of
+from mavlink.tlog.clock_watch import ClockWatch
+from mavlink.tlog.writer import TlogWriter
+from sim.telemetry.detections import DetectorModel
+from sim.telemetry.vehicle_telemetry import TALK_FROM_S, speak
+from sim.world.scenario import UAV_ID, Camera, Scenario
+from sim.world.world import World
+from vision.detect.detections import Detections
+from vision.video.video import Frame
 
 __all__ = ["Troubles", "fly"]
 

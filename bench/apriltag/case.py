@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from bench.apriltag.flight import SIDES_M, scenario_of, tags_of, write_flight
 from bench.apriltag.tags import read_picture, read_tags
 from bench.field.product import identify
-from gcs.tables import Table, read_table
-from sim.scenario import Scenario
-from vision.video import VideoFile
+from gcs.session.tables import Table, read_table
+from sim.world.scenario import Scenario
+from vision.video.video import VideoFile
 
 __all__ = ["SETTLED_S", "Case", "Outcome", "TagCount", "count_tags", "play"]
 

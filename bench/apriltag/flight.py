@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.apriltag.tags import Tag, stick_tags
-from sim.detections import truth_rows
-from sim.exposure import Exposure, expose
-from sim.presets import nominal
-from sim.render import Renderer
-from sim.scenario import Attitude, Camera, Flight, Gnss, Scenario, Targets
+from sim.render.exposure import Exposure, expose
+from sim.render.render import Renderer
 from sim.session import frame_times, write_session
-from sim.view import project
-from sim.world import World
+from sim.telemetry.detections import truth_rows
+from sim.world.presets import nominal
+from sim.world.scenario import Attitude, Camera, Flight, Gnss, Scenario, Targets
+from sim.world.view import project
+from sim.world.world import World
 
 __all__ = ["CAMERAS", "SIDES_M", "camera_of", "filmed", "scenario_of", "tags_of", "write_flight"]
 

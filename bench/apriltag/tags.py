@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.view import Bodies, CameraView, project
+from sim.world.view import Bodies, CameraView, project
 
 __all__ = ["Tag", "read_picture", "read_tags", "stick_tags", "tag_corners"]
 

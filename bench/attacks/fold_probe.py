@@ -11,8 +11,8 @@ import math
 import sys
 from pathlib import Path
 
-from gcs.analysis import Analysis
-from gcs.session import open_session
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 from gcs.snapshot import Snapshot
 
 

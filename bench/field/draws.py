@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.scenario import Attitude, Gnss, Ground, Scenario
+from sim.world.scenario import Attitude, Gnss, Ground, Scenario
 
 __all__ = ["gnss", "road", "session", "signed", "slight"]
 

@@ -15,9 +15,9 @@ from bench.field.families import scenario_of
 from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
-from gcs.score import Matched
-from sim.scenario import FIRST_UGV_ID, Scenario
+from gcs.report.score import Matched
 from sim.session import write_session
+from sim.world.scenario import FIRST_UGV_ID, Scenario
 
 __all__ = ["explain", "spans"]
 

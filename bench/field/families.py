@@ -13,7 +13,7 @@ import numpy as np
 
 from bench.field import hard as harder
 from bench.field import standard
-from sim.scenario import Scenario
+from sim.world.scenario import Scenario
 
 __all__ = ["FAMILIES", "Family", "Split", "Version", "label_of", "scenario_of", "seeds_of"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bench.field.draws import gnss, road, session, signed, slight
-from sim.scenario import Blackout, Camera, Detector, Fault, Flight, Ground, Scenario, Targets, Timing
+from sim.world.scenario import Blackout, Camera, Detector, Fault, Flight, Ground, Scenario, Targets, Timing
 
 __all__ = [
     "attitude", "bad_telemetry", "corr_gnss", "false_positives", "hard_geometry", "in_out", "no_heading", "nominal",

@@ -1,7 +1,8 @@
 """What is counted of one method on one session, so that families can be added up exactly.
 
-The words are those of :mod:`gcs.score`; beyond them: an appearance of a vehicle begins when it is first seen and after
-every two seconds unseen; its time to identity is how long it is seen before a right name that then holds for a second.
+The words are those of :mod:`gcs.report.score`; beyond them: an appearance of a vehicle begins when it is first seen and
+after every two seconds unseen; its time to identity is how long it is seen before a right name that then holds for a
+second.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from bench.field.scene import Scene
 from bench.field.windows import UNANSWERED
-from gcs.score import Matched, score
+from gcs.report.score import Matched, score
 
 __all__ = ["EDGES", "Tally", "delays", "matched_names", "tally"]
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.analysis import Analysis
-from gcs.identitylog import EventLog, IdentityLog, read_identity
-from gcs.score import Matched, match
-from gcs.session import open_session
-from gcs.tables import read_table
+from gcs.playback.analysis import Analysis
+from gcs.report.score import Matched, match
+from gcs.session.identity_log import EventLog, IdentityLog, read_identity
+from gcs.session.session import open_session
+from gcs.session.tables import read_table
 
 __all__ = ["Played", "identify"]
 

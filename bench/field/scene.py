@@ -11,16 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.config import Mission, parse_mission
-from gcs.picture import mount_of
-from mavlink.fleet import Fleet, FleetState
-from mavlink.packet import Packet
-from sim.detections import DetectedRows, DetectorModel
-from sim.scenario import Scenario
+from gcs.fold.snapshot_rows import mount_of
+from gcs.mission.mission import Mission, parse_mission
+from mavlink.fleet.fleet import Fleet, FleetState
+from mavlink.protocol.packet import Packet
 from sim.session import frame_times, session_toml
-from sim.speaker import speak
-from sim.world import World
-from vision.camera import Intrinsics, camera_pose, ground
+from sim.telemetry.detections import DetectedRows, DetectorModel
+from sim.telemetry.vehicle_telemetry import speak
+from sim.world.scenario import Scenario
+from sim.world.world import World
+from vision.camera.camera import Intrinsics, camera_pose, ground
 
 __all__ = ["Look", "Scene", "scene_of"]
 

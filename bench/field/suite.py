@@ -20,8 +20,8 @@ from bench.field.scene import scene_of
 from bench.field.summary import Outcome
 from bench.field.tables import report, write_reliability, write_sessions
 from bench.field.windows import by_windows
-from sim.scenario import FIRST_UGV_ID, Scenario
 from sim.session import write_session
+from sim.world.scenario import FIRST_UGV_ID, Scenario
 
 __all__ = ["Task", "play", "run", "tasks_of"]
 

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from assoc.belief import fuse, masses
 from assoc.errors import AssocError
-from assoc.projection import Projection, associate_by_projection, reprojection_errors
-from assoc.topology import associate_by_topology, topology_angles, topology_cost
-from assoc.tts import associate_by_tts
+from assoc.methods.belief import fuse, masses
+from assoc.methods.projection import Projection, associate_by_projection, reprojection_errors
+from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
+from assoc.methods.tts import associate_by_tts
 from bench.field.scene import Look, Scene
 
 __all__ = ["METHODS", "UNANSWERED", "Method", "by_windows"]

@@ -9,8 +9,8 @@ from bench.fuzz.guided import guided
 
 def make() -> Callable[[bytes], None]:
     from bench.fuzz.datagrams import Listener
-    from mavlink.dialect import DEFINITIONS
-    from mavlink.frame import Framer, checksum, split
+    from mavlink.protocol.dialect import DEFINITIONS
+    from mavlink.protocol.framing import Framer, checksum, split
 
     ids = sorted(DEFINITIONS)
 

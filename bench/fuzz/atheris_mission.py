@@ -24,4 +24,4 @@ def make() -> Callable[[bytes], None]:
 
 
 if __name__ == "__main__":
-    guided(make, ["gcs.config"])
+    guided(make, ["gcs.mission.mission"])

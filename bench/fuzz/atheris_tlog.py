@@ -11,9 +11,9 @@ from bench.fuzz.guided import guided
 def make() -> Callable[[bytes], None]:
     import numpy as np
 
-    from mavlink.tlog import Tlog
-    from mavlink.tlog_check import check
-    from mavlink.tlog_index import build_index
+    from mavlink.tlog.check import check
+    from mavlink.tlog.index import build_index
+    from mavlink.tlog.log import Tlog
 
     def one(data: bytes) -> None:
         if not data:

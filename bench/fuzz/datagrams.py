@@ -11,11 +11,11 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from bench.fuzz.frames import frame_pool
-from mavlink.decode import decode
-from mavlink.dialect import DEFINITIONS
-from mavlink.fleet import Fleet
-from mavlink.frame import checksum, split
-from mavlink.packet import Packet
+from mavlink.fleet.fleet import Fleet
+from mavlink.protocol.decode import decode
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.framing import checksum, split
+from mavlink.protocol.packet import Packet
 
 __all__ = ["BLOCK", "DatagramScore", "Listener", "draw_datagram", "fuzz_datagrams", "wild_frame"]
 

@@ -7,8 +7,8 @@ from functools import cache
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.frame import checksum
-from mavlink.pack import COPTER, Speaker
+from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.framing import checksum
 
 __all__ = ["TUNNEL_ID", "UNKNOWN_EXTRA", "UNKNOWN_ID", "frame_pool", "is_signed", "unknown_frame"]
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from bench.fuzz.damage import DAMAGES, interleaved
 from bench.fuzz.frames import TUNNEL_ID, UNKNOWN_ID, frame_pool, is_signed
 from bench.fuzz.marked import Marked, Truth, marked_log
-from mavlink.packet import Packet
-from mavlink.tlog_index import TlogIndex, build_index
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.index import TlogIndex, build_index
 
 __all__ = ["Case", "Score", "compare", "draw_case", "fuzz_logs", "run_case"]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mavlink.frame import SIGNATURE_LENGTH
-from mavlink.packet import MAGIC_V2
+from mavlink.protocol.framing import SIGNATURE_LENGTH
+from mavlink.protocol.packet import MAGIC_V2
 
 __all__ = ["Marked", "Truth", "marked_log"]
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import tomli_w
 
-from gcs.config import load_mission
 from gcs.errors import ConfigError
+from gcs.mission.mission import load_mission
 
 __all__ = ["GOOD", "MissionScore", "draw_table", "draw_text", "fuzz_missions", "read_mission"]
 

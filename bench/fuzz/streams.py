@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.frame import Framer
+from mavlink.protocol.framing import Framer
 
 __all__ = ["INPUTS", "lost", "read_with_ours", "read_with_pymavlink"]
 

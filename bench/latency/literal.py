@@ -1,7 +1,8 @@
 """The methods as one would first write them down: the peers that our versions are timed against, and their oracles.
 
 Loops over hypotheses, vehicles, tracks and frames, one small least-squares problem per hypothesis. Symbols as in
-:mod:`assoc.projection`, :mod:`assoc.topology`, :mod:`assoc.belief` and :mod:`assoc.tts`.
+:mod:`assoc.methods.projection`, :mod:`assoc.methods.topology`, :mod:`assoc.methods.belief` and
+:mod:`assoc.methods.tts`.
 """
 
 from __future__ import annotations

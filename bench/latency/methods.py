@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.belief import fuse, masses
-from assoc.projection import associate_by_projection
-from assoc.topology import associate_by_topology, topology_angles, topology_cost
-from assoc.tts import associate_by_tts_once, tts_similarity
+from assoc.methods.belief import fuse, masses
+from assoc.methods.projection import associate_by_projection
+from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
+from assoc.methods.tts import associate_by_tts_once, tts_similarity
 from bench.latency import literal
 from bench.latency.measure import Timing, timed
 from bench.latency.scenes import Snap, snap

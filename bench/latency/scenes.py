@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.projection import reprojection_errors
-from assoc.topology import topology_angles, topology_cost
-from sim.scenario import Camera, Flight, Gnss, Ground, Scenario
+from assoc.methods.projection import reprojection_errors
+from assoc.methods.topology import topology_angles, topology_cost
+from sim.world.scenario import Camera, Flight, Gnss, Ground, Scenario
 
 __all__ = ["Snap", "crowd", "snap"]
 

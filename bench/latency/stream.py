@@ -7,7 +7,7 @@ import time
 from bench.latency.measure import Timing
 from bench.latency.scenes import crowd
 from bench.paper.streams import Ours, camera_motion, frame_us, walk
-from vision.tracker import Tracker
+from vision.track.tracker import Tracker
 
 __all__ = ["measure_streams"]
 

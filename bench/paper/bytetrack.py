@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detections import Detections
-from vision.matching import assign
-from vision.tracks import Stitch, Tracks
+from vision.detect.detections import Detections
+from vision.track.matching import assign
+from vision.track.tracks import Stitch, Tracks
 
 __all__ = ["ByteTrack"]
 

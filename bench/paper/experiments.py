@@ -9,7 +9,7 @@ import numpy as np
 from bench.paper.films import dense_road, false_box_road, field, film, paper_road
 from bench.paper.methods import METHODS, Answer, Noise, identify
 from bench.paper.windows import Window, windows
-from sim.scenario import Scenario
+from sim.world.scenario import Scenario
 
 __all__ = ["Condition", "Count", "Miss", "conditions", "evaluate"]
 

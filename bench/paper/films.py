@@ -12,10 +12,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.boxes import in_picture, true_boxes
-from sim.scenario import Attitude, Camera, Detector, Flight, Gnss, Ground, Scenario, Targets
-from sim.sensors import Sensors
-from sim.world import World
+from sim.telemetry.sensors import Sensors
+from sim.world.boxes import in_picture, true_boxes
+from sim.world.scenario import Attitude, Camera, Detector, Flight, Gnss, Ground, Scenario, Targets
+from sim.world.world import World
 
 __all__ = ["CAMERA", "FPS", "Film", "dense_road", "false_box_road", "field", "film", "paper_road"]
 

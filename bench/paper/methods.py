@@ -11,15 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.belief import fuse, masses
 from assoc.errors import DegenerateError
-from assoc.identifier import CameraState, Identifier, IdentifierParams, Sighting, VehicleReports
-from assoc.projection import Projection, associate_by_projection, reprojection_errors
-from assoc.topology import associate_by_topology, signed_angles, signed_topology_cost, topology_angles, topology_cost
-from assoc.tts import associate_by_tts, associate_by_tts_once, tts_similarity
+from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Sighting, VehicleReports
+from assoc.methods.belief import fuse, masses
+from assoc.methods.projection import Projection, associate_by_projection, reprojection_errors
+from assoc.methods.topology import (
+    associate_by_topology,
+    signed_angles,
+    signed_topology_cost,
+    topology_angles,
+    topology_cost,
+)
+from assoc.methods.tts import associate_by_tts, associate_by_tts_once, tts_similarity
 from bench.paper.films import CAMERA
 from bench.paper.windows import Window
-from vision.camera import Intrinsics, Mount, Pose, camera_pose, ground
+from vision.camera.camera import Intrinsics, Mount, Pose, camera_pose, ground
 
 __all__ = ["LENS", "METHODS", "START_US", "Answer", "Noise", "camera_state", "identify", "vehicle_reports"]
 

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.errors import DegenerateError
-from assoc.projection import associate_by_projection
-from assoc.reattach import reattach
+from assoc.methods.projection import associate_by_projection
+from assoc.methods.reattach import reattach
 from bench.paper.bytetrack import ByteTrack
 from bench.paper.films import film, paper_road
 from bench.paper.streams import Ours, Plain, Walk, camera_motion, frame_us, walk
-from sim.scenario import Scenario
-from vision.tracker import Tracker
-from vision.tracks import Stitch, Tracks
+from sim.world.scenario import Scenario
+from vision.track.tracker import Tracker
+from vision.track.tracks import Stitch, Tracks
 
 __all__ = ["KEEPERS", "Kept", "occluded_road", "play"]
 

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.identifier import CameraState, Identifier
+from assoc.identification.identifier import CameraState, Identifier
 from bench.paper.films import FPS, film
 from bench.paper.methods import LENS, START_US, camera_state, vehicle_reports
-from gcs.evidence import sighting_of
-from sim.detections import DetectorModel
-from sim.scenario import Scenario
-from sim.world import World
-from vision.camera import Pose, image_warp
-from vision.detections import Detections
-from vision.tracks import Stitch, Tracks
+from gcs.fold.evidence import sighting_of
+from sim.telemetry.detections import DetectorModel
+from sim.world.scenario import Scenario
+from sim.world.world import World
+from vision.camera.camera import Pose, image_warp
+from vision.detect.detections import Detections
+from vision.track.tracks import Stitch, Tracks
 
 __all__ = ["Ours", "Plain", "Walk", "camera_motion", "frame_us", "walk"]
 

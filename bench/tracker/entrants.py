@@ -13,8 +13,8 @@ from bench.tracker.libraries import PUBLISHED, Absent, Published
 from bench.tracker.named import Named
 from bench.tracker.scene import Picture
 from bench.tracker.sort import OcSort, Sort
-from vision.tracker import Tracker
-from vision.tracks import Tracks
+from vision.track.tracker import Tracker
+from vision.track.tracks import Tracks
 
 __all__ = ["OURS", "WITH_IDENTITIES", "WITH_WARP", "Entrant", "entrants"]
 

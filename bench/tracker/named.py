@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bench.tracker.scene import Picture
-from vision.tracker import Tracker
-from vision.tracks import Stitch, Tracks
+from vision.track.tracker import Tracker
+from vision.track.tracks import Stitch, Tracks
 
 __all__ = ["Named"]
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 __all__ = ["SIZE", "STEP_US", "Picture", "film"]
 

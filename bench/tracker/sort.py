@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from bench.tracker.upright import born, box, correct, iou, measured, predict, upright
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 __all__ = ["OcSort", "Sort"]
 

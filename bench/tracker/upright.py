@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detections import Detections
+from vision.detect.detections import Detections
 
 __all__ = ["born", "box", "correct", "iou", "measured", "predict", "upright"]
 

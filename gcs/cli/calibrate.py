@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import note, say
-from vision.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
-from vision.calibrate import calibrate as fit
-from vision.calibrate_views import Board, chosen, find_views
+from vision.camera.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
+from vision.camera.calibrate import calibrate as fit
+from vision.camera.calibrate_views import Board, chosen, find_views
+from vision.camera.lens_file import lens_text
 from vision.errors import CameraError
-from vision.lens_file import lens_text
-from vision.video import VideoFile
+from vision.video.video import VideoFile
 
 __all__ = ["calibrate", "calibration_lines"]
 

@@ -24,9 +24,9 @@ import typer
 
 from assoc.errors import AssocError
 from gcs.errors import GcsError
+from infra.files.safe_open import open_to_append
+from infra.plain_text import plain
 from mavlink.errors import LinkError, MavlinkError
-from mavlink.files import open_to_append
-from mavlink.plain_text import plain
 from sim.errors import SimError
 from vision.errors import VisionError
 

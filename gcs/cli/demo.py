@@ -11,8 +11,8 @@ from gcs.cli.identify import identify_into
 from gcs.cli.replay import show_replay
 from gcs.cli.score import score_lines
 from gcs.errors import SessionError
-from gcs.score import score_files
-from gcs.session import open_session
+from gcs.report.score import score_files
+from gcs.session.session import open_session
 
 __all__ = ["demo"]
 

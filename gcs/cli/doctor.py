@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import AsJson, say, say_json
-from gcs.machine import Check, checks
+from gcs.health.machine import Check, checks
 
 __all__ = ["doctor"]
 
@@ -38,7 +38,7 @@ def doctor(
 
 
 def _terminal() -> Check:
-    from gcs.tui.pixels import has_terminal, pixel_images
+    from gcs.tui.draw.pixels import has_terminal, pixel_images
 
     if not has_terminal():
         return Check(

@@ -13,15 +13,15 @@ import typer
 
 from gcs.cli.console import note, say
 from gcs.errors import GcsError
-from mavlink.files import create
-from mavlink.plain_text import plain
+from infra.files.safe_open import create
+from infra.plain_text import plain
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from vision.detections import Detections
-    from vision.detector import Detector
+    from vision.detect.detections import Detections
+    from vision.detect.detector import Detector
     from vision.evaluation import Picture
 
 __all__ = ["eval_detector"]
@@ -101,8 +101,8 @@ def _chosen(pictures: tuple[Picture, ...], wanted: list[str] | None, neither: li
 
 def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | None]:
     """The detector, and the ground resolution at which it looks at pictures as they are, if it is Rollcall's own."""
-    from vision.detector import BUNDLED, open_detector
-    from vision.onnx_model import metadata, open_session
+    from vision.detect.detector import BUNDLED, open_detector
+    from vision.detect.onnx_model import metadata, open_session
 
     detector = open_detector(model, score=FLOOR)
     notes = metadata(open_session(model or BUNDLED, ("CPUExecutionProvider",), 1))
@@ -110,7 +110,7 @@ def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | Non
     native = float(notes["nominal_length_m"]) / float(notes["nominal_length_px"]) if own else None
     if front is None:
         return detector, native
-    from vision.front import FrontedDetector, open_front_classifier
+    from vision.detect.front import FrontedDetector, open_front_classifier
 
     return FrontedDetector(detector, open_front_classifier(front)), native
 

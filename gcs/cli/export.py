@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from gcs.analysis import Analysis
 from gcs.cli.console import FRAME_SIZE, VIDEO_START, frame_size_of, note
 from gcs.errors import GcsError
 from gcs.export import FORMATS, open_export
-from gcs.recorded import recorded
-from gcs.session import open_session
+from gcs.playback.analysis import Analysis
+from gcs.session.identity_replay import recorded
+from gcs.session.session import open_session
 from gcs.snapshot import Snapshot
 
 __all__ = ["export"]

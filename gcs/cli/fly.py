@@ -18,14 +18,14 @@ import typer
 
 from gcs.cli.arguments import blot_out
 from gcs.cli.console import NO_NAMES, NOT_AVAILABLE, Graphics, note, quiet_stderr, say, to_file_if_gone
-from gcs.config import Mission, load_mission
 from gcs.errors import GcsError
-from gcs.live import Flight, FlightPlan
-from gcs.rollcall import RollCall
-from gcs.sealing import Sealing
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.mission.mission import Mission, load_mission
+from gcs.report.rollcall import RollCall
+from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
-from mavlink.files import is_shared
-from vision.stream_secrets import secrets_of
+from infra.files.safe_open import is_shared
+from vision.stream.secrets import secrets_of
 
 __all__ = ["fly"]
 

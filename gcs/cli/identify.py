@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from gcs.analysis import Analysis
 from gcs.cli.console import FRAME_SIZE, NO_NAMES, VIDEO_START, frame_size_of, note, say
 from gcs.errors import SessionError
-from gcs.identitylog import EventLog, IdentityLog
-from gcs.rollcall import RollCall
-from gcs.session import Session, open_session
+from gcs.playback.analysis import Analysis
+from gcs.report.rollcall import RollCall
+from gcs.session.identity_log import EventLog, IdentityLog
+from gcs.session.session import Session, open_session
 from gcs.snapshot import Snapshot
 
 __all__ = ["identify", "identify_into"]

@@ -14,14 +14,23 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import AsJson, note, say, say_json
-from gcs.config import user_keys
 from gcs.errors import ConfigError
-from gcs.sessionlog import RECORDED, SessionLog
-from mavlink.keys import FLEET, KEY_LENGTH, KeyRing, SigningError, key_path, passphrase_secret, read_ring, write_key
-from mavlink.packet import Auth
-from mavlink.segments import segments
-from mavlink.signing import RADIO_STATUS, Verifier
-from mavlink.tlog import Tlog
+from gcs.mission.mission import user_keys
+from gcs.session.log import RECORDED, SessionLog
+from infra.files.segments import segments
+from mavlink.protocol.packet import Auth
+from mavlink.signing.keys import (
+    FLEET,
+    KEY_LENGTH,
+    KeyRing,
+    SigningError,
+    key_path,
+    passphrase_secret,
+    read_ring,
+    write_key,
+)
+from mavlink.signing.verifier import RADIO_STATUS, Verifier
+from mavlink.tlog.log import Tlog
 
 __all__ = ["app"]
 

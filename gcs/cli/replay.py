@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import FRAME_SIZE, VIDEO_START, Graphics, frame_size_of, note, quiet_stderr
-from gcs.replay import Replay
-from gcs.session import Session, open_session
-from gcs.sessionfile import seal
+from gcs.playback.replay import Replay
+from gcs.session.metadata import seal
+from gcs.session.session import Session, open_session
 
 __all__ = ["replay", "show_replay"]
 

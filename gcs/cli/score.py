@@ -10,7 +10,7 @@ import typer
 
 from gcs.cli.console import AsJson, say, say_json
 from gcs.errors import ScoreError
-from gcs.score import Score, score_files
+from gcs.report.score import Score, score_files
 
 __all__ = ["score", "score_lines"]
 

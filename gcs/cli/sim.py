@@ -11,10 +11,10 @@ import typer
 from gcs.cli.console import note, say
 from gcs.errors import GcsError
 from sim.live import play
-from sim.presets import PRESETS, preset
-from sim.scenario import Scenario
-from sim.scenario_file import load_scenario
 from sim.session import write_session
+from sim.world.presets import PRESETS, preset
+from sim.world.scenario import Scenario
+from sim.world.scenario_file import load_scenario
 
 __all__ = ["sim"]
 

@@ -15,10 +15,10 @@ import typer
 from gcs.cli.console import AsJson, say, say_json
 from gcs.cli.tlog_report import check_lines, check_table, repair_lines
 from mavlink.errors import TlogError
-from mavlink.tlog import Tlog
-from mavlink.tlog_check import check as examine
-from mavlink.tlog_info import TlogInfo
-from mavlink.tlog_info import info as summarise
+from mavlink.tlog.check import check as examine
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.summary import TlogInfo
+from mavlink.tlog.summary import info as summarise
 
 __all__ = ["app"]
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from mavlink.tlog_check import TlogCheck
+from mavlink.tlog.check import TlogCheck
 
 __all__ = ["check_lines", "check_table", "repair_lines"]
 

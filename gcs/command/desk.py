@@ -18,12 +18,12 @@ from gcs.command.sdk import Sdk
 from gcs.command.uav import Uav
 from gcs.command.wire import Place
 from gcs.snapshot import Event, Level
-from mavlink.heartbeat import Heartbeat, TimeSyncer
-from mavlink.outgoing import COMPONENT_ID, SYSTEM_ID, Outgoing
-from mavlink.pack import Speaker
-from mavlink.packet import Auth, Packet
-from mavlink.rate_requests import GIMBAL_ATTITUDE
-from mavlink.rates import UAV_RATES, Rate, RateKeeper
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.transmit.heartbeat import Heartbeat, TimeSyncer
+from mavlink.transmit.message_rates import UAV_RATES, Rate, RateKeeper
+from mavlink.transmit.rate_requests import GIMBAL_ATTITUDE
+from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Outgoing
 
 __all__ = ["CommandDesk"]
 

@@ -15,8 +15,8 @@ from typing import Any
 
 from gcs.command.answer import Answer
 from gcs.command.wire import Command
-from mavlink.frame import split
-from mavlink.packet import Packet
+from mavlink.protocol.framing import split
+from mavlink.protocol.packet import Packet
 
 __all__ = ["Sdk"]
 

@@ -8,12 +8,10 @@ from collections import deque
 from collections.abc import Callable
 
 from gcs.command.wire import Place
-from mavlink.decode import decode
+from mavlink.estimation.gimbal import Gimbals, GimbalSample
 from mavlink.geodesy import LocalFrame, wrap_pi
-from mavlink.gimbal import Gimbals, GimbalSample
-from mavlink.modes import is_vehicle, kind_name, mode_name
-from mavlink.packet import Packet
-from mavlink.samples import (
+from mavlink.protocol.decode import decode
+from mavlink.protocol.messages import (
     Attitude,
     CameraFov,
     GimbalAttitude,
@@ -23,6 +21,8 @@ from mavlink.samples import (
     MountStatus,
     StatusText,
 )
+from mavlink.protocol.modes import is_vehicle, kind_name, mode_name
+from mavlink.protocol.packet import Packet
 
 __all__ = ["Uav"]
 
@@ -39,7 +39,7 @@ class Uav:
     """The newest state of one vehicle. One thread takes packets, another reads.
 
     Args:
-        gimbal: that carries the camera, as :class:`mavlink.gimbal.Gimbals` has it.
+        gimbal: that carries the camera, as :class:`mavlink.estimation.gimbal.Gimbals` has it.
         clock: seconds, monotonic.
     """
 

@@ -156,7 +156,7 @@ def hold(kind: str, autopilot: int) -> Command | None:
     """Stop and hold the position; None for an autopilot whose mode for that is not known here.
 
     Args:
-        kind: vehicle type in a word, see :func:`mavlink.modes.kind_name`.
+        kind: vehicle type in a word, see :func:`mavlink.protocol.modes.kind_name`.
         autopilot: MAV_AUTOPILOT.
     """
     if autopilot == _PX4:

@@ -7,9 +7,9 @@ import math
 from datetime import UTC, datetime
 from pathlib import Path
 
-from gcs.identitylog import open_new
+from gcs.session.identity_log import open_new
 from gcs.snapshot import Snapshot
-from mavlink.plain_text import to_cell
+from infra.plain_text import to_cell
 
 __all__ = ["CsvExport"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gcs.identitylog import json_row, open_new
+from gcs.session.identity_log import json_row, open_new
 from gcs.snapshot import Snapshot
 
 __all__ = ["JsonlExport"]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import av
 
-from gcs.identitylog import open_new
-from gcs.overlay import draw
+from gcs.report.overlay import draw
+from gcs.session.identity_log import open_new
 from gcs.snapshot import Snapshot
 
 __all__ = ["VideoExport"]

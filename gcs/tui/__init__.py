@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
-from gcs.tui.pixels import Graphics
+from gcs.tui.draw.pixels import Graphics
 
 __all__ = ["Ended", "RollcallApp", "run"]
 

@@ -19,27 +19,27 @@ from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import playback
-from gcs.tui.alarms import ALARM_KEYS, AlarmPane, token, unseen
-from gcs.tui.alert import AlertLine
-from gcs.tui.command import ask_for_order
 from gcs.tui.deck import Deck
-from gcs.tui.event_log import EventPane, heard
-from gcs.tui.fleet import FleetPane
-from gcs.tui.held import ask_to_accept
-from gcs.tui.help import HelpScreen
-from gcs.tui.hints import HintLine
-from gcs.tui.identity import IdentityPane
+from gcs.tui.draw.format import age, clock, plain
+from gcs.tui.draw.pixels import Graphics, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
-from gcs.tui.map import MapPane
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
-from gcs.tui.pane import Pane
-from gcs.tui.pixels import Graphics, pixel_images
-from gcs.tui.prompts import Ask
-from gcs.tui.saving import save_new
-from gcs.tui.status import StatusBar
-from gcs.tui.timeline import TimelineBar
-from gcs.tui.video import VideoPane
-from gcs.tui.wording import age, clock, plain
+from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token, unseen
+from gcs.tui.panes.banner import AlertLine
+from gcs.tui.panes.event_log import EventPane, heard
+from gcs.tui.panes.fleet import FleetPane
+from gcs.tui.panes.identity import IdentityPane
+from gcs.tui.panes.key_hints import HintLine
+from gcs.tui.panes.map import MapPane
+from gcs.tui.panes.pane import Pane
+from gcs.tui.panes.status import StatusBar
+from gcs.tui.panes.timeline import TimelineBar
+from gcs.tui.panes.video import VideoPane
+from gcs.tui.screens.command import ask_for_order
+from gcs.tui.screens.held import ask_to_accept
+from gcs.tui.screens.help import HelpScreen
+from gcs.tui.screens.prompts import Ask
+from gcs.tui.screens.saving import save_new
 
 __all__ = ["RollcallApp", "error_line"]
 

@@ -12,10 +12,10 @@ from textual.layout import Layout, WidgetPlacement
 from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
-from gcs.tui.alarm_groups import alike
-from gcs.tui.alarms import ROWS_EACH
-from gcs.tui.arrange import Rect, Wish, arranged
-from gcs.tui.pane import Pane
+from gcs.tui.draw.alarm_groups import alike
+from gcs.tui.draw.pane_layout import Rect, Wish, arranged
+from gcs.tui.panes.alarms import ROWS_EACH
+from gcs.tui.panes.pane import Pane
 
 __all__ = ["Deck"]
 

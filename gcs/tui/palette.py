@@ -8,7 +8,7 @@ from typing import Final
 from rich.color import Color
 from rich.style import Style
 
-from gcs.overlay import STANDING_RGB
+from gcs.report.overlay import STANDING_RGB
 from gcs.snapshot import Level, Standing
 
 __all__ = [

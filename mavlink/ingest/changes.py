@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mavlink.forward import HARMLESS, Said
+from mavlink.forwarding.forward import HARMLESS, Said
 from mavlink.ingest.health import IngestHealth, LinkReport
-from mavlink.link_batch import MIXED
-from mavlink.link_gate import STRANGERS, Limit
+from mavlink.links.batch import MIXED
+from mavlink.links.flood_limiter import STRANGERS, Limit
 
 __all__ = ["Changes"]
 

@@ -16,20 +16,20 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+from infra.files.journal import Journal
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth, LinkReport
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
 from mavlink.ingest.shared import Shared, Word
-from mavlink.journal import Journal
-from mavlink.link import Link
-from mavlink.link_serial import SerialLink
-from mavlink.link_tally import now_us
-from mavlink.link_tcp import TcpOut
-from mavlink.link_tcp_in import TcpIn
-from mavlink.link_udp import UdpIn, UdpOut
-from mavlink.link_url import parse_url
-from mavlink.tlog_writer import TlogWriter
+from mavlink.links.base import Link
+from mavlink.links.counters import now_us
+from mavlink.links.serial_port import SerialLink
+from mavlink.links.tcp_client import TcpOut
+from mavlink.links.tcp_server import TcpIn
+from mavlink.links.udp import UdpIn, UdpOut
+from mavlink.links.url import parse_url
+from mavlink.tlog.writer import TlogWriter
 
 __all__ = ["ACCEPT", "COMMAND", "GO", "main"]
 

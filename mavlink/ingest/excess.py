@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from mavlink.ingest.health import LinkReport
-from mavlink.link_batch import Batch, Claim
-from mavlink.link_gate import Limit
-from mavlink.link_shares import HOLD_S
-from mavlink.packet import Auth
+from mavlink.links.batch import Batch, Claim
+from mavlink.links.fair_shares import HOLD_S
+from mavlink.links.flood_limiter import Limit
+from mavlink.protocol.packet import Auth
 
 __all__ = ["BURST_S", "KEPT_PER_S", "Excess"]
 

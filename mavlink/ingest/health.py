@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mavlink.forward import OutputCounts, Said
-from mavlink.link_batch import Claim
-from mavlink.link_gate import Limit
-from mavlink.link_tally import LinkCounts
-from mavlink.record_state import RecordState
+from infra.files.record_state import RecordState
+from mavlink.forwarding.forward import OutputCounts, Said
+from mavlink.links.batch import Claim
+from mavlink.links.counters import LinkCounts
+from mavlink.links.flood_limiter import Limit
 
 __all__ = ["IngestHealth", "LinkReport", "Notice"]
 

@@ -13,6 +13,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from infra.files.journal import Journal, make_journal
 from mavlink.errors import LinkError, MavlinkError, TlogError
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
@@ -20,12 +21,11 @@ from mavlink.ingest.lent import lend, small_buffers
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
 from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
-from mavlink.journal import Journal, make_journal
-from mavlink.keys import SigningError
-from mavlink.link_mmsg import BATCH
-from mavlink.link_tally import LinkCounts, now_us
-from mavlink.link_url import LinkUrl, parse_url
-from mavlink.packet import Packet
+from mavlink.links.counters import LinkCounts, now_us
+from mavlink.links.recvmmsg import BATCH
+from mavlink.links.url import LinkUrl, parse_url
+from mavlink.protocol.packet import Packet
+from mavlink.signing.keys import SigningError
 
 __all__ = ["Ingest"]
 
@@ -46,7 +46,7 @@ class Ingest:
     what is in them. One thread reads; any thread may send and look at the health.
 
     Args:
-        urls: links, as :func:`mavlink.link_url.parse_url` has them.
+        urls: links, as :func:`mavlink.links.url.parse_url` has them.
         log: of the first segment of the raw log; must not exist.
         system_ids: whose frames make a sender known, so that it always passes while strangers flood; empty: anybody's.
         signing: keys.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mavlink.link_batch import Batch, Claim
+from mavlink.links.batch import Batch, Claim
 
 __all__ = ["LastSenders"]
 

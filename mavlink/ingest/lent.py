@@ -5,10 +5,10 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator, Sequence
 
-from mavlink.link_tcp import resolve_tcp
-from mavlink.link_tcp_in import listen_tcp
-from mavlink.link_udp_socket import bind_udp, connect_udp
-from mavlink.link_url import LinkUrl
+from mavlink.links.tcp_client import resolve_tcp
+from mavlink.links.tcp_server import listen_tcp
+from mavlink.links.udp_socket import bind_udp, connect_udp
+from mavlink.links.url import LinkUrl
 
 __all__ = ["BUFFER_BYTES", "lend", "small_buffers"]
 

@@ -16,7 +16,7 @@ class Signing:
     keys: str = ""
     """Folder with keys; empty: nothing is verified."""
     unsigned: tuple[int, ...] | None = None
-    """Messages that may come unsigned; None: as :class:`mavlink.signing.Verifier` has it."""
+    """Messages that may come unsigned; None: as :class:`mavlink.signing.verifier.Verifier` has it."""
     keyless: Literal["refused", "open"] = "refused"
     accept_late: tuple[int, ...] = ()
     """Systems that are believed without a proof that their packets are made now."""
@@ -24,7 +24,7 @@ class Signing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outputs:
-    """Where packets go on to; see :class:`mavlink.forward.Forwarder`."""
+    """Where packets go on to; see :class:`mavlink.forwarding.forward.Forwarder`."""
 
     urls: tuple[str, ...] = ()
     uav: int = 0

@@ -8,18 +8,18 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mavlink.errors import LinkError
-from mavlink.forward import Forwarder
+from mavlink.forwarding.forward import Forwarder
 from mavlink.ingest.excess import Excess
 from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.ingest.shared import Shared, Word
-from mavlink.link import Link
-from mavlink.link_batch import Batch
-from mavlink.link_tally import now_us
-from mavlink.packet import Auth, Packet
-from mavlink.signing import Verifier, without_secret
-from mavlink.signing_store import StreamStore, open_verifier
-from mavlink.tlog_writer import TlogWriter
+from mavlink.links.base import Link
+from mavlink.links.batch import Batch
+from mavlink.links.counters import now_us
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.signing.store import StreamStore, open_verifier
+from mavlink.signing.verifier import Verifier, without_secret
+from mavlink.tlog.writer import TlogWriter
 
 __all__ = ["Receiver", "Signatures", "open_outputs"]
 

@@ -15,8 +15,8 @@ import struct
 from collections.abc import Sequence
 from enum import IntEnum
 
-from mavlink.nameless import make_nameless
-from mavlink.packet import Auth, Packet
+from infra.shared_memory import make_nameless
+from mavlink.protocol.packet import Auth, Packet
 
 __all__ = ["RING_BYTES", "Shared", "Word", "make_memory"]
 

@@ -1,7 +1,8 @@
 """How good a detector is on labelled pictures: average precision, precision and recall, headings, recall by size.
 
-Boxes are rows ``cx cy w h angle`` of ``vision.boxes``, pixels; headings clockwise from image up, rad, NaN unknown. An
-object that does not *count* (difficult, mostly hidden, a region that nobody labelled) helps nobody and hurts nobody.
+Boxes are rows ``cx cy w h angle`` of ``vision.detect.boxes``, pixels; headings clockwise from image up, rad, NaN
+unknown. An object that does not *count* (difficult, mostly hidden, a region that nobody labelled) helps nobody and
+hurts nobody.
 """
 
 from vision.evaluation.folder import Folder, open_folder

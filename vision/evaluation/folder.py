@@ -66,7 +66,7 @@ def open_folder(
     shards = [path] if path.is_file() else sorted(path.glob("crops_*.npz"))
     if format == "shards" or (format is None and shards):
         if not shards:
-            raise LabelError(f"{path}: no crops_*.npz in it; make some with python -m sim.crops --out {path}")
+            raise LabelError(f"{path}: no crops_*.npz in it; make some with python -m sim.training.crops --out {path}")
         return Folder(format="shards", pictures=tuple(p for s in shards for p in read_shard(s)), unlabelled=0)
     images = sorted(p for p in path.rglob("*") if p.suffix.lower() in PICTURES)
     pairs = [(image, label) for image in images if (label := _label_of(image)) is not None]

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boxes import hull, rotated_iou
-from vision.detections import Detections
+from vision.detect.boxes import hull, rotated_iou
+from vision.detect.detections import Detections
 from vision.evaluation.truth import Truth
 
 __all__ = ["ASIDE", "FALSE_ALARM", "THRESHOLDS", "Matches", "match", "overlap"]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.detections import Detections
+from vision.detect.detections import Detections
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, THRESHOLDS, Matches, match
 from vision.evaluation.precision import average_precision
 from vision.evaluation.shares import Share, by_class, by_hiding, by_size

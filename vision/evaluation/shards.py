@@ -1,4 +1,4 @@
-"""Shards of rendered training crops, ``crops_*.npz`` of ``python -m sim.crops``, as labelled pictures."""
+"""Shards of rendered training crops, ``crops_*.npz`` of ``python -m sim.training.crops``, as labelled pictures."""
 
 from __future__ import annotations
 

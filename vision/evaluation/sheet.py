@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boxes import corners, hull
-from vision.detections import Detections
+from vision.detect.boxes import corners, hull
+from vision.detect.detections import Detections
 from vision.evaluation.matching import FALSE_ALARM, match
 from vision.evaluation.truth import Picture
 

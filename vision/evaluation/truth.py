@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.detect.yolo_classes import vehicle_classes
 from vision.errors import LabelError
-from vision.yolo_classes import vehicle_classes
 
 __all__ = ["HIDDEN", "NEITHER", "REGION", "Choice", "Picture", "Truth", "choose", "choose_classes"]
 

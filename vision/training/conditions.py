@@ -1,7 +1,7 @@
 """How good a model file is, by size, tilt, ground, light and cover, on pictures that it has not seen.
 
 ``python -m vision.training.conditions --model vision/models/rollcall-obb-s.onnx --pictures .train/test`` prints a
-table; the pictures are those of ``python -m sim.crops``. No torch is needed.
+table; the pictures are those of ``python -m sim.training.crops``. No torch is needed.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boxes import rotated_iou
-from vision.decode_heatmap import decode
-from vision.detections import Detections
-from vision.onnx_model import metadata, open_session
+from vision.detect.boxes import rotated_iou
+from vision.detect.decode_heatmap import decode
+from vision.detect.detections import Detections
+from vision.detect.onnx_model import metadata, open_session
 from vision.training.quality import Quality, measure
 
 __all__ = ["Pictures", "by_condition", "look", "read_pictures"]
@@ -36,7 +36,7 @@ class Pictures:
     truth: list[FloatArray]
     """(n, 6) each: cx, cy, length, width px, heading, share in sight."""
     about: NDArray[np.float32]
-    """(c, 5) tilt, height, shadow, gain, streets; see ``sim.crops.Crop``."""
+    """(c, 5) tilt, height, shadow, gain, streets; see ``sim.training.crops.Crop``."""
 
 
 def read_pictures(folder: Path) -> Pictures:
@@ -47,7 +47,7 @@ def read_pictures(folder: Path) -> Pictures:
     """
     paths = sorted(folder.glob("crops_*.npz"))
     if not paths:
-        raise FileNotFoundError(f"{folder}: no crops_*.npz; make them with python -m sim.crops --out {folder}")
+        raise FileNotFoundError(f"{folder}: no crops_*.npz; make them with python -m sim.training.crops --out {folder}")
     images, truth, about = [], [], []
     for path in paths:
         with np.load(path) as shard:

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from vision.decode_heatmap import decode
-from vision.detections import Detections
+from vision.detect.decode_heatmap import decode
+from vision.detect.detections import Detections
 from vision.training.data import Batch
 from vision.training.net import STRIDE, Net
 from vision.training.quality import Quality, measure

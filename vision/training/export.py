@@ -1,4 +1,4 @@
-"""Write a trained network as ONNX, batch norm folded, peaks picked: what ``vision.decode_heatmap`` reads.
+"""Write a trained network as ONNX, batch norm folded, peaks picked: what ``vision.detect.decode_heatmap`` reads.
 
 ``python -m vision.training.export --checkpoint .train/checkpoint.pt --out vision/models/rollcall-obb-s.onnx``
 

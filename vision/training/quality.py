@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boxes import rotated_iou
-from vision.detections import Detections
+from vision.detect.boxes import rotated_iou
+from vision.detect.detections import Detections
 
 __all__ = ["Quality", "measure", "score_at_precision"]
 

@@ -3,7 +3,7 @@
 ``python -m vision.training.train --seed 0 --steps 12000 --out .train/``
 
 Pictures come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
-sim.crops`` is run for them, and training starts with the first shard. A run that was stopped goes on from its
+sim.training.crops`` is run for them, and training starts with the first shard. A run that was stopped goes on from its
 checkpoint; ``--steps`` counts over all runs. Writes checkpoint.pt, loss.csv, quality.csv, curves.png and model.onnx
 into the folder.
 """
@@ -143,7 +143,9 @@ def run(
         log.info("goes on from step %d after %.1f min", trainer.step_count, trainer.spent_s / 60.0)
     while pool.refresh() == 0 or held_out.refresh() == 0:
         if any(maker.poll() not in (None, 0) for maker in makers):
-            raise RuntimeError(f"{out}: no pictures were made; run python -m sim.crops --out {out / 'pool'} to see why")
+            raise RuntimeError(
+                f"{out}: no pictures were made; run python -m sim.training.crops --out {out / 'pool'} to see why"
+            )
         time.sleep(1.0)
     tick = time.monotonic()
     for batch in _batches(pool, np.random.default_rng([seed, trainer.step_count]), steps - trainer.step_count):
@@ -184,7 +186,7 @@ def _check(trainer: Trainer, held_out: Pool, out: Path, pictures: int) -> None:
 
 def _make_pictures(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
     """Render what is missing beside the training, in a process of its own."""
-    command = [sys.executable, "-m", "sim.crops"]
+    command = [sys.executable, "-m", "sim.training.crops"]
     jobs, shards = [], crops // PER_SHARD
     if not any((out / "held_out").glob("crops_*.npz")):
         count = str(HELD_OUT_CROPS)

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from vision.detect.front import BUNDLED_FRONT, open_front_classifier
 from vision.errors import VisionError
-from vision.front import BUNDLED_FRONT, open_front_classifier
 from vision.training.fronts.cluster import Clusters, ends_apart, paired_kmeans
 from vision.training.fronts.collect import WIDE, Crops, collect_folder, collect_video, detector_of, read_crops
 from vision.training.fronts.features import features, guesses, pretrained

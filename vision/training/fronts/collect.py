@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.boxes import canonical, corners
-from vision.detector import Detector, open_detector
+from vision.detect.boxes import canonical, corners
+from vision.detect.detector import Detector, open_detector
+from vision.detect.front_crops import rectify
 from vision.errors import ModelError, VideoError
-from vision.front_crops import rectify
 from vision.training.fronts.vehicles import Vehicles
-from vision.video import VideoFile
+from vision.video.video import VideoFile
 
 __all__ = ["ACROSS", "LENGTH", "Crops", "collect_folder", "collect_video", "detector_of", "read_crops"]
 

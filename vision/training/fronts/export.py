@@ -1,4 +1,4 @@
-"""Write a ResNet-18 as ONNX with 8-bit weights, as ``vision.front`` reads it; and read the weights back.
+"""Write a ResNet-18 as ONNX with 8-bit weights, as ``vision.detect.front`` reads it; and read the weights back.
 
 A kernel is kept as int8 with a scale for each output channel and is made float when the file is loaded:
 W ≈ q · s, s = max |W| / 127. Normalisation layers stay apart and every weight keeps its torchvision name, so the file
@@ -72,7 +72,7 @@ def to_onnx(weights: Weights, side: int, metadata: Mapping[str, str]) -> onnx.Mo
     Args:
         weights: of a trained ResNet-18, by torchvision's names.
         side: of its crops, px.
-        metadata: as ``vision.front`` reads it.
+        metadata: as ``vision.detect.front`` reads it.
 
     Returns:
         A model: ``crops`` (N, 3, side, side) float32 normalised RGB → ``logits`` (N, classes) float32.
@@ -98,7 +98,7 @@ def to_onnx(weights: Weights, side: int, metadata: Mapping[str, str]) -> onnx.Mo
 
 
 def metadata(seed: int, classes: int, margin: float, trained_on: str) -> dict[str, str]:
-    """What ``vision.front`` wants to know of a classifier, and where it comes from."""
+    """What ``vision.detect.front`` wants to know of a classifier, and where it comes from."""
     return {
         "rollcall_front": "1",
         "front_deg": " ".join(str(360 * k // classes) for k in range(classes)),

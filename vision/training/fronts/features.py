@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from vision.front import BUNDLED_FRONT, FrontClassifier
-from vision.front_crops import rectify
+from vision.detect.front import BUNDLED_FRONT, FrontClassifier
+from vision.detect.front_crops import rectify
 from vision.training.fronts.collect import Crops
 from vision.training.fronts.resnet import ResNet18, load_weights
 from vision.training.fronts.sheets import LEFT, RIGHT, UNDECIDED

@@ -85,7 +85,7 @@ def logits_of(net: ResNet18, vehicles: Vehicles, plan: Plan, seed: int = 0) -> t
 
 
 def save(net: ResNet18, plan: Plan, trained_on: str, path: Path) -> None:
-    """Write a trained network as a model for ``vision.front``."""
+    """Write a trained network as a model for ``vision.detect.front``."""
     weights = {name: value.numpy() for name, value in net.state_dict().items()}
     notes = metadata(plan.seed, plan.classes, plan.margin, trained_on)
     onnx.save(to_onnx(weights, plan.side, notes), str(path))

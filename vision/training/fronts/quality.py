@@ -1,4 +1,4 @@
-"""How an exported classifier does through ``vision.front``, by the length of vehicles in the picture."""
+"""How an exported classifier does through ``vision.detect.front``, by the length of vehicles in the picture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.front import open_front_classifier
+from vision.detect.front import open_front_classifier
 from vision.training.fronts.vehicles import Vehicles, jittered
 
 __all__ = ["quality", "write_quality"]

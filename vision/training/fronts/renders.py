@@ -2,8 +2,9 @@
 
 ``python -m vision.training.fronts.renders --seed 0 --out .train/fronts``
 
-Pictures come from ``pool`` and ``held_out`` in the folder; where they are missing, ``python -m sim.front_crops`` is run
-for them. A run that was stopped goes on. Writes checkpoint.pt, learning.csv and .png, quality.csv and front.onnx.
+Pictures come from ``pool`` and ``held_out`` in the folder; where they are missing, ``python -m
+sim.training.front_crops`` is run for them. A run that was stopped goes on. Writes checkpoint.pt, learning.csv and .png,
+quality.csv and front.onnx.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ HELD_OUT_SEED = 900_000
 
 
 def read_shards(folder: Path) -> Vehicles:
-    """All shards of a folder as ``python -m sim.front_crops`` writes them."""
+    """All shards of a folder as ``python -m sim.training.front_crops`` writes them."""
     parts = []
     for path in sorted(folder.glob("fronts_*.npz")):
         with np.load(path) as shard:
@@ -41,7 +42,7 @@ def read_shards(folder: Path) -> Vehicles:
 
 
 def _render(folder: Path, seed: int, shards: int) -> Vehicles:
-    command = [sys.executable, "-m", "sim.front_crops", "--out", str(folder), "--seed", str(seed)]
+    command = [sys.executable, "-m", "sim.training.front_crops", "--out", str(folder), "--seed", str(seed)]
     subprocess.run([*command, "--shards", str(shards)], check=True)
     return read_shards(folder)
 

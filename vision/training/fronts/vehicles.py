@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.front_crops import rectify
+from vision.detect.front_crops import rectify
 
 __all__ = ["MEAN", "STD", "Batch", "Vehicles", "crops_of", "jittered", "planes_of"]
 

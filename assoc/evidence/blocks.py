@@ -1,0 +1,246 @@
+"""Residuals track − report, summarised per block of time for every pair of track and vehicle.
+
+The track is interpolated to the report's sample time; reports are never interpolated, their noise would be mixed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.motion import Samples
+from assoc.geometry.ground import OFFSET, THETA, GroundTracks
+
+__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "make_blocks", "with_first_look"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_FEW = 400
+_REACH_M = 25.0
+"""Among more pairs than ``_FEW``, those that were never this close are not compared: they cannot be the same."""
+LEAP_M, LEAP_MPS = 2.0, 15.0
+"""A track that moves further than this has jumped to something else."""
+_HEADING_MEMORY_S = 3.0
+"""How fast headings of the past lose their say."""
+_HEADING_REACH_S = 12.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Blocks:
+    """B blocks × T tracks × n vehicles, linearised at ``theta``."""
+
+    first: int
+    """Number of the first block."""
+    count: FloatArray
+    """(B, T, n) samples in the block."""
+    mean: FloatArray
+    """(B, T, n, 2) mean residual, metres, 0 where there is none."""
+    scatter: FloatArray
+    """(B, T, n) Σ|r − r̄|², m²."""
+    log_null: FloatArray
+    """(B, T, n) Σ ln p₀ of the samples."""
+    extra_var: FloatArray
+    """(B, T, n) variance of the block mean beyond bias and noise, m²: reports that had to be extrapolated."""
+    jump_var: FloatArray
+    """(B, n) squared jump of the vehicle's own reports, m²."""
+    pixel_var: FloatArray
+    """(B, T) variance of one pixel on the ground, m²."""
+    jacobian: FloatArray
+    """(B, T, 2, 8) derivative of the mean residual by θ."""
+    heading: FloatArray
+    """(T, n) heading log-likelihood ratio of the last seconds, 0 without headings."""
+    theta: FloatArray
+    """(8,)."""
+
+
+def _nearest_seen(seen: BoolArray) -> tuple[IntArray, IntArray]:
+    """For every row the last seen row at or before it (−1 none) and the first at or after it (F none)."""
+    rows = np.arange(len(seen))[:, None]
+    before = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
+    after = np.minimum.accumulate(np.where(seen, rows, len(seen))[::-1], axis=0)[::-1]
+    return before, after
+
+
+def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
+    """ln of 0.88 vM(e) + 0.07 vM(e + π) + 0.05/2π over 1/2π; the second term is a front taken for a rear."""
+    kappa = 1.0 / std**2
+    scale = np.sqrt(2 * np.pi * kappa)
+    c = np.cos(error)
+    ratio = 0.88 * scale * np.exp(kappa * (c - 1)) + 0.07 * scale * np.exp(-kappa * (c + 1)) + 0.05
+    return np.asarray(np.log(ratio))
+
+
+def _interpolated(tracks: GroundTracks, t: FloatArray, column: IntArray,
+                  gap_max_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:  # fmt: skip
+    """Points (N, 2) and headings (N,) of tracks (N,) at video times t (N,), and where they are valid.
+
+    What lies between two frames is worked out once per interval, F − 1 of them; times of one interval share it.
+    """
+    last = len(tracks.t) - 1
+    if last < 1:
+        return np.full((len(t), 2), np.nan), np.full(len(t), np.nan), np.zeros(len(t), np.bool_)
+    before, after = _nearest_seen(np.isfinite(tracks.p[..., 0]))
+    a, b = before[:-1], after[1:]
+    whole = (a >= 0) & (b <= last)
+    a, b = np.where(whole, a, 0), np.where(whole, b, 0)
+    n_tracks = tracks.p.shape[1]
+    every = np.arange(n_tracks)[None, :]
+    span, p0 = tracks.t[b] - tracks.t[a], tracks.p[a, every]
+    step = tracks.p[b, every] - p0
+    whole &= span <= gap_max_s
+    # nothing lies between two places that no vehicle joins in that time
+    whole &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
+    rate, from_t = 1.0 / np.where(span > 0, span, np.inf), tracks.t[a]
+    heading0, heading1 = tracks.heading[a, every], tracks.heading[b, every]
+    k = np.clip(np.searchsorted(tracks.t, t, side="right") - 1, 0, last - 1) * n_tracks + column
+    w = (t - from_t.ravel()[k]) * rate.ravel()[k]
+    valid = whole.ravel()[k] & (t >= tracks.t[0]) & (t <= tracks.t[last])
+    p = p0.reshape(-1, 2)[k] + w[:, None] * step.reshape(-1, 2)[k]
+    return p, np.where(w < 0.5, heading0.ravel()[k], heading1.ravel()[k]), valid
+
+
+def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolArray:
+    """(T, n) pairs that came within reach in some block, all while they are few; place: the tracks' means (B, T, 2)."""
+    n_blocks, n_tracks = place.shape[:2]
+    if n_tracks * n <= _FEW:
+        return np.ones((n_tracks, n), np.bool_)
+    key, size = block * n + samples.vehicle, n_blocks * n
+    sums = np.stack([np.bincount(key, x, size) for x in samples.p.T], axis=1)
+    with np.errstate(invalid="ignore"):  # blocks without reports are near nobody
+        report = sums / np.bincount(key, minlength=size)[:, None]
+    gap = place[:, :, None, :] - report.reshape(n_blocks, 1, n, 2)
+    return np.asarray(np.any(np.hypot(gap[..., 0], gap[..., 1]) < _REACH_M, axis=0))
+
+
+def _by_block(tracks: GroundTracks, first: int, n_blocks: int,
+              block_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Block means of the squared pixel size (B, T), of the Jacobian (B, T, 2, 8) and of the place (B, T, 2)."""
+    n_tracks = tracks.p.shape[1]
+    block = np.floor((tracks.t - tracks.theta[OFFSET]) / block_s).astype(np.int64) - first
+    rows = np.flatnonzero((block >= 0) & (block < n_blocks))
+    pixel = np.zeros((n_blocks, n_tracks))
+    jacobian = np.zeros((n_blocks, n_tracks, 2, THETA))
+    place = np.full((n_blocks, n_tracks, 2), np.nan)
+    if not len(rows):
+        return pixel, jacobian, place
+    starts = np.flatnonzero(np.diff(block[rows], prepend=-1))
+    seen = np.isfinite(tracks.p[rows, :, 0])
+    total = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
+    count = np.maximum(total, 1.0)
+    where = block[rows][starts]
+    sums = np.add.reduceat(np.where(seen[..., None], tracks.p[rows], 0.0), starts, axis=0)
+    place[where] = np.where(total[..., None] > 0.0, sums / count[..., None], np.nan)
+    square = np.where(seen, tracks.pixel_m[rows] ** 2, 0.0)
+    pixel[where] = np.add.reduceat(square, starts, axis=0) / count
+    full = np.where(seen[..., None, None], tracks.jacobian[rows], 0.0)
+    jacobian[where] = np.add.reduceat(full, starts, axis=0) / count[..., None, None]
+    # ∂r/∂δ also holds the track's own motion
+    jacobian[where, ..., OFFSET] += _velocity(tracks.t[rows], tracks.p[rows], seen, starts)
+    return pixel, jacobian, place
+
+
+def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -> FloatArray:
+    """Least-squares velocity of each track in each block, (K, T, 2); 0 where it cannot be told."""
+    k = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
+    w = np.where(seen, (t - t[0])[:, None], 0.0)
+    q = np.where(seen[..., None], p - np.nan_to_num(p[:1]), 0.0)
+    sw, sww = np.add.reduceat(w, starts, axis=0), np.add.reduceat(w * w, starts, axis=0)
+    sq, swq = np.add.reduceat(q, starts, axis=0), np.add.reduceat(w[..., None] * q, starts, axis=0)
+    # v = (k Σtp − Σt Σp) / (k Σt² − (Σt)²)
+    spread = k * sww - sw * sw
+    safe = np.where(spread > 1e-3, spread, np.inf)
+    return np.asarray((k[..., None] * swq - sw[..., None] * sq) / safe[..., None])
+
+
+def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, first: int, last: int, block_s: float,
+                gap_max_s: float, heading_std: float) -> Blocks:  # fmt: skip
+    """Summarise the residuals of blocks first..last.
+
+    Args:
+        tracks: T tracks on the ground under some θ.
+        samples: Reports sorted by vehicle and time.
+        n_vehicles: n.
+        first: Number of the first block.
+        last: Number of the last one.
+        block_s: Length of a block, seconds.
+        gap_max_s: Longest hole in a track that is bridged.
+        heading_std: 1σ of image heading against reported heading, radians.
+
+    Returns:
+        The blocks, linearised at the tracks' θ.
+    """
+    n_blocks, n_tracks = max(last - first + 1, 0), tracks.p.shape[1]
+    shape = (n_blocks, n_tracks, n_vehicles)
+    block = np.floor(samples.t / block_s).astype(np.int64) - first
+    pixel, jacobian, place = _by_block(tracks, first, n_blocks, block_s)
+    jump = np.zeros((n_blocks, n_vehicles))
+    np.maximum.at(jump, (block, samples.vehicle), samples.jump_var)
+    # one row for each report and each track that it is compared with
+    row, column = np.nonzero(_near(place, samples, block, n_vehicles).T[samples.vehicle])
+    p, image_heading, valid = _interpolated(tracks, samples.t[row] + tracks.theta[OFFSET], column, gap_max_s)
+    row, column, r = row[valid], column[valid], (p - samples.p[row])[valid]
+    pair = column * n_vehicles + samples.vehicle[row]
+    key, size = block[row] * (n_tracks * n_vehicles) + pair, n_blocks * n_tracks * n_vehicles
+    count = np.bincount(key, minlength=size).astype(np.float64)
+    mean = np.stack([np.bincount(key, x, size) for x in r.T], axis=1) / np.maximum(count, 1.0)[:, None]
+    scatter = np.maximum(np.bincount(key, np.sum(r * r, axis=1), size) - count * np.sum(mean * mean, axis=1), 0.0)
+    log_null = np.asarray(np.bincount(key, samples.log_null[row], size), np.float64)
+    error = image_heading[valid] - samples.heading[row]
+    heading = _mean_heading(error, samples.t[row], pair, n_tracks * n_vehicles, heading_std)
+    return Blocks(
+        first=first, count=count.reshape(shape), mean=mean.reshape(*shape, 2), scatter=scatter.reshape(shape),
+        log_null=log_null.reshape(shape), extra_var=np.zeros(shape), jump_var=jump, pixel_var=pixel, jacobian=jacobian,
+        heading=heading.reshape(shape[1:]), theta=tracks.theta,
+    )  # fmt: skip
+
+
+def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int, std: float) -> FloatArray:
+    """(n_pairs,) heading evidence: mean ratio of the last seconds, times the samples but at most four (errors last).
+
+    Agreement counts once: those on one road look one way.
+    """
+    known = np.isfinite(error) & (t > np.max(t, initial=-np.inf) - _HEADING_REACH_S)
+    error, t, pair = error[known], t[known], pair[known]
+    weight = np.exp((t - np.max(t, initial=-np.inf)) / _HEADING_MEMORY_S)
+    k = np.bincount(pair, weight, n_pairs)
+    mean = np.bincount(pair, weight * _heading_ratio(error, std), n_pairs) / np.maximum(k, 1e-9)
+    return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0)))
+
+
+def with_first_look(blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray,
+                    longest_s: float) -> Blocks:  # fmt: skip
+    """Add one block for pairs that no report has met yet: the newest frame against extrapolated reports.
+
+    Args:
+        blocks: The blocks so far.
+        tracks: Their tracks.
+        seen: (T, n) pairs compared before the first block.
+        p: (n, 2) reports extrapolated to the newest frame.
+        age_s: (n,) by how much, seconds.
+        longest_s: Older reports are not used.
+
+    Returns:
+        Blocks with one more at the end.
+    """
+    wanted = ~(seen | np.any(blocks.count > 0, axis=0))
+    wanted &= np.isfinite(tracks.p[-1, :, 0])[:, None] & (np.isfinite(p[:, 0]) & (np.abs(age_s) <= longest_s))[None, :]
+    age = np.where(np.abs(age_s) <= longest_s, age_s, 0.0)
+    # speed uncertain by 0.5 m/s, acceleration by 1 m/s²
+    extra = (0.5 * age) ** 2 + (0.5 * age**2) ** 2
+    mean = np.where(wanted[..., None], tracks.p[-1][:, None, :] - p[None, :, :], 0.0)
+    known = np.isfinite(tracks.p[-1, :, 0])
+    zero = np.zeros((1, *wanted.shape))
+    return Blocks(
+        first=blocks.first, count=np.concatenate([blocks.count, wanted[None].astype(np.float64)]),
+        mean=np.concatenate([blocks.mean, mean[None]]), scatter=np.concatenate([blocks.scatter, zero]),
+        log_null=np.concatenate([blocks.log_null, zero]),
+        extra_var=np.concatenate([blocks.extra_var, np.broadcast_to(extra, zero.shape)]),
+        jump_var=np.concatenate([blocks.jump_var, zero[:, 0]]),
+        pixel_var=np.concatenate([blocks.pixel_var, np.where(known, tracks.pixel_m[-1] ** 2, 0.0)[None]]),
+        jacobian=np.concatenate([blocks.jacobian, np.where(known[:, None, None], tracks.jacobian[-1], 0.0)[None]]),
+        heading=blocks.heading, theta=blocks.theta,
+    )  # fmt: skip

@@ -1,0 +1,194 @@
+"""How much likelier is it that a track is a vehicle than that the two are unrelated: recursion over blocks.
+
+Model of a pair that belongs together, per axis: residual = b(t) + white noise, where b is a Gauss–Markov bias
+(1σ σ_b, correlation time τ). The mean r̄ and scatter S of a block of k samples are then
+
+    e = r̄ − M,   s = V + (σ_w² + σ_px²)/k + σ_floor²
+    ln p₁ = ln N(e; 0, s) − (k − 1) ln 2πσ_w² − ln k − S/2σ_w²
+
+with M, V mean and variance of the bias from a scalar Kalman filter over blocks; N has a wider second part, so that a
+vehicle with a worse receiver than the others is not taken for a stranger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.blocks import Blocks
+from assoc.geometry.plane import axes, plane, square
+
+__all__ = [
+    "NEVER", "Noise", "PairState", "bounded", "fresh_state", "put", "restarted", "run_filter", "taken", "with_columns",
+]  # fmt: skip
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NEVER = -1e6
+"""Score of a pair that was never compared."""
+_FIRST_LEAST = -30.0
+_UNHEARD = 2.0
+"""A block without reports makes a change of owner this many nats less likely than a look would cost."""
+_WIDER = 5.0
+_LOG_NEAR, _LOG_FAR = float(np.log(0.85)), float(np.log(0.15))
+_LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Noise:
+    """What the residuals are made of."""
+
+    white_var: float
+    """σ_w², m²."""
+    bias_std: float
+    """σ_b, metres."""
+    decay: float
+    """Correlation of the bias from one block to the next."""
+    floor_var: float
+    """σ_floor², m²."""
+    pixel_var: float
+    """Variance of a box centre, px²."""
+    log_area: float
+    """ln of twice the ground area in view: where a report could be if it were unrelated."""
+    increment_max: float
+    patience: FloatArray
+    """(n,) what each block adds for a vehicle that should be in view: receivers wander in ways that no model has."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PairState:
+    """State of the recursion for T tracks × n vehicles."""
+
+    score: FloatArray
+    """(T, n) accumulated ln ratio."""
+    mean: FloatArray
+    """(T, n, 2) bias, metres."""
+    var: FloatArray
+    """(T, n) its variance, m²; inf: nothing known beyond the prior."""
+    seen: BoolArray
+    """(T, n) whether any block was compared."""
+
+
+def fresh_state(n_tracks: int, n_vehicles: int) -> PairState:
+    """State before any evidence."""
+    shape = (n_tracks, n_vehicles)
+    return PairState(
+        score=np.full(shape, NEVER), mean=np.zeros((*shape, 2)), var=np.full(shape, np.inf),
+        seen=np.zeros(shape, np.bool_),
+    )  # fmt: skip
+
+
+def bounded(state: PairState, bias_std: float) -> PairState:
+    """The state with nothing known of a bias meaning the prior: variances at most σ_b²."""
+    return replace(state, var=np.minimum(state.var, bias_std**2))
+
+
+def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
+    """(B, T, n) variance of the block mean about the bias, and the part of ln p₁ that does not hang on e and V."""
+    k = np.maximum(blocks.count, 1.0)
+    white = noise.white_var + noise.pixel_var * blocks.pixel_var[:, :, None]
+    constant = -(k - 1) * np.log(2 * np.pi * white) - np.log(k) - blocks.scatter / (2 * white)
+    return white / k + noise.floor_var + blocks.extra_var, constant
+
+
+def _log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
+    """ln of (1 − w) N(e; 0, s) + w N(e; 0, s'), s' with six times the bias variance V: some wander more than others."""
+    wide = s + _WIDER * V
+    near = _LOG_NEAR - np.log(s) - e2 / (2 * s)
+    return np.asarray(np.logaddexp(near, _LOG_FAR - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
+
+
+def _first_null(blocks: Blocks, noise: Noise) -> FloatArray:
+    """(B, T, n) ln p₀ of a first comparison: one sample's share is a uniform density over the ground in view."""
+    return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area)
+
+
+def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,
+               fold: int = 0) -> tuple[PairState, PairState]:  # fmt: skip
+    """Carry the evidence through all blocks.
+
+    Args:
+        blocks: Residuals linearised near ``theta``.
+        theta: (8,) pose correction to evaluate at.
+        state: State before the first block.
+        noise: Noise levels.
+        log_switch: (B, T) ln chance that the track changed its owner in that block.
+        fold: Number of blocks after which a second copy of the state is wanted.
+
+    Returns:
+        State after the last block, state after ``fold`` blocks.
+    """
+    mean_r = plane(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
+    variance, constant = _constant(blocks, noise)
+    has_all = blocks.count > 0
+    decay, prior = noise.decay, noise.bias_std**2
+    null, null_later = _first_null(blocks, noise), blocks.log_null - noise.patience
+    # each block as if it were the first of the pair
+    log_p_first = constant + _log_density(square(mean_r), prior + variance, np.asarray(prior))
+    restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
+    restart_gain = prior / (prior + variance)
+    M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
+    renewed = (1.0 - decay**2) * prior + blocks.jump_var
+    M, V, L, seen = plane(state.mean), state.var, state.score, state.seen
+    folded = state
+    for b in range(len(mean_r)):
+        if b == fold:
+            folded = PairState(score=L, mean=axes(M), var=V, seen=seen)
+        has = has_all[b]
+        # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
+        M, V = decay * M, decay**2 * V + renewed[b]
+        e = mean_r[b] - M
+        s = V + variance[b]
+        log_p = constant[b] + _log_density(square(e), s, V)
+        later = np.minimum(np.maximum(log_p - null_later[b], -noise.increment_max), noise.increment_max)
+        first = np.maximum(log_p - null[b], _FIRST_LEAST)
+        stay = np.where(seen, L + later, first)
+        # the track may have been somebody else until now: that one's evidence, the chance of it, and a first look
+        before = np.max(L, axis=1, initial=0.0) + log_switch[b]
+        switch = np.where(seen, before[:, None] + restart[b], NEVER)
+        gain = V / s
+        M_stay, V_stay = M + gain * e, V - gain * V
+        changed = switch > stay
+        M = np.where(has, np.where(changed, M_first[b], M_stay), M)
+        V = np.where(has, np.where(changed, V_first[b], V_stay), V)
+        unheard = np.where(seen, np.logaddexp(L, before[:, None] - _UNHEARD), L)
+        L = np.where(has, np.logaddexp(stay, switch), unheard)
+        seen = seen | has
+    final = PairState(score=L, mean=axes(M), var=V, seen=seen)
+    return final, final if fold >= len(mean_r) else folded
+
+
+def taken(state: PairState, columns: NDArray[np.int64]) -> PairState:
+    """The state of some tracks."""
+    return PairState(
+        score=state.score[columns], mean=state.mean[columns], var=state.var[columns], seen=state.seen[columns]
+    )
+
+
+def put(state: PairState, columns: NDArray[np.int64], part: PairState) -> PairState:
+    """The state with some tracks replaced."""
+    score, mean, var, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
+    score[columns], mean[columns], var[columns], seen[columns] = part.score, part.mean, part.var, part.seen
+    return PairState(score=score, mean=mean, var=var, seen=seen)
+
+
+def with_columns(state: PairState, n_tracks: int) -> PairState:
+    """The state widened to more tracks."""
+    extra = n_tracks - len(state.score)
+    if extra <= 0:
+        return state
+    more = fresh_state(extra, state.score.shape[1])
+    return PairState(
+        score=np.concatenate([state.score, more.score]), mean=np.concatenate([state.mean, more.mean]),
+        var=np.concatenate([state.var, more.var]), seen=np.concatenate([state.seen, more.seen]),
+    )  # fmt: skip
+
+
+def restarted(state: PairState, columns: NDArray[np.int64], mean: FloatArray, var: FloatArray) -> PairState:
+    """The state with some tracks set back to the beginning, their bias filters started from (n, 2) and (n,)."""
+    score, means, variances, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
+    score[columns], means[columns], variances[columns], seen[columns] = NEVER, mean, var, False
+    return replace(state, score=score, mean=means, var=variances, seen=seen)

@@ -1,0 +1,227 @@
+"""The vehicles' own reports: how well they predict themselves, and how noisy they are.
+
+"The track is not this vehicle" leaves the vehicle's reports to be explained by its own past alone. That null model is
+a constant-velocity Kalman filter per vehicle and per candidate white noise σ; its one-step likelihoods are kept with
+each report, and their sums over all reports choose σ without any association.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.geometry.plane import axes, plane, square
+from assoc.records import VehicleReports
+
+__all__ = ["WHITE_STD_M", "ReportLog", "Samples"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5, 7.0])
+"""(G,) candidates of the reports' white noise, metres."""
+
+_ACCELERATION = 1.0
+"""Power of the null model's white acceleration, m²/s³."""
+_SPEED_STD = 5.0
+"""Prior 1σ of a vehicle's speed per axis, m/s."""
+_LEAST_LOG = -12.0
+"""Floor of one sample's null likelihood, so that one jump does not decide everything."""
+_JUMP = 36.0
+"""Squared innovation, in variances, from which a report has jumped."""
+_STANDING_MPS = 0.3
+_USELESS_M = 30.0
+"""A report that is this uncertain by its vehicle's own word, 1σ, says nothing of which of the boxes in view it is."""
+_FORGET_S = 60.0
+_PARTS = 500
+"""Reports are kept as they come in so many parts at most, also while nobody asks for them."""
+_WHITE_VAR = WHITE_STD_M**2 + 0.01
+_FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD**2)], axis=1)
+_LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """Reports sorted by vehicle, then time."""
+
+    t: FloatArray
+    """(S,) sample time, seconds."""
+    vehicle: IntArray
+    """(S,) index."""
+    p: FloatArray
+    """(S, 2) east and north, metres."""
+    heading: FloatArray
+    """(S,) clockwise from north, NaN unknown."""
+    log_null: FloatArray
+    """(S,) or (S, G) ln density of the report under the vehicle's own past."""
+    jump_var: FloatArray
+    """(S,) or (S, G) squared jump from that past, m², where it is no motion and no noise; else 0."""
+
+
+class ReportLog:
+    """Accepted reports of n vehicles and the state of their null model."""
+
+    def __init__(self, n: int, window_s: float) -> None:
+        self.n_vehicles = n
+        self._window_s = window_s
+        groups = len(WHITE_STD_M)
+        self._kept = [
+            Samples(
+                t=np.empty(0), vehicle=np.empty(0, np.int64), p=np.empty((0, 2)), heading=np.empty(0),
+                log_null=np.empty((0, groups)), jump_var=np.empty((0, groups)),
+            )
+        ]  # fmt: skip
+        """in the order of arrival, with the likelihoods under each candidate"""
+        self.last_t = np.full(n, -np.inf)
+        """(n,) time of the newest accepted report, seconds."""
+        self.last_p = np.full((n, 2), np.nan)
+        self.last_v = np.full((n, 2), np.nan)
+        """(n, 2) velocity, as reported or else as filtered."""
+        self.last_heading = np.full(n, np.nan)
+        self.first_t = np.full(n, np.inf)
+        self.frozen: BoolArray = np.zeros(n, np.bool_)
+        """(n,) the newest position was an exact repeat of a moving vehicle's."""
+        self.useless: BoolArray = np.zeros(n, np.bool_)
+        """(n,) the newest report was too uncertain by the vehicle's own word to be compared with anything."""
+        self.doubted_since = np.full(n, np.inf)
+        """(n,) reports of this time, seconds, and later ones are of another vehicle's place: they are not compared."""
+        self._score = np.zeros((n, groups))
+        self._place = np.zeros((n, groups), np.complex128)
+        self._speed = np.zeros((n, groups), np.complex128)
+        """filtered position and velocity, east + i north"""
+        self._cov = np.zeros((n, groups, 3))
+        """pp, pv, vv: the axes share one covariance."""
+
+    @property
+    def white(self) -> int:
+        """Index in ``WHITE_STD_M`` nearest to the mean variance of the white noise, given all reports: √E[σ²].
+
+        Few reports say little of σ, and to take it for small makes the first names too sure.
+        """
+        log_p = np.sum(self._score, axis=0) + _LOG_PRIOR_STD
+        p = np.exp(log_p - np.max(log_p))
+        return int(np.argmin(np.abs(np.log(WHITE_STD_M**2) - np.log(p @ WHITE_STD_M**2 / np.sum(p)))))
+
+    @property
+    def white_std_m(self) -> float:
+        """The white noise gone by, metres."""
+        return float(WHITE_STD_M[self.white])
+
+    def add(self, t: FloatArray, reports: VehicleReports) -> None:
+        """Accept reports.
+
+        Args:
+            t: (k,) sample times in the identifier's seconds.
+            reports: The reports; not finite, older or repeated ones are passed over.
+        """
+        turns: list[list[int]] = []
+        spoken: dict[int, int] = {}
+        for row in np.argsort(t, kind="stable").tolist():
+            vehicle = int(reports.vehicle[row])
+            turn = spoken[vehicle] = spoken.get(vehicle, -1) + 1
+            if turn == len(turns):
+                turns.append([])
+            turns[turn].append(row)
+        for rows in turns:
+            chosen = np.array(rows)
+            self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
+        if len(self._kept) > _PARTS:
+            self._joined()
+
+    def samples(self, start: float, stop: float) -> Samples:
+        """Reports of a stretch of time that may be compared, sorted by vehicle and time."""
+        kept, white = self._joined(), self.white
+        inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.doubted_since[kept.vehicle])))
+        inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
+        return Samples(
+            t=kept.t[inside], vehicle=kept.vehicle[inside], p=kept.p[inside], heading=kept.heading[inside],
+            log_null=kept.log_null[inside, white], jump_var=kept.jump_var[inside, white],
+        )  # fmt: skip
+
+    def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
+        """Newest positions moved on with their velocity.
+
+        Args:
+            t: Wanted time, seconds.
+            longest_s: Beyond this age the position is not moved further.
+
+        Returns:
+            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise, and where they are another's or
+            useless.
+        """
+        age = t - self.last_t
+        step = np.clip(age, -longest_s, longest_s)
+        step[~np.isfinite(step)] = 0.0
+        return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
+            np.isfinite(self.doubted_since) | self.useless, np.inf, age
+        )
+
+    def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
+        """Take at most one report per vehicle."""
+        p = reports.p_enu[rows, :2]
+        good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + 1e-4))
+        useless = reports.std_m[rows] > _USELESS_M
+        self.useless[vehicle[good]] = useless[good]
+        good = np.asarray(good & ~useless)
+        good = np.asarray(good & np.logical_not(self._repeats(vehicle, t, p, reports.v_enu[rows, :2])))
+        vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
+        if not len(rows):
+            return
+        log_null, jump = self._filter(vehicle, t, p)
+        reported = reports.v_enu[rows, :2]
+        known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
+        if not known.all():
+            reported = np.where(known[:, None], reported, axes(self._speed[vehicle, self.white]))
+        self.last_v[vehicle] = reported
+        self.last_t[vehicle], self.last_p[vehicle] = t, p
+        self.last_heading[vehicle] = reports.heading[rows]
+        self.first_t[vehicle] = np.minimum(self.first_t[vehicle], t)
+        heading = reports.heading[rows]
+        self._kept.append(Samples(t=t, vehicle=vehicle, p=p, heading=heading, log_null=log_null, jump_var=jump))
+
+    def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
+        """Exact repeats that carry no news: of a moving vehicle (frozen), or within a second of a standing one."""
+        same = np.all(p == self.last_p[vehicle], axis=1)
+        before = self.last_v[vehicle]
+        # no speed known: not moving
+        moving = (np.hypot(*v.T) > _STANDING_MPS) | (np.hypot(*before.T) > _STANDING_MPS)
+        self.frozen[vehicle] = same & (moving | self.frozen[vehicle])
+        return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < 1.0)))
+
+    def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """One step of the null model: (k, G) ln densities and squared jumps, 0 for a vehicle's first report."""
+        fresh: BoolArray = np.asarray(~np.isfinite(self.last_t[vehicle]))
+        dt = np.where(fresh, 0.0, t - np.where(fresh, 0.0, self.last_t[vehicle]))[:, None]
+        place, speed, cov = self._place[vehicle], self._speed[vehicle], self._cov[vehicle]
+        # x⁻ = x + v dt;  P⁻ = F P Fᵀ + q [dt³/3, dt²/2; dt²/2, dt]
+        predicted = place + speed * dt
+        pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION * dt**3 / 3
+        pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION * dt**2 / 2
+        vv = cov[..., 2] + _ACCELERATION * dt
+        at = plane(p)[:, None]
+        e, s = at - predicted, pp + _WHITE_VAR
+        e2 = square(e)
+        # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
+        log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LEAST_LOG)
+        gain_p, gain_v = pp / s, pv / s
+        place, speed = predicted + gain_p * e, speed + gain_v * e
+        cov = np.stack([pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv], axis=2)
+        if fresh.any():
+            place[fresh], speed[fresh], cov[fresh], log_density[fresh] = at[fresh], 0.0, _FRESH_COV, 0.0
+        self._place[vehicle], self._speed[vehicle], self._cov[vehicle] = place, speed, cov
+        self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
+        jump = np.where((e2 > _JUMP * s) & ~fresh[:, None], e2, 0.0)
+        # a jump is as likely for the unrelated as for a pair: the same widening by e²
+        log_density = np.where(jump > 0.0, -np.log(2 * np.pi * (s + e2)) - 0.5, log_density)
+        return np.asarray(log_density), jump
+
+    def _joined(self) -> Samples:
+        """All reports of the window as one; the others are forgotten."""
+        if len(self._kept) > 1:
+            whole = {f.name: np.concatenate([getattr(part, f.name) for part in self._kept]) for f in fields(Samples)}
+            keep = whole["t"] >= np.max(whole["t"]) - 1.2 * self._window_s
+            self._kept = [Samples(**{name: array[keep] for name, array in whole.items()})]
+        return self._kept[0]

@@ -1,0 +1,1 @@
+"""Joint hypotheses of pose and assignment: evidence of pairs in, the likeliest assignments and marginals out."""

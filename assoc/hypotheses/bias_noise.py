@@ -1,0 +1,55 @@
+"""How large the vehicles' wandering biases are, learnt from pairs that are already sure."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.likelihood import PairState, taken
+from assoc.hypotheses.pose import BiasModels, log_evidence
+from assoc.hypotheses.search import Hypothesis, Scene
+
+__all__ = ["BIAS_STD_M", "BIAS_TAU_S", "learnt_bias"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BIAS_STD_M = np.array([0.4, 0.7, 1.2, 2.0, 3.2, 4.5])
+"""Candidates of σ_b, metres."""
+BIAS_TAU_S = np.array([7.0, 20.0, 60.0, 240.0])
+"""Candidates of τ, seconds."""
+
+_MEDIAN_M, _SPREAD, _WEIGHT = 1.2, 0.7, 2.0
+_MEDIAN_TAU_S, _TAU_SPREAD = 60.0, 1.0
+_KEEP = 0.6
+
+
+def learnt_bias(scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntArray, state: PairState,
+                now: tuple[float, float]) -> tuple[float, float]:  # fmt: skip
+    """One step of σ_b and τ towards the likeliest candidates.
+
+    ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²
+
+    Args:
+        scene: The update's scene.
+        best: Its best hypothesis.
+        tracks: (p,) rows of sure pairs.
+        vehicles: (p,) their vehicles.
+        state: Evidence of all columns before the first block, variances as they are known.
+        now: Present σ_b, metres, and τ, seconds.
+
+    Returns:
+        σ_b, metres, and τ, seconds.
+    """
+    if not len(tracks):
+        return now
+    std, tau = (grid.ravel() for grid in np.meshgrid(BIAS_STD_M, BIAS_TAU_S, indexing="ij"))
+    models = BiasModels(std=std, decay=np.exp(-scene.block_s / tau))
+    start = taken(state, scene.columns)
+    value = log_evidence(best.blocks, tracks, vehicles, best.theta, start, scene.noise, models)
+    value = value.reshape(len(BIAS_STD_M), len(BIAS_TAU_S))
+    value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2
+    value -= 0.5 * _WEIGHT * (np.log(BIAS_TAU_S / _MEDIAN_TAU_S) / _TAU_SPREAD)[None, :] ** 2
+    best_std, best_tau = np.unravel_index(int(np.argmax(value)), value.shape)
+    new_std = _KEEP * now[0] + (1.0 - _KEEP) * float(BIAS_STD_M[best_std])
+    return new_std, float(now[1] ** _KEEP * BIAS_TAU_S[best_tau] ** (1.0 - _KEEP))

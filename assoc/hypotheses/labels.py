@@ -1,0 +1,83 @@
+"""From joint hypotheses to names with probabilities."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.hypotheses.marginals import best_assignment, marginals
+from assoc.hypotheses.search import Hypothesis
+
+__all__ = ["doubted", "mixed_marginals", "names", "weights"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_LEAST_WEIGHT = 1e-4
+_SPREAD_M = 12.0
+
+
+def weights(hypotheses: list[Hypothesis]) -> FloatArray:
+    """Posterior weights ∝ exp(value)."""
+    value = np.array([h.value for h in hypotheses])
+    w = np.exp(value - np.max(value))
+    return np.asarray(w / np.sum(w))
+
+
+def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: float, chance: float,
+                    in_view: FloatArray, log_free: FloatArray) -> FloatArray:  # fmt: skip
+    """Marginals averaged over hypotheses.
+
+    Args:
+        hypotheses: Joint hypotheses over m tracks and n vehicles.
+        share: Their weights.
+        bias_std: σ_b, metres.
+        chance: Prior chance that a track is a stranger driving like one of ours.
+        in_view: (n,) part of the scores that speaks for a vehicle because it should be in the picture.
+        log_free: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
+
+    Returns:
+        (m, n + 1); the last column is "none of ours".
+    """
+    m, n = hypotheses[0].score.shape
+    total, used = np.zeros((m, n + 1)), 0.0
+    for hypothesis, w in zip(hypotheses, share, strict=True):
+        if w >= _LEAST_WEIGHT * np.max(share):
+            bias = hypothesis.final.mean[:m]
+            score = doubted(hypothesis.score, bias, bias_std, chance, in_view)
+            # however well a track drives like a vehicle, it is not the one that was seen beside it
+            total += w * marginals(score + log_free)
+            used += w
+    return np.asarray(total / used)
+
+
+def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float,
+            in_view: FloatArray) -> FloatArray:  # fmt: skip
+    """Scores with room for strangers that drive like one of ours a few metres away.
+
+    A stranger that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
+    of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one over about 12 m:
+    gap = 2 ln(12/σ_b) − min(|M|²/2σ_b², 5);  L' = L − ln((1 − c) + c·exp(max_j (L_j − gap_j))).
+
+    Args:
+        score: (m, n) ln ratios.
+        bias: (m, n, 2) bias means, metres.
+        bias_std: σ_b, metres.
+        chance: c.
+        in_view: (n,) part of the scores that does not speak for a stranger who drives like the vehicle.
+
+    Returns:
+        (m, n) scores against "unrelated or such a stranger".
+    """
+    if score.shape[1] == 0:
+        return score
+    gap = 2.0 * np.log(_SPREAD_M / bias_std) - np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), 5.0)
+    alike = np.max(score - in_view - gap, axis=1)
+    return np.asarray(score - np.logaddexp(np.log1p(-chance), np.log(chance) + alike)[:, None])
+
+
+def names(p: FloatArray) -> IntArray:
+    """(m,) most probable one-to-one naming by the marginals, −1 for "none of ours"."""
+    ours = np.log(np.maximum(p[:, :-1], 1e-300))
+    none = np.log(np.maximum(p[:, -1:], 1e-300))
+    return best_assignment(ours - none)

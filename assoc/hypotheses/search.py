@@ -1,0 +1,248 @@
+"""Joint hypotheses of camera pose and assignment.
+
+One hypothesis is refined by turns: scores at θ → assignment → θ of that assignment, until the assignment stays.
+Starts are spread where that has local optima: the prior's mean, turned, shifted and swapped versions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.blocks import Blocks, make_blocks, with_first_look
+from assoc.evidence.likelihood import Noise, PairState, run_filter
+from assoc.evidence.motion import ReportLog
+from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
+from assoc.history import TrackHistory
+from assoc.hypotheses.marginals import best_assignment
+from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
+
+__all__ = ["Hypothesis", "Scene", "keep_best", "refine", "shifts", "swaps"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_TURNS = 4
+_SWAP_LOSS = 40.0
+"""Swaps that lose more than this at the present θ, nats, are not tried."""
+_ABSENT, _ABSENT_PER_S = 8.0, 20.0
+"""Most that speaks for a track that is not seen any more while another began in its place, nats, and what one that is
+not seen loses per second."""
+_NEGLIGIBLE = 12.0
+"""Hypotheses this far below the best, nats, carry no weight."""
+_FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
+"""Linearisation is renewed when θ moved further than this; east and north move all places alike."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """All that an update works on. T tracks: the m live ones first, then confident ones that ended."""
+
+    history: TrackHistory
+    columns: IntArray
+    """(T,) columns of the history."""
+    live: int
+    """m."""
+    gap_s: FloatArray
+    """(m,) seconds since each live track was seen."""
+    replaced: BoolArray
+    """(m,) whether a track began since near enough to be the same vehicle's."""
+    anchors: IntArray
+    """(T − m,) vehicle of each track that ended."""
+    log: ReportLog
+    first_block: int
+    last_block: int
+    block_s: float
+    gap_max_s: float
+    first_look_s: float
+    heading_std: float
+    state: PairState
+    """Evidence of the T tracks before the first block."""
+    noise: Noise
+    prior: PosePrior
+    log_switch: FloatArray
+    """(B + 1, T)."""
+    log_odds: float
+    """ln odds, before any evidence, that a track close enough is the vehicle."""
+    claim: FloatArray
+    """(m, n) what is added to them because the track was somebody before it broke off."""
+    view: FloatArray
+    """(n,) how likely each vehicle is in the picture."""
+    in_view: FloatArray
+    """(n,) what is added to them because the vehicle should be in the picture."""
+    fold: int
+    """Blocks that leave the window with this update."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypothesis:
+    """One answer to both questions."""
+
+    theta: FloatArray
+    """(8,)."""
+    theta_std: FloatArray
+    """(8,) 1σ of θ if the assignment is right."""
+    vehicle: IntArray
+    """(m,) −1 none."""
+    value: float
+    """ln evidence, up to a constant."""
+    score: FloatArray
+    """(m, n) ln ratios at θ."""
+    final: PairState
+    """State after the last block, T tracks."""
+    folded: PairState
+    """State after the blocks that leave the window."""
+    blocks: Blocks
+
+
+def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
+    """The scene's residuals linearised at θ."""
+    start = scene.history.start(scene.first_block * scene.block_s + theta[OFFSET] - scene.gap_max_s)
+    tracks = ground_tracks(scene.history, start, theta, scene.columns)
+    samples = scene.log.samples(scene.first_block * scene.block_s, (scene.last_block + 1) * scene.block_s)
+    blocks = make_blocks(
+        tracks, samples, scene.log.n_vehicles, first=scene.first_block, last=scene.last_block, block_s=scene.block_s,
+        gap_max_s=scene.gap_max_s, heading_std=scene.heading_std,
+    )  # fmt: skip
+    p, age = scene.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
+    return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s)
+
+
+def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
+    """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
+    final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
+    odds = scene.log_odds + scene.claim + scene.in_view
+    score = final.score[: scene.live] + blocks.heading[: scene.live] + odds
+    gap = scene.gap_s[:, None]
+    # a track that is not seen gives way to a new one in its place
+    most = np.where(scene.replaced[:, None], _ABSENT, np.inf)
+    return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
+
+
+def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
+    """Rows and vehicles that carry the pose: the assigned live tracks and the anchors."""
+    rows = np.flatnonzero(vehicle >= 0)
+    ended = np.arange(scene.live, len(scene.columns))
+    return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], scene.anchors])
+
+
+def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None,
+           blocks: Blocks | None = None) -> Hypothesis:  # fmt: skip
+    """Turn by turn from a start to a joint optimum.
+
+    Args:
+        scene: What the update works on.
+        theta: (8,) to start from.
+        vehicle: (m,) assignment to start from, if one is believed already.
+        blocks: Residuals that hold at ``theta``, if there are any already.
+    """
+    blocks = blocks or residual_blocks(scene, theta)
+    if vehicle is None:
+        vehicle = best_assignment(scores(scene, blocks, theta)[0])
+    for turn in range(_TURNS):
+        fitted = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+        theta = fitted.theta
+        if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
+            blocks = residual_blocks(scene, theta)
+        score, states = scores(scene, blocks, theta)
+        before, vehicle = vehicle, best_assignment(score)
+        if np.array_equal(before, vehicle):
+            break
+    return _weighed(scene, fitted, vehicle, score, states, blocks)
+
+
+def _weighed(scene: Scene, fitted: Fitted, vehicle: IntArray, score: FloatArray, states: tuple[PairState, PairState],
+             blocks: Blocks) -> Hypothesis:  # fmt: skip
+    """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
+    rows = np.flatnonzero(vehicle >= 0)
+    value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(fitted.theta) + fitted.cost
+    return Hypothesis(
+        theta=fitted.theta, theta_std=fitted.std, vehicle=vehicle, value=value, score=score, final=states[0],
+        folded=states[1], blocks=blocks,
+    )  # fmt: skip
+
+
+def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
+    """Neighbours of a hypothesis: two tracks exchange their vehicles and θ follows."""
+    rows = np.flatnonzero(best.vehicle >= 0)
+    if len(rows) < 2:
+        return []
+    at = best.score[np.ix_(rows, best.vehicle[rows])]
+    own = np.diagonal(at)
+    loss = own[:, None] + own[None, :] - at - at.T
+    loss[np.tril_indices(len(rows))] = np.inf
+    found = []
+    for k in np.argsort(loss, axis=None, kind="stable")[:most]:
+        a, b = np.unravel_index(int(k), loss.shape)
+        if not loss[a, b] < _SWAP_LOSS:
+            break
+        vehicle = best.vehicle.copy()
+        vehicle[rows[[a, b]]] = vehicle[rows[[b, a]]]
+        hypothesis = _forced(scene, best, vehicle)
+        if hypothesis is not None:
+            found.append(hypothesis)
+    return found
+
+
+def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
+    """The hypothesis with a given assignment and the θ that suits it; None when that gains too little."""
+    white = whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise)
+    fitted = fit(white, scene.prior)
+    theta = fitted.theta
+    rows = np.flatnonzero(vehicle >= 0)
+    gain = float(np.sum(misfit(white, best.theta)) - np.sum(misfit(white, theta)))
+    # Σ L at the best θ, plus what the misfit gains by the move, less the prior's cost of it
+    value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - scene.prior.cost(theta) + fitted.cost
+    if value < best.value - _NEGLIGIBLE:
+        return None
+    score, states = scores(scene, best.blocks, theta)
+    return _weighed(scene, fitted, vehicle, score, states, best.blocks)
+
+
+def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:
+    """Starts that move the whole picture so that one track falls on another vehicle: formations 'shifted by one'."""
+    residual = best.blocks.mean[:, : scene.live].sum(axis=0) / np.maximum(
+        (best.blocks.count[:, : scene.live] > 0).sum(axis=0), 1
+    )[..., None]  # fmt: skip
+    residual = residual[(best.blocks.count[:, : scene.live] > 0).any(axis=0)]
+    far = np.hypot(residual[:, 0], residual[:, 1])
+    limit = 4.0 * np.hypot(scene.prior.std[EAST], scene.noise.bias_std)
+    starts: list[FloatArray] = []
+    taken: list[FloatArray] = []
+    for k in np.argsort(far, kind="stable"):
+        if far[k] > limit or len(starts) >= most:
+            break
+        if far[k] < 1.0 or any(np.hypot(*(residual[k] - other)) < 1.5 for other in taken):
+            continue
+        taken.append(residual[k])
+        theta = best.theta.copy()
+        theta[[EAST, NORTH]] -= residual[k]
+        starts.append(theta)
+    return starts
+
+
+def turns(prior: PosePrior, pose_free: bool) -> list[FloatArray]:
+    """Starts from the prior: its mean, turned to both sides (all round without attitude), earlier and later."""
+    found = [np.zeros(THETA)]
+    yaws = np.deg2rad(np.arange(20.0, 360.0, 20.0) if pose_free else np.array([12.0, -12.0]))
+    for yaw in yaws:
+        start = np.zeros(THETA)
+        start[YAW] = (yaw + np.pi) % (2 * np.pi) - np.pi
+        found.append(start)
+    if prior.std[OFFSET] > 0.2:
+        for delta in (-0.35, 0.35):
+            start = np.zeros(THETA)
+            start[OFFSET] = delta
+            found.append(start)
+    return found
+
+
+def keep_best(found: list[Hypothesis], most: int) -> list[Hypothesis]:
+    """Best value per distinct assignment, in falling order."""
+    kept: dict[bytes, Hypothesis] = {}
+    for hypothesis in sorted(found, key=lambda h: -h.value):
+        kept.setdefault(hypothesis.vehicle.tobytes(), hypothesis)
+    return list(kept.values())[:most]

@@ -1,0 +1,63 @@
+"""The paper's masses of one frame, with the camera's pose known: what a single look says."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.geometry.ground import off_axis
+from assoc.methods.belief import fuse, masses
+from assoc.methods.topology import topology_angles, topology_cost
+from assoc.records import CameraState, Sighting
+
+__all__ = ["frame_masses"]
+
+FloatArray = NDArray[np.float64]
+
+
+def frame_masses(sighting: Sighting, camera: CameraState, p: FloatArray, heading: FloatArray,
+                 theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """Projection, topology and fused masses.
+
+    E is the distance in pixels (angle over pixel angle) between each box and each report reprojected through the
+    corrected pose; C is the topology cost, as printed, about the image centre, so it loses its meaning away from
+    straight down.
+
+    Args:
+        sighting: m tracks.
+        camera: The camera.
+        p: (n, 2) reports extrapolated to the frame, NaN never heard.
+        heading: (n,) reported headings, NaN unknown.
+        theta: (8,) pose correction.
+
+    Returns:
+        Three (m, n) matrices; vehicles never heard have mass 0.
+    """
+    shape = (len(sighting.track_id), len(p))
+    heard = np.flatnonzero(np.isfinite(p[:, 0]))
+    results = tuple(np.zeros(shape) for _ in range(3))
+    if not len(heard) or not shape[0]:
+        return results[0], results[1], results[2]
+    E = off_axis(sighting.ray_cam, p[heard], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta) / camera.px_rad
+    C = _topology(sighting, camera, p[heard], heading[heard])
+    first, second = masses(np.nan_to_num(E, nan=1e9, posinf=1e9)), masses(C)
+    for result, part in zip(results, (first, second, fuse(first, second)), strict=True):
+        result[:, heard] = part
+    return results[0], results[1], results[2]
+
+
+def _topology(sighting: Sighting, camera: CameraState, p: FloatArray, heading: FloatArray) -> FloatArray:
+    """(m, n) topology cost of the frame."""
+    centre = _right_up(sighting.ray_cam)
+    front = _right_up(sighting.front_cam) - centre
+    image = topology_angles(centre, np.arctan2(front[:, 0], front[:, 1]))
+    right = camera.R_enu_cam[:2, 0]
+    # the picture's right axis is level; up in the picture is a quarter turn to its left
+    up = float(np.arctan2(-right[1], right[0]))
+    return topology_cost(image, topology_angles(p - camera.p_enu[:2], heading, up))
+
+
+def _right_up(ray: FloatArray) -> FloatArray:
+    """(m, 2) normalised image coordinates, v upwards."""
+    depth = np.where(ray[:, 2:] > 1e-6, ray[:, 2:], np.nan)
+    return np.asarray(ray[:, :2] / depth * np.array([1.0, -1.0]))

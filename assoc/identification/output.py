@@ -1,0 +1,147 @@
+"""Beliefs about tracks turned into the record that leaves the package, with its evidence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.motion import ReportLog
+from assoc.hypotheses.labels import names
+from assoc.identification.estimate import Estimator
+from assoc.identification.frame_masses import frame_masses
+from assoc.records import CameraState, Identities, Sighting
+
+__all__ = ["Beliefs", "compose", "no_beliefs"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_REMEMBERED = 200
+"""Tracks whose last beliefs are kept."""
+_CLAIMED = 0.5
+_LOOK_S = 0.5
+_UNSEEN = 0.5
+"""Probability of "none of ours" of a track that no update has met."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beliefs:
+    """Marginals of the last update."""
+
+    track_id: IntArray
+    """(m,)."""
+    p: FloatArray
+    """(m, n + 1), the last column "none of ours"."""
+    conflict: tuple[int, ...]
+    """Indices of vehicles that contradict."""
+
+    def of(self, track_id: IntArray) -> Beliefs:
+        """The beliefs in the order of other tracks; even odds for those not met yet."""
+        n = self.p.shape[1] - 1
+        p = np.full((len(track_id), n + 1), (1.0 - _UNSEEN) / max(n, 1))
+        p[:, n] = _UNSEEN if n else 1.0
+        known = {key: row for row, key in enumerate(self.track_id.tolist())}
+        for row, key in enumerate(track_id.tolist()):
+            if key in known:
+                p[row] = self.p[known[key]]
+        return Beliefs(track_id, p, self.conflict)
+
+    def renewed(self, track_id: IntArray, p: FloatArray, conflict: tuple[int, ...]) -> Beliefs:
+        """Newer beliefs on some tracks; the newest others are kept for when they are seen again."""
+        other = ~np.isin(self.track_id, track_id)
+        ids = np.concatenate([track_id, self.track_id[other]])[:_REMEMBERED]
+        return Beliefs(ids, np.concatenate([p, self.p[other]])[:_REMEMBERED], conflict)
+
+
+def no_beliefs(n: int) -> Beliefs:
+    """Before the first update."""
+    return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
+
+
+class HeldMasses:
+    """The masses of the named vehicles at the last look: they change slowly, and a look costs more than a name."""
+
+    def __init__(self) -> None:
+        self._t = -np.inf
+        self._rows: dict[tuple[int, int], FloatArray] = {}
+
+    def stale(self, t: float, track_id: IntArray, choice: IntArray) -> bool:
+        """Whether it is time to look again: after a while, or when somebody is named that was not."""
+        named = zip(track_id.tolist(), choice.tolist(), strict=True)
+        return t - self._t >= _LOOK_S or any(k >= 0 and (track, k) not in self._rows for track, k in named)
+
+    def renew(self, t: float, track_id: IntArray, choice: IntArray, masses: FloatArray) -> None:
+        """Keep (3, m) masses of the tracks with their vehicles."""
+        self._t = t
+        self._rows = dict(zip(zip(track_id.tolist(), choice.tolist(), strict=True), masses.T, strict=True))
+
+    def of(self, track_id: IntArray, choice: IntArray) -> FloatArray:
+        """(3, m), NaN unnamed."""
+        unnamed = np.full(3, np.nan)
+        named = zip(track_id.tolist(), choice.tolist(), strict=True)
+        rows = [self._rows[track, k] if k >= 0 else unnamed for track, k in named]
+        return np.array(rows).reshape(len(rows), 3).T
+
+
+def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: CameraState, log: ReportLog,
+            estimator: Estimator, t: float, threshold: float, held: HeldMasses) -> Identities:  # fmt: skip
+    """Names, runners-up and evidence of one frame.
+
+    Args:
+        system_ids: (n,).
+        beliefs: In the order of the sighting.
+        sighting: The frame.
+        camera: Its camera.
+        log: Newest reports.
+        estimator: Pose correction.
+        t: Time of the frame, seconds.
+        threshold: Least probability for a name.
+        held: Masses of the last look, renewed here.
+
+    Returns:
+        The identities.
+    """
+    m, n = len(sighting.track_id), len(system_ids)
+    rows = np.arange(m)
+    p = _yielding(beliefs.p, sighting.gap_s)
+    choice = names(p)
+    choice = np.where((choice >= 0) & (p[rows, choice] >= threshold), choice, -1)
+    others = p[:, :n].copy()
+    others[rows[choice >= 0], choice[choice >= 0]] = -1.0
+    second = np.argmax(others, axis=1) if n else np.zeros(m, np.int64)
+    second_p = others[rows, second] if n else np.zeros(m)
+    ids = np.append(system_ids, 0)
+    if held.stale(t, sighting.track_id, choice):
+        held.renew(t, sighting.track_id, choice, np.stack(_masses(t, sighting, camera, log, estimator, choice)))
+    projection, topology, fused = held.of(sighting.track_id, choice)
+    residual, age = estimator.residuals(t, sighting, camera, choice)
+    return Identities(
+        track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=p[rows, choice],
+        runner_up=np.where(second_p > 0.0, ids[second], 0), runner_up_confidence=np.maximum(second_p, 0.0),
+        residual_m=residual, position_age_s=age, projection=projection, topology=topology, fused=fused,
+        conflict=tuple(int(ids[k]) for k in beliefs.conflict),
+    )  # fmt: skip
+
+
+def _yielding(p: FloatArray, gap_s: FloatArray) -> FloatArray:
+    """Marginals in which a track that is only predicted gives its name up to one that is seen."""
+    seen = gap_s <= 0.0
+    claimed = np.max(p[seen, :-1], axis=0, initial=0.0)
+    p = p.copy()
+    p[~seen, :-1] *= np.where(claimed > _CLAIMED, 1.0 - claimed, 1.0)
+    p[:, -1] = np.maximum(1.0 - np.sum(p[:, :-1], axis=1), 0.0)
+    return p
+
+
+def _masses(t: float, sighting: Sighting, camera: CameraState, log: ReportLog, estimator: Estimator,
+            choice: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+    """(m,) three masses of the named vehicles, NaN unnamed."""
+    named = np.flatnonzero(choice >= 0)
+    result = np.full((3, len(choice)), np.nan)
+    if len(named):
+        p, _ = log.extrapolated(t - estimator.time_offset_s)
+        for row, mass in zip(result, frame_masses(sighting, camera, p, log.last_heading, estimator.theta), strict=True):
+            row[named] = mass[named, choice[named]]
+    return result[0], result[1], result[2]

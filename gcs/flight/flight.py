@@ -1,0 +1,295 @@
+"""A flight: links and camera in, recording and snapshots out.
+
+Telemetry and video each come in through a process of their own, which records them untouched. Here, one thread takes
+packets, one looks after links, disk and video, one folds. The fold takes only the newest frame; what it skips is still
+recorded and counted. What fails in a turn of a thread costs that turn: the flight and its recording go on.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gcs.errors import FlightError
+from gcs.flight.frame_loop import FlightFold
+from gcs.flight.monitor import FlightCare
+from gcs.flight.video import FlightVideo, check_source
+from gcs.fold.detector_factory import fingerprints, open_perception
+from gcs.fold.pipeline import Pipeline
+from gcs.health.faults import Faults
+from gcs.mission.mission import Mission
+from gcs.session.flight_notes import key_notes
+from gcs.session.recorder import Recorder
+from gcs.snapshot import Alarm, Event, Health, Snapshot
+from gcs.station import Commands
+from mavlink.errors import LinkError
+from mavlink.forwarding.forward import parse_output
+from mavlink.ingest.ingest import Ingest
+from mavlink.ingest.plan import Outputs, Signing
+from mavlink.signing.keys import KeyRing, read_ring
+from mavlink.transmit.message_rates import RateKeeper, uav_rates
+from mavlink.transmit.transmitter import SYSTEM_ID
+from vision.detect.detector import Detector
+
+if TYPE_CHECKING:
+    from gcs.command import CommandDesk
+
+__all__ = ["Flight", "FlightPlan"]
+
+READ_S = 0.2
+IDLE_S = 0.2
+"""Without a new frame for this long the fleet is shown all the same."""
+CARE_S = 0.5
+FAULT_PAUSE_S = 0.1
+LOOK_THREADS = min(os.cpu_count() or 1, 2)
+"""Of the detector: the newest picture is looked at alone, and soon."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightPlan:
+    """What to listen to, and where to keep it."""
+
+    mission: Mission
+    links: tuple[str, ...]
+    video: str
+    """Empty: no camera; ``auto``: the stream that the UAV offers, once it does."""
+    sessions: Path
+    forward: tuple[str, ...] = ()
+    """Where packets go on to, as they came."""
+    command: bool = False
+    """Whether this station may speak: beat, ask for rates, and command the UAV."""
+    accept_late: tuple[int, ...] = ()
+    """Vehicles whose signed packets are believed without a proof that they are made now."""
+
+
+class Flight:
+    """A station (``gcs.station.Station``) in flight."""
+
+    timeline = None
+
+    def __init__(self, plan: FlightPlan, on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None) -> None:
+        """Open links, camera, detector and recording, then start.
+
+        Args:
+            plan: What to listen to.
+            on_snapshot: Called in the fold's thread with each frame that was looked at.
+
+        Raises:
+            LinkError, ModelError, SessionError: something cannot be opened; nothing is left open.
+        """
+        mission = self._mission = plan.mission
+        self._ring = read_ring(mission.signing.folder) if mission.signing.folder else KeyRing()
+        detector: Detector | None = None
+        notes: dict[str, Any] = {"keys": key_notes(self._ring)}
+        if plan.video:
+            check_source(plan.video)
+            detector = open_perception(mission.detector, threads=LOOK_THREADS)
+            notes["models"] = fingerprints(mission.detector)
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False, notes=notes)
+        self._desk: CommandDesk | None = None
+        try:
+            self._ingest = _open_ingest(plan, self._recorder.tlog_path)
+        except BaseException:
+            # nothing was received: what is in the folder are headings
+            self._recorder.close()
+            shutil.rmtree(self._recorder.folder, ignore_errors=True)
+            raise
+        self._video = FlightVideo(plan.video, self._recorder)
+        self._pipeline = Pipeline(mission, links=self._ingest.names, address=self._ingest.address)
+        rates = uav_rates(gimbal=mission.follows_gimbal)
+        self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
+        self._faults = Faults(self._recorder.folder / "faults.txt")
+        self._fold = FlightFold(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
+        self._fold.health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))
+        for system_id in plan.accept_late:
+            self._tell_of_operator(system_id, "signed packets are accepted without a proof in this flight")
+        self._stop = threading.Event()
+        self._stopped = threading.Lock()
+        self._closed = False
+        self.lost: tuple[str, ...] = ()
+        if plan.command:
+            self._desk = self._open_desk(mission)
+        self._care = FlightCare(
+            self._ingest,
+            self._recorder,
+            self._video,
+            None if self._desk else self._rates,
+            keys=len(self._ring),
+            tell=self._fold.tell,
+        )
+        jobs = {"listening": self._listen, "naming": self._name, "looking after the flight": self._look_after}
+        self._threads = [
+            threading.Thread(target=self._repeat, args=job, name=job[0], daemon=True) for job in jobs.items()
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def title(self) -> str:
+        """Where it is recorded."""
+        return self._recorder.folder.name
+
+    @property
+    def folder(self) -> Path:
+        """The session folder."""
+        return self._recorder.folder
+
+    @property
+    def packets(self) -> int:
+        """Telemetry packets received and recorded, of all links; those that this station sent are not among them."""
+        health = self._ingest.health()
+        return health.packets - health.sent
+
+    @property
+    def error(self) -> FlightError | None:
+        """What does not work any more, None while all is well."""
+        why = self._faults.lasting
+        return FlightError(f"{why}; telemetry and video are recorded all the same") if why else None
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """A line on faults of the program that were passed over, if there were any."""
+        if not self._faults.count:
+            return ()
+        return (f"{self._faults.count} faults of this program, in faults.txt; last: {self._faults.last}",)
+
+    @property
+    def commands(self) -> Commands | None:
+        """The command desk, None for a station that listens only."""
+        return self._desk
+
+    def latest(self) -> Snapshot | None:
+        """The newest snapshot."""
+        return self._fold.latest
+
+    def events(self) -> Sequence[Event]:
+        """What happened so far."""
+        return self._fold.events()
+
+    def tell(self, event: Event) -> None:
+        """Something that the operator is to know, for screen and event log."""
+        self._fold.tell(event)
+
+    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
+        """The operator has seen these: an event each."""
+        now_us = time.time_ns() // 1000
+        for alarm in alarms:
+            self._fold.tell(
+                Event(
+                    t_us=now_us,
+                    level="info",
+                    kind="operator",
+                    text=f"seen: {alarm.text}",
+                    system_id=alarm.system_id,
+                )
+            )
+
+    def accept_held(self, system_ids: Sequence[int]) -> None:
+        """The operator vouches for vehicles whose signed packets are held: an event each."""
+        for system_id in system_ids:
+            try:
+                self._ingest.accept_held(system_id)
+                self._tell_of_operator(system_id, "signed packets that were held are accepted without a proof")
+            except LinkError as error:
+                self._tell_of_operator(system_id, f"signed packets stay held: {error}")
+
+    def _tell_of_operator(self, system_id: int, text: str) -> None:
+        self._fold.tell(
+            Event(
+                t_us=time.time_ns() // 1000,
+                level="warning",
+                kind="operator",
+                text=f"{self._mission.name_of(system_id)}: {text}",
+                system_id=system_id,
+            )
+        )
+
+    def stop(self) -> None:
+        """End the threads, then seal the recording."""
+        with self._stopped:
+            if self._closed:
+                return
+            self._closed = True
+        self._stop.set()
+        if self._desk:
+            self._desk.close()
+        self._video.close()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(timeout=5)
+        self._ingest.stop()
+        self._fold.close()
+        health = self._ingest.health()
+        self.lost = self._recorder.close(health.record, refused=health.refused)
+
+    def _open_desk(self, mission: Mission) -> CommandDesk:
+        # MAVSDK's native library is loaded only by stations that may command
+        from gcs.flight.command_setup import open_desk, place_of
+
+        return open_desk(
+            mission,
+            self._ingest,
+            self._ring,
+            where=lambda system_id: place_of(system_id, self._fold.latest),
+            tell=self._fold.tell,
+        )
+
+    def _repeat(self, job: str, turn: Callable[[], None]) -> None:
+        """A thread's turns until the flight ends; one that fails is kept and told, and the next one goes on."""
+        while not self._stop.is_set():
+            try:
+                turn()
+            except Exception as error:  # noqa: BLE001 - counted, told on the screen, kept with its traceback
+                self._faults.failed(job, error)
+                self._stop.wait(FAULT_PAUSE_S)
+            else:
+                self._faults.well(job)
+
+    def _listen(self) -> None:
+        packets = self._ingest.read(READ_S)
+        self._fold.take(packets, self._ingest.heard_us)
+        if self._desk:
+            for packet in packets:
+                self._desk.take(packet)
+        elif packets:
+            now_s = time.monotonic()
+            for packet in packets:
+                self._rates.take(packet, now_s)
+
+    def _name(self) -> None:
+        frame = self._video.latest(IDLE_S)
+        if self._video.stream is None:
+            self._stop.wait(IDLE_S)
+        if self._desk:
+            self._desk.poll()
+        self._fold.turn(frame)
+
+    def _look_after(self) -> None:
+        self._fold.health = self._care.look(self._fold.pace, self._faults, self._pipeline.fleet.video_offer)
+        self._stop.wait(CARE_S)
+
+
+def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
+    mission = plan.mission
+    signing = mission.signing
+    for out in plan.forward:
+        if not plan.command and parse_output(out)[1] is not None:
+            raise LinkError(f"{out}: ?rw lets a program speak to vehicles, which takes --command; ?ro only listens")
+    return Ingest(
+        plan.links,
+        log,
+        system_ids=(mission.uav.system_id, *mission.ugv_ids),
+        signing=Signing(
+            keys=str(signing.folder) if signing.folder else "",
+            unsigned=signing.unsigned,
+            keyless=signing.keyless,
+            accept_late=plan.accept_late,
+        ),
+        outputs=Outputs(urls=plan.forward, uav=mission.uav.system_id, own=SYSTEM_ID),
+    )

@@ -1,0 +1,187 @@
+"""The fold of a flight: packets that wait, the newest picture and what there is to be told become snapshots."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from gcs.flight.monitor import Pace
+from gcs.fold.pipeline import Pipeline
+from gcs.health.faults import Faults
+from gcs.session.fold_order import NO_PICTURE, Fold
+from gcs.session.recorder import Recorder
+from gcs.snapshot import Event, Health, Snapshot
+from mavlink.links.counters import now_us
+from mavlink.protocol.packet import Packet
+from vision.detect.detections import Detections
+from vision.detect.detector import Detector
+from vision.video.video import Frame
+
+__all__ = ["FlightFold"]
+
+MOST_EVENTS = 2000
+MOST_WAITING = 200_000
+"""Packets: half a minute of the fastest fleet."""
+PACE_FRAMES, PACE_S = 20, 2.0
+
+
+class FlightFold:
+    """Looks at one picture after the other; only ``turn`` works, the rest may be called from any thread.
+
+    Args:
+        pipeline: what packets and pictures are folded in.
+        detector: finds vehicles; None: without a camera.
+        recorder: keeps what was found.
+        faults: told of what fails on the way.
+        on_snapshot: called with each picture that was looked at.
+        now_us: the wall clock, Unix µs.
+
+    Attributes:
+        health: of the flight, put in by whoever looks after it.
+        latest: the newest snapshot, None before the first.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        detector: Detector | None,
+        recorder: Recorder,
+        faults: Faults,
+        on_snapshot: Callable[[Snapshot], None],
+        now_us: Callable[[], int] = now_us,
+    ) -> None:
+        self._pipeline, self._detector, self._recorder = pipeline, detector, recorder
+        self._faults, self._on_snapshot = faults, on_snapshot
+        self._now_us = now_us
+        self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
+        self._pushed_out = 0
+        self._heard_us = 0
+        self._said: deque[Event] = deque()
+        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._frames = 0
+        self._records = self._record_us = 0
+        """Number of the record after the one taken in last, and the stamp of that one."""
+        self._frame_ends: deque[float] = deque(maxlen=PACE_FRAMES)
+        self.health = Health()
+        self.latest: Snapshot | None = None
+
+    def take(self, packets: Sequence[Packet], heard_us: int) -> None:
+        """Packets that came; where too many wait, the oldest go, and are counted.
+
+        Args:
+            packets: in order of arrival.
+            heard_us: with these, all that came before this Unix time is there.
+        """
+        self._pushed_out += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
+        self._waiting.extend(packets)
+        self._heard_us = heard_us
+
+    def tell(self, event: Event) -> None:
+        """Something of the surroundings, for the next snapshot."""
+        self._said.append(event)
+
+    def events(self) -> Sequence[Event]:
+        """What happened so far, oldest first, bounded in number."""
+        return tuple(self._events)
+
+    @property
+    def pace(self) -> Pace:
+        """How it gets on."""
+        ends = tuple(self._frame_ends)
+        fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and time.monotonic() - ends[-1] < PACE_S else 0.0
+        return Pace(frames=self._frames, fps=fps, pushed_out=self._pushed_out)
+
+    def turn(self, frame: Frame | None) -> None:
+        """Fold in what waits and one picture, if there is a new one."""
+        heard_us = self._heard_us
+        while self._waiting:
+            self._feed(self._waiting.popleft())
+        while self._said:
+            self._pipeline.note(self._said.popleft())
+        snapshot = self._look(frame, heard_us) if frame else self._wait(heard_us)
+        self._events.extend(snapshot.events)
+        self.latest = snapshot
+
+    def close(self) -> None:
+        """Keep what was said since the last turn."""
+        self._recorder.events(tuple(self._said))
+
+    def _feed(self, packet: Packet) -> None:
+        if packet.record >= 0:
+            self._count(packet)
+        try:
+            self._pipeline.feed(packet)
+        except Exception as error:  # noqa: BLE001 - one packet must not cost a picture
+            self._faults.take(f"packet of system {packet.system_id}", error)
+
+    def _count(self, packet: Packet) -> None:
+        """Keep track of the log: what the fold passes over has to be passed over by a replay too."""
+        if packet.record > self._records:
+            self._recorder.unfolded(self._records, packet.record - self._records)
+        self._records, self._record_us = packet.record + 1, packet.t_us
+
+    def _look(self, frame: Frame, heard_us: int) -> Snapshot:
+        """A new picture: detect, fold, record."""
+        boxes = self._detect(frame)
+        self._frames += 1
+        self._frame_ends.append(time.monotonic())
+        lag_s = max(self._now_us() - frame.t_us, 0) * 1e-6
+        health = replace(self.health, frames=self._frames, lag_s=lag_s, behind_s=_behind_s(frame.t_us, heard_us))
+        snapshot = self._pipeline.frame(
+            frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
+        )
+        self._record(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
+        self._recorder.snapshot(snapshot)
+        self._on_snapshot(snapshot)
+        return snapshot
+
+    def _record(
+        self,
+        frame: int,
+        t_us: int,
+        heard_us: int,
+        boxes: Detections | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> None:
+        """Keep what this turn was made of; size: width and height of the picture, px."""
+        turn = Fold(
+            t_us=t_us,
+            records=self._records,
+            record_us=self._record_us,
+            heard_us=heard_us,
+            frame=frame,
+            boxes=None if boxes is None else len(boxes),
+            size=size,
+        )
+        self._recorder.fold(turn)
+
+    def _detect(self, frame: Frame) -> Detections | None:
+        """Boxes, recorded; None where the detector failed, so that the fleet goes on without it."""
+        assert self._detector is not None
+        try:
+            boxes = self._detector.detect(frame.image, gsd_m=self._pipeline.gsd_m(frame.t_us, frame.image))
+        except Exception as error:  # noqa: BLE001 - a detector that fails must not cost the fleet's table
+            self._faults.failed("detecting", error)
+            return None
+        self._faults.well("detecting")
+        self._recorder.detections(frame.index, boxes)
+        return boxes
+
+    def _wait(self, heard_us: int) -> Snapshot:
+        """No new picture: the fleet goes on, the last picture stays."""
+        t_us = self._now_us()
+        health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
+        snapshot = self._pipeline.frame(NO_PICTURE, t_us, health=health, heard_us=heard_us)
+        self._record(NO_PICTURE, t_us, heard_us)
+        self._recorder.events(snapshot.events)
+        last = self.latest
+        if last is None or last.image is None:
+            return snapshot
+        return replace(snapshot, frame=last.frame, image=last.image, width=last.width, height=last.height)
+
+
+def _behind_s(t_us: int, heard_us: int) -> float:
+    """How far telemetry is behind a moment, 0 where it is not or nothing is known."""
+    return max(t_us - heard_us, 0) * 1e-6 if heard_us else 0.0

@@ -1,0 +1,124 @@
+"""The video of a flight: opened by name or when the UAV offers it, and what there is to be told of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from gcs.session.recorder import Recorder
+from gcs.snapshot import Event, Level
+from mavlink.protocol.messages import VideoStreamInformation
+from vision.errors import VideoError
+from vision.stream.secrets import concealed
+from vision.stream.source import offered, parse_source
+from vision.stream.stream import VideoStream
+from vision.video.video import Frame
+
+__all__ = ["AUTO", "FlightVideo", "check_source"]
+
+AUTO = "auto"
+"""In place of a video's URL: what the UAV offers."""
+
+
+def check_source(wanted: str) -> None:
+    """Refuse a source that could never be opened, before anything else is.
+
+    Raises:
+        VideoError: it is none, or a file that is not there.
+    """
+    if wanted in ("", AUTO):
+        return
+    source = parse_source(wanted)
+    if source.kind in ("file", "session") and not Path(source.address).is_file():
+        raise VideoError(f"video {source.text}: no such file")
+
+
+class FlightVideo:
+    """One camera, or none.
+
+    Args:
+        wanted: source; empty: none; ``auto``: what the UAV offers, once it does.
+        recorder: keeps the stream and the times of its pictures.
+    """
+
+    def __init__(self, wanted: str, recorder: Recorder) -> None:
+        self.stream: VideoStream | None = None
+        self._wanted, self._recorder = wanted, recorder
+        self._offered = ""
+        self._state = "none"
+        self._told = ("", "", 0)
+        self._dated = ""
+        if wanted not in ("", AUTO):
+            self._open(wanted)
+
+    def latest(self, timeout_s: float) -> Frame | None:
+        """The newest picture, waited for; None without one, at once without a stream."""
+        return self.stream.latest(timeout_s) if self.stream else None
+
+    @property
+    def state(self) -> str:
+        """A word for how it is doing."""
+        if self.stream is None:
+            return "none"
+        if self.stream.ended:
+            return "ended"
+        if not self.stream.received:
+            return "waiting"
+        return "stalled" if self.stream.stalled else "ok"
+
+    def check(self, offer: VideoStreamInformation | None) -> Iterator[Event]:
+        """What is new; opens what the UAV offers where that was asked for.
+
+        Args:
+            offer: the UAV's, None while it offers none.
+        """
+        if offer is not None and self.stream is None and offer.uri != self._offered:
+            yield self._take(offer)
+        if (state := self.state) != self._state:
+            self._state = state
+            yield _event("alarm" if state == "stalled" else "info", "video", f"video {state}")
+        if self.stream is not None:
+            yield from self._troubles(self.stream)
+
+    def close(self) -> None:
+        """End the stream and its recording."""
+        if self.stream:
+            self.stream.close()
+
+    def _open(self, url: str) -> None:
+        self.stream = VideoStream(url, self._recorder.video_path, on_frame=self._recorder.frame_time)
+
+    def _take(self, offer: VideoStreamInformation) -> Event:
+        self._offered = offer.uri
+        url = offered(offer.type, offer.uri, offer.encoding)
+        if not url:
+            return _event("warning", "video", f"the UAV offers a video that cannot be opened: {concealed(offer.uri)}")
+        if self._wanted == AUTO:
+            self._open(url)
+        return _event(
+            "info",
+            "video",
+            f"the UAV offers video at {concealed(url)}{'' if self._wanted else ', --video auto shows it'}",
+        )
+
+    def _troubles(self, stream: VideoStream) -> Iterator[Event]:
+        """Each once."""
+        now = (stream.error, stream.recording_error, stream.restarts)
+        how = stream.exposure
+        if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated:
+            self._dated = kind
+            yield _event("warning" if "not used" in how else "info", "video", f"pictures are dated {how}")
+        before, self._told = self._told, now
+        if now[0] and now[0] != before[0]:
+            yield _event("warning", "video", f"video: {now[0]}")
+        if now[1] and now[1] != before[1]:
+            yield _event("alarm", "recording", f"video is not recorded: {now[1]}")
+        if before[1] and not now[1]:
+            yield _event("info", "recording", "video is recorded again")
+        if now[2] > before[2]:
+            yield _event("warning", "video", "the video's process was started again")
+
+
+def _event(level: Level, kind: str, text: str) -> Event:
+    return Event(t_us=time.time_ns() // 1000, level=level, kind=kind, text=text)

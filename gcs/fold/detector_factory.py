@@ -1,0 +1,64 @@
+"""What finds vehicles in a picture, as the mission file chooses it.
+
+By default one network finds boxes and their fronts; with ``[detector] front`` a second one tells the fronts of boxes
+that come without, as a YOLO-OBB export's do.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from gcs.mission.mission import BUNDLED, DetectorChoice
+from vision.detect.detector import BUNDLED as BUNDLED_BOXES
+from vision.detect.detector import Detector, open_detector
+from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
+from vision.errors import ModelError
+
+__all__ = ["fingerprints", "open_perception"]
+
+
+def open_perception(choice: DetectorChoice, *, threads: int = 1) -> Detector:
+    """Load the mission's networks.
+
+    Args:
+        choice: which.
+        threads: CPU threads of one picture: as many as there are cores where pictures are looked at one by one.
+
+    Raises:
+        ModelError: a file is missing or is no such model.
+    """
+    providers = choice.providers or None
+    detector = open_detector(
+        Path(choice.model) if choice.model else None,
+        score=choice.score,
+        classes=choice.classes or None,
+        imgsz=choice.imgsz or None,
+        providers=providers,
+        threads=threads,
+    )
+    if not choice.front:
+        return detector
+    front = None if choice.front == BUNDLED else Path(choice.front)
+    return FrontedDetector(
+        detector, open_front_classifier(front, sure=choice.front_sure, providers=providers, threads=threads)
+    )
+
+
+def fingerprints(choice: DetectorChoice) -> dict[str, str]:
+    """SHA-256 of the mission's networks by what they are for: ``boxes`` and, where there is one, ``front``.
+
+    Raises:
+        ModelError: a file cannot be read.
+    """
+    files = {"boxes": Path(choice.model) if choice.model else BUNDLED_BOXES}
+    if choice.front:
+        files["front"] = BUNDLED_FRONT if choice.front == BUNDLED else Path(choice.front)
+    return {name: _sha256(path) for name, path in files.items()}
+
+
+def _sha256(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}") from error

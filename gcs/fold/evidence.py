@@ -1,0 +1,68 @@
+"""What the tracker, the fleet and the camera know, as the identifier takes it: plain arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from assoc.records import CameraState, Sighting, VehicleReports
+from gcs.fold.snapshot_rows import View
+from mavlink.fleet.fleet import Reports
+from vision.camera.camera import Intrinsics
+from vision.detect.detections import Detections
+from vision.track.tracks import Tracks
+
+__all__ = ["camera_of", "reports_of", "sighting_of"]
+
+
+def sighting_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics) -> Sighting:
+    """Tracks of a frame as rays; a track that is seen is where its box is, not where the filter has it.
+
+    Args:
+        t_us: When the frame was taken, on the telemetry's clock.
+        detections: The frame's boxes.
+        tracks: The tracks after them.
+        lens: The camera's.
+    """
+    seen = tracks.detection >= 0
+    centre = np.column_stack([tracks.cx, tracks.cy])
+    centre[seen] = detections.centre[tracks.detection[seen]]
+    reach = 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
+    front = centre + reach * np.column_stack([np.sin(tracks.heading), -np.cos(tracks.heading)])
+    return Sighting(
+        t_us=t_us,
+        track_id=tracks.track_id,
+        ray_cam=lens.rays(centre),
+        front_cam=lens.rays(front),
+        gap_s=np.where(seen, 0.0, tracks.gap_s),
+        score=tracks.score,
+    )
+
+
+def reports_of(reports: Reports, ugv_ids: Sequence[int]) -> VehicleReports:
+    """Reports by the vehicles' places in the mission."""
+    place = {system_id: k for k, system_id in enumerate(ugv_ids)}
+    return VehicleReports(
+        t_us=reports.t_us,
+        vehicle=np.array([place[int(s)] for s in reports.system_id], dtype=np.int64),
+        p_enu=reports.p_enu,
+        v_enu=reports.v_enu,
+        heading=reports.heading,
+        std_m=reports.std_m,
+    )
+
+
+def camera_of(view: View, stabilized: bool) -> CameraState:
+    """The camera as telemetry has it; ``stabilized``: a gimbal keeps its horizon."""
+    lens = view.intrinsics
+    return CameraState(
+        R_enu_cam=view.pose.R_enu_cam,
+        p_enu=view.pose.p_enu,
+        ground_z=view.ground_z,
+        px_rad=1.0 / lens.fx,
+        attitude_known=view.attitude_known,
+        position_known=view.position_sure,
+        stabilized=stabilized,
+        half_view=(0.5 * lens.width / lens.fx, 0.5 * lens.height / lens.fy),
+    )

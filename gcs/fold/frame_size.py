@@ -1,0 +1,141 @@
+"""How large the frames of a recording were that does not say: the size at which its boxes lie where vehicles report.
+
+With W the width of a frame, in units of that of the picture that the camera is described for, a box at pixel x is at
+x / W. Its density is a mixture: near one of the n reported places u in the picture, or anywhere in it,
+    p(x) = 1/W² · [ (1 − ε)/n Σ N(x/W; u, σ²I) + ε / area ],
+with 1/W² for the change of variables. The sizes that streams have are compared by the mean of ln p over the boxes of a
+frame, summed over frames two seconds apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.fold.pipeline import Pipeline
+from gcs.mission.mission import Mission
+from gcs.session.log import SessionLog
+from gcs.session.session import FrameDetections
+
+__all__ = ["FrameSize", "fitting_size", "holds"]
+
+FloatArray = NDArray[np.float64]
+
+WIDTHS_PX = (
+    *(320, 416, 480, 512, 640, 720, 768, 800, 854, 960, 1024, 1152, 1280, 1440, 1536, 1600, 1920, 2048, 2304, 2560),
+    *(2704, 3072, 3280, 3840, 4000, 4096, 5472),
+)
+"""Of the streams that cameras send."""
+STD = 0.03
+"""1σ by which a box lies beside its report, in widths of the frame: errors of pose, clock and receiver."""
+STRANGE = 0.3
+"""Share of boxes that are no vehicle's that reports."""
+BEYOND = 1.02
+"""How far, in sizes of a frame, the centre of a box may lie: half a vehicle looks in."""
+EVERY_US = 2_000_000
+"""Frames closer to each other say the same twice."""
+MOST_LOOKS = 40
+DESCRIBED = 3.0
+"""For the size that the camera is described for, nats: twenty streams have it for one that has not."""
+SURE = 5.0
+"""The best size is taken when it is better than any other by so much, nats: 150 to one."""
+ALIKE = 0.03
+"""Sizes that differ by less are one: names do not depend on it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameSize:
+    """What is known of the size of frames without a picture."""
+
+    size: tuple[int, int] | None = None
+    """Width and height, px; None: of the size that the camera is described for."""
+    known: bool = True
+    """False: nothing tells, and nothing can be named."""
+    doubt: str = ""
+    """What an analyst should know."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """One frame, in units of the described picture's width."""
+
+    size: tuple[int, int]
+    """Of the described picture, px."""
+    boxes: FloatArray
+    """(m, 2) their centres, as if the frame had that size."""
+    places: FloatArray
+    """(n, 2) of the vehicles in the picture, by their reports."""
+
+
+def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes: FrameDetections) -> FrameSize:
+    """The size of frames at which boxes and reports fit.
+
+    Args:
+        mission: who flew, and the camera as it is described.
+        log: telemetry.
+        times_us: (n,) of the frames.
+        boxes: what was seen in them, in pixels of unknown frames.
+    """
+    looks = list(_looks(mission, log, times_us, boxes))
+    if not looks:
+        return _unknown("no box was seen while vehicles reported places in the picture")
+    width, height = looks[0].size
+    widths = np.array(sorted({width, *WIDTHS_PX}))
+    widths = widths[[holds((each, each * height / width), boxes) for each in widths.tolist()]]
+    if not len(widths):
+        return _unknown("boxes lie farther out than any known size of frames")
+    fit = np.array([sum(_fit(look, each / width) for look in looks) for each in widths])
+    fit += DESCRIBED * (widths == width)
+    best = int(widths[np.argmax(fit)])
+    others = fit[np.abs(widths / best - 1.0) > ALIKE]
+    if len(others) and fit.max() - others.max() < SURE:
+        return _unknown("boxes and reports fit several sizes")
+    size = (best, round(best * height / width))
+    text = f"how large the frames were is not recorded: {size[0]}×{size[1]} is taken, where boxes and reports fit"
+    return FrameSize(size=size, doubt=f"{text}; --frame-size says otherwise")
+
+
+def holds(size: tuple[float, float], boxes: FrameDetections) -> bool:
+    """Whether frames of a width and height, px, can have had all these boxes in them."""
+    return all(reach <= BEYOND * side for reach, side in zip(boxes.extent, size, strict=True))
+
+
+def _unknown(why: str) -> FrameSize:
+    text = f"how large the frames were is not recorded, and {why}: nothing is named; give --frame-size WIDTHxHEIGHT"
+    return FrameSize(known=False, doubt=text)
+
+
+def _looks(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes: FrameDetections) -> Iterator[_Look]:
+    """Frames with boxes, some time apart."""
+    pipeline, packets = Pipeline(mission), log.packets()
+    waiting = next(packets, None)
+    found, last_us = 0, -EVERY_US
+    for index, t_us in enumerate(times_us.tolist()):
+        seen = boxes.at(index)
+        if t_us - last_us < EVERY_US or not len(seen):
+            continue
+        while waiting is not None and waiting.t_us <= t_us:
+            pipeline.feed(waiting)
+            waiting = next(packets, None)
+        expected = pipeline.expected(t_us)
+        if expected is None:
+            continue
+        (width, height), places = expected[0], expected[1] / expected[0][0]
+        places = places[((places > -STD) & (places < (1.0 + STD, height / width + STD))).all(axis=1)]
+        if not len(places):
+            continue
+        last_us, found = t_us, found + 1
+        yield _Look(size=(width, height), boxes=seen.centre / width, places=places)
+        if found == MOST_LOOKS:
+            return
+
+
+def _fit(look: _Look, scale: float) -> float:
+    """Mean of ln p over the boxes of a frame, for a frame so many times as wide as the described picture."""
+    gap = look.boxes[:, None] / scale - look.places[None]
+    near = np.exp(-0.5 * (gap**2).sum(axis=2) / STD**2).mean(axis=1) / (2.0 * np.pi * STD**2)
+    area = look.size[1] / look.size[0]
+    return float(np.log((1.0 - STRANGE) * near + STRANGE / area).mean() - 2.0 * np.log(scale))

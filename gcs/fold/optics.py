@@ -1,0 +1,134 @@
+"""Which intrinsics the picture has now: the mission's or those the UAV reports, for this size of picture, zoomed.
+
+By order of preference: the mission's numbers or lens file; else CAMERA_FOV_STATUS, VIDEO_STREAM_INFORMATION or
+CAMERA_INFORMATION, as ``mavlink.estimation.camera_report`` ranks them. Zoom:
+
+- ``zoom`` of the mission magnifies always.
+- With ``zoom_max`` of the mission CAMERA_SETTINGS magnifies further: 1 + (zoom_max − 1) · percent / 100, as ArduPilot
+  reports it; fields of view that are reported are then those without zoom.
+- Without ``zoom_max`` a CAMERA_FOV_STATUS is the field of view now. Where the mission has the numbers they hold for the
+  first one heard, and later ones magnify by the change: tan(first / 2) / tan(now / 2).
+"""
+
+from __future__ import annotations
+
+import math
+
+from gcs.mission.mission import Camera
+from gcs.snapshot import Event, Level
+from mavlink.fleet.fleet import CameraReport
+from vision.camera.intrinsics import Intrinsics, from_field_of_view, resized, zoomed
+from vision.errors import CameraError
+
+__all__ = ["Optics"]
+
+_SIZELESS = "nothing can be named: the recording does not say how large its frames are; give --frame-size"
+TOLD_ZOOM = 0.03
+"""Change of the focal length that is told."""
+
+
+class Optics:
+    """The camera's intrinsics over a flight, and what an operator should know of them.
+
+    Args:
+        camera: the mission's, None: as the UAV reports it.
+        sized: whether a picture of which nothing tells the size has the size that the camera is described for.
+    """
+
+    def __init__(self, camera: Camera | None, *, sized: bool = True) -> None:
+        self._camera = camera or Camera()
+        self._sized = sized
+        self._base = self._camera.intrinsics
+        self._picture: tuple[int, int] | None = None
+        self._first_fov = math.nan
+        self._told = ""
+        self._told_focal = math.nan
+        self._refused = ""
+        self._events: list[Event] = []
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of the picture, px: as seen, else as the mission has it; None while nothing tells."""
+        return self._picture or ((self._base.width, self._base.height) if self._base else None)
+
+    def take_events(self) -> list[Event]:
+        """What is new since the last call: the camera used, its zoom, why there is none."""
+        events, self._events = self._events, []
+        return events
+
+    def look(self, t_us: int, report: CameraReport | None, picture: tuple[int, int] | None) -> Intrinsics | None:
+        """Intrinsics of a picture.
+
+        Args:
+            t_us: its time, for events.
+            report: what the UAV says of its camera, None nothing.
+            picture: width and height, px; None: as the last one.
+
+        Returns:
+            None while no camera is known, or the one that is cannot have taken the picture.
+        """
+        self._picture = picture or self._picture
+        if self._picture is None and not self._sized:
+            if self._refused != _SIZELESS:
+                self._refused = _SIZELESS
+                self._add(t_us, "alarm", _SIZELESS)
+            return None
+        size = self.size or ((report.width, report.height) if report and report.width else None)
+        if size is None:
+            return None
+        if self._base is not None:
+            described: Intrinsics | None = self._of_mission(t_us, size)
+            source = self._camera.name or "the mission"
+        else:
+            described, source = _of_report(report, size) if report else (None, "")
+        if described is None:
+            return None
+        intrinsics = zoomed(described, self._zoom(report))
+        self._tell(t_us, intrinsics, source)
+        return intrinsics
+
+    def _of_mission(self, t_us: int, size: tuple[int, int]) -> Intrinsics | None:
+        assert self._base is not None
+        try:
+            return resized(self._base, *size)
+        except CameraError as error:
+            if self._refused != str(error):
+                self._refused = str(error)
+                self._add(t_us, "alarm", f"nothing can be named: {error}")
+            return None
+
+    def _zoom(self, report: CameraReport | None) -> float:
+        """Magnification of the picture against the camera as described."""
+        if report is None:
+            return self._camera.zoom
+        if self._camera.zoom_max > 1.0:
+            share = 0.0 if math.isnan(report.zoom_percent) else report.zoom_percent / 100.0
+            return self._camera.zoom * (1.0 + (self._camera.zoom_max - 1.0) * share)
+        if self._base is None or report.source != "CAMERA_FOV_STATUS" or math.isnan(report.hfov):
+            return self._camera.zoom
+        if math.isnan(self._first_fov):
+            self._first_fov = report.hfov
+        return self._camera.zoom * math.tan(self._first_fov / 2.0) / math.tan(report.hfov / 2.0)
+
+    def _tell(self, t_us: int, intrinsics: Intrinsics, source: str) -> None:
+        """An event when the camera is another, or has zoomed."""
+        focal = intrinsics.fx / intrinsics.width
+        sees = f"{math.degrees(intrinsics.hfov):.1f}° across {intrinsics.width} px"
+        if self._told != source:
+            self._told, self._told_focal = source, focal
+            self._add(t_us, "info", f"camera as {source} has it: {sees}")
+        elif abs(focal / self._told_focal - 1.0) > TOLD_ZOOM:
+            self._add(t_us, "info", f"camera zoomed {focal / self._told_focal:.2f} times: {sees}")
+            self._told_focal = focal
+
+    def _add(self, t_us: int, level: Level, text: str) -> None:
+        self._events.append(Event(t_us=t_us, level=level, kind="camera", text=text))
+
+
+def _of_report(report: CameraReport, size: tuple[int, int]) -> tuple[Intrinsics, str]:
+    """The camera that a UAV reports, and in words what that was read from."""
+    intrinsics, fits = from_field_of_view(*size, report.hfov, report.vfov)
+    source = f"{report.source} ({report.model})" if report.model else report.source
+    if not fits and math.isfinite(report.hfov + report.vfov):
+        source += f" without its height of {math.degrees(report.vfov):.1f}°, which is another aspect's"
+    return intrinsics, source

@@ -1,0 +1,400 @@
+"""The fold: packets and frames in time order go in, one snapshot a frame comes out.
+
+The only place where telemetry, vision and association meet. A live flight, a replay and a test run this same code.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.geometry.ground import OFFSET, YAW
+from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
+from gcs.fold.evidence import camera_of, reports_of, sighting_of
+from gcs.fold.optics import Optics
+from gcs.fold.position_steps import SteadyCamera
+from gcs.fold.quarantine import doubted, quarantined
+from gcs.fold.snapshot_rows import View, boxes_of, mount_of, vehicle_rows
+from gcs.health.alarms import Alarms
+from gcs.health.event_throttle import Quiet
+from gcs.health.link_rates import Trends
+from gcs.mission.mission import Mission
+from gcs.snapshot import Event, Health, Level, Snapshot
+from mavlink.estimation.gimbal import turns_camera
+from mavlink.fleet.fleet import Fleet, FleetState, Notice, UavState
+from mavlink.geodesy import LocalFrame
+from mavlink.protocol.packet import Auth, Packet
+from vision.camera.camera import camera_pose, footprint, ground_sampling, image_warp, project
+from vision.detect.detections import Detections
+from vision.track.tracker import Tracker
+from vision.track.tracks import Stitch, TrackerParams, Tracks
+
+__all__ = ["Pipeline"]
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+APART_M, APART_US = 8.0, 1_000_000
+"""Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
+MOST_BOXES = 300
+"""Of a picture: more vehicles than system ids, and at most 0.2 s of work in a picture that is full of them."""
+MOUNT_DOUBT = np.deg2rad(20.0)
+TURNED_US = 5_000_000
+"""For a gimbal's reports to come that were asked for when an order turned the camera."""
+
+
+class Pipeline:
+    """Folds one mission's packets and frames; owns the fleet, the tracker and the identifier.
+
+    Args:
+        mission: who flies.
+        links: names of the links by index.
+        address: of a link's index and a sender's number, in words; empty where it is not known.
+        sized: whether pictures of which nothing tells the size are of the size that the camera is described for.
+    """
+
+    def __init__(
+        self,
+        mission: Mission,
+        links: Sequence[str] = (),
+        address: Callable[[int, int], str] = lambda link, peer: "",
+        *,
+        sized: bool = True,
+    ) -> None:
+        self.mission = mission
+        camera_id, gimbal_id = (mission.camera.device, mission.camera.gimbal) if mission.camera else (0, 0)
+        self.fleet = Fleet(
+            mission.uav.system_id,
+            mission.ugv_ids,
+            camera_id=camera_id,
+            gimbal_id=gimbal_id,
+            links=links,
+            address=address,
+        )
+        self._crowded = False
+        self._tracker: Tracker | None = None
+        auto = mission.clock.video_offset_s == "auto"
+        params = IdentifierParams(threshold=mission.identity.threshold)
+        if auto:
+            params = replace(params, time_offset_std_s=params.unknown_offset_std_s)
+        self._params = params
+        self._identifier = Identifier(mission.ugv_ids, params)
+        self._origin: LocalFrame | None = None
+        self._steady = SteadyCamera()
+        self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
+        self._optics = Optics(mission.camera, sized=sized)
+        self._mount = mount_of(mission.camera)
+        self._view: View | None = None
+        self._name_of_track: dict[int, int] = {}
+        self._conflict: frozenset[int] = frozenset()
+        self._apart_since_us: dict[int, int] = {}
+        self._mount_doubted = False
+        self._turned_us = 0
+        """When an order turned the camera: from then on the mission does not know where it looks."""
+        self._turned_told = False
+        self._events: list[Event] = []
+        self._quiet = Quiet()
+        self._trends = Trends()
+        self._alarms = Alarms()
+
+    def feed(self, packet: Packet) -> None:
+        """Take in one telemetry packet."""
+        if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
+            self._turned_us = self._turned_us or packet.t_us
+        if notices := self.fleet.feed(packet):
+            self._events += self._quiet.hear(map(_event, notices))
+
+    def note(self, event: Event) -> None:
+        """Add an event of the surroundings (links, video, operator) to the next snapshot."""
+        self._events.append(event)
+
+    def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
+        """Ground metres a pixel at the centre of a picture (H, W, 3), None while the camera's pose is unknown."""
+        view = self._look(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
+        return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
+
+    def expected(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
+        """Where the vehicles' reports put them in the picture at a time of the video's clock.
+
+        Returns:
+            Width and height of the picture that is meant, and pixels (k, 2) of those that can be placed; None while
+            the camera's pose is unknown.
+        """
+        state = self.fleet.at(self._telemetry_time(t_us))
+        view = self._look(state, None)
+        if view is None:
+            return None
+        places = np.array(list(self._projected(state, view).values())).reshape(-1, 2)
+        return (view.intrinsics.width, view.intrinsics.height), places
+
+    def frame(
+        self,
+        index: int,
+        t_us: int,
+        *,
+        image: NDArray[np.uint8] | None = None,
+        size: tuple[int, int] | None = None,
+        detections: Detections | None = None,
+        health: Health | None = None,
+        heard_us: int = 0,
+    ) -> Snapshot:
+        """Take in one frame and the boxes found in it: track, identify.
+
+        Args:
+            index: Place in the video.
+            t_us: When it was taken, Unix µs on the video's clock.
+            image: (H, W, 3) BGR, only passed on.
+            size: Width and height, px, of a picture that is not there; None: as the last one.
+            detections: Boxes found; None: nobody looked, and tracks are left as they are.
+            health: How the program is doing, passed on.
+            heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
+                earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
+        """
+        if detections is not None and len(detections) > MOST_BOXES:
+            self._tell_crowd(t_us, len(detections))
+            detections = detections.take(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
+        state = self.fleet.at(self._telemetry_time(t_us), heard_us)
+        self._follow_origin()
+        self._follow_steps(state)
+        view = self._look(state, size if image is None else _size_of(image))
+        self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
+        if detections is None:
+            return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
+        warp = _warp(self._view, view)
+        if self._tracker is None:
+            self._tracker = Tracker(TrackerParams(picture=self._optics.size))
+        stitch, known = self._stitch(t_us, view), self._known(state)
+        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
+        self._view = view
+        found = doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
+        identities = quarantined(found, state)
+        self._tell(t_us, identities)
+        self._conflict |= self._apart_from_picture(t_us, identities, state)
+        return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
+
+    def _tell_crowd(self, t_us: int, boxes: int) -> None:
+        if not self._crowded:
+            text = (
+                f"{boxes} boxes in a picture, of which the {MOST_BOXES} best count: the detector sees what is not there"
+            )
+            self.note(Event(t_us=t_us, level="warning", kind="video", text=text))
+        self._crowded = True
+
+    def _follow_origin(self) -> None:
+        """Begin the names anew when places are told in another frame: what was seen and heard was in the one before."""
+        if self._origin is not None and self.fleet.origin is not self._origin:
+            self._begin_anew()
+            self._steady = SteadyCamera()
+        self._origin = self.fleet.origin
+
+    def _begin_anew(self) -> None:
+        """Forget what was seen and heard."""
+        self._identifier = Identifier(self.mission.ugv_ids, self._params)
+        self._view = None
+
+    def _follow_steps(self, state: FleetState) -> None:
+        """Take out steps of the UAV's position that the picture does not show, or begin the names anew after one."""
+        if not state.uav.position_valid:
+            return
+        before = self._steady.shift_enu
+        anew_m = self._steady.take(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.sure)
+        taken_m = float(np.linalg.norm(self._steady.shift_enu - before))
+        if anew_m:
+            self._begin_anew()
+        if anew_m or taken_m:
+            then = "names begin anew" if anew_m else "the picture goes on from where it was"
+            text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
+            uav = self.mission.uav.system_id
+            self._events.append(Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=uav))
+
+    def _telemetry_time(self, t_us: int) -> int:
+        return t_us - round(self._offset_s * 1e6)
+
+    def _look(self, state: FleetState, picture: tuple[int, int] | None) -> View | None:
+        """Camera pose from the UAV's report, None without a position or a camera."""
+        uav = state.uav
+        intrinsics = self._optics.look(state.t_us, uav.camera, picture)
+        self._events += self._optics.take_events()
+        if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
+            return None
+        R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
+        R_enu_gimbal = uav.R_enu_gimbal if uav.attitude_valid else None
+        self._compare_mount(state.t_us, uav, R_enu_gimbal)
+        mount = self._mount
+        if self.mission.camera is None and uav.camera is not None:
+            # a picture turned clockwise is that of a camera rolled the other way
+            mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
+        p_enu = uav.p_enu + self._steady.shift_enu
+        pose = camera_pose(mount, p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
+        ground_z = float(uav.p_enu[2] - uav.height_m)
+        return View(
+            intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid,
+            position_sure=not state.vehicles[0].doubted_for,
+        )  # fmt: skip
+
+    def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
+        """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
+        if self._turned_us and not self._turned_told:
+            self._tell_turned(t_us, R_enu_gimbal is not None)
+        if self._follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
+            return
+        R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
+        if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
+            self._mount_doubted = True
+            text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
+            self._events.append(Event(t_us=t_us, level="warning", kind="video", text=text))
+
+    @property
+    def _follows_gimbal(self) -> bool:
+        """Whether what the gimbal reports stands before the mission; a camera fixed to the body hangs on none."""
+        return self.mission.follows_gimbal or bool(self._turned_us)
+
+    def _tell_turned(self, t_us: int, reported: bool) -> None:
+        """Say once what is believed of a camera that an order has turned."""
+        if self.mission.follows_gimbal or self._mount.kind == "fixed":
+            self._turned_told = True
+        elif reported:
+            self._turned_told = True
+            text = "an order turned the camera: its direction is what the gimbal reports from now on"
+            self._events.append(Event(t_us=t_us, level="info", kind="camera", text=text))
+        elif t_us - self._turned_us > TURNED_US:
+            self._turned_told = True
+            text = "an order turned the camera and no gimbal reports where to: do not act on names"
+            self._events.append(Event(t_us=t_us, level="alarm", kind="camera", text=text))
+
+    def _stitch(self, t_us: int, view: View | None) -> Stitch | None:
+        """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
+        if view is None:
+            return None
+        camera = self._camera(view)
+
+        def stitch(track_id: IntArray, centres: FloatArray) -> IntArray:
+            rays = view.intrinsics.rays(centres)
+            return self._identifier.stitch(self._telemetry_time(t_us), track_id, rays, camera)
+
+        return stitch
+
+    def _known(self, state: FleetState) -> list[int]:
+        """Tracks that carry a name whose vehicle says where it is."""
+        heard = set(state.system_id[state.valid].tolist())
+        return [track for track, vehicle in self._name_of_track.items() if vehicle in heard]
+
+    def _projected(self, state: FleetState, view: View | None) -> dict[int, FloatArray]:
+        """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""
+        if view is None:
+            return {}
+        uv, ahead = project(view.intrinsics, view.pose, _on_ground(state.p_enu, view.ground_z))
+        usable = ahead & state.valid
+        return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
+
+    def _identify(self, t_us: int, detections: Detections, tracks: Tracks, view: View | None) -> Identities | None:
+        if view is None:
+            return None
+        sighting = sighting_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics)
+        return self._identifier.update(sighting, self._camera(view))
+
+    def _camera(self, view: View) -> CameraState:
+        return camera_of(view, self._mount.kind == "stabilized")
+
+    def _tell(self, t_us: int, identities: Identities | None) -> None:
+        """Events for names that came, went or changed, and for vehicles whose reports contradict the picture."""
+        if identities is None:
+            self._name_of_track, self._conflict = {}, frozenset()
+            return
+        named = {int(t): int(s) for t, s in zip(identities.track_id, identities.system_id, strict=True) if s}
+        sure = dict(zip(identities.track_id.tolist(), identities.confidence.tolist(), strict=True))
+        for track, vehicle in named.items():
+            before = self._name_of_track.get(track)
+            if before != vehicle:
+                text = f"track {track} is {self.mission.name_of(vehicle)} ({sure[track]:.0%})"
+                text += f", no longer {self.mission.name_of(before)}" if before else ""
+                level: Level = "warning" if before else "info"
+                self._events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
+        for track, vehicle in self._name_of_track.items():
+            if track in sure and track not in named:
+                text = f"track {track} is no longer {self.mission.name_of(vehicle)}: the evidence does not suffice"
+                self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
+        self._name_of_track, self._conflict = named, frozenset(identities.conflict)
+
+    def _apart_from_picture(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
+        """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
+        before, self._apart_since_us = self._apart_since_us, {}
+        if identities is not None:
+            std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
+            away = zip(identities.system_id.tolist(), identities.residual_m.tolist(), strict=True)
+            for vehicle, away_m in away:
+                if vehicle and away_m > APART_M + 3.0 * std_m[vehicle]:
+                    self._apart_since_us[vehicle] = before.get(vehicle, t_us)
+        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_US)
+
+    def _believed(self, health: Health) -> Health:
+        """Health with what is believed of the camera's clock and heading."""
+        theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
+        return replace(
+            health, time_offset_s=self._offset_s + float(theta[OFFSET]), time_offset_std_s=float(std[OFFSET]),
+            yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan, yaw_offset_std=float(std[YAW]),
+        )  # fmt: skip
+
+    def _snapshot(
+        self,
+        index: int,
+        t_us: int,
+        state: FleetState,
+        view: View | None,
+        image: NDArray[np.uint8] | None,
+        detections: Detections,
+        tracks: Tracks | None,
+        identities: Identities | None,
+        health: Health | None,
+    ) -> Snapshot:
+        uv = self._projected(state, view)
+        boxes = boxes_of(detections, tracks, identities, uv, view, self.fleet.origin)
+        width, height = self._optics.size or (0, 0)
+        snapshot = Snapshot(
+            t_us=t_us,
+            frame=index,
+            width=width,
+            height=height,
+            image=image,
+            vehicles=vehicle_rows(self.mission, state, boxes, uv, (width, height)),
+            boxes=boxes,
+            footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
+            uav_enu=state.uav.p_enu,
+            uav_heading=state.uav.yaw,
+            health=self._believed(self._trends.of(t_us, health or Health())),
+            pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
+            conflicts=self._conflict,
+            origin=self.fleet.origin,
+        )
+        alarms, changes = self._alarms.update(snapshot)
+        events = (*self._events, *self._quiet.overdue(t_us), *changes)
+        self._events = []
+        return replace(snapshot, alarms=alarms, events=events)
+
+
+def _size_of(image: NDArray[np.uint8] | None) -> tuple[int, int] | None:
+    """Width and height, px."""
+    return None if image is None else (image.shape[1], image.shape[0])
+
+
+_LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
+
+
+def _on_ground(p_enu: FloatArray, ground_z: float) -> FloatArray:
+    flat = p_enu.copy()
+    flat[:, 2] = ground_z
+    return flat
+
+
+def _warp(before: View | None, now: View | None) -> FloatArray | None:
+    """How the ground moved in the picture, known where both poses are."""
+    if before is None or now is None or not (before.attitude_known and now.attitude_known):
+        return None
+    return image_warp(before.intrinsics, before.pose, now.pose, now.ground_z, intrinsics_to=now.intrinsics)
+
+
+def _event(notice: Notice) -> Event:
+    return Event(t_us=notice.t_us, level=notice.level, kind=notice.kind, text=notice.text, system_id=notice.system_id)

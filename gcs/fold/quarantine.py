@@ -1,0 +1,56 @@
+"""Names that are not given, of vehicles whose system id several senders use, and names of little confidence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from assoc.identification.identifier import Identities
+from mavlink.fleet.fleet import FleetState
+
+__all__ = ["doubted", "quarantined"]
+
+_OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
+
+
+_DOUBTED_MOST = 0.75
+"""Confidence in a name whose vehicle doubts its own position: it rests on what was seen before."""
+
+
+def doubted(identities: Identities | None, state: FleetState, threshold: float) -> Identities | None:
+    """Identities in which names of vehicles that doubt their own positions are of little confidence.
+
+    Args:
+        identities: as found.
+        state: who doubts.
+        threshold: least confidence of a name that is given.
+    """
+    doubtful = [vehicle.system_id for vehicle in state.vehicles[1:] if vehicle.doubted_for]
+    if identities is None or not doubtful:
+        return identities
+    weak = np.isin(identities.system_id, doubtful)
+    least = np.where(weak, np.minimum(identities.confidence, max(_DOUBTED_MOST, threshold)), identities.confidence)
+    return replace(identities, confidence=least)
+
+
+def quarantined(identities: Identities | None, state: FleetState) -> Identities | None:
+    """Identities without the contested names; without any while it is the UAV's own id that is contested.
+
+    Evidence that was heard before the second sender came says nothing of which of the two it came from.
+    """
+    contested = [vehicle.system_id for vehicle in state.vehicles if vehicle.contested]
+    if identities is None or not contested:
+        return identities
+    all_in_doubt = state.vehicles[0].contested
+    refused = identities.system_id != 0 if all_in_doubt else np.isin(identities.system_id, contested)
+    unknown: dict[str, Any] = {name: np.where(refused, np.nan, getattr(identities, name)) for name in _OF_THE_NAME}
+    rival = all_in_doubt | np.isin(identities.runner_up, contested)
+    return replace(
+        identities,
+        system_id=np.where(refused, 0, identities.system_id),
+        runner_up=np.where(rival, 0, identities.runner_up),
+        runner_up_confidence=np.where(rival, np.nan, identities.runner_up_confidence),
+        **unknown,
+    )

@@ -1,0 +1,179 @@
+"""What a frame shows, put into the snapshot's words: boxes with their names, vehicles with their standing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.identification.identifier import Identities
+from gcs.mission.mission import Camera, Mission
+from gcs.snapshot import NAN, Box, Standing, VehicleRow
+from mavlink.fleet.fleet import FleetState, VehicleStatus
+from mavlink.geodesy import LocalFrame
+from vision.camera.camera import Mount, Pose, ground
+from vision.camera.intrinsics import Intrinsics
+from vision.detect.detections import Detections
+from vision.track.tracks import Tracks
+
+__all__ = ["View", "boxes_of", "mount_of", "vehicle_rows"]
+
+FloatArray = NDArray[np.float64]
+EVIDENCE = (
+    *("system_id", "runner_up"),
+    *("confidence", "runner_up_confidence", "residual_m", "position_age_s"),
+    *("projection", "topology", "fused"),
+)
+# At or above, a name is shown as confirmed.
+CONFIRMED = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """The camera at one frame."""
+
+    intrinsics: Intrinsics
+    pose: Pose
+    ground_z: float
+    """Height of the ground plane, ENU metres."""
+    attitude_known: bool
+    position_sure: bool
+    """False: the UAV doubts its own position."""
+
+
+def mount_of(camera: Camera | None) -> Mount:
+    """How the camera hangs; straight down on a gimbal unless the mission says otherwise."""
+    if camera is None:
+        return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
+    roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])
+    kind: Literal["fixed", "stabilized"] = "fixed" if camera.mount == "fixed" else "stabilized"
+    return Mount(kind=kind, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
+
+
+def boxes_of(
+    detections: Detections,
+    tracks: Tracks | None,
+    identities: Identities | None,
+    vehicle_uv: dict[int, FloatArray],
+    view: View | None,
+    origin: LocalFrame | None,
+) -> tuple[Box, ...]:
+    """Boxes of a frame: those that tracks took, with their names, then those that no track took.
+
+    Args:
+        detections: Of this frame.
+        tracks: After this frame, None when nothing was looked at.
+        identities: In the order of the tracks, None without a camera pose.
+        vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
+        view: The camera, None unknown.
+        origin: Of the local frame, None unknown.
+    """
+    if tracks is None:
+        return ()
+    places = _places(detections)
+    rows = _tracked(tracks, places, identities)
+    rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
+    if view is not None and rows:
+        centre = np.array([[row["cx"], row["cy"]] for row in rows])
+        p_enu = ground(view.intrinsics, view.pose, centre, view.ground_z)
+        nowhere = np.full(len(rows), np.nan)
+        lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
+        for row, p, lat_deg, lon_deg in zip(rows, p_enu, lat.tolist(), lon.tolist(), strict=True):
+            uv = vehicle_uv.get(row.get("system_id", 0))
+            residual_px = NAN if uv is None else math.hypot(row["cx"] - uv[0], row["cy"] - uv[1])
+            row |= {"p_enu": p, "lat_deg": lat_deg, "lon_deg": lon_deg, "residual_px": residual_px}
+    return tuple(Box(**row) for row in rows)
+
+
+def _rows(source: Detections | Tracks | Identities, names: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Arrays of equal length as one dictionary a row."""
+    columns = [getattr(source, name).tolist() for name in names]
+    return [dict(zip(names, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+def _places(source: Detections | Tracks) -> list[dict[str, Any]]:
+    return _rows(source, ("cx", "cy", "w", "h", "angle", "heading", "score"))
+
+
+def _tracked(tracks: Tracks, detected: list[dict[str, Any]], identities: Identities | None) -> list[dict[str, Any]]:
+    """Boxes of the tracks: as detected in this frame, or as predicted when coasting; with names and evidence."""
+    seen = tracks.detection.tolist()
+    predicted = _places(tracks) if min(seen, default=0) < 0 else []
+    places = [detected[at] if at >= 0 else predicted[k] for k, at in enumerate(seen)]
+    state = _rows(tracks, ("track_id", "heading"))
+    rows = [place | own | {"coasting": at < 0} for place, own, at in zip(places, state, seen, strict=True)]
+    if identities is not None:
+        evidence = _rows(identities, EVIDENCE)
+        rows = [row | known for row, known in zip(rows, evidence, strict=True)]
+    return rows
+
+
+def vehicle_rows(
+    mission: Mission,
+    state: FleetState,
+    boxes: tuple[Box, ...],
+    vehicle_uv: dict[int, FloatArray],
+    size: tuple[int, int],
+) -> tuple[VehicleRow, ...]:
+    """The fleet table, UAV first; ``vehicle_uv`` is empty when the camera's pose is unknown."""
+    by_name = {box.system_id: box for box in boxes if box.system_id}
+    rows = []
+    for k, status in enumerate(state.vehicles):
+        is_uav = k == 0
+        box = None if is_uav else by_name.get(status.system_id)
+        uv = vehicle_uv.get(status.system_id)
+        in_view = None if is_uav or not vehicle_uv else uv is not None and _inside(uv, size)
+        rows.append(
+            VehicleRow(
+                system_id=status.system_id,
+                name=mission.name_of(status.system_id),
+                role="uav" if is_uav else "ugv",
+                kind=status.kind,
+                mode=status.mode,
+                armed=status.armed,
+                fix=status.fix,
+                heartbeat_age_s=status.heartbeat_age_s,
+                position_age_s=status.position_age_s,
+                position_state=status.position_state,
+                loss=status.loss,
+                p_enu=state.uav.p_enu if is_uav else state.p_enu[k - 1],
+                heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
+                std_m=float("nan") if is_uav else float(state.std_m[k - 1]),
+                in_view=in_view,
+                standing=_standing(status, box, in_view),
+                track_id=box.track_id if box else 0,
+                confidence=box.confidence if box else float("nan"),
+                contested=status.contested,
+                signed=status.signed,
+                unsigned=status.unsigned,
+                bad_signature=status.bad_signature,
+                replayed=status.replayed,
+                held=status.held,
+                held_s=status.held_s,
+                signs=status.signs,
+                refusals=dict(status.refusals),
+                refused_for=status.refused_for,
+                doubted_for=status.doubted_for,
+                compass_doubted=status.compass_doubted,
+                drift_ppm=status.drift_ppm,
+                clock_error_s=status.clock_error_s,
+            )
+        )
+    return tuple(rows)
+
+
+def _inside(uv: FloatArray, size: tuple[int, int]) -> bool:
+    return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
+
+
+def _standing(status: VehicleStatus, box: Box | None, in_view: bool | None) -> Standing:
+    if box is not None:
+        if box.coasting:
+            return "coasting"
+        return "confirmed" if box.confidence >= CONFIRMED else "tentative"
+    if status.position_state in ("never", "lost", "refused", "contested"):
+        return "no position"
+    return "out of view" if in_view is False else "unidentified"

@@ -1,0 +1,82 @@
+"""Faults of the program itself in flight: counted, told, kept with their tracebacks; none of them ends a flight."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+import time
+import traceback
+from pathlib import Path
+
+from infra.files.safe_open import open_to_append
+from infra.plain_text import plain
+
+__all__ = ["Faults"]
+
+LASTING = 20
+"""As many faults of one job in a row mean that it does not work any more."""
+MOST_KEPT = 100
+_WAIT_S = 0.2
+"""For a traceback to be written; on a disk that hangs it is written later."""
+
+
+class Faults:
+    """What failed in a flight's jobs; its methods may be called from any thread.
+
+    Args:
+        path: where tracebacks go, each place in the program once; made with the first.
+
+    Attributes:
+        count: faults so far.
+        last: the latest one in words.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._kept: set[tuple[str, int]] = set()
+        self._failing: dict[str, tuple[int, str]] = {}
+        self.count = 0
+        self.last = ""
+
+    def take(self, job: str, error: Exception) -> None:
+        """Something failed once.
+
+        Args:
+            job: a few words: what was being done.
+            error: with its traceback.
+        """
+        self.count += 1
+        self.last = f"{job}: {type(error).__name__}: {error}"
+        frames = traceback.extract_tb(error.__traceback__)
+        place = (frames[-1].filename, frames[-1].lineno or 0) if frames else ("", 0)
+        if place not in self._kept and len(self._kept) < MOST_KEPT:
+            self._kept.add(place)
+            self._keep(job, error)
+
+    def failed(self, job: str, error: Exception) -> None:
+        """A turn of a job failed, which is begun again and again."""
+        self.take(job, error)
+        times, _ = self._failing.get(job, (0, ""))
+        self._failing[job] = times + 1, self.last
+
+    def well(self, job: str) -> None:
+        """A turn of a job succeeded."""
+        self._failing.pop(job, None)
+
+    @property
+    def lasting(self) -> str:
+        """The job that does not work any more and why, empty while all do."""
+        return next((words for times, words in tuple(self._failing.values()) if times >= LASTING), "")
+
+    def _keep(self, job: str, error: Exception) -> None:
+        text = f"{time.strftime('%FT%TZ', time.gmtime())} {job}\n{''.join(traceback.format_exception(error))}\n"
+        data = "\n".join(map(plain, text.split("\n"))).encode()
+        writing = threading.Thread(target=self._append, args=(data,), name="faults", daemon=True)
+        writing.start()
+        writing.join(_WAIT_S)
+
+    def _append(self, data: bytes) -> None:
+        # a fault must not fail on a full disk, nor wait for one that hangs
+        with contextlib.suppress(OSError), os.fdopen(open_to_append(self._path), "ab") as file:
+            file.write(data)

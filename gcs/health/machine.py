@@ -1,0 +1,195 @@
+"""What this machine brings to a flight, and what to do where it falls short. Each check says what it found."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Literal
+
+import av
+import numpy as np
+import onnxruntime as ort
+
+from gcs.health.alarm_rules import ALMOST_FULL_BYTES, LOW_BYTES
+from mavlink.errors import LinkError
+from mavlink.ingest.lent import BUFFER_BYTES
+from mavlink.links.udp_socket import bind_udp
+from mavlink.links.url import parse_url
+from vision.detect.detector import open_detector
+
+__all__ = ["Check", "Verdict", "checks"]
+
+Verdict = Literal["ok", "short", "bad"]
+
+PACKAGES = ("pymavlink", "mavsdk", "numpy", "scipy", "opencv-python-headless", "onnxruntime", "av", "textual")
+DECODERS, ENCODERS = ("h264", "hevc", "mjpeg"), ("libx264",)
+PORTS = (14550, 14551)
+"""Where ground stations listen by custom, and where this one forwards to in the examples."""
+SLOW_FPS, LIVE_FPS = 5.0, 15.0
+"""Frames a second: below the first, names come late; from the second on most cameras are kept up with."""
+FRAME_SIZE = (1920, 1080)
+MEASURED_S = 1.5
+GSD_M = 0.033
+"""Metres per pixel 40 m up with a usual lens: decides at which scale the detector looks."""
+_TIME_ERROR = 5
+"""What adjtimex(2) returns while the clock is not synchronised."""
+_TIMEX_BYTES = 512
+"""More than struct timex has on any architecture; its first field, 0, asks without setting."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One thing that was looked at."""
+
+    name: str
+    verdict: Verdict
+    """``short``: a flight is possible and suffers; ``bad``: something will not work."""
+    found: str
+    advice: str = ""
+
+
+def checks(sessions: Path, ports: Sequence[int] = PORTS) -> Iterator[Check]:
+    """Look at everything but the terminal; takes some two seconds, for the detector is measured.
+
+    Args:
+        sessions: where flights are recorded; it need not exist yet.
+        ports: UDP ports that should be free.
+    """
+    yield _versions()
+    yield _system()
+    yield from _detector()
+    yield _codecs("video decoders", DECODERS, "r")
+    yield _codecs("video encoders", ENCODERS, "w")
+    for port in ports:
+        yield _port(port)
+    yield _receive_buffer()
+    yield _disk(sessions)
+    yield _clock()
+
+
+def _versions() -> Check:
+    found = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    return Check(
+        name="versions",
+        verdict="ok",
+        found=f"rollcall-gcs {version('rollcall-gcs')}, Python {platform.python_version()}, {found}",
+    )
+
+
+def _system() -> Check:
+    text = f"{platform.system()} {platform.release()} on {platform.machine()}, {os.cpu_count()} processors"
+    if sys.platform.startswith("linux"):
+        return Check(name="system", verdict="ok", found=text)
+    return Check(
+        name="system", verdict="short", found=text,
+        advice="flights need Linux (WSL2 counts); recordings can be replayed and identified here",
+    )  # fmt: skip
+
+
+def _detector() -> Iterator[Check]:
+    providers = ort.get_available_providers()
+    yield Check(name="detector providers", verdict="ok", found=", ".join(providers))
+    fps = _frames_a_second()
+    verdict: Verdict = "ok" if fps >= LIVE_FPS else "short"
+    advice = ""
+    if fps < LIVE_FPS:
+        advice = "close other programs, or choose a smaller stream"
+        if fps < SLOW_FPS:
+            advice += "; names will be late"
+    yield Check(
+        name="detector speed", verdict=verdict, advice=advice,
+        found=f"{fps:.1f} frames/s at {FRAME_SIZE[0]}×{FRAME_SIZE[1]} with the bundled detector",
+    )  # fmt: skip
+
+
+def _frames_a_second() -> float:
+    detector = open_detector(threads=os.cpu_count() or 1)
+    image = np.full((FRAME_SIZE[1], FRAME_SIZE[0], 3), 96, dtype=np.uint8)
+    detector.detect(image, gsd_m=GSD_M)  # the first one also sets the network up
+    frames, start_s = 0, time.perf_counter()
+    while (elapsed_s := time.perf_counter() - start_s) < MEASURED_S:
+        detector.detect(image, gsd_m=GSD_M)
+        frames += 1
+    return frames / elapsed_s
+
+
+def _codecs(name: str, wanted: Sequence[str], mode: Literal["r", "w"]) -> Check:
+    missing = [codec for codec in wanted if not _has(codec, mode)]
+    if not missing:
+        return Check(name=name, verdict="ok", found=", ".join(wanted))
+    return Check(
+        name=name, verdict="bad", found=f"missing: {', '.join(missing)}",
+        advice="install PyAV as a wheel, which brings FFmpeg with them",
+    )  # fmt: skip
+
+
+def _has(codec: str, mode: Literal["r", "w"]) -> bool:
+    try:
+        av.codec.Codec(codec, mode)
+    except ValueError:  # UnknownCodecError is one
+        return False
+    return True
+
+
+def _port(port: int) -> Check:
+    try:
+        bind_udp(parse_url(str(port))).close()
+    except LinkError as error:
+        return Check(
+            name=f"UDP port {port}", verdict="short", found=str(error), advice="stop that program, or use another port"
+        )
+    return Check(name=f"UDP port {port}", verdict="ok", found="free")
+
+
+def _receive_buffer() -> Check:
+    limit = Path("/proc/sys/net/core/rmem_max")
+    try:
+        most = int(limit.read_text())
+    except (OSError, ValueError):
+        return Check(name="receive buffer", verdict="ok", found="the system does not tell its limit")
+    if most >= BUFFER_BYTES or os.geteuid() == 0:
+        return Check(name="receive buffer", verdict="ok", found=f"{most / 2**20:.1f} MiB allowed to programs")
+    return Check(
+        name="receive buffer", verdict="short",
+        found=f"{most / 2**20:.1f} MiB allowed: a pause of the machine can cost packets",
+        advice=f"sudo sysctl net.core.rmem_max={BUFFER_BYTES}",
+    )  # fmt: skip
+
+
+def _disk(sessions: Path) -> Check:
+    place = next((p for p in (sessions, *sessions.absolute().parents) if p.is_dir()), Path("/"))
+    free = shutil.disk_usage(place).free
+    found = f"{free / 1e9:.1f} GB free for {sessions}"
+    if not os.access(place, os.W_OK):
+        return Check(
+            name="disk", verdict="bad", found=f"{place} cannot be written", advice="choose another folder for sessions"
+        )
+    if free >= LOW_BYTES:
+        return Check(name="disk", verdict="ok", found=found)
+    verdict: Verdict = "short" if free >= ALMOST_FULL_BYTES else "bad"
+    return Check(
+        name="disk", verdict=verdict, found=found, advice="free space; an hour with 8 Mbit/s video takes 3.6 GB"
+    )
+
+
+def _clock() -> Check:
+    try:
+        state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES))
+    except (OSError, AttributeError):
+        state = -1
+    if state == _TIME_ERROR:
+        return Check(
+            name="clock", verdict="short", found="not synchronised",
+            advice="timedatectl set-ntp true, or set it from a GPS: signatures and GPS times are compared with it",
+        )  # fmt: skip
+    if state < 0:
+        return Check(name="clock", verdict="ok", found="the system does not tell whether it is synchronised")
+    return Check(name="clock", verdict="ok", found="synchronised")

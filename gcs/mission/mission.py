@@ -1,0 +1,333 @@
+"""The mission file: who flies, what camera films, how clocks relate. TOML in, frozen dataclasses out.
+
+Every key has a default but the vehicles' ids; an unknown key is refused with the nearest name, since a misspelt key
+would otherwise fly with the default. Angles are degrees in the file (``_deg``), everything inside the program is
+radians.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from gcs.errors import ConfigError
+from gcs.mission.values import MOST_TOML_BYTES, Ranges, build, parse_toml, refuse_unknown
+from infra.files.safe_open import read_small
+from vision.camera.intrinsics import Intrinsics
+from vision.camera.lens_file import read_lens
+from vision.errors import CameraError
+
+__all__ = [
+    "BUNDLED",
+    "NO_KEYS",
+    "Camera",
+    "Clock",
+    "DetectorChoice",
+    "IdentityChoice",
+    "Links",
+    "Mission",
+    "Signing",
+    "Vehicle",
+    "load_mission",
+    "load_table",
+    "parse_mission",
+    "user_keys",
+]
+
+BUNDLED = "bundled"
+"""In place of a path: the model that comes with the program."""
+NO_KEYS = "none"
+"""In place of a folder of keys: signatures are not looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vehicle:
+    """One vehicle of the mission."""
+
+    system_id: int
+    """MAVLink system id, 1..255."""
+    name: str = ""
+    """What operators call it; ``UAV`` or ``UGV-<id>`` when empty."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """The UAV's camera and how it hangs. A pinhole with OpenCV's five distortion coefficients, by numbers or by a lens
+    file; with neither, as the UAV reports it."""
+
+    lens: str = ""
+    """Path of a lens file, relative to the mission file, instead of the numbers below."""
+    name: str = ""
+    """What it is called; a lens file's name when empty."""
+    width: int | None = None
+    height: int | None = None
+    fx: float | None = None
+    fy: float | None = None
+    cx: float | None = None
+    cy: float | None = None
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1 k2 p1 p2 k3."""
+    zoom: float = 1.0
+    """Fixed digital zoom of the video against what is described above."""
+    zoom_max: float = 1.0
+    """Zoom at 100 % of what CAMERA_SETTINGS reports; 1: its reports are not followed."""
+    device: int = 0
+    """Which of the UAV's cameras to listen to, by device id 1-6 or component id; 0: the first."""
+    gimbal: int = 0
+    """Which of its gimbals, the same way; 0: the camera's, else the first."""
+    mount: Literal["stabilized", "fixed", "gimbal"] = "stabilized"
+    """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body; ``gimbal``: turned in
+    flight, as the gimbal reports, and as ``stabilized`` until it does."""
+    roll_deg: float = 0.0
+    """With a gimbal: by which the picture is turned against it."""
+    pitch_deg: float = -90.0
+    """-90 looks straight down."""
+    yaw_deg: float = 0.0
+    """Relative to the body's nose."""
+
+    @property
+    def intrinsics(self) -> Intrinsics | None:
+        """What the numbers describe, None without numbers."""
+        width, height, fx, fy, cx, cy = (getattr(self, name) for name in _NUMBERS)
+        if width is None:
+            return None
+        return Intrinsics(
+            width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion)
+        )  # fmt: skip
+
+
+_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """How the video's clock relates to the telemetry's."""
+
+    video_offset_s: float | Literal["auto"] = 0.0
+    """Video time minus telemetry time; ``auto`` has it estimated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorChoice:
+    """Which network finds vehicles."""
+
+    model: str = ""
+    """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
+    score: float = 0.3
+    """Boxes below are dropped."""
+    classes: tuple[str, ...] = ()
+    """Names of a YOLO model's classes that count; empty: those that sound like road vehicles."""
+    imgsz: int = 0
+    """Longest side, px, of what a YOLO model of any size looks at; 0: as its notes say, else 1024."""
+    providers: tuple[str, ...] = ()
+    """onnxruntime's execution providers, best first; empty: the CPU."""
+    front: str = ""
+    """What tells the fronts of boxes that come without: path of an ONNX file, relative to the mission file, or
+    ``bundled``; empty: nothing does."""
+    front_sure: float = 0.8
+    """Least probability of a front that is told."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentityChoice:
+    """When a box gets a name."""
+
+    threshold: float = 0.7
+    """A name is shown and written at this confidence or above."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Links:
+    """Where telemetry and video come from in flight; the command line overrides both."""
+
+    telemetry: tuple[str, ...] = ()
+    video: str = ""
+    forward: tuple[str, ...] = ()
+    """Links on which packets go out again, as they came, to other programs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signing:
+    """Whose frames are believed."""
+
+    keys: str = ""
+    """Folder of keys, relative to the mission file; empty: the user's own, where there is one; ``none``: no keys."""
+    unsigned: tuple[int, ...] = (109,)
+    """Ids of messages that may come unsigned, 109 is a modem's RADIO_STATUS; none that tells of a vehicle can be."""
+    keyless: Literal["refused", "open"] = "refused"
+    """What happens to systems that have no key while others have."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Where the keys are, None for flights without."""
+        return Path(self.keys) if self.keys not in ("", NO_KEYS) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mission:
+    """All that a flight or a replay has to be told."""
+
+    uav: Vehicle
+    ugv: tuple[Vehicle, ...]
+    camera: Camera | None = None
+    """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once heard."""
+    clock: Clock = field(default_factory=Clock)
+    detector: DetectorChoice = field(default_factory=DetectorChoice)
+    identity: IdentityChoice = field(default_factory=IdentityChoice)
+    links: Links = field(default_factory=Links)
+    signing: Signing = field(default_factory=Signing)
+
+    def __post_init__(self) -> None:
+        ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))
+        twice = sorted(i for i, count in ids.items() if count > 1)
+        if twice:
+            raise ConfigError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
+
+    @property
+    def ugv_ids(self) -> tuple[int, ...]:
+        """System ids of the ground vehicles, in the order of the file."""
+        return tuple(v.system_id for v in self.ugv)
+
+    @property
+    def follows_gimbal(self) -> bool:
+        """Whether the camera looks where the gimbal says that it does."""
+        return self.camera is None or self.camera.mount == "gimbal"
+
+    def name_of(self, system_id: int) -> str:
+        """Name of a vehicle of this mission, a default for any other id."""
+        for vehicle in (self.uav, *self.ugv):
+            if vehicle.system_id == system_id:
+                return vehicle.name or ("UAV" if vehicle is self.uav else f"UGV-{system_id}")
+        return f"UGV-{system_id}"
+
+
+# Ranges of numbers, by dataclass and key: (least, most).
+_RANGES: Ranges = {
+    (Vehicle, "system_id"): (1, 255),
+    (Camera, "width"): (16, 16384),
+    (Camera, "height"): (16, 16384),
+    (Camera, "fx"): (1.0, 1e6),
+    (Camera, "fy"): (1.0, 1e6),
+    (Camera, "zoom"): (0.1, 200.0),
+    (Camera, "zoom_max"): (1.0, 200.0),
+    (Camera, "device"): (0, 255),
+    (Camera, "gimbal"): (0, 255),
+    (Camera, "roll_deg"): (-180.0, 180.0),
+    (Camera, "pitch_deg"): (-90.0, 90.0),
+    (Camera, "yaw_deg"): (-360.0, 360.0),
+    (Clock, "video_offset_s"): (-60.0, 60.0),
+    (DetectorChoice, "score"): (0.0, 1.0),
+    (DetectorChoice, "imgsz"): (0, 8192),
+    (DetectorChoice, "front_sure"): (0.0, 1.0),
+    (IdentityChoice, "threshold"): (0.0, 1.0),
+    (Signing, "unsigned"): (0, 0xFFFFFF),
+}
+_TABLES: dict[str, type] = {
+    "uav": Vehicle,
+    "camera": Camera,
+    "clock": Clock,
+    "detector": DetectorChoice,
+    "identity": IdentityChoice,
+    "links": Links,
+    "signing": Signing,
+}
+# Tables that the recorder adds to session.toml; they describe, they do not steer.
+_NOTES = ("session",)
+
+
+def load_table(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises:
+        ConfigError: no such file, or not TOML.
+    """
+    try:
+        data = read_small(path, MOST_TOML_BYTES)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read as text: {error.strerror}") from error
+    return parse_toml(data, str(path))
+
+
+def load_mission(path: Path) -> Mission:
+    """Read a mission or session file; paths in it become absolute, so that they hold wherever it is written again.
+
+    Raises:
+        ConfigError: no such file, not TOML, an unknown key, a wrong or missing value.
+    """
+    mission = parse_mission(load_table(path), str(path))
+    camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
+    signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
+    return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera, signing=signing)
+
+
+def user_keys() -> Path:
+    """Where a user's keys are when the mission names no folder."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or "~/.config").expanduser() / "rollcall" / "keys"
+
+
+def _keys_folder(text: str, folder: Path) -> str:
+    if text == NO_KEYS:
+        return text
+    if not text:
+        return str(user_keys()) if user_keys().is_dir() else ""
+    return str((folder / Path(text).expanduser()).absolute())
+
+
+def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
+    """With absolute paths: a file's are relative to where it lies."""
+
+    def place(text: str) -> str:
+        return str((folder / text).absolute()) if text else ""
+
+    front = choice.front if choice.front == BUNDLED else place(choice.front)
+    return replace(choice, model=place(choice.model), front=front)
+
+
+def _with_lens(camera: Camera, folder: Path, where: str) -> Camera:
+    """With the numbers of its lens file in place of the file's name, so that a session needs no other file."""
+    if not camera.lens:
+        return camera
+    try:
+        lens = read_lens(folder / camera.lens)
+    except (CameraError, ValueError) as error:  # a path with a NUL in it is a ValueError
+        raise ConfigError(f"{where}: [camera]: lens {error}") from error
+    numbers: dict[str, Any] = {name: getattr(lens, name) for name in _NUMBERS}
+    distortion = tuple(lens.distortion.tolist())
+    return replace(camera, lens="", name=camera.name or Path(camera.lens).name, distortion=distortion, **numbers)
+
+
+def _check_camera(camera: Camera, where: str) -> None:
+    """All numbers, or a lens, or neither."""
+    missing = [name for name in _NUMBERS if getattr(camera, name) is None]
+    if camera.lens and (len(missing) < len(_NUMBERS) or any(camera.distortion)):
+        raise ConfigError(f"{where}: lens stands for width, height, fx, fy, cx, cy and distortion; leave those out")
+    if not camera.lens and 0 < len(missing) < len(_NUMBERS):
+        raise ConfigError(f"{where}: {missing[0]} is missing; give {', '.join(_NUMBERS)}, or a lens file, or none")
+
+
+def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
+    """Check a parsed TOML table and build the mission; ``where`` goes into messages."""
+    refuse_unknown(table, (*_TABLES, "ugv", *_NOTES), where)
+    if "uav" not in table or not table.get("ugv"):
+        raise ConfigError(f"{where}: needs [uav] and at least one [[ugv]] with a system_id")
+    ugvs = table["ugv"]
+    if not isinstance(ugvs, list):
+        raise ConfigError(f"{where}: write [[ugv]] with two brackets, once for each ground vehicle")
+    parts: dict[str, Any] = {
+        name: build(kind, table[name], f"{where}: [{name}]", _RANGES) for name, kind in _TABLES.items() if name in table
+    }
+    if "camera" in parts:
+        _check_camera(parts["camera"], f"{where}: [camera]")
+    parts["ugv"] = tuple(build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}", _RANGES) for k, ugv in enumerate(ugvs))
+    try:
+        return Mission(**parts)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None

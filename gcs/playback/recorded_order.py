@@ -1,0 +1,131 @@
+"""A recorded flight in the order in which it was folded, and what a recording lacks to be folded alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.session.flight_notes import PROGRAM
+from gcs.session.fold_order import NO_PICTURE, Fold, Folds
+from gcs.session.log import SessionLog
+from gcs.session.session import FrameDetections, Session
+from infra.files.segments import segments
+from mavlink.protocol.packet import Packet
+from vision.detect.detections import Detections
+
+__all__ = ["Flown", "missing"]
+
+_MOST_BETWEEN = 1000
+"""Frames that a flight skips between two that it looks at, at most."""
+
+
+class Flown:
+    """The turns of a flight's fold over its telemetry and boxes.
+
+    Attributes:
+        sizes: width and height of its pictures, px.
+        warnings: what an analyst should know, one line each.
+    """
+
+    def __init__(self, folds: Folds, log: SessionLog, boxes: FrameDetections) -> None:
+        self._folds, self._log, self._boxes = folds, log, boxes
+        self._stops, renumbered = folds.placed(log.stamped_us)
+        self.sizes = folds.sizes
+        self.warnings = tuple(self._complaints(renumbered))
+
+    @classmethod
+    def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> Flown | None:
+        """From ``folds.csv``; None where no picture was ever looked at.
+
+        Raises:
+            SessionError: the file is no such table.
+        """
+        folds = Folds.read(path.parent)
+        return cls(folds, log, boxes) if folds and folds.sizes else None
+
+    def times_from(self, known: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Times of all frames, also of the newest that the fold saw before a flight was cut off.
+
+        Args:
+            known: (n,) Unix µs of the recorded ones.
+
+        Returns:
+            (m,) m >= n.
+        """
+        later = {turn.frame: turn.t_us for turn in self._folds.turns if turn.frame >= len(known)}
+        if not later or max(later) - len(known) > _MOST_BETWEEN * len(later):
+            return known
+        frames = np.arange(len(known), max(later) + 1)
+        more = np.interp(frames, np.array(list(later)), np.array(list(later.values()), dtype=np.float64))
+        return np.concatenate([known, np.round(more).astype(np.int64)])
+
+    def turns(self, frames: int) -> Iterator[tuple[Fold, Iterator[Packet], Detections | None]]:
+        """Each turn with the packets that were taken in before it, which are to be used up, and its boxes.
+
+        Boxes are None where nobody looked.
+
+        Args:
+            frames: of the recording; turns for others are left out.
+        """
+        taken = self._folds.taken_in(len(self._log)).tolist()
+        packets = (packet for packet, wanted in zip(self._log.packets(as_stamped=True), taken, strict=True) if wanted)
+        counts = np.concatenate([[0], np.cumsum(taken, dtype=np.int64)])
+        fed = 0
+        for turn, stop in zip(self._folds.turns, self._stops.tolist(), strict=True):
+            if turn.frame >= frames:
+                continue
+            more = max(int(counts[min(stop, len(taken))]) - fed, 0)
+            fed += more
+            yield turn, islice(packets, more), None if turn.boxes is None else self._boxes.at(turn.frame)
+
+    def _complaints(self, renumbered: int) -> Iterator[str]:
+        if self._folds.skipped:
+            yield f"folds.csv: {self._folds.skipped} rows could not be used and were skipped"
+        if renumbered:
+            yield f"folds.csv: the log lacks records that the flight had; {renumbered} turns are placed by time"
+        wrong = sum(
+            turn.frame != NO_PICTURE and len(self._boxes.at(turn.frame)) != (turn.boxes or 0)
+            for turn in self._folds.turns
+        )
+        if wrong:
+            yield f"detections.csv: of {wrong} frames it has not the boxes that the flight found"
+
+
+def missing(session: Session, log: SessionLog, *, looked_again: bool) -> Iterator[str]:
+    """What a flight used and its recording lacks, one line each: a replay may say something else than the flight.
+
+    Args:
+        session: opened.
+        log: its telemetry.
+        looked_again: the video is looked at anew.
+    """
+    notes, folder = session.notes, session.tlog.parent
+    if not notes.flown or session.path.is_file():
+        return
+    if looked_again:
+        yield from _other_models(session)
+    elif session.detections is not None and session.folds is None:
+        yield "folds.csv is missing: the flight skipped frames and heard packets late, and may have named others"
+    if len(log) and not segments(folder / "senders.csv"):
+        yield "senders.csv is missing: who sent what is not known, and two senders of one id are told apart less well"
+    for name, rows in notes.lost.items():
+        yield f"{name}: {rows} rows of the flight were lost"
+    if notes.refused and log.refused != notes.refused:
+        yield f"refused.csv: the flight did not believe {notes.refused} records, it names {log.refused}"
+    if notes.program != PROGRAM:
+        yield f"recorded by {notes.program or 'another program'}; this is {PROGRAM}, and names may differ"
+
+
+def _other_models(session: Session) -> Iterator[str]:
+    from gcs.fold.detector_factory import fingerprints
+
+    now = fingerprints(session.mission.detector) if session.mission else {}
+    if not session.notes.models:
+        yield "which networks looked at the pictures in flight is not recorded; these may be others"
+    for name, digest in session.notes.models.items():
+        if now.get(name) != digest:
+            yield f"the network for {name} is another than in flight"

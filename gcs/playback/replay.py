@@ -1,0 +1,222 @@
+"""A recording on the screens: analysed once from the start in one thread, shown at any place and speed by another.
+
+What is shown at a moment is the very snapshot that ``gcs identify`` computes for it. A place that the analysis has not
+reached yet shows the picture alone, and playing waits there.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gcs.playback.analysis import Analysis
+from gcs.session.session import Session
+from gcs.snapshot import Alarm, Event, Snapshot
+from vision.video.video import Frame, VideoFile
+
+__all__ = ["Replay"]
+
+SPEED_LEAST, SPEED_MOST = 0.1, 20.0
+# Decoding on is cheaper than seeking for jumps up to this many frames.
+DECODE_ON = 30
+MOST_EVENTS = 5000
+TICK_S = 0.02
+
+
+class Replay:
+    """A station (``gcs.station.Station``) over a recording, with its timeline (``gcs.station.Timeline``)."""
+
+    commands = None
+
+    def __init__(self, session: Session, *, redetect: bool = False) -> None:
+        """Open the recording and start both threads.
+
+        Raises:
+            SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
+        """
+        self._analysis = Analysis(session, redetect=redetect)
+        self._picture = _Pictures(session, self._analysis.video)
+        self._times = self._analysis.times_us
+        self._done: list[Snapshot] = []
+        self._events: list[Event] = []
+        self._latest: Snapshot | None = None
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._now_us = float(self._times[0])
+        self._playing = True
+        self._speed = 1.0
+        self._title = session.name
+        self.error: BaseException | None = None
+        self._threads = [
+            threading.Thread(target=self._guard, args=(work,), name=name, daemon=True)
+            for name, work in (("analysis", self._analyse), ("player", self._play))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def title(self) -> str:
+        """The session's name, and how far the analysis is while it runs."""
+        share = len(self._done) / len(self._times)
+        return self._title if share >= 1 else f"{self._title} (analysed {share:.0%})"
+
+    @property
+    def timeline(self) -> Replay:
+        """This replay's own clock."""
+        return self
+
+    @property
+    def start_us(self) -> int:
+        """First frame."""
+        return int(self._times[0])
+
+    @property
+    def stop_us(self) -> int:
+        """Last frame."""
+        return int(self._times[-1])
+
+    @property
+    def now_us(self) -> int:
+        """Where it stands."""
+        return int(self._now_us)
+
+    @property
+    def playing(self) -> bool:
+        """Whether time runs."""
+        return self._playing
+
+    @property
+    def speed(self) -> float:
+        """Times real time."""
+        return self._speed
+
+    def latest(self) -> Snapshot | None:
+        """The snapshot on show."""
+        return self._latest
+
+    def events(self) -> Sequence[Event]:
+        """All events found so far, also those ahead of the place on show."""
+        with self._lock:
+            return tuple(self._events)
+
+    def play(self) -> None:
+        """Let time run; at the end, from the start again."""
+        with self._lock:
+            if self._now_us >= self.stop_us:
+                self._now_us = float(self.start_us)
+            self._playing = True
+
+    def pause(self) -> None:
+        """Stop time; the picture stays."""
+        self._playing = False
+
+    def seek(self, t_us: int) -> None:
+        """Go to a time, clamped to the recording."""
+        with self._lock:
+            self._now_us = float(np.clip(t_us, self.start_us, self.stop_us))
+
+    def step(self, frames: int) -> None:
+        """Pause and move by frames."""
+        with self._lock:
+            self._playing = False
+            place = int(np.clip(self._place() + frames, 0, len(self._times) - 1))
+            self._now_us = float(self._times[place])
+
+    def set_speed(self, speed: float) -> None:
+        """Set the speed, clamped to 0.1..20."""
+        self._speed = float(np.clip(speed, SPEED_LEAST, SPEED_MOST))
+
+    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
+        """Nothing is written into a recording."""
+
+    def accept_held(self, system_ids: Sequence[int]) -> None:
+        """What was held in flight stays held."""
+
+    def stop(self) -> None:
+        """End both threads and close the video."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(timeout=5)
+        self._analysis.close()
+        self._picture.close()
+
+    def _guard(self, work: Callable[[], None]) -> None:
+        """Run a thread's work; what ends it is kept for the screen to tell."""
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - told on the screen, never swallowed
+            self.error = error
+
+    def _analyse(self) -> None:
+        for snapshot in self._analysis.snapshots(images=False):
+            with self._lock:
+                self._done.append(snapshot)
+                self._events += snapshot.events
+                del self._events[:-MOST_EVENTS]
+            if self._stop.is_set():
+                return
+
+    def _place(self) -> int:
+        return max(int(np.searchsorted(self._times, self._now_us, side="right")) - 1, 0)
+
+    def _play(self) -> None:
+        shown: tuple[int, bool] = (-1, False)
+        before = time.monotonic()
+        while not self._stop.wait(TICK_S):
+            now = time.monotonic()
+            with self._lock:
+                if self._playing:
+                    self._advance((now - before) * self._speed)
+                place, analysed = self._place(), self._place() < len(self._done)
+            before = now
+            if (place, analysed) != shown:
+                self._show(place)
+                shown = (place, analysed)
+
+    def _advance(self, seconds: float) -> None:
+        """Let time run, but not past the analysis and not past the end."""
+        reached = self._times[min(len(self._done), len(self._times)) - 1] if self._done else self._times[0]
+        limit = max(float(reached), self._now_us) if len(self._done) < len(self._times) else float(self.stop_us)
+        self._now_us = min(self._now_us + seconds * 1e6, limit)
+        if self._now_us >= self.stop_us:
+            self._playing = False
+
+    def _show(self, place: int) -> None:
+        with self._lock:
+            done = self._done[place] if place < len(self._done) else None
+            last = self._done[-1] if self._done else None
+        frame = self._picture.at(place)
+        base = done or (replace(last, boxes=(), events=(), t_us=int(self._times[place]), frame=place) if last else None)
+        if base is not None:
+            self._latest = replace(base, image=frame.image if frame else None)
+
+
+class _Pictures:
+    """Decoded frames by place, by decoding on where that is near and seeking where it is not."""
+
+    def __init__(self, session: Session, video: VideoFile | None) -> None:
+        self._video = VideoFile.open(session.video, video.times_us) if session.video and video else None
+        self._frames: Iterator[Frame] = iter(())
+        self._held: Frame | None = None
+
+    def at(self, place: int) -> Frame | None:
+        if self._video is None or place >= self._video.n:
+            return None
+        if self._held is not None and self._held.index == place:
+            return self._held
+        ahead = place - self._held.index if self._held else -1
+        if not 0 < ahead <= DECODE_ON:
+            self._frames = self._video.frames(place)
+        for frame in self._frames:
+            if frame.index >= place:
+                self._held = frame
+                return frame
+        return self._held
+
+    def close(self) -> None:
+        if self._video is not None:
+            self._video.close()

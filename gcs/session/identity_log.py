@@ -1,0 +1,186 @@
+"""The identity log: one row for each box of each frame, named or not, as CSV and as JSON lines with the evidence.
+
+Written row by row and flushed with every frame, so that a killed program leaves whole lines. Numbers are rounded when
+written, not before: the same recording gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self, TextIO
+
+from gcs.errors import SessionError
+from gcs.session.segmented import read_segments
+from gcs.session.tables import Table
+from gcs.snapshot import Box, Event, Snapshot
+from infra.plain_text import plain
+
+__all__ = ["COLUMNS", "EventLog", "IdentityLog", "Lines", "open_new", "read_identity"]
+
+COLUMNS = (
+    "time_us",
+    "frame",
+    "track_id",
+    "system_id",
+    "confidence",
+    "cx",
+    "cy",
+    "w",
+    "h",
+    "angle",
+    "heading",
+    "lat",
+    "lon",
+)
+
+_JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
+
+
+class Lines(Protocol):
+    """A text file that takes whole lines."""
+
+    def write(self, text: str, /) -> object:
+        """Append lines."""
+
+    def flush(self) -> None:
+        """Hand them to the system."""
+
+    def close(self) -> None:
+        """Let go of the file."""
+
+
+def open_new(path: Path, header: str = "") -> TextIO:
+    """Open a file for writing that must not exist yet; an error ends who writes, as in a job without a flight."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("x", encoding="utf-8", newline="\n")
+        file.write(header)
+        return file
+    except FileExistsError:
+        raise SessionError(f"{path}: exists already and is never overwritten; choose another place") from None
+    except OSError as error:
+        raise SessionError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+class IdentityLog:
+    """Writes ``identity.csv`` and ``identity.jsonl`` into a folder.
+
+    Args:
+        folder: where to.
+        open_file: makes a file from path and header; a flight's outlives a failing disk (``gcs.session.line_file``).
+    """
+
+    def __init__(self, folder: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
+        self._csv = open_file(folder / "identity.csv", ",".join(COLUMNS) + "\n")
+        try:
+            self._jsonl = open_file(folder / "identity.jsonl", "")
+        except SessionError:
+            self._csv.close()
+            raise
+
+    def write(self, snapshot: Snapshot) -> None:
+        """Append the boxes seen in this frame; coasting ones were not seen."""
+        boxes = [box for box in snapshot.boxes if not box.coasting]
+        self._csv.write("".join(csv_row(snapshot, box) + "\n" for box in boxes))
+        self._jsonl.write("".join(json_row(snapshot, box) + "\n" for box in boxes))
+        self._csv.flush()
+        self._jsonl.flush()
+
+    def close(self) -> None:
+        """Close both files."""
+        self._csv.close()
+        self._jsonl.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class EventLog:
+    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes."""
+
+    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
+        self._file = open_file(path, "")
+
+    def write(self, events: Sequence[Event]) -> None:
+        """Append events, one JSON object a line."""
+        if not events:
+            return
+        self._file.write("".join(event_row(event) + "\n" for event in events))
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def csv_row(snapshot: Snapshot, box: Box) -> str:
+    """One line of ``identity.csv``; empty cells are unknown."""
+    cells = [
+        str(snapshot.t_us),
+        str(snapshot.frame),
+        str(box.track_id) if box.track_id else "",
+        str(box.system_id) if box.system_id else "",
+        _text(box.confidence, 4),
+        *(_text(v, 2) for v in (box.cx, box.cy, box.w, box.h)),
+        _text(box.angle, 4),
+        _text(box.heading, 4),
+        _text(box.lat_deg, 7),
+        _text(box.lon_deg, 7),
+    ]
+    return ",".join(cells)
+
+
+def json_row(snapshot: Snapshot, box: Box) -> str:
+    """One line of ``identity.jsonl``: the same box with the evidence; null is unknown."""
+    row = {
+        "time_us": snapshot.t_us,
+        "frame": snapshot.frame,
+        "track_id": box.track_id or None,
+        "system_id": box.system_id or None,
+        "name": plain(snapshot.name_of(box.system_id)) if box.system_id else None,
+        "confidence": _number(box.confidence, 4),
+        "runner_up": box.runner_up or None,
+        "runner_up_confidence": _number(box.runner_up_confidence, 4),
+        "margin": _number(box.margin, 4),
+        "projection": _number(box.projection, 4),
+        "topology": _number(box.topology, 4),
+        "fused": _number(box.fused, 4),
+        "residual_m": _number(box.residual_m, 3),
+        "residual_px": _number(box.residual_px, 2),
+        "position_age_s": _number(box.position_age_s, 3),
+        "box": [_number(v, 4) for v in (box.cx, box.cy, box.w, box.h, box.angle)],
+        "heading": _number(box.heading, 4),
+        "enu_m": [_number(v, 2) for v in box.p_enu.tolist()],
+        "lat": _number(box.lat_deg, 7),
+        "lon": _number(box.lon_deg, 7),
+    }
+    return _JSON.encode(row)
+
+
+def event_row(event: Event) -> str:
+    """One line of ``events.jsonl``."""
+    row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
+    return _JSON.encode(row | {"text": plain(event.text)})
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(value, digits) + 0.0 if math.isfinite(value) else None
+
+
+def _text(value: float, digits: int) -> str:
+    return f"{value:z.{digits}f}" if math.isfinite(value) else ""
+
+
+def read_identity(path: Path) -> Table:
+    """Read an identity log; ``system_id`` and ``track_id`` are NaN where unknown."""
+    required = ("time_us", "frame", "cx", "cy", "w", "h", "angle")
+    return read_segments(path, required, ("track_id", "system_id", "confidence", "heading", "lat", "lon"))

@@ -1,0 +1,84 @@
+"""An identity log read back into snapshots: what was said at the time, not what would be said now."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from gcs.mission.mission import Mission
+from gcs.session.identity_log import read_identity
+from gcs.session.tables import Table
+from gcs.snapshot import NAN, Box, Health, Snapshot, VehicleRow
+from vision.video.video import VideoFile
+
+__all__ = ["recorded"]
+
+
+def recorded(
+    identity: Path, mission: Mission, video: VideoFile | None, tell: Callable[[str], None] = lambda text: None
+) -> Iterator[Snapshot]:
+    """Go through an identity log frame by frame, with pictures where there is a video; ``tell`` is given what lacks."""
+    table = read_identity(identity)
+    if table.skipped:
+        tell(f"{identity}: {table.skipped} rows could not be used")
+    order = np.argsort(table["frame"], kind="stable")
+    frames = table["frame"][order].astype(np.int64)
+    names = tuple(_name_row(mission, i) for i in (mission.uav.system_id, *mission.ugv_ids))
+    camera = mission.camera.intrinsics if mission.camera else None
+    size = (camera.width, camera.height) if camera else (1920, 1080)
+    for index, t_us, image in _places(frames, table["time_us"][order], video):
+        rows = order[slice(*np.searchsorted(frames, (index, index + 1)))]
+        yield Snapshot(
+            t_us=t_us,
+            frame=index,
+            width=image.shape[1] if image is not None else size[0],
+            height=image.shape[0] if image is not None else size[1],
+            image=image,
+            vehicles=names,
+            boxes=tuple(_box(table, int(row)) for row in rows),
+            footprint_enu=None,
+            uav_enu=np.full(3, np.nan),
+            uav_heading=NAN,
+            health=Health(),
+        )
+
+
+def _places(
+    frames: np.ndarray, time_us: np.ndarray, video: VideoFile | None
+) -> Iterator[tuple[int, int, np.ndarray | None]]:
+    if video is not None:
+        for frame in video.frames():
+            yield frame.index, frame.t_us, frame.image
+        return
+    for index in np.unique(frames):
+        yield int(index), int(time_us[np.searchsorted(frames, index)]), None
+
+
+def _box(table: Table, row: int) -> Box:
+    value = {name: float(column[row]) for name, column in table.columns.items()}
+    return Box(
+        track_id=_whole(value["track_id"]),
+        cx=value["cx"],
+        cy=value["cy"],
+        w=value["w"],
+        h=value["h"],
+        angle=value["angle"],
+        heading=value["heading"],
+        score=NAN,
+        system_id=_whole(value["system_id"]),
+        confidence=value["confidence"],
+        lat_deg=value["lat"],
+        lon_deg=value["lon"],
+    )
+
+
+def _whole(value: float) -> int:
+    return 0 if np.isnan(value) else int(value)
+
+
+def _name_row(mission: Mission, system_id: int) -> VehicleRow:
+    """A table row that knows the name and nothing else."""
+    is_uav = system_id == mission.uav.system_id
+    return VehicleRow(system_id=system_id, name=mission.name_of(system_id), role="uav" if is_uav else "ugv")

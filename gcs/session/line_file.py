@@ -1,0 +1,96 @@
+"""A text file of a flight: its lines outlive a full or failing disk, and nobody waits for one that hangs."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+from gcs.errors import SessionError
+from infra.files.append import AppendFile
+from infra.files.disk import OS_DISK, Disk
+from infra.files.record_state import RecordState
+from infra.files.write_buffer import Backlog, Piece
+
+__all__ = ["LineFile"]
+
+RAM_BYTES = 16 << 20
+"""Over a minute of the evidence of twenty boxes at thirty frames a second."""
+HANG_S = 5.0
+"""Closing waits so long for a disk that hangs, counted from when it began to."""
+
+
+class LineFile:
+    """Takes whole lines, which a thread of its own writes; only making the file can fail.
+
+    Args:
+        path: must not exist; nothing recorded is ever overwritten.
+        header: first line of every segment, with its line end.
+        disk: the operating system, or a test's.
+        lazy: make the file with its first line.
+
+    Raises:
+        SessionError: the file exists or cannot be made.
+    """
+
+    def __init__(self, path: Path, header: str = "", *, disk: Disk = OS_DISK, lazy: bool = False) -> None:
+        try:
+            self.file = AppendFile(path, header=header.encode(), ram_bytes=RAM_BYTES, lazy=lazy, disk=disk)
+        except OSError as error:
+            raise SessionError(f"{path}: cannot be made: {error.strerror}; choose another place") from error
+        self._changed = threading.Condition()  # all that follows
+        self._waiting = Backlog(RAM_BYTES)
+        self._in_hand: Piece | None = None
+        self._closing = self._abandoned = False
+        self._thread = threading.Thread(target=self._run, name=path.name, daemon=True)
+        self._thread.start()
+
+    def write(self, text: str, /) -> None:
+        """Append whole lines; they are with the system soon."""
+        if text:
+            with self._changed:
+                self._waiting.append(text.encode(errors="replace"), text.count("\n"))
+                self._changed.notify_all()
+
+    def flush(self) -> None:
+        """Do nothing: what was written is on its way."""
+
+    def settle(self, timeout_s: float) -> bool:
+        """Wait until the system has all lines, or has refused them; whether it has."""
+        with self._changed:
+            return self._changed.wait_for(lambda: not self._waiting and self._in_hand is None, timeout_s)
+
+    def close(self) -> None:
+        """Write what still waits and let go; ``state`` then tells what was lost."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join(max(HANG_S - self.file.state.stalled_s, 0.0))
+        self._abandoned = self._thread.is_alive()
+        if not self._abandoned:
+            self.file.close()
+
+    @property
+    def state(self) -> RecordState:
+        """How it is doing."""
+        with self._changed:
+            state, held, dropped = self.file.state, self._in_hand, self._waiting.dropped
+            rows = self._waiting.rows + (held.rows if held else 0)
+            size = self._waiting.bytes + (len(held.data) if held else 0)
+        if self._abandoned:
+            return replace(state, lost=state.lost + dropped + rows)
+        return replace(
+            state, waiting=state.waiting + rows, waiting_bytes=state.waiting_bytes + size, lost=state.lost + dropped
+        )
+
+    def _run(self) -> None:
+        """Waits for the disk, so that nobody else does."""
+        while True:
+            with self._changed:
+                self._in_hand = None
+                self._changed.notify_all()
+                self._changed.wait_for(lambda: self._waiting or self._closing)
+                if not self._waiting:
+                    return
+                piece = self._in_hand = self._waiting.pop()
+            self.file.write(bytes(piece.data), piece.rows)

@@ -1,0 +1,192 @@
+"""``session.toml`` over its life: locked while the flight's process lives, sealed at its end or at the next start."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from gcs.errors import ConfigError, SessionError
+from gcs.mission.mission import Mission
+from gcs.mission.values import MOST_TOML_BYTES, parse_toml, toml_text
+from gcs.session.flight_notes import PROGRAM
+from gcs.session.log import SessionLog
+from gcs.session.session import mission_table
+from infra.files.safe_open import create, open_to_read
+from infra.files.segments import segments
+from mavlink.errors import TlogError
+
+__all__ = ["Interrupted", "SessionFile", "recorded_folders", "seal"]
+
+NAME = "session.toml"
+MOST_COUNTED_BYTES = 8 << 30
+"""A day at 100 kB/s; to count the records of more would take minutes."""
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+
+
+class SessionFile:
+    """The notes of a flight that goes on.
+
+    Args:
+        folder: of the session.
+        mission: what flies.
+        notes: what else is known from the start.
+
+    Raises:
+        SessionError: the file cannot be made.
+    """
+
+    def __init__(self, folder: Path, mission: Mission, notes: Mapping[str, Any] = MappingProxyType({})) -> None:
+        self._path = folder / NAME
+        self._mission = mission
+        self._notes: dict[str, Any] = {
+            "format": 1,
+            "program": PROGRAM,
+            "started": datetime.now(UTC),
+            **notes,
+        }
+        self._fd = -1
+        try:
+            self._write()
+        except OSError as error:
+            raise SessionError(f"{self._path}: cannot be written: {error.strerror}; choose another place") from error
+
+    def restore(self) -> None:
+        """Write it again when somebody deleted it; a disk that does not take it is tried again at the next call."""
+        if not self._path.exists():
+            with contextlib.suppress(OSError):  # the alarm is that of the files beside it
+                self._path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+                self._write()
+
+    def close(self, notes: Mapping[str, Any]) -> None:
+        """Seal the session; where the disk does not take it, the next start does."""
+        self._notes |= {"ended": datetime.now(UTC), **notes}
+        with contextlib.suppress(OSError):
+            self._write()
+        if self._fd >= 0:
+            os.close(self._fd)
+            self._fd = -1
+
+    def _write(self) -> None:
+        folder = os.open(self._path.parent, _FOLDER)
+        try:
+            fd = _replace(folder, mission_table(self._mission, self._notes))
+        finally:
+            os.close(folder)
+        if self._fd >= 0:
+            os.close(self._fd)
+        self._fd = fd
+
+
+def _replace(folder: int, text: str) -> int:
+    """Put a new file in the place of the old one, in one step and locked from the start; returns it open.
+
+    The new file has a name that nobody can have foreseen and put a link at.
+
+    Args:
+        folder: descriptor of the session's folder.
+        text: of the file.
+    """
+    new = f"{NAME}.{secrets.token_hex(8)}.new"
+    fd = create(new, folder=folder)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        with os.fdopen(fd, "wb", closefd=False) as file:
+            file.write(text.encode())
+        os.fsync(fd)
+        os.rename(new, NAME, src_dir_fd=folder, dst_dir_fd=folder)
+    except OSError:
+        os.unlink(new, dir_fd=folder)
+        os.close(fd)
+        raise
+    return fd
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interrupted:
+    """A recording that nobody had ended."""
+
+    folder: Path
+    records: int | None = None
+    """Telemetry records that can be read; None: not counted."""
+    ended: datetime | None = None
+    """When its last file was written; None where that could not be found out."""
+    trouble: str = ""
+    """Why it could not be sealed; empty: it was."""
+
+    @property
+    def text(self) -> str:
+        """One line for the operator."""
+        when = f"interrupted at {self.ended:%Y-%m-%d %H:%M:%S}Z, " if self.ended else ""
+        held = f"{self.records} telemetry records; " if self.records is not None else ""
+        return f"{self.folder.name}: {when}{held}" + (f"cannot be sealed: {self.trouble}" if self.trouble else "sealed")
+
+
+def recorded_folders(parent: Path) -> list[Path]:
+    """The session folders in a folder, the newest first."""
+    return sorted((file.parent for file in parent.glob(f"*/{NAME}")), reverse=True)
+
+
+def seal(folder: Path) -> Interrupted | None:
+    """Note in an interrupted session when it ended and what it holds; None: ended, being written, or not recorded.
+
+    Neither the folder nor its files may be links: they could lead to what its author must not read or change.
+    """
+    try:
+        at = os.open(folder, _FOLDER | os.O_NOFOLLOW)
+    except OSError:
+        return None
+    try:
+        return _seal_locked(folder, at)
+    except BlockingIOError:
+        return None
+    except OSError as error:
+        return Interrupted(folder=folder, trouble=f"{NAME}: {error.strerror}")
+    except (ConfigError, ValueError, TypeError) as error:
+        return Interrupted(folder=folder, trouble=str(error))
+    finally:
+        os.close(at)
+
+
+def _seal_locked(folder: Path, at: int) -> Interrupted | None:
+    fd = open_to_read(NAME, links=False, folder=at)
+    with os.fdopen(fd, "rb") as file:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.fstat(fd).st_ino != os.stat(NAME, dir_fd=at, follow_symlinks=False).st_ino:
+            return None  # sealed by somebody else a moment ago
+        data = file.read(MOST_TOML_BYTES + 1)
+        if len(data) > MOST_TOML_BYTES:
+            return Interrupted(folder=folder, trouble=f"{NAME}: larger than {MOST_TOML_BYTES >> 10} KiB")
+        table = parse_toml(data, NAME)
+        notes = table.get("session", {})
+        return _seal(folder, at, table) if "started" in notes and "ended" not in notes else None
+
+
+def _seal(folder: Path, at: int, table: dict[str, Any]) -> Interrupted:
+    with os.scandir(at) as files:
+        last_s = max(file.stat(follow_symlinks=False).st_mtime for file in files)
+    found = Interrupted(folder=folder, records=_records(folder), ended=datetime.fromtimestamp(int(last_s), UTC))
+    counted = {} if found.records is None else {"packets": found.records}
+    table["session"] |= {"ended": found.ended, **counted, "interrupted": True}
+    try:
+        os.close(_replace(at, toml_text(table)))
+    except OSError as error:
+        return replace(found, trouble=error.strerror or str(error))
+    return found
+
+
+def _records(folder: Path) -> int | None:
+    path = folder / "telemetry.tlog"
+    try:
+        if sum(part.stat().st_size for part in segments(path)) > MOST_COUNTED_BYTES:
+            return None
+        return len(SessionLog(path))
+    except (TlogError, SessionError):
+        return 0

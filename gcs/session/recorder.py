@@ -1,0 +1,206 @@
+"""Everything a flight leaves behind, written as it happens: each file is valid whenever the program dies.
+
+No fault of the disk stops a flight or raises here once the files are made: what cannot be written waits in memory, and
+``check`` tells the operator.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shutil
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from gcs.mission.mission import Mission
+from gcs.session.disk_forecast import SpaceForecast
+from gcs.session.fold_order import FOLD_COLUMNS, UNFOLDED_COLUMNS, Fold
+from gcs.session.identity_log import EventLog, IdentityLog
+from gcs.session.line_file import LineFile
+from gcs.session.metadata import SessionFile
+from gcs.session.recording_events import RecordWatch
+from gcs.session.session import create_folder
+from gcs.snapshot import Event, Snapshot
+from infra.files.disk import OS_DISK, Disk
+from infra.files.flusher import Caretaker
+from infra.files.record_state import RecordState
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.writer import TlogWriter
+from vision.detect.detections import Detections
+
+__all__ = ["Recorder"]
+
+FRAME_COLUMNS = ("frame", "time_us")
+DETECTION_COLUMNS = ("frame", "cx", "cy", "w", "h", "angle", "score", "heading")
+SYNC_S = 0.5
+SETTLE_S = 0.05
+"""A look at the files waits so long, all together, for lines that are just being written."""
+
+
+class Recorder:
+    """One session folder, open for writing; its methods may be called from any thread.
+
+    Args:
+        parent: where the folder is made.
+        mission: what flies.
+        video: whether there is a camera.
+        telemetry: write ``telemetry.tlog`` here, by ``packet``; False: the links' own process does, into ``tlog_path``.
+        notes: what a replay has to know beside the mission (``gcs.session.flight_notes``).
+        disk: the operating system, or a test's.
+
+    Attributes:
+        folder, tlog_path, video_path: where it all goes; no video_path without a camera.
+        full_in_s: until the disk is full if it fills up as in the last minute, inf unknown.
+
+    Raises:
+        SessionError, TlogError: the folder or a file cannot be made.
+    """
+
+    def __init__(
+        self,
+        parent: Path,
+        mission: Mission,
+        *,
+        video: bool,
+        telemetry: bool = True,
+        notes: Mapping[str, Any] = MappingProxyType({}),
+        disk: Disk = OS_DISK,
+    ) -> None:
+        self.folder = create_folder(parent)
+        self.video_path = self.folder / "video.mkv" if video else None
+        self.tlog_path = self.folder / "telemetry.tlog"
+        self.full_in_s = math.inf
+        self._files: list[LineFile] = []
+        self._frames: LineFile | None = None
+        self._detections: LineFile | None = None
+        self._folds: LineFile | None = None
+        self._unfolded: LineFile | None = None
+        try:
+            self._session = SessionFile(self.folder, mission, notes)
+            self._make_files(video, telemetry, disk)
+        except BaseException:
+            shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
+            raise
+        self._caretaker = Caretaker([file.file for file in self._files], SYNC_S)
+        self._watch = RecordWatch()
+        self._space = SpaceForecast()
+        self._free_bytes = shutil.disk_usage(self.folder).free
+
+    def _make_files(self, video: bool, telemetry: bool, disk: Disk) -> None:
+        make = partial(self._make, disk)
+        self._identity = IdentityLog(self.folder, make)
+        self._events = EventLog(self.folder / "events.jsonl", make)
+        if video:
+            self._frames = self._table(disk, "frames.csv", FRAME_COLUMNS)
+            self._detections = self._table(disk, "detections.csv", DETECTION_COLUMNS)
+            self._folds = self._table(disk, "folds.csv", FOLD_COLUMNS)
+            self._unfolded = self._table(disk, "unfolded.csv", UNFOLDED_COLUMNS, lazy=True)
+        self._tlog = TlogWriter(self.tlog_path, disk=disk) if telemetry else None
+
+    def _table(self, disk: Disk, name: str, columns: Sequence[str], *, lazy: bool = False) -> LineFile:
+        return self._make(disk, self.folder / name, ",".join(columns) + "\n", lazy=lazy)
+
+    def _make(self, disk: Disk, path: Path, header: str, *, lazy: bool = False) -> LineFile:
+        file = LineFile(path, header, disk=disk, lazy=lazy)
+        self._files.append(file)
+        return file
+
+    def packet(self, packet: Packet) -> None:
+        """Append a raw packet, before anybody decodes it."""
+        assert self._tlog is not None, "the links' own process records the telemetry"
+        self._tlog.write(packet)
+
+    def frame_time(self, index: int, t_us: int) -> None:
+        """Note when a frame of the recorded video was taken."""
+        if self._frames:
+            self._frames.write(f"{index},{t_us}\n")
+
+    def detections(self, frame: int, detections: Detections) -> None:
+        """Append what the detector saw in a frame, to the last digit: a replay folds the very same numbers."""
+        if not self._detections:
+            return
+        cells = [["" if math.isnan(value) else repr(value) for value in box] for box in detections.table.T.tolist()]
+        self._detections.write("".join(f"{frame},{','.join(box)}\n" for box in cells))
+
+    def fold(self, fold: Fold) -> None:
+        """Append a turn of the fold."""
+        if self._folds:
+            self._folds.write(fold.row)
+
+    def unfolded(self, record: int, count: int) -> None:
+        """Note records of the log that the fold has not taken in and never will.
+
+        Args:
+            record: number of the first.
+            count: of them.
+        """
+        if self._unfolded:
+            self._unfolded.write(f"{record},{count}\n")
+
+    def snapshot(self, snapshot: Snapshot) -> None:
+        """Append a frame's identities and events."""
+        self._identity.write(snapshot)
+        self._events.write(snapshot.events)
+
+    def events(self, events: tuple[Event, ...]) -> None:
+        """Append events of a moment without a frame."""
+        self._events.write(events)
+
+    def check(self, telemetry: RecordState | None = None) -> tuple[Event, ...]:
+        """What there is to be told of files and disk since the last call; to be called once a second or more often.
+
+        Args:
+            telemetry: state of the log when the links' own process writes it.
+        """
+        self._session.restore()
+        with contextlib.suppress(OSError):  # a folder that was deleted is being made anew
+            self._free_bytes = shutil.disk_usage(self.folder).free
+        t_us, settled_s = time.time_ns() // 1000, time.monotonic() + SETTLE_S
+        for file in self._files:
+            file.settle(max(settled_s - time.monotonic(), 0.0))
+        told = self._watch.update(t_us, self.states(telemetry))
+        self.full_in_s = self._space.update(time.monotonic(), self._free_bytes, self.bytes)
+        return told
+
+    def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:
+        """How each file is doing, by its name."""
+        found = {file.file.path.name: file.state for file in self._files}
+        if telemetry is None and self._tlog is not None:
+            telemetry = self._tlog.state
+        return found if telemetry is None else {self.tlog_path.name: telemetry} | found
+
+    @property
+    def free_bytes(self) -> int:
+        """Space left on the disk at the last check."""
+        return self._free_bytes
+
+    @property
+    def bytes(self) -> int:
+        """Size of the session so far."""
+        size = 0
+        with contextlib.suppress(OSError):
+            size = sum(path.stat().st_size for path in self.folder.iterdir())
+        return size
+
+    def close(self, telemetry: RecordState | None = None, **notes: int) -> tuple[str, ...]:
+        """Write what still waits and seal the session; returns what was lost, a line each.
+
+        Args:
+            telemetry: state of the log when the links' own process wrote it, after it ended.
+            notes: what else is known at the end.
+        """
+        self._caretaker.stop()
+        if self._tlog is not None:
+            self._tlog.close()
+        for file in self._files:
+            file.close()
+        states = self.states(telemetry)
+        lost = {name: state.lost for name, state in states.items() if state.lost}
+        log = states.get(self.tlog_path.name, RecordState(name=""))
+        if not any(state.stalled_s for state in states.values()):  # it would wait, and the next start seals it too
+            self._session.close({"packets": log.rows, **notes} | ({"lost": lost} if lost else {}))
+        return tuple(f"{name}: {rows} rows lost{states[name].because}" for name, rows in lost.items())

@@ -1,0 +1,69 @@
+"""What an operator is told about the recording: each fault once, and its end."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+
+from gcs.health.alarm_rules import STALLED_S
+from gcs.snapshot import Event, Level
+from infra.files.record_state import RecordState
+
+__all__ = ["RecordWatch"]
+
+SLOW_S = 2.0
+"""A disk that has not confirmed for so long is slow."""
+LOST_EVERY = 2.0
+"""A loss that grows is told again when it has doubled."""
+
+
+class RecordWatch:
+    """Compares the states of some files with those before."""
+
+    def __init__(self) -> None:
+        self._before: dict[str, RecordState] = {}
+        self._slow: set[str] = set()
+        self._stalled_s = 0.0
+        self._told_lost: dict[str, int] = {}
+
+    def update(self, t_us: int, states: Mapping[str, RecordState]) -> tuple[Event, ...]:
+        """Events since the last call; ``states`` by what the operator calls the files."""
+        events = []
+        for name, state in states.items():
+            before = self._before.get(name, RecordState(name=state.name))
+            for level, text in self._changes(name, before, state):
+                events.append(Event(t_us=t_us, level=level, kind="recording", text=f"{name}: {text}"))
+            self._before[name] = state
+        for level, text in self._stall(states.values()):
+            events.append(Event(t_us=t_us, level=level, kind="recording", text=text))
+        return tuple(events)
+
+    def _stall(self, states: Collection[RecordState]) -> Iterator[tuple[Level, str]]:
+        """A disk that hangs, and its end; one for all files: they hang together."""
+        stalled_s, before_s = max((state.stalled_s for state in states), default=0.0), self._stalled_s
+        self._stalled_s = stalled_s if stalled_s > STALLED_S else 0.0
+        if self._stalled_s and not before_s:
+            yield (
+                "alarm",
+                f"the disk has not answered for {stalled_s:.1f} s; what comes is kept in memory until it does",
+            )
+        if before_s and not self._stalled_s:
+            yield "info", f"the disk answers again, after {before_s:.1f} s or a little more"
+
+    def _changes(self, name: str, before: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
+        if state.faults > before.faults or (state.failing_s and state.reason != before.reason):
+            yield "alarm", f"cannot be written{state.because}; kept in memory until it can"
+        if state.failing_s == 0 and (before.failing_s > 0 or state.faults > before.faults):
+            goes_on = f", goes on in {state.name}" if state.name != before.name else ""
+            yield "info", f"written again{goes_on}"
+        if state.lost < before.lost:  # counted by a process that was started anew
+            self._told_lost.pop(name, None)
+        if state.lost and state.lost >= self._told_lost.get(name, 0) * LOST_EVERY:
+            self._told_lost[name] = state.lost
+            yield "alarm", f"{state.lost} rows lost{state.because}"
+        slow = state.sync_age_s > SLOW_S and not state.stalled_s > STALLED_S  # that is told for all files
+        if slow != (name in self._slow):
+            self._slow ^= {name}
+            if slow:
+                yield "warning", f"disk is slow: the last {state.sync_age_s:.0f} s would not survive a power cut"
+            else:
+                yield "info", "disk keeps up again"

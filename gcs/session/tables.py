@@ -1,0 +1,174 @@
+"""Number tables in CSV, as a session keeps them: the one bad row is counted and skipped, the rest is used.
+
+A table may be anybody's: what a number can be is known by its column, and what is read takes no more memory than some
+times the file.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import SessionError
+from infra.files.safe_open import open_to_read
+
+__all__ = ["Table", "read_table"]
+
+MOST_ROW_CHARS = 4096
+"""Our rows have less than 200."""
+MOST_BOXES = 1000
+"""Of one frame: fifty times a large fleet; to compare boxes takes the square of their number in memory."""
+_LATEST_US = 4_102_444_800_000_000  # the year 2100
+_MOST_RECORDS = 1 << 40
+_MOST_FRAMES = (1 << 31) - 1
+_MOST_PX = 1 << 14
+_FAR, _FAR_RAD = 1e6, 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class _Range:
+    """What a column's numbers can be."""
+
+    least: float
+    most: float
+    whole: bool = False
+
+
+_RANGES: Mapping[str, _Range] = {
+    "frame": _Range(0, _MOST_FRAMES, whole=True),
+    "record": _Range(0, _MOST_RECORDS, whole=True),
+    "time_us": _Range(0, _LATEST_US, whole=True),
+    "t_us": _Range(0, _LATEST_US, whole=True),
+    "heard_us": _Range(0, _LATEST_US, whole=True),
+    "record_us": _Range(0, _LATEST_US, whole=True),
+    "records": _Range(0, _MOST_RECORDS, whole=True),
+    "count": _Range(0, _MOST_RECORDS, whole=True),
+    "boxes": _Range(0, MOST_BOXES, whole=True),
+    "width": _Range(1, _MOST_PX, whole=True),
+    "height": _Range(1, _MOST_PX, whole=True),
+    "step_us": _Range(-_LATEST_US, _LATEST_US, whole=True),
+    "auth": _Range(0, 255, whole=True),
+    "system_id": _Range(0, 255, whole=True),
+    "track_id": _Range(0, _MOST_RECORDS, whole=True),
+    "cx": _Range(-_FAR, _FAR),
+    "cy": _Range(-_FAR, _FAR),
+    "w": _Range(0, _FAR),
+    "h": _Range(0, _FAR),
+    "angle": _Range(-_FAR_RAD, _FAR_RAD),
+    "heading": _Range(-_FAR_RAD, _FAR_RAD),
+    "score": _Range(0, _FAR),
+    "confidence": _Range(0, 1),
+    "lat": _Range(-90, 90),
+    "lon": _Range(-180, 180),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Columns of equal length."""
+
+    columns: dict[str, NDArray[np.float64]]
+    """By name, (rows,) each; an empty cell is NaN."""
+    skipped: int
+    """Rows that could not be used."""
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+
+def read_table(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> Table:
+    """Read the named columns of a CSV file with a header line; other columns are left alone.
+
+    A row counts as bad when a required cell is empty or no number, an optional one is neither empty nor a number, when
+    a number is none that its column can hold, or when its frame has a thousand boxes already.
+
+    Raises:
+        SessionError: no such file, no header, or a required column is missing.
+    """
+    try:
+        with os.fdopen(open_to_read(path), encoding="utf-8", errors="replace") as file:
+            header = [name.strip(_AROUND) for name in file.readline(MOST_ROW_CHARS).split(",")]
+            missing = [name for name in required if name not in header]
+            if missing:
+                raise SessionError(
+                    f"{path}: column {missing[0]!r} is missing; the first line must name {','.join(required)}"
+                )
+            wanted = [*required, *(name for name in optional if name in header)]
+            places = [header.index(name) for name in wanted]
+            rows, skipped = _numbers(_rows(file), places, len(required))
+    except FileNotFoundError:
+        raise SessionError(f"{path}: no such file") from None
+    except OSError as error:
+        raise SessionError(f"{path}: cannot be read: {error}") from error
+    array = np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
+    usable = np.ones(len(rows), dtype=np.bool_)
+    for name, column in zip(wanted, array.T, strict=True):
+        usable &= _possible(name, column)
+    if "frame" in wanted and "cx" in wanted:
+        usable[usable] = _not_crowded(array[usable, wanted.index("frame")])
+    array = array[usable]
+    columns = {name: array[:, k] for k, name in enumerate(wanted)}
+    columns |= {name: np.full(len(array), np.nan) for name in optional if name not in columns}
+    return Table(columns=columns, skipped=skipped + len(rows) - len(array))
+
+
+_AROUND = ' \t\r\n"\ufeff'
+"""Other programs put numbers in quotation marks, and a byte order mark before the first."""
+
+
+def _rows(file: TextIO) -> Iterator[list[str]]:
+    """Cells of each line; of a line too long to be a row, none."""
+    pieces = iter(partial(file.readline, MOST_ROW_CHARS), "")
+    for line in pieces:
+        whole = line.endswith("\n") or len(line) < MOST_ROW_CHARS
+        if whole and line.strip():
+            yield line.split(",")
+        elif not whole:
+            while line and not line.endswith("\n"):
+                line = next(pieces, "")
+            yield []
+
+
+def _numbers(rows: Iterator[list[str]], places: Sequence[int], needed: int) -> tuple[list[list[float]], int]:
+    numbers: list[list[float]] = []
+    skipped = 0
+    for cells in rows:
+        try:
+            values = [float(cell) if (cell := cells[k].strip(_AROUND)) else np.nan for k in places]
+        except (ValueError, IndexError):
+            skipped += 1
+            continue
+        if not np.isfinite(values[:needed]).all():
+            skipped += 1
+            continue
+        numbers.append(values)
+    return numbers, skipped
+
+
+def _possible(name: str, column: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(rows,) whether a column can hold these numbers; an unknown one can."""
+    wanted = _RANGES.get(name, _Range(-np.inf, np.inf))
+    inside = (column >= wanted.least) & (column <= wanted.most)
+    if wanted.whole:
+        inside &= column == np.floor(column)
+    return np.asarray(inside | np.isnan(column), dtype=np.bool_)
+
+
+def _not_crowded(frame: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(rows,) which rows are among the first thousand of their frame."""
+    order = np.argsort(frame, kind="stable")
+    new = np.diff(frame[order], prepend=-1.0) != 0
+    first = np.maximum.accumulate(np.where(new, np.arange(len(frame)), 0))
+    few = np.empty(len(frame), dtype=np.bool_)
+    few[order] = np.arange(len(frame)) - first < MOST_BOXES
+    return few

@@ -1,0 +1,106 @@
+"""Numbers, times and foreign text as an operator reads them. Pure; seconds, metres, radians in, words out."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+
+from gcs.snapshot import Standing
+from infra.plain_text import plain
+
+__all__ = [
+    "age",
+    "bytes_text",
+    "clock",
+    "degrees",
+    "duration",
+    "metres",
+    "number",
+    "percent",
+    "plain",
+    "position",
+    "standing_word",
+    "sure",
+]
+
+
+def age(seconds: float) -> str:
+    """At most five letters: ``0.2s``, ``42s``, ``12m``, ``3h``, ``never``; ``–`` for NaN."""
+    if math.isnan(seconds):
+        return "–"
+    if math.isinf(seconds):
+        return "never"
+    if seconds < 9.95:
+        return f"{max(0.0, seconds):.1f}s"
+    if seconds < 99.5:
+        return f"{seconds:.0f}s"
+    return f"{seconds / 60:.0f}m" if seconds < 5970 else f"{seconds / 3600:.0f}h"
+
+
+def position(state: str, age_s: float) -> str:
+    """``0.2s`` while good, else the state in a word, with the age where one is known: ``stale 1s``, ``never``;
+    ``several`` send it."""
+    if state == "ok":
+        return age(age_s)
+    if state in ("stale", "lost") and math.isfinite(age_s):
+        return f"{state} {age(age_s) if age_s >= 9.95 else f'{age_s:.0f}s'}"
+    return "several" if state == "contested" else plain(state)
+
+
+def standing_word(standing: Standing) -> str:
+    """A standing in at most eleven letters."""
+    return "unknown" if standing == "unidentified" else plain(standing)
+
+
+def percent(share: float) -> str:
+    """``97%``, empty for NaN."""
+    return "" if not math.isfinite(share) else f"{100 * share:.0f}%"
+
+
+def sure(confidence: float) -> str:
+    """A confidence, 99 % at most since no evidence is ever certain; empty for NaN."""
+    return percent(min(confidence, 0.99))
+
+
+def number(value: float, unit: str, digits: int = 1) -> str:
+    """``0.4 m``, ``–`` for NaN or infinity."""
+    return f"{value:.{digits}f} {unit}" if math.isfinite(value) else "–"
+
+
+def metres(value: float) -> str:
+    """At most six letters: ``0.4 m``, ``235 m``, ``7.9 km``; ``–`` for NaN or infinity."""
+    if abs(value) < 99.95:
+        return number(value, "m")
+    return number(value, "m", 0) if abs(value) < 999.5 else number(value / 1000, "km", int(abs(value) < 9950))
+
+
+def degrees(angle: float) -> str:
+    """Three digits clockwise from north: ``045°``, ``–`` for NaN."""
+    return f"{round(math.degrees(angle)) % 360:03d}°" if math.isfinite(angle) else "–"
+
+
+def bytes_text(count: int) -> str:
+    """``184 MB``, ``52.4 GB``."""
+    size = float(count)
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 1000:
+            return f"{size:.0f} {unit}" if unit != "GB" else f"{size:.1f} {unit}"
+        size /= 1000
+    return f"{size:.1f} TB"
+
+
+def duration(seconds: float) -> str:
+    """``04:11``, ``1:02:03``, with a minus sign before the start."""
+    whole = int(abs(seconds))
+    sign = "-" if seconds < 0 and whole else ""
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    return f"{sign}{hours}:{minutes:02d}:{rest:02d}" if hours else f"{sign}{minutes:02d}:{rest:02d}"
+
+
+def clock(t_us: int, *, tenths: bool = False) -> str:
+    """UTC time of day: ``10:33:12Z`` or ``10:33:12.4Z``; ``--:--:--`` outside the calendar."""
+    try:
+        moment = datetime.fromtimestamp(t_us // 1_000_000, UTC)
+    except (ValueError, OverflowError, OSError):
+        return "--:--:--"
+    return f"{moment:%H:%M:%S}" + (f".{t_us // 100_000 % 10}" if tenths else "") + "Z"

@@ -1,0 +1,1 @@
+"""The panes: a snapshot in, rows on the screen out."""

@@ -1,0 +1,166 @@
+"""The event log: newest at the bottom, filtered by level, bounded, plain text only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Final
+
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.reactive import reactive
+from textual.strip import Strip
+
+from gcs.snapshot import Event, Level
+from gcs.tui.draw.format import clock, plain
+from gcs.tui.draw.strips import Part, fitted, folded, line, width_of
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
+from gcs.tui.panes.pane import Pane
+
+__all__ = ["EventPane", "heard"]
+
+FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
+SAID: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
+MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
+MOST: Final = 2000
+
+
+def heard(said: Sequence[Event], least: Level) -> list[Event]:
+    """Events of at least a level."""
+    rank = FILTERS.index(least)
+    return [event for event in said if _rank(event.level) >= rank]
+
+
+def grouped(said: Sequence[Event]) -> list[tuple[Event, int]]:
+    """Runs of events that say the same, each as its newest and their number."""
+    rows: list[tuple[Event, int]] = []
+    for event in said:
+        before, times = rows[-1] if rows else (None, 0)
+        if before is not None and _same(before, event):
+            rows[-1] = (event, times + 1)
+        else:
+            rows.append((event, 1))
+    return rows
+
+
+def _same(a: Event, b: Event) -> bool:
+    return a.text == b.text and a.system_id == b.system_id and a.kind == b.kind and a.level == b.level
+
+
+def _rank(level: str) -> int:
+    return FILTERS.index(level) if level in FILTERS else 0
+
+
+class EventPane(Pane):
+    """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the picture."""
+
+    label: ClassVar[str] = "EVENTS"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up,k", "scroll_by(1)", "Older", id="events.up", show=False, tooltip="Scroll the event log up"),
+        Binding("down,j", "scroll_by(-1)", "Newer", id="events.down", show=False, tooltip="Scroll the event log down"),
+        Binding("pageup", "scroll_by(10)", "Older", id="events.pageup", show=False, tooltip="Scroll ten events up"),
+        Binding("pagedown", "scroll_by(-10)", "Newer", id="events.pagedown", show=False, tooltip="Scroll ten down"),
+    ]
+
+    said: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)
+    least: reactive[Level] = reactive("info", repaint=False)
+
+    def __init__(self, *, id: str, live: bool = True) -> None:
+        super().__init__(id=id)
+        self._live = live
+        self._back = 0
+
+    def shown(self) -> list[Event]:
+        """Events that may be on screen: of the filter's levels, not of a replay's future, the newest few thousand."""
+        until_us = None if self._live or self.snapshot is None else self.snapshot.t_us
+        past = [event for event in self.said if until_us is None or event.t_us <= until_us]
+        return heard(past[-MOST:], self.least)
+
+    def next_filter(self) -> None:
+        """All, warnings and alarms, alarms only, all …"""
+        self.least = FILTERS[(FILTERS.index(self.least) + 1) % len(FILTERS)]
+
+    def action_scroll_by(self, rows: int) -> None:
+        """Older (positive) or newer."""
+        shown = grouped(self.shown())
+        self._back = min(max(self._back + rows, 0), self._room(shown, self.size.width, self.size.height - 1))
+        self.redraw()
+
+    def watch_said(self) -> None:
+        """Something happened."""
+        self.redraw()
+
+    def watch_least(self) -> None:
+        """Another filter begins at the newest event."""
+        self._back = 0
+        self.redraw()
+
+    def watch_snapshot(self) -> None:
+        """A flight's log changes with its events alone, a replay's with its time."""
+        if not self._live:
+            self.redraw()
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Older."""
+        self.action_scroll_by(2)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Newer."""
+        self.action_scroll_by(-2)
+
+    def note(self) -> Sequence[Part]:
+        """The filter, and whether the newest is on screen."""
+        back = f"{self._back} newer below · " if self._back else ""
+        alarms = sum(event.level == "alarm" for event in self.shown())
+        loud: list[Part] = [(f"{MARKS['alarm']} × {alarms} ", ink(level_colour("alarm"), HEAD))]
+        return [(f"{back}{SAID[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
+
+    def body(self, width: int, height: int) -> list[Strip]:
+        """The newest events that fit, oldest first."""
+        shown = grouped(self.shown())
+        if not shown:
+            return [line([(" nothing yet", ink(FAINT))], width)]
+        stop = len(shown) - min(self._back, self._room(shown, width, height))
+        rows: list[Strip] = []
+        for event, times in reversed(shown[:stop]):
+            if len(rows) >= height:
+                return rows[-height:]
+            rows = [*self._rows_of(event, times, width), *rows]
+        for event, times in shown[stop : stop + height - len(rows)]:
+            rows += self._rows_of(event, times, width)
+        return rows[:height]
+
+    def _room(self, shown: Sequence[tuple[Event, int]], width: int, height: int) -> int:
+        """How far the log can be scrolled: until the oldest event is on top."""
+        used = 0
+        for fit, (event, times) in enumerate(shown):
+            used += len(self._rows_of(event, times, width))
+            if used > height:
+                return len(shown) - fit
+        return 0
+
+    def _said_by(self, event: Event) -> str:
+        """Whose text it is, when the text does not say so; one from the air may say what it likes."""
+        if not event.system_id or self.snapshot is None:
+            return ""
+        name = self.snapshot.name_of(event.system_id)
+        told = event.text.startswith(name) if event.kind == "text" else name in event.text
+        return "" if told else f"{name}: "
+
+    def _rows_of(self, event: Event, times: int, width: int) -> list[Strip]:
+        """One row; while the log has the focus, as many as the text needs."""
+        colour = level_colour(event.level)
+        ours = bool(self.selected) and event.system_id == self.selected
+        parts: list[Part] = [
+            (f" {clock(event.t_us)[:-1]} ", ink(FAINT)),
+            (f"{MARKS.get(event.level, '  ')} ", ink(colour, bold=True)),
+        ]
+        if width >= 76:
+            parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
+        room = max(1, width - width_of(parts) - 1)
+        often = f" × {times}" if times > 1 else ""
+        text, style = plain(self._said_by(event) + event.text), ink(BRIGHT if ours else colour)
+        if not self.has_focus:
+            return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]
+        first, *more = folded(text + often, room)
+        indent = (" " * width_of(parts), style)
+        return [line([*parts, (first, style)], width), *(line([indent, (rest, style)], width) for rest in more)]

@@ -1,0 +1,210 @@
+"""The fleet table: one vehicle per row, UAV first, as many columns as fit."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from textual import events
+from textual.strip import Strip
+
+from gcs.snapshot import VehicleRow
+from gcs.tui.draw.format import age, metres, number, percent, plain, position, standing_word, sure
+from gcs.tui.draw.strips import Part, fitted, line
+from gcs.tui.messages import VehiclePicked
+from gcs.tui.palette import (
+    ACCENT,
+    ALARM,
+    BRIGHT,
+    FAINT,
+    HEAD,
+    INK,
+    PANEL,
+    PICKED,
+    WARN,
+    Rgb,
+    ink,
+    position_colour,
+    standing_colour,
+)
+from gcs.tui.panes.pane import Pane
+
+__all__ = ["FleetPane", "columns_for"]
+
+IDENTITY = "IDENTITY"
+HEARTBEAT_LOST_S = 3.5
+Cell = tuple[str, Rgb]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """One column of the table."""
+
+    title: str
+    width: int
+    rank: int
+    """Columns of low rank stay when the pane is narrow."""
+    cell: Callable[[VehicleRow], Cell]
+    align: str = "left"
+
+
+def _mode(row: VehicleRow) -> Cell:
+    return plain(row.mode) or "–", INK
+
+
+def _armed(row: VehicleRow) -> Cell:
+    words: dict[bool | None, Cell] = {True: ("armed", BRIGHT), False: ("safe", FAINT), None: ("–", FAINT)}
+    return words[row.armed]
+
+
+def _fix(row: VehicleRow) -> Cell:
+    return plain(row.fix) or "–", WARN if row.fix in ("none", "2D") else INK
+
+
+def _heartbeat(row: VehicleRow) -> Cell:
+    if math.isinf(row.heartbeat_age_s):
+        return "never", FAINT
+    if row.heartbeat_age_s > HEARTBEAT_LOST_S:
+        return position("lost", row.heartbeat_age_s), ALARM
+    return age(row.heartbeat_age_s), INK
+
+
+def _position(row: VehicleRow) -> Cell:
+    return position(row.position_state, row.position_age_s), position_colour(row.position_state)
+
+
+def _view(row: VehicleRow) -> Cell:
+    words: dict[bool | None, Cell] = {True: ("in", INK), False: ("out", FAINT), None: ("–", FAINT)}
+    return words[row.in_view]
+
+
+def _loss(row: VehicleRow) -> Cell:
+    return percent(row.loss), WARN if row.loss > 0.1 else FAINT
+
+
+def _auth(row: VehicleRow) -> Cell:
+    """What it does now; else the worst it did: refused for its signature, or for want of one."""
+    if not math.isnan(row.held_s):
+        return f"held {age(row.held_s)}", ALARM
+    if row.signs:
+        return "signed", INK
+    if row.bad_signature:
+        return f"bad {_many(row.bad_signature)}", ALARM
+    if row.unsigned:
+        return f"open {_many(row.unsigned)}", WARN
+    return ("signed", INK) if row.signed else ("–", FAINT)
+
+
+def _refusals(row: VehicleRow) -> Cell:
+    """The most frequent reason, and all together."""
+    if not row.refusals:
+        return "–", FAINT
+    reason = max(row.refusals, key=row.refusals.__getitem__)
+    return f"{_many(sum(row.refusals.values()))} {plain(reason)}", WARN
+
+
+def _many(count: int) -> str:
+    """At most four letters."""
+    return str(count) if count < 10_000 else f"{count // 1000}k" if count < 1_000_000 else f"{count // 1_000_000}M"
+
+
+def _identity(row: VehicleRow) -> Cell:
+    return f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip(), standing_colour(row.standing)
+
+
+def _height(row: VehicleRow, rows: Sequence[VehicleRow]) -> Cell:
+    """In the UAV's row: how far above the middle of the fleet it is."""
+    below = [float(each.p_enu[2]) for each in rows if each.role == "ugv" and math.isfinite(each.p_enu[2])]
+    up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
+    return f"{number(up, 'm', 0)} up" if math.isfinite(up) else "–", INK
+
+
+COLUMNS = (
+    Column(title="ID", width=3, rank=11, align="right", cell=lambda row: (str(row.system_id), FAINT)),
+    Column(title="NAME", width=7, rank=0, cell=lambda row: (plain(row.name), BRIGHT)),
+    Column(title="TYPE", width=6, rank=12, cell=lambda row: (plain(row.kind) or "–", FAINT)),
+    Column(title="MODE", width=8, rank=3, cell=_mode),
+    Column(title="ARM", width=5, rank=7, cell=_armed),
+    Column(title="FIX", width=9, rank=4, cell=_fix),
+    Column(title="HEART", width=8, rank=5, align="right", cell=_heartbeat),
+    Column(title="POS", width=8, rank=1, align="right", cell=_position),
+    Column(title="±", width=6, rank=8, align="right", cell=lambda row: (metres(row.std_m), FAINT)),
+    Column(title="LOSS", width=4, rank=9, align="right", cell=_loss),
+    Column(title="VIEW", width=4, rank=6, cell=_view),
+    Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),
+    Column(title=IDENTITY, width=13, rank=2, cell=_identity),
+)
+AUTH = Column(title="AUTH", width=9, rank=3, cell=_auth)
+REFUSED = Column(title="REFUSED", width=14, rank=8, cell=_refusals)
+
+
+def columns_for(width: int, rows: Sequence[VehicleRow] = (), *, keyed: bool = False) -> tuple[Column, ...]:
+    """Columns that fit ``width`` cells, in their order on screen; name, position and identity always.
+
+    Signatures have a column once there are keys or any were seen, refusals once there are any.
+    """
+    signing = keyed or any(row.signed or row.bad_signature for row in rows)
+    refusing = any(row.refusals for row in rows)
+    order = (*COLUMNS[:-1], *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
+    kept: list[Column] = []
+    # the mark before the first column and the gap before each other one cost a cell each
+    room = width
+    for column in sorted(order, key=lambda column: column.rank):
+        if column.rank > 2 and room < column.width + 1:
+            break
+        kept.append(column)
+        room -= column.width + 1
+    return tuple(column for column in order if column in kept)
+
+
+class FleetPane(Pane):
+    """The fleet."""
+
+    label: ClassVar[str] = "FLEET"
+
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._first = 0
+
+    def heading(self, width: int) -> Strip:
+        """Column names are the heading, so that no row is lost."""
+        style = ink(ACCENT if self.has_focus else FAINT, HEAD, bold=self.has_focus)
+        titles = [fitted(column.title, column.width, column.align) for column in self._columns(width)]
+        return line([("▌" if self.has_focus else " ", ink(ACCENT, HEAD)), (" ".join(titles), style)], width, HEAD)
+
+    def body(self, width: int, height: int) -> list[Strip]:
+        """One row per vehicle; scrolled so that the selected one is on screen."""
+        if self.snapshot is None or not self.snapshot.vehicles:
+            return [line([(" no vehicle heard yet", ink(FAINT))], width)]
+        rows = self.snapshot.vehicles
+        at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
+        self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))
+        columns = self._columns(width)
+        return [self._row(row, rows, columns, width) for row in rows[self._first : self._first + height]]
+
+    def _columns(self, width: int) -> tuple[Column, ...]:
+        if self.snapshot is None:
+            return columns_for(width)
+        return columns_for(width, self.snapshot.vehicles, keyed=bool(self.snapshot.health.keys))
+
+    def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:
+        picked = bool(self.selected) and row.system_id == self.selected
+        paper = PICKED if picked else PANEL
+        parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
+        for index, column in enumerate(columns):
+            aloft = row.role == "uav" and column.title == IDENTITY
+            text, colour = _height(row, rows) if aloft else column.cell(row)
+            space = " " if index else ""
+            parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
+        return line(parts, width, paper)
+
+    def on_click(self, event: events.Click) -> None:
+        """Pick the vehicle of a row."""
+        if self.snapshot is None:
+            return
+        at = self._first + event.y - 1
+        if event.y > 0 and at < len(self.snapshot.vehicles):
+            self.post_message(VehiclePicked(self.snapshot.vehicles[at].system_id))

@@ -1,0 +1,107 @@
+"""The video pane: the picture in half blocks, or real pixels where the terminal can show them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.strip import Strip
+
+from gcs.report.overlay import draw
+from gcs.snapshot import Snapshot
+from gcs.tui.draw.format import plain
+from gcs.tui.draw.pixels import Pixels
+from gcs.tui.draw.strips import Part, line
+from gcs.tui.draw.video_canvas import box_at, picture_cells
+from gcs.tui.messages import VehiclePicked
+from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
+from gcs.tui.panes.pane import Pane
+
+__all__ = ["VideoPane"]
+
+PIXELS_EVERY_S = 0.15
+"""Least time between images; a terminal that takes longer is given as long again to answer keys."""
+LAG_SHOWN_S = 0.05
+IMAGE_ID = "pixels"
+
+
+class VideoPane(Pane):
+    """The picture with boxes and names."""
+
+    label: ClassVar[str] = "VIDEO"
+
+    def __init__(self, *, id: str, pixels: Pixels | None = None) -> None:
+        super().__init__(id=id)
+        self._pixels = pixels
+        self._rest_until = 0.0
+        self._look: tuple[int, int, int] = (0, 0, 0)
+        self._late = False
+
+    def compose(self) -> ComposeResult:
+        """An image of textual-image in pixel mode, nothing else."""
+        if self._pixels is not None:
+            yield self._pixels.widget(id=IMAGE_ID)
+
+    def note(self) -> Sequence[Part]:
+        """State of the video, rate, lag and frame number."""
+        if self.snapshot is None:
+            return ()
+        health = self.snapshot.health
+        colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
+        parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
+        if health.video == "ok":
+            late = WARN if health.lag_s > 0.5 else FAINT
+            parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
+            parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
+            parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
+        return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
+
+    def body(self, width: int, height: int) -> list[Strip]:
+        """The picture, or a word on what is awaited."""
+        if self.snapshot is None:
+            return [line([(" waiting for the first frame …", ink(FAINT))], width)]
+        if height <= 0:
+            return []
+        if self._pixels is not None:
+            self._send(self._pixels, self.snapshot, width, height)
+            return []
+        return picture_cells(self.snapshot, self.selected, width, height).strips()
+
+    def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
+        now = time.monotonic()
+        look = (width, height, self.selected)
+        if look == self._look and now < self._rest_until:
+            self._catch_up(self._rest_until - now)
+            return
+        self._look, self._rest_until = look, now + PIXELS_EVERY_S
+        wide, high = max(1, snapshot.width), max(1, snapshot.height)
+        scale = min(width * pixels.cell_width / wide, height * pixels.cell_height / high)
+        child = self.query_one(f"#{IMAGE_ID}")
+        child.styles.width = max(1, min(width, int(wide * scale / pixels.cell_width)))
+        child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
+        child.styles.margin = (1, 0, 0, 0)
+        child.image = pixels.picture(draw(snapshot, scale=scale, selected=self.selected))  # type: ignore[attr-defined]
+        self.call_after_refresh(self._rest, now)
+
+    def _rest(self, began: float) -> None:
+        now = time.monotonic()
+        self._rest_until = now + max(PIXELS_EVERY_S, now - began)
+
+    def _catch_up(self, wait_s: float) -> None:
+        """The newest picture comes once the rest is over, even if no newer one follows."""
+        if not self._late:
+            self._late = True
+            self.set_timer(wait_s + 0.01, self._catch_up_now)
+
+    def _catch_up_now(self) -> None:
+        self._late = False
+        self.redraw()
+
+    def on_click(self, event: events.Click) -> None:
+        """Pick the vehicle under the pointer."""
+        if self.snapshot is not None:
+            box = box_at(self.snapshot, event.x, event.y - 1, self.size.width, self.size.height - 1)
+            self.post_message(VehiclePicked(box.system_id if box else 0))

@@ -1,0 +1,95 @@
+"""A question in one line: a time to go to, a file to save to, an order to confirm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import ClassVar, TypeVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.screen import ModalScreen
+from textual.widgets import Input, Static
+
+from gcs.tui.draw.format import plain
+from gcs.tui.palette import ACCENT, ALARM, FAINT, ink
+
+__all__ = ["Ask", "Confirm"]
+
+Answer = TypeVar("Answer")
+
+
+class Ask(ModalScreen[Answer | None]):
+    """Asks until the answer can be understood, or escape."""
+
+    AUTO_FOCUS: ClassVar[str | None] = "Input"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape", "cancel", "Cancel", id="ask.cancel", tooltip="Close without an answer"),
+    ]
+
+    def __init__(self, question: str, hint: str, understand: Callable[[str], Answer], *, value: str = "") -> None:
+        """Ask something.
+
+        Args:
+            question: One line, plain text.
+            hint: Below the answer until it is refused.
+            understand: Turns the answer into a value; its ValueError or OSError is shown to the operator.
+            value: Answer to begin with.
+        """
+        super().__init__()
+        self._question, self._hint, self._understand, self._value = question, hint, understand, value
+
+    def compose(self) -> ComposeResult:
+        """Question, answer, hint."""
+        with Vertical(id="ask"):
+            yield Static(Text(self._question, ink(ACCENT, bold=True)), markup=False)
+            yield Input(self._value, id="answer", select_on_focus=False, compact=True)
+            yield Static(Text(self._hint, ink(FAINT)), id="hint", markup=False)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Hand the answer over or say what is wrong with it."""
+        try:
+            answer = self._understand(event.value)
+        except (ValueError, OSError) as error:
+            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            self.query_one("#hint", Static).update(Text(plain(said), ink(ALARM)))
+            return
+        self.dismiss(answer)
+
+    def action_cancel(self) -> None:
+        """No answer."""
+        self.dismiss(None)
+
+
+class Confirm(ModalScreen[bool]):
+    """Yes by its own key only: the key that chose must not confirm as well."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("y", "answer(True)", "Yes", id="confirm.yes", tooltip="Do it"),
+        Binding("n,escape,q", "answer(False)", "No", id="confirm.no", tooltip="Leave it"),
+    ]
+    DEFAULT_CSS = """
+    Confirm { align: center middle; background: #06080c 60%; }
+    Confirm > Vertical { width: 64; max-width: 100%; height: auto; padding: 1 2; background: #1c222e; }
+    Confirm Static { background: #1c222e; }
+    """
+
+    def __init__(self, question: str) -> None:
+        """Ask for a yes.
+
+        Args:
+            question: One line, plain text.
+        """
+        super().__init__()
+        self._question = question
+
+    def compose(self) -> ComposeResult:
+        """Question and keys."""
+        with Vertical():
+            yield Static(Text(f"{plain(self._question)}?", ink(ACCENT, bold=True)), markup=False)
+            yield Static(Text("y yes   n no", ink(FAINT)), markup=False)
+
+    def action_answer(self, yes: bool) -> None:
+        """Hand the answer over."""
+        self.dismiss(yes)

@@ -1,0 +1,1 @@
+"""Transports: UDP, TCP and serial ports in, batches of time-stamped packets with their sender out."""

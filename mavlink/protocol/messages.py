@@ -1,0 +1,305 @@
+"""What messages say, in SI units: one frozen record per message kind.
+
+Angles in radians, yaw and headings clockwise from north, velocities in north-east-down as the wire has them.
+NaN: not given. All begin with the time of arrival and the sender. The fields come by position, not by keyword, because
+these records are made thousands of times a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = [
+    "Attitude",
+    "CameraFov",
+    "CameraInformation",
+    "CameraSettings",
+    "FilterStatus",
+    "GimbalAttitude",
+    "GlobalPosition",
+    "GpsRaw",
+    "Heartbeat",
+    "MountOrientation",
+    "MountStatus",
+    "RadioStatus",
+    "Sample",
+    "SensorHealth",
+    "StatusText",
+    "SystemTime",
+    "TimeSync",
+    "VideoStreamInformation",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    t_us: int
+    """Unix µs of arrival."""
+    system_id: int
+    component_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat(_Sample):
+    """HEARTBEAT (0)."""
+
+    type: int
+    """MAV_TYPE."""
+    autopilot: int
+    """MAV_AUTOPILOT, 8 for anything that is none."""
+    base_mode: int
+    custom_mode: int
+    status: int
+    """MAV_STATE; says nothing about being armed."""
+
+    @property
+    def armed(self) -> bool:
+        """Whether the motors may turn."""
+        return bool(self.base_mode & 128)
+
+
+@dataclass(frozen=True, slots=True)
+class SystemTime(_Sample):
+    """SYSTEM_TIME (2)."""
+
+    unix_us: int
+    """The vehicle's idea of Unix time, 0 without one; often off by a second, so never a clock to rely on."""
+    boot_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class TimeSync(_Sample):
+    """TIMESYNC (111)."""
+
+    tc1_ns: int
+    """0 in a request."""
+    ts1_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude(_Sample):
+    """ATTITUDE (30) or ATTITUDE_QUATERNION (31)."""
+
+    boot_ms: int
+    roll: float
+    pitch: float
+    yaw: float
+    roll_rate: float
+    """Body rates, rad/s."""
+    pitch_rate: float
+    yaw_rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalPosition(_Sample):
+    """GLOBAL_POSITION_INT (33), not yet judged: 0/0 and other nonsense are still in it."""
+
+    boot_ms: int
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    """Above sea level."""
+    relative_alt_m: float
+    """Above home."""
+    v_north: float
+    v_east: float
+    v_down: float
+    heading: float
+    """Of the nose, 0..2π, NaN when the sender says unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class GpsRaw(_Sample):
+    """GPS_RAW_INT (24)."""
+
+    fix_type: int
+    """GPS_FIX_TYPE: 0 no receiver, 1 no fix, 2 2D, 3 3D, 4 DGPS, 5 RTK float, 6 RTK fixed."""
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    hdop: float
+    satellites: int
+    """0 when unknown."""
+    h_acc_m: float
+    """1σ horizontal accuracy."""
+    v_acc_m: float
+    fix_us: int
+    """When the fix was made: µs since boot on most autopilots, Unix time on some, 0 unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class FilterStatus(_Sample):
+    """EKF_STATUS_REPORT (193) or ESTIMATOR_STATUS (230): how an autopilot's filter gets on with its sensors."""
+
+    position_ratio: float
+    """Horizontal innovation over what the filter allows, 1 and more: refused. So are the others."""
+    velocity_ratio: float
+    compass_ratio: float
+    accuracy_m: float
+    """1σ of the horizontal position, NaN not told."""
+    started: bool
+    aided: bool
+    """Something outside, a receiver mostly, says where it is on Earth."""
+    glitch: bool
+    """It says that its receiver has a glitch."""
+
+
+@dataclass(frozen=True, slots=True)
+class SensorHealth(_Sample):
+    """SYS_STATUS (1): whether the autopilot calls what it uses healthy, None where it does not use it."""
+
+    gps: bool | None
+    estimate: bool | None
+    """Of attitude and position (AHRS)."""
+
+
+@dataclass(frozen=True, slots=True)
+class GimbalAttitude(_Sample):
+    """GIMBAL_DEVICE_ATTITUDE_STATUS (285)."""
+
+    boot_ms: int
+    flags: int
+    q: tuple[float, float, float, float]
+    """w, x, y, z; what its yaw is relative to is in the flags."""
+    device_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class MountOrientation(_Sample):
+    """MOUNT_ORIENTATION (265)."""
+
+    boot_ms: int
+    roll: float
+    """Relative to the horizon."""
+    pitch: float
+    yaw: float
+    """Relative to the vehicle's nose."""
+    yaw_absolute: float
+    """Relative to north."""
+
+
+@dataclass(frozen=True, slots=True)
+class MountStatus(_Sample):
+    """MOUNT_STATUS (158), of ArduPilot before 4.3."""
+
+    roll: float
+    """Relative to the horizon."""
+    pitch: float
+    yaw: float
+    """Relative to the vehicle's nose."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraInformation(_Sample):
+    """CAMERA_INFORMATION (259)."""
+
+    vendor: str
+    model: str
+    focal_length_m: float
+    """NaN or 0 unknown; not yet judged, like all lengths and angles of cameras."""
+    sensor_width_m: float
+    sensor_height_m: float
+    width_px: int
+    """0 unknown."""
+    height_px: int
+    flags: int
+    gimbal_id: int
+    """Gimbal that carries the camera: a device id 1-6 or a component id, 0 unknown."""
+    device_id: int
+    """1-6 of a camera that its autopilot speaks for, 0 of one that speaks for itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSettings(_Sample):
+    """CAMERA_SETTINGS (260)."""
+
+    zoom_percent: float
+    """Of the camera's whole range, 0..100, NaN unknown."""
+    device_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFov(_Sample):
+    """CAMERA_FOV_STATUS (271)."""
+
+    boot_ms: int
+    q: tuple[float, float, float, float]
+    """Camera, w, x, y, z; what its yaw is relative to is not defined. NaN unknown."""
+    hfov: float
+    """NaN unknown."""
+    vfov: float
+    camera: tuple[float, float]
+    """Latitude and longitude of the camera in degrees, NaN unknown."""
+    middle: tuple[float, float]
+    """Of the ground at the middle of the picture."""
+    device_id: int
+
+
+@dataclass(frozen=True, slots=True)
+class VideoStreamInformation(_Sample):
+    """VIDEO_STREAM_INFORMATION (269)."""
+
+    stream_id: int
+    name: str
+    uri: str
+    frame_rate: float
+    width_px: int
+    height_px: int
+    hfov: float
+    """NaN unknown."""
+    rotation_deg: int
+    """By which the picture is turned, clockwise."""
+    device_id: int
+    type: int = 0
+    """VIDEO_STREAM_TYPE: 0 RTSP, 1 RTP over UDP, 2 MPEG over TCP, 3 MPEG-TS over UDP."""
+    encoding: int = 0
+    """VIDEO_STREAM_ENCODING: 0 unknown, 1 H.264, 2 H.265."""
+
+
+@dataclass(frozen=True, slots=True)
+class StatusText(_Sample):
+    """STATUSTEXT (253), made harmless: control characters are replaced. It is never markup."""
+
+    severity: int
+    """MAV_SEVERITY: 0 emergency .. 7 debug."""
+    text: str
+    text_id: int
+    """Not 0: one piece of a longer text."""
+    chunk: int
+
+
+@dataclass(frozen=True, slots=True)
+class RadioStatus(_Sample):
+    """RADIO_STATUS (109) or RADIO (166): the modem's own words, about both its ends."""
+
+    rssi: int
+    """Device units; 255 unknown."""
+    remote_rssi: int
+    noise: int
+    remote_noise: int
+    tx_buffer: int
+    """Free share of the send buffer, percent."""
+    errors: int
+    corrected: int
+
+
+Sample = (
+    Heartbeat
+    | SystemTime
+    | TimeSync
+    | Attitude
+    | GlobalPosition
+    | GpsRaw
+    | FilterStatus
+    | SensorHealth
+    | GimbalAttitude
+    | MountOrientation
+    | MountStatus
+    | CameraInformation
+    | CameraSettings
+    | CameraFov
+    | VideoStreamInformation
+    | StatusText
+    | RadioStatus
+)
+"""Everything that :func:`mavlink.protocol.decode.decode` can return."""

@@ -1,0 +1,133 @@
+"""The newest timestamps of all streams in memory that outlives the process, and writing them waits for no disk.
+
+The table on disk is a second old when a process is killed. This one is exact: it is a file in the system's shared
+memory (``/dev/shm``), or beside the keys where there is none. It is gone after a power cut, and after an orderly end it
+is not needed.
+
+Every frame writes its timestamp, eight bytes in one step. All else of a stream is written once a second, into two
+halves in turn, each with a checksum: whatever happens while one is written, the other is whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import mmap
+import os
+import stat
+import struct
+from pathlib import Path
+from zlib import crc32
+
+from mavlink.signing.keys import SigningError
+from mavlink.signing.streams import MOST_STREAMS, Row
+
+__all__ = ["RUN_BYTES", "StreamJournal"]
+
+RUN_BYTES = 8
+_MAGIC = b"RCJRNL1\n"
+_SHARED = Path("/dev/shm")
+_HEAD, _HALF_BYTES = struct.Struct("=8s36s8s"), 32  # magic, when the computer was started, run
+_NEWEST_AT = 64
+_ROWS_AT = _NEWEST_AT + MOST_STREAMS * 8
+_SIZE = _ROWS_AT + MOST_STREAMS * 2 * _HALF_BYTES
+_BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+_SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, heard, booted
+
+
+class StreamJournal:
+    """One folder's journal; whoever has it open holds the folder's lock.
+
+    Args:
+        folder: of the keys.
+
+    Raises:
+        SigningError: there is room for it neither in memory nor beside the keys.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        name = hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:16]
+        for self.path in (_SHARED / f"rollcall-{os.geteuid()}-{name}", folder / "streams.journal"):
+            try:
+                self._map = _mapped(self.path)
+                break
+            except OSError as error:
+                failed = error
+        else:
+            raise SigningError(f"{self.path}: cannot be made: {failed.strerror or failed}") from None
+        self._turns = bytearray(MOST_STREAMS)
+        self.newest = memoryview(self._map)[_NEWEST_AT:_ROWS_AT].cast("Q")
+        """The newest timestamp of the stream at each place."""
+
+    def run(self) -> bytes:
+        """Of which run it is, (8) bytes; empty: of none, or the computer was started anew since."""
+        magic, boot, run = _HEAD.unpack_from(self._map)
+        return run if magic == _MAGIC and boot == _boot_id() != b"" else b""
+
+    def rows(self) -> list[Row]:
+        """The newest of each stream, and perhaps one before."""
+        rows = []
+        for at in range(_ROWS_AT, _SIZE, _HALF_BYTES):
+            row = _row(self._map[at : at + _HALF_BYTES])
+            if row is not None:
+                newest = self.newest[(at - _ROWS_AT) // (2 * _HALF_BYTES)]
+                rows.append(row._replace(timestamp=max(row.timestamp, newest)))
+        return rows
+
+    def begin(self, run: bytes) -> None:
+        """Empties it for a new run."""
+        self._map[:] = bytes(_SIZE)
+        _HEAD.pack_into(self._map, 0, _MAGIC, _boot_id(), run)
+
+    def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
+        """As :class:`mavlink.signing.streams.Journal` has it."""
+        turn = self._turns[place] = self._turns[place] ^ 1
+        at = _ROWS_AT + (2 * place + turn) * _HALF_BYTES
+        body = _BODY.pack(stream, timestamp, heard, booted)
+        self._map[at : at + _HALF_BYTES] = _SUM.pack(crc32(body)) + body
+        self.newest[place] = timestamp
+
+    def close(self, *, needed: bool) -> None:
+        """Lets go of it, and removes it where it is not needed any more."""
+        if not needed:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+        self.newest.release()
+        self._map.close()
+
+
+def _boot_id() -> bytes:
+    """What tells one start of the computer from another; empty where it does not say."""
+    try:
+        return _BOOT_ID.read_bytes().strip()[:36]
+    except OSError:
+        return b""
+
+
+def _mapped(path: Path) -> mmap.mmap:
+    """The file in memory, which is this process's own until it is closed."""
+    fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+    try:
+        found = os.fstat(fd)
+        ours = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid() and found.st_nlink == 1
+        if not ours or found.st_mode & 0o077:
+            raise OSError("a file that is not this user's own")
+        # all of it now: where memory is short, writing later would end the process
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(fd, 0, _SIZE)
+        os.ftruncate(fd, _SIZE)
+        # others that see the same memory may call another folder by this name; the map keeps the file open
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return mmap.mmap(fd, _SIZE)
+    finally:
+        os.close(fd)
+
+
+def _row(half: bytes) -> Row | None:
+    """What stands in a half, None for nothing or what was not written to its end."""
+    body = half[_SUM.size :]
+    if _SUM.pack(crc32(body)) != half[: _SUM.size]:
+        return None
+    stream, timestamp, heard, booted = _BODY.unpack(body)
+    return Row(stream >> 16, stream >> 8 & 0xFF, stream & 0xFF, timestamp, heard, booted)

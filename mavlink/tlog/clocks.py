@@ -1,0 +1,144 @@
+"""What a log's clocks say: senders that were started again, a recorder's clock that was set, time that was compressed.
+
+A sender's boot clock runs on its own; the recorder's stamps are held against it, sender by sender.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.tlog.log import Tlog
+from mavlink.tlog.scan import Ints
+
+__all__ = ["ClockStep", "SenderClock", "sender_clocks"]
+
+_STEP_US = 2_000_000
+_AROUND = 200  # samples on either side of a step: late traffic is over by then
+_MOST_STEPS = 1000
+_WRAP_MS = 1 << 32
+_CHUNKS = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClockStep:
+    """The recorder's clock was set while a sender's went on."""
+
+    row: int
+    """First record with the new time."""
+    offset: int
+    """Its place in the file."""
+    by_s: float
+    """Positive: forward."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SenderClock:
+    """One sender's boot clock beside the stamps."""
+
+    system_id: int
+    component_id: int
+    samples: int
+    boots: int
+    """How often it was running from anew, 1 for a flight without a restart."""
+    speed: float
+    """Seconds of its boot clock in a second of stamps, NaN when too short to say; 1 for a flight.
+
+    Of the longest stretch between two starts.
+    """
+    steps: tuple[ClockStep, ...]
+
+
+def sender_clocks(tlog: Tlog) -> tuple[SenderClock, ...]:
+    """Clocks of all senders that tell their time since boot; empty for a log without stamps."""
+    rows, boot_ms = _boot_times(tlog)
+    index = tlog.index
+    sender = index.system_id[rows].astype(np.int64) << 8 | index.component_id[rows]
+    return tuple(
+        _clock(tlog, int(key), rows[sender == key], boot_ms[sender == key])
+        for key in np.unique(sender)
+        if np.count_nonzero(sender == key) >= 2
+    )
+
+
+def _boot_times(tlog: Tlog) -> tuple[Ints, Ints]:
+    """(n,) rows of all messages that carry time_boot_ms, in order, and (n,) that time in ms."""
+    index = tlog.index
+    found: list[tuple[Ints, Ints]] = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
+    for message_id in np.unique(index.message_id[index.known]).tolist():
+        if "time_boot_ms" in ardupilotmega.mavlink_map[message_id].fieldnames:
+            rows, values = tlog.columns(message_id)
+            found.append((rows, values["time_boot_ms"].astype(np.int64)))
+    rows, boot_ms = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    order = np.argsort(rows, kind="stable")
+    # 0 is what a sender says that does not know
+    order = order[boot_ms[order] > 0]
+    return rows[order], boot_ms[order]
+
+
+def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
+    starts = [0, *_restarts(boot_ms), rows.size]
+    timed = tlog.index.time_source != "none"
+    t_us = tlog.index.t_us[rows]
+    speeds: list[float] = []
+    steps: list[ClockStep] = []
+    for start, stop in pairwise(starts):
+        if timed:
+            speed = _speed(t_us[start:stop], boot_ms[start:stop])
+            speeds.append(speed)
+            if 0.8 < speed < 1.25:
+                steps += _steps(tlog, rows[start:stop], t_us[start:stop] - 1000 * boot_ms[start:stop])
+    known = [(samples, speed) for samples, speed in zip(np.diff(starts), speeds, strict=False) if speed == speed]
+    return SenderClock(
+        system_id=key >> 8,
+        component_id=key & 0xFF,
+        samples=rows.size,
+        boots=len(starts) - 1,
+        speed=max(known)[1] if known else float("nan"),
+        steps=tuple(steps),
+    )
+
+
+def _restarts(boot_ms: Ints) -> list[int]:
+    """Where the boot clock begins anew: all of the next samples are less than all of the last. A wrap is no restart."""
+    places = []
+    for i in np.flatnonzero(np.diff(boot_ms) < -1000).tolist():
+        before, after = boot_ms[max(0, i - 7) : i + 1], boot_ms[i + 1 : i + 9]
+        wrapped = before.min() > _WRAP_MS - 60_000 and after.max() < 60_000
+        if before.min() > after.max() and not wrapped:
+            places.append(i + 1)
+    return places
+
+
+def _speed(t_us: Ints, boot_ms: Ints) -> float:
+    """The middle one of the speeds of some parts, so that steps of either clock do not count.
+
+    NaN below a second by both clocks, and where the stamps stand still.
+    """
+    if t_us.size < 4 or max(np.ptp(t_us), 1000 * np.ptp(boot_ms)) < 1_000_000:
+        return float("nan")
+    at = np.unique(np.linspace(0, t_us.size - 1, min(_CHUNKS, t_us.size // 2) + 1).astype(np.int64))
+    wall, own = np.diff(t_us[at]), 1000 * np.diff(boot_ms[at])
+    moving = wall > 0
+    return float(np.median(own[moving] / wall[moving])) if moving.any() else float("nan")
+
+
+def _steps(tlog: Tlog, rows: Ints, epoch_us: Ints) -> list[ClockStep]:
+    """Where the time of boot, as the stamps tell it, moves and stays."""
+    steps: list[ClockStep] = []
+    level = _level(epoch_us[:_AROUND])
+    for i in (np.flatnonzero(np.abs(np.diff(epoch_us)) > _STEP_US) + 1)[:_MOST_STEPS].tolist():
+        after = _level(epoch_us[i : i + _AROUND])
+        if abs(after - level) > _STEP_US and abs(int(epoch_us[i]) - after) < _STEP_US:
+            row = int(rows[i])
+            steps.append(ClockStep(row=row, offset=int(tlog.index.offset[row]), by_s=(after - level) * 1e-6))
+            level = after
+    return steps
+
+
+def _level(epoch_us: NDArray[np.int64]) -> int:
+    return int(np.median(epoch_us))

@@ -1,0 +1,209 @@
+"""Index of a telemetry log: which records it holds, when, and which bytes are damaged.
+
+A record is 8 bytes of time (big-endian Unix µs) and a frame. Old files carry little-endian times, ``.raw`` files none.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink.protocol.framing import SIGNATURE_LENGTH
+from mavlink.protocol.packet import MAGIC_V2
+from mavlink.tlog.damage import Damage, describe_gaps, describe_times
+from mavlink.tlog.embedded_frames import carried
+from mavlink.tlog.scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
+from mavlink.tlog.timestamps import TIME_LENGTH, TimeSource, could_be_time, fill, read_times, stamped, times_ok
+
+__all__ = ["TIME_LENGTH", "Damage", "TimeSource", "TlogCounts", "TlogIndex", "build_index"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TlogCounts:
+    """What a log holds, in numbers."""
+
+    records: int
+    """Frames, good and unknown."""
+    unknown: int
+    """Frames of unknown messages: kept, not checked."""
+    size_bytes: int
+    damaged_bytes: int
+    """Bytes in no record."""
+    bad_times: int
+    """Records whose time was missing or impossible and was taken from the record before."""
+    backward_steps: int
+    """Times that are earlier than the one before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TlogIndex:
+    """One row per record, (N,) each, in file order."""
+
+    t_us: Ints
+    """Unix µs; of a record with a bad time, the time of the nearest good one before it. Not always increasing."""
+    offset: Ints
+    """Of the frame: its time is in the eight bytes before."""
+    length: Ints
+    system_id: NDArray[np.uint8]
+    component_id: NDArray[np.uint8]
+    message_id: NDArray[np.int32]
+    seq: NDArray[np.uint8]
+    signed: NDArray[np.bool_]
+    known: NDArray[np.bool_]
+    """The message is known and its checksum is right; others were kept unchecked and are not to be trusted."""
+    time_ok: NDArray[np.bool_]
+    time_source: TimeSource
+    """``none``: the file has no times, and t_us only keeps the order, a millisecond apart from 0 on."""
+    damage: tuple[Damage, ...]
+    counts: TlogCounts
+
+    def __len__(self) -> int:
+        return self.offset.size
+
+
+def _whole(data: Bytes, frames: Frames) -> Frames:
+    """Drops signed frames that were cut in their signature, which no checksum sees: another record begins in it."""
+    signed = (data[frames.offset] == MAGIC_V2) & (data[frames.offset + 2] == 1)
+    if not signed.any():
+        return frames
+    starts = np.append(frames.offset, 2 * data.size)
+    following = starts[np.searchsorted(frames.offset, frames.end - SIGNATURE_LENGTH)]
+    cut = signed & (following < frames.end)
+    # so close that the frame behind has no room for its time, unless that began in the signature
+    near = np.flatnonzero(signed & (following >= frames.end) & (following < frames.end + TIME_LENGTH))
+    cut[near] = stamped(data, following[near], near=frames.offset[near])
+    return frames.take(~cut)
+
+
+def _untangle(frames: Frames, step: int) -> Frames:
+    """Drops frames that overlap others: the one that follows on from its neighbours stays, else the earlier."""
+    start, end = frames.offset, frames.end
+    if start.size < 2:
+        return frames
+    inside = np.concatenate([[False], start[1:] < np.maximum.accumulate(end)[:-1]])
+    if not inside.any():
+        return frames
+    links = np.isin(start - step, end).astype(np.int64) + np.isin(end + step, start)
+    keep = np.ones(start.size, dtype=np.bool_)
+    edges = np.flatnonzero(np.diff(np.concatenate([inside, [False]]).astype(np.int8)))
+    for first, last in edges.reshape(-1, 2):
+        cluster = np.arange(first, last + 1)
+        kept: list[tuple[int, int, int]] = []  # start, end and row of those that stay, in order
+        order = cluster[np.lexsort((start[cluster], -links[cluster]))]
+        for row in zip(start[order].tolist(), end[order].tolist(), order.tolist(), strict=True):
+            place = bisect(kept, row)
+            if (place == 0 or kept[place - 1][1] <= row[0]) and (place == len(kept) or row[1] <= kept[place][0]):
+                kept.insert(place, row)
+        keep[cluster] = False
+        keep[[row for _, _, row in kept]] = True
+    return frames.take(keep)
+
+
+def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
+    """Frames of unknown messages in the gaps between good ones; in a file without times, those that touch others."""
+    start = np.concatenate([[0], good.end])
+    stop = np.append(good.offset, data.size)
+    roomy = stop - start > step + 8
+    start, stop = start[roomy], stop[roomy]
+    # room for the next record's time, if it has one
+    stop = np.where(stamped(data, stop) & (stop < data.size), stop - step, stop)
+    if not start.size:
+        return Frames(start, start)
+    found = find_unknown(data, start + step, stop, partial(_can_begin, data, step))
+    gap = np.searchsorted(start, found.offset, side="right") - 1
+    found = found.take(found.end <= stop[gap])
+    if step == 0:
+        ends, starts = np.concatenate([[0], good.end, found.end]), np.concatenate([good.offset, found.offset])
+        found = found.take(np.isin(found.offset, ends) | np.isin(found.end, starts))
+    return _untangle(found, step)
+
+
+def _can_begin(data: Bytes, step: int, at: Ints) -> NDArray[np.bool_]:
+    """(n,) whether a frame of an unknown message can begin here: in a log with times only behind one."""
+    return could_be_time(data, at) if step else np.ones(at.size, dtype=np.bool_)
+
+
+def _step(data: Bytes, frames: Frames) -> int:
+    """Bytes between one frame and the next: 8 of time, or 0 in a file without times."""
+    gaps = frames.offset[1:] - frames.end[:-1]
+    touching, spaced = np.count_nonzero(gaps == 0), np.count_nonzero(gaps == TIME_LENGTH)
+    if touching == spaced:
+        spaced += int(stamped(data, frames.offset, little=True).any())
+    return TIME_LENGTH if spaced > touching else 0
+
+
+def _columns(data: Bytes, frames: Frames) -> dict[str, NDArray[np.generic]]:
+    """Header columns of all frames."""
+    head = np.zeros((frames.offset.size, 10), dtype=np.uint8)
+    tail = frames.offset > data.size - 10  # a MAVLink 1 frame may be shorter than a MAVLink 2 header
+    head[~tail] = gather(data, frames.offset[~tail], 10)
+    head[tail, :8] = gather(data, frames.offset[tail], 8) if data.size >= 8 else 0
+    v2 = head[:, 0] == MAGIC_V2
+    wide = head[:, 7].astype(np.int32) | head[:, 8].astype(np.int32) << 8 | head[:, 9].astype(np.int32) << 16
+    return {
+        "seq": np.where(v2, head[:, 4], head[:, 2]),
+        "system_id": np.where(v2, head[:, 5], head[:, 3]),
+        "component_id": np.where(v2, head[:, 6], head[:, 4]),
+        "message_id": np.where(v2, wide, head[:, 5].astype(np.int32)),
+        "signed": v2 & (head[:, 2] == 1),
+    }
+
+
+def build_index(data: Bytes) -> TlogIndex:
+    """Indexes a log's bytes; damage never raises, it is listed.
+
+    Args:
+        data: (size,) the file.
+
+    Returns:
+        The index; empty when no good frame is in the data.
+    """
+    found = _whole(data, find_frames(data))
+    step = _step(data, found)
+    good = _untangle(found, step)
+    unknown = _unknown_frames(data, good, step) if good.offset.size else good
+    order = np.argsort(np.concatenate([good.offset, unknown.offset]), kind="stable")
+    frames = Frames(
+        np.concatenate([good.offset, unknown.offset])[order], np.concatenate([good.length, unknown.length])[order]
+    )
+    known = order < good.offset.size
+    source: TimeSource = "none"
+    t_us, there = np.zeros(order.size, dtype=np.int64), np.zeros(order.size, dtype=np.bool_)
+    time_ok = there
+    if step:
+        t_us, there, source = read_times(data, frames)
+        time_ok = times_ok(t_us, there)
+        # what nothing checks must at least have a time; noise does not
+        timed = time_ok | stamped(data, frames.offset, little=source == "little-endian")
+        keep = (known | timed) & ~carried(data, frames, time_ok, step)
+        if not keep.all():
+            frames, known = frames.take(keep), known[keep]
+            t_us, there, source = read_times(data, frames)
+            time_ok = times_ok(t_us, there)
+    damage = describe_gaps(data, frames, there, step)
+    if step:
+        damage += describe_times(frames, there & ~time_ok, TIME_LENGTH)
+    t_us = fill(t_us, time_ok)
+    counts = TlogCounts(
+        records=known.size,
+        unknown=int(np.count_nonzero(~known)),
+        size_bytes=data.size,
+        damaged_bytes=int(data.size - frames.length.sum() - TIME_LENGTH * np.count_nonzero(there)),
+        bad_times=int(np.count_nonzero(~time_ok)),
+        backward_steps=int(np.count_nonzero(np.diff(t_us) < 0)),
+    )
+    return TlogIndex(
+        t_us=t_us,
+        offset=frames.offset,
+        length=frames.length,
+        known=known,
+        time_ok=time_ok,
+        time_source=source,
+        damage=tuple(sorted(damage, key=lambda d: d.start)),
+        counts=counts,
+        **_columns(data, frames),  # type: ignore[arg-type]
+    )

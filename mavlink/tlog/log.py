@@ -1,0 +1,178 @@
+"""Telemetry logs: the format that every MAVLink ground station writes and reads.
+
+A record is eight bytes of big-endian Unix µs and the raw frame, nothing else: a log is valid after every record.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from infra.files.safe_open import open_to_read
+from mavlink.errors import TlogError
+from mavlink.protocol.packet import Packet
+from mavlink.tlog.columns import read_columns
+from mavlink.tlog.file_type import looks_like
+from mavlink.tlog.index import Damage, TlogCounts, TlogIndex, build_index
+from mavlink.tlog.scan import Bytes
+from mavlink.tlog.writer import TlogWriter
+
+__all__ = ["Damage", "Tlog", "TlogCounts", "TlogIndex", "TlogWriter"]
+
+_TIME = struct.Struct(">Q")
+
+
+class Tlog:
+    """A log opened for reading: everything undamaged in it, at any place in it.
+
+    Example:
+        >>> from mavlink.tlog.log import Tlog
+        >>> log = Tlog.open("flight.tlog")                      # doctest: +SKIP
+        >>> heartbeats = log.index.message_id == 0              # doctest: +SKIP
+    """
+
+    def __init__(self, path: Path, data: Bytes, index: TlogIndex) -> None:
+        self.path = path
+        self.index = index
+        self._data = data
+
+    @property
+    def data(self) -> Bytes:
+        """(size,) the file's bytes, not to be written."""
+        return self._data
+
+    @classmethod
+    def open(cls, path: Path | str, *, any_file: bool = False) -> Tlog:
+        """Reads and checks the whole file; damage is listed in ``index.damage``.
+
+        Args:
+            path: the log.
+            any_file: a file without a single good frame is opened too, with an empty index.
+
+        Raises:
+            TlogError: no such file, not readable, empty, or without a single good frame.
+        """
+        path = Path(path)
+        data = _map(path)
+        index = build_index(data)
+        if len(index) == 0 and not any_file:
+            kind = looks_like(data)
+            what = f"it begins like {kind}" if kind else "is it a telemetry log? gcs tlog check says more"
+            raise TlogError(f"{path}: no MAVLink frame found in {data.size} bytes; {what}")
+        return cls(path, data, index)
+
+    def packet(self, row: int) -> Packet:
+        """The record in one row of the index."""
+        start = int(self.index.offset[row])
+        return Packet(int(self.index.t_us[row]), self._data[start : start + int(self.index.length[row])].tobytes())
+
+    def packets(
+        self,
+        start_us: int | None = None,
+        stop_us: int | None = None,
+        message_ids: Collection[int] | None = None,
+        system_ids: Collection[int] | None = None,
+    ) -> Iterator[Packet]:
+        """Packets in file order, those with start_us ≤ t_us < stop_us, of some messages and of some systems only."""
+        yield from self._packets(self.select(start_us, stop_us, message_ids, system_ids))
+
+    def select(
+        self,
+        start_us: int | None = None,
+        stop_us: int | None = None,
+        message_ids: Collection[int] | None = None,
+        system_ids: Collection[int] | None = None,
+    ) -> NDArray[np.int64]:
+        """Rows of the index in a span of time (stop excluded), of some messages and of some systems; None is all."""
+        index = self.index
+        chosen = np.ones(len(index), dtype=np.bool_)
+        if start_us is not None:
+            chosen &= index.t_us >= start_us
+        if stop_us is not None:
+            chosen &= index.t_us < stop_us
+        if message_ids is not None:
+            chosen &= np.isin(index.message_id, list(message_ids))
+        if system_ids is not None:
+            chosen &= np.isin(index.system_id, list(system_ids))
+        return np.flatnonzero(chosen)
+
+    def columns(self, message_id: int, system_id: int | None = None) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+        """All messages of one kind as columns, in the units of the wire.
+
+        Args:
+            message_id: for instance 33, GLOBAL_POSITION_INT.
+            system_id: of one vehicle only; None of all.
+
+        Returns:
+            (n,) rows of the index and (n,) structured values with the message's own field names.
+
+        Raises:
+            TlogError: the dialect has no such message.
+        """
+        index = self.index
+        chosen = (index.message_id == message_id) & index.known
+        if system_id is not None:
+            chosen &= index.system_id == system_id
+        rows = np.flatnonzero(chosen)
+        return rows, read_columns(self._data, index.offset[rows], message_id)
+
+    def cut(
+        self,
+        out: Path | str,
+        start_us: int | None = None,
+        stop_us: int | None = None,
+        message_ids: Collection[int] | None = None,
+        system_ids: Collection[int] | None = None,
+    ) -> int:
+        """Writes a part of the log into a new file, with times as in the index, and returns the number of records.
+
+        Raises:
+            TlogError: the new file exists or cannot be written.
+        """
+        out = Path(out)
+        rows = self.select(start_us, stop_us, message_ids, system_ids)
+        try:
+            with out.open("xb") as file:
+                for packet in self._packets(rows):
+                    file.write(_TIME.pack(packet.t_us) + packet.raw)
+        except FileExistsError:
+            raise TlogError(f"{out}: exists already, and recordings are never overwritten") from None
+        except OSError as error:
+            with suppress(OSError):
+                out.unlink()  # a part of a copy, and only ever ours
+            raise TlogError(f"{out}: cannot be written: {error.strerror}") from error
+        return rows.size
+
+    def _packets(self, rows: NDArray[np.int64]) -> Iterator[Packet]:
+        buffer = self._data.data
+        for block in range(0, rows.size, 4096):
+            part = rows[block : block + 4096]
+            starts, stops = self.index.offset[part], self.index.offset[part] + self.index.length[part]
+            times = self.index.t_us[part].tolist()
+            for t_us, start, stop in zip(times, starts.tolist(), stops.tolist(), strict=True):
+                yield Packet(t_us, bytes(buffer[start:stop]))
+
+
+def _map(path: Path) -> Bytes:
+    """The file's bytes, read from the disk as they are touched."""
+    try:
+        with os.fdopen(open_to_read(path), "rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                raise TlogError(f"{path}: empty file")
+            mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            if hasattr(mmap, "MADV_SEQUENTIAL"):
+                mapped.madvise(mmap.MADV_SEQUENTIAL)  # a log is read through once, in large pieces
+            return np.frombuffer(mapped, dtype=np.uint8)
+    except FileNotFoundError:
+        raise TlogError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise TlogError(f"{path}: is a folder; name a log in it, such as {path / 'telemetry.tlog'}") from None
+    except OSError as error:
+        raise TlogError(f"{path}: cannot be read: {error.strerror}") from error

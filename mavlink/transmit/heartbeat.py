@@ -1,0 +1,60 @@
+"""What the station says of its own accord once it commands: its heartbeat, and a question for the UAV's clock.
+
+Both are beaten by the caller's loop, so that a hung program falls silent. What was missed is not made up for.
+"""
+
+from __future__ import annotations
+
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, Speaker
+
+__all__ = ["Heartbeat", "TimeSyncer"]
+
+HEARTBEAT_S = 1.0
+TIMESYNC_S = 7.0
+
+
+class Heartbeat:
+    """One HEARTBEAT a second while it is polled.
+
+    Args:
+        speaker: this station; not 255, or the vehicle's failsafe would take us for its first station.
+    """
+
+    def __init__(self, speaker: Speaker) -> None:
+        self._speaker = speaker
+        self._due_s = 0.0
+
+    def poll(self, now_s: float) -> bytes | None:
+        """The heartbeat when one is due.
+
+        Args:
+            now_s: monotonic seconds.
+        """
+        if now_s < self._due_s:
+            return None
+        self._due_s = now_s + HEARTBEAT_S
+        return self._speaker.heartbeat(GCS, autopilot=NO_AUTOPILOT, armed=False)
+
+
+class TimeSyncer:
+    """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.timesync` reads the answers.
+
+    Args:
+        speaker: this station.
+    """
+
+    def __init__(self, speaker: Speaker) -> None:
+        self._speaker = speaker
+        self._due_s = 0.0
+
+    def poll(self, now_s: float, unix_ns: int) -> bytes | None:
+        """A request when one is due: tc1 = 0, ts1 = our clock.
+
+        Args:
+            now_s: monotonic seconds.
+            unix_ns: our clock.
+        """
+        if now_s < self._due_s:
+            return None
+        self._due_s = now_s + TIMESYNC_S
+        return self._speaker.timesync(0, unix_ns)

@@ -1,0 +1,331 @@
+"""Message rates: wanted against measured, and asked for where that is allowed.
+
+Only the UAV is ever asked; a ground vehicle's rates are measured, and a hint says what to set on it. Each message is
+asked for by SET_MESSAGE_INTERVAL, one at a time because the answer does not say which, and asked again until it is
+measured; what the autopilot refuses is asked for as a stream by the older REQUEST_DATA_STREAM.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from mavlink.protocol.dialect import message_name
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth, Packet
+from mavlink.reception.sequence import SequenceLoss
+from mavlink.transmit.rate_alarm import Trouble
+from mavlink.transmit.rate_requests import (
+    ATTITUDE,
+    COMMAND_ACK,
+    GIMBAL_ATTITUDE,
+    GLOBAL_POSITION_INT,
+    GPS_RAW_INT,
+    PARAMETERS,
+    STREAMS,
+    SYSTEM_TIME,
+    boot_ms,
+    interval_answer,
+    interval_request,
+    stream_request,
+)
+from mavlink.transmit.transmitter import SYSTEM_ID
+
+__all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper", "uav_rates"]
+
+UAV_RATES: Mapping[int, float] = {
+    ATTITUDE: 30.0,
+    GLOBAL_POSITION_INT: 10.0,
+    GIMBAL_ATTITUDE: 10.0,
+    GPS_RAW_INT: 1.0,
+    SYSTEM_TIME: 1.0,
+}
+"""message id → Hz that naming vehicles in a picture needs of the UAV."""
+UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
+"""The same for a ground vehicle."""
+
+_DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
+ENOUGH = 0.7
+"""Share of the wanted rate that is good enough: vehicles round to what their loop can do, and radios lose some."""
+TRIES = 5
+WINDOW_S = 3.0
+ANSWER_S = 1.0
+AGAIN_S = 4.0
+SILENT_S = 3.5
+BEHIND_S = 10.0
+"""For so long after a packet that was refused as replayed nothing is said of a link's rates."""
+PAUSE_S = 1.5
+"""Nothing at all for so long is the link's trouble, not that of a rate."""
+LOSS_MEMORY = 50.0
+"""Packets over which the loss of a link is measured: a few seconds."""
+LOSSY = 0.1
+"""Share of packets lost from which on the link is named as what makes a rate low."""
+_WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
+"""Messages of equipment that a vehicle need not have: one that never came is not missed."""
+_REBOOT_MS, _YOUNG_MS = 2000, 60_000
+
+
+def uav_rates(*, gimbal: bool) -> Mapping[int, float]:
+    """What is wanted of a UAV whose gimbal is followed, or is not."""
+    return UAV_RATES if gimbal else {message: hz for message, hz in UAV_RATES.items() if message != GIMBAL_ATTITUDE}
+
+
+State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rate:
+    """One message of one vehicle on one link."""
+
+    system_id: int
+    link: int
+    message: str
+    wanted_hz: float
+    measured_hz: float
+    state: State
+    hint: str = ""
+    """What an operator can do, empty when nothing is to be done."""
+
+    @property
+    def words(self) -> str:
+        """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: a ground vehicle is never asked: ...``."""
+        comes = f"comes at {self.measured_hz:.1f} of {self.wanted_hz:g} Hz" if self.measured_hz else "does not come"
+        return f"{self.message} {comes}: {self.hint}"
+
+
+class _Stream:
+    """Arrivals of one message, and what was asked for it."""
+
+    def __init__(self) -> None:
+        self.arrivals: deque[float] = deque(maxlen=256)
+        self.ever = False
+        self.again()
+
+    def again(self) -> None:
+        """As if never asked."""
+        self.tries = 0
+        self.due_s = 0.0
+        self.refused = False
+
+    def hz(self, now_s: float) -> float:
+        """Over the last seconds: by the intervals, but no more than by the count, which sees a stream end."""
+        while self.arrivals and self.arrivals[0] < now_s - WINDOW_S:
+            self.arrivals.popleft()
+        count = len(self.arrivals)
+        if count < 2:
+            return count / WINDOW_S
+        by_count = count / max(now_s - self.arrivals[0], 1.0)
+        span_s = self.arrivals[-1] - self.arrivals[0]
+        return min((count - 1) / span_s, by_count) if span_s > 0.0 else by_count
+
+
+class _Peer:
+    """One vehicle on one link."""
+
+    def __init__(self, wanted: Mapping[int, float], now_s: float) -> None:
+        self.since_s = self.heard_s = now_s
+        self.behind_s = -math.inf  # when a packet was refused because another link had brought newer ones
+        self.boot_ms = 0
+        self.loss = SequenceLoss(memory=LOSS_MEMORY)
+        self.streams = {message_id: _Stream() for message_id in wanted}
+        self.asking: int | None = None
+        self.asked_s = -math.inf
+
+    def restart(self, now_s: float) -> None:
+        """After a reboot or a silence everything may have to be asked for again."""
+        self.since_s, self.asking = now_s, None
+        for stream in self.streams.values():
+            stream.again()
+
+
+class RateKeeper:
+    """Rates of a fleet. One thread may take packets while another polls.
+
+    Args:
+        speaker: this station; None measures only.
+        own: its system id, which answers to its requests carry.
+        uav: system id of the UAV, the only one that is asked.
+        ground: system ids of the ground vehicles.
+        uav_rates: message id → Hz wanted of the UAV.
+        ugv_rates: the same of ground vehicles.
+    """
+
+    def __init__(
+        self,
+        speaker: Speaker | None,
+        uav: int,
+        ground: Collection[int] = (),
+        *,
+        own: int = SYSTEM_ID,
+        uav_rates: Mapping[int, float] = UAV_RATES,
+        ugv_rates: Mapping[int, float] = UGV_RATES,
+    ) -> None:
+        self._speaker = speaker
+        self._own = own
+        self._uav = uav
+        self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
+        self._lock = threading.Lock()
+        self._peers: dict[tuple[int, int], _Peer] = {}
+        self._troubles: dict[tuple[int, int, str], Trouble] = {}
+
+    def want(self, message_id: int, hz: float) -> None:
+        """Wants one more message of the UAV from now on.
+
+        Args:
+            message_id: which.
+            hz: how often.
+        """
+        with self._lock:
+            self._wanted[self._uav] = {**self._wanted[self._uav], message_id: hz}
+            for (system_id, _), peer in self._peers.items():
+                if system_id == self._uav:
+                    peer.streams.setdefault(message_id, _Stream())
+
+    def take(self, packet: Packet, now_s: float) -> None:
+        """Counts a packet, and reads the UAV's answers.
+
+        Args:
+            packet: of anybody, verified.
+            now_s: monotonic seconds.
+        """
+        wanted = self._wanted.get(packet.system_id)
+        if wanted is None:
+            return
+        with self._lock:
+            if packet.auth <= Auth.GOOD:
+                self._count(packet, wanted, now_s)
+            elif packet.auth is Auth.REPLAYED and (peer := self._peers.get((packet.system_id, packet.link))):
+                peer.behind_s = now_s
+
+    def _count(self, packet: Packet, wanted: Mapping[int, float], now_s: float) -> None:
+        peer = self._peers.get((packet.system_id, packet.link))
+        if peer is None:
+            peer = self._peers[packet.system_id, packet.link] = _Peer(wanted, now_s)
+        booted_ms = boot_ms(packet)
+        # a packet that was late on another way is no reboot: that begins at nought
+        rebooted = 0 < booted_ms < _YOUNG_MS and booted_ms + _REBOOT_MS < peer.boot_ms
+        if now_s - peer.heard_s > SILENT_S or rebooted:
+            peer.restart(now_s)
+            peer.boot_ms = 0
+        peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s
+        peer.loss.take(packet.peer, packet.component_id, packet.seq)
+        if (stream := peer.streams.get(packet.message_id)) is not None:
+            stream.arrivals.append(now_s)
+            stream.ever = True
+        elif packet.message_id == COMMAND_ACK and packet.system_id == self._uav:
+            self._answer(peer, packet)
+
+    def poll(self, now_s: float) -> list[tuple[int, bytes]]:
+        """Requests that are due, each with the link it belongs on; only to the UAV, one message at a time and link."""
+        if self._speaker is None:
+            return []
+        due: list[tuple[int, bytes]] = []
+        with self._lock:
+            for (system_id, link), peer in self._peers.items():
+                if system_id == self._uav and now_s - peer.heard_s <= SILENT_S:
+                    due += ((link, raw) for raw in self._ask(self._speaker, peer, now_s))
+        return due
+
+    def rates(self, now_s: float) -> tuple[Rate, ...]:
+        """Every wanted message of every vehicle on every link that it was heard on, the UAV's first."""
+        with self._lock:
+            order = sorted(self._peers, key=lambda key: (key[0] != self._uav, *key))
+            return tuple(
+                self._rate(system_id, link, message_id, hz, now_s)
+                for system_id, link in order
+                for message_id, hz in self._wanted[system_id].items()
+            )
+
+    def troubles(self, now_s: float) -> list[Rate]:
+        """Rates that are low for a while and that an operator can do something about, each once until it is well, and
+        once more when the message ceases.
+        """
+        fresh = []
+        for rate in self.rates(now_s):
+            if rate.state == "ok" or rate.hint:
+                trouble = self._troubles.setdefault((rate.system_id, rate.link, rate.message), Trouble())
+                worse = 0 if rate.state == "ok" else 1 if rate.measured_hz else 2
+                if trouble.news(worse, now_s):
+                    fresh.append(rate)
+        return fresh
+
+    def _ask(self, speaker: Speaker, peer: _Peer, now_s: float) -> list[bytes]:
+        if now_s - peer.since_s < WINDOW_S or (peer.asking is not None and now_s - peer.asked_s < ANSWER_S):
+            return []
+        peer.asking = None
+        for message_id, wanted_hz in self._wanted[self._uav].items():
+            stream = peer.streams[message_id]
+            if stream.hz(now_s) >= ENOUGH * wanted_hz:
+                stream.tries = 0
+                continue
+            if stream.tries >= TRIES or now_s < stream.due_s:
+                continue
+            stream.tries, stream.due_s = stream.tries + 1, now_s + AGAIN_S
+            peer.asked_s = now_s
+            if stream.refused:
+                return [stream_request(speaker, self._uav, message_id, wanted_hz)]
+            peer.asking = message_id
+            return [interval_request(speaker, self._uav, message_id, wanted_hz)]
+        return []
+
+    def _answer(self, peer: _Peer, packet: Packet) -> None:
+        result = interval_answer(packet, self._own)
+        if result is None or peer.asking is None:
+            return
+        message_id, peer.asking = peer.asking, None
+        if result in (_DENIED, _UNSUPPORTED, _FAILED):
+            stream = peer.streams[message_id]
+            stream.refused, stream.due_s = True, 0.0
+            stream.tries = stream.tries if message_id in STREAMS else TRIES
+
+    def _rate(self, system_id: int, link: int, message_id: int, wanted_hz: float, now_s: float) -> Rate:
+        peer = self._peers[system_id, link]
+        stream = peer.streams[message_id]
+        measured_hz = stream.hz(now_s)
+        state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._speaker is not None and system_id == self._uav)
+        unsettled = now_s - peer.since_s < WINDOW_S or now_s - peer.heard_s > PAUSE_S
+        if state != "ok" and (unsettled or now_s - peer.behind_s < BEHIND_S):
+            state, hint = "measuring", ""
+        if not stream.ever and message_id in _WHERE_THERE_IS_ONE:
+            hint = ""
+        elif state == "too slow":
+            lost = peer.loss.share
+            sent_hz = measured_hz / max(1.0 - lost, 0.01)
+            if lost > LOSSY and sent_hz >= ENOUGH * wanted_hz:
+                hint = f"{lost:.0%} of its packets are lost on this link"
+            else:
+                hint = _hint(message_id, wanted_hz, ground=system_id != self._uav)
+        return Rate(
+            system_id=system_id,
+            link=link,
+            message=message_name(message_id),
+            wanted_hz=wanted_hz,
+            measured_hz=measured_hz,
+            state=state,
+            hint=hint,
+        )
+
+
+def _judge(stream: _Stream, measured_hz: float, wanted_hz: float, *, asks: bool) -> tuple[State, str]:
+    if measured_hz >= ENOUGH * wanted_hz:
+        return "ok", ""
+    if not asks:
+        return "too slow", ""
+    if stream.tries < TRIES:
+        return "asked", ""
+    if stream.refused:
+        return "refused", "the autopilot refuses this rate: it may not have the sensor, or the link's budget is used up"
+    return "not reached", f"asked {TRIES} times: the link may be too slow for it, or another station asks for less"
+
+
+def _hint(message_id: int, wanted_hz: float, *, ground: bool) -> str:
+    parameter = PARAMETERS.get(message_id, "")
+    names = f"SRx_{parameter}, from 4.7 on MAVx_{parameter}"
+    how = f"set its stream rate (ArduPilot: {names}, = {wanted_hz:g} of that serial port)" if parameter else ""
+    if ground:
+        return f"a ground vehicle is never asked: {how or 'ask whoever drives it for more'}"
+    return f"the station listens only: --command lets it ask, or {how or 'ask for more elsewhere'}"

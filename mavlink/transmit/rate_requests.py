@@ -1,0 +1,87 @@
+"""Asking for message rates on the wire: the interval of one message, or the older streams of many.
+
+Definitions: https://mavlink.io/en/messages/common.html, MAV_CMD_SET_MESSAGE_INTERVAL and REQUEST_DATA_STREAM.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega
+
+from mavlink.protocol.addressing import target_of
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
+
+__all__ = [
+    "ATTITUDE",
+    "COMMAND_ACK",
+    "GIMBAL_ATTITUDE",
+    "GLOBAL_POSITION_INT",
+    "GPS_RAW_INT",
+    "PARAMETERS",
+    "STREAMS",
+    "SYSTEM_TIME",
+    "boot_ms",
+    "interval_answer",
+    "interval_request",
+    "stream_request",
+]
+
+SYSTEM_TIME, GPS_RAW_INT, ATTITUDE, GLOBAL_POSITION_INT, COMMAND_ACK, GIMBAL_ATTITUDE = 2, 24, 30, 33, 77, 285
+STREAMS: Mapping[int, int] = {
+    SYSTEM_TIME: 12,
+    GPS_RAW_INT: 2,
+    ATTITUDE: 10,
+    GLOBAL_POSITION_INT: 6,
+    GIMBAL_ATTITUDE: 12,
+}
+"""message id → MAV_DATA_STREAM that brings it with ArduPilot."""
+PARAMETERS: Mapping[int, str] = {
+    SYSTEM_TIME: "EXTRA3",
+    GPS_RAW_INT: "EXT_STAT",
+    ATTITUDE: "EXTRA1",
+    GLOBAL_POSITION_INT: "POSITION",
+}
+"""message id → end of ArduPilot's parameter for that stream."""
+_SET_MESSAGE_INTERVAL = 511
+
+
+def boot_ms(packet: Packet) -> int:
+    """Boot time that a message carries, 0 for those that do not."""
+    if packet.message_id in (ATTITUDE, GLOBAL_POSITION_INT):
+        return int.from_bytes(packet.payload[:4], "little")
+    if packet.message_id == SYSTEM_TIME:
+        return int.from_bytes(packet.payload[8:12], "little")
+    return 0
+
+
+def interval_request(speaker: Speaker, system_id: int, message_id: int, hz: float) -> bytes:
+    """Asks an autopilot for one message."""
+    return speaker.pack(
+        ardupilotmega.MAVLink_command_long_message(
+            system_id, 1, _SET_MESSAGE_INTERVAL, 0, message_id, round(1e6 / hz), 0, 0, 0, 0, 0
+        )
+    )
+
+
+def stream_request(speaker: Speaker, system_id: int, message_id: int, hz: float) -> bytes:
+    """Asks an autopilot for the stream that a message belongs to."""
+    rate = max(1, math.ceil(hz))
+    return speaker.pack(
+        ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1)
+    )  # fmt: skip
+
+
+def interval_answer(packet: Packet, own: int) -> int | None:
+    """MAV_RESULT of a request for an interval, None for answers to something or somebody else.
+
+    Args:
+        packet: a COMMAND_ACK.
+        own: system id that asked.
+    """
+    payload = packet.payload.ljust(3, b"\0")
+    asker, _ = target_of(packet.raw)
+    ours = int.from_bytes(payload[:2], "little") == _SET_MESSAGE_INTERVAL and asker in (0, own)
+    return payload[2] if ours else None

@@ -1,0 +1,165 @@
+"""What a fleet made for trouble sends, datagram by datagram in order of time."""
+
+from __future__ import annotations
+
+import heapq
+import math
+import random
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+
+from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER
+from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, Voice
+from sim.faults.fault_texts import BOOT_WORDS, HOSTILE_TEXTS, poison
+from sim.faults.fleet_faults import AGL_M, Cast, Part, places
+
+__all__ = ["STRANGER", "Datagram", "Traffic", "traffic"]
+
+BATCH_S = 0.1
+REPLAY_AFTER_S = 10.0
+COPTER_GUIDED, ROVER_AUTO, ARMED_CUSTOM, ACTIVE = 4, 10, 129, 4
+STRANGER = -1
+"""Outlet of datagrams that are no vehicle's; ``-2 - k`` is that of part k's replayed frames."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Datagram:
+    """One thing to send; no bytes: the outlet gets a new source port."""
+
+    t_s: float
+    order: int
+    outlet: int
+    label: str
+    raw: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traffic:
+    """How much of what."""
+
+    cast: Cast
+    rate_hz: float
+    """Vehicles' packets a second, all together."""
+    keys: Mapping[int, bytes]
+    """32 bytes by system id; without one nobody signs."""
+    flood_hz: float = 0.0
+    """Hostile texts a second, from the second sender."""
+    garbage_hz: float = 0.0
+    replayed: frozenset[int] = frozenset()
+    """System ids whose frames come again, ten seconds late, from another address."""
+    banner: bool = False
+    seed: int = 1
+
+
+def traffic(plan: Traffic, start_us: int) -> Iterator[Datagram]:
+    """Everything, without end, by time since the start.
+
+    Args:
+        plan: what.
+        start_us: Unix time of the start.
+    """
+    stage = _Stage(plan, start_us)
+    for batch in count():
+        yield from stage.batch(batch * BATCH_S, (batch + 1) * BATCH_S)
+
+
+class _Stage:
+    """The senders' counters."""
+
+    def __init__(self, plan: Traffic, start_us: int) -> None:
+        self._plan, self._start_us = plan, start_us
+        self._rng = random.Random(plan.seed)
+        self._voices = [self._voice(part) for part in plan.cast.parts]
+        self._booted_s = [self._rng.uniform(40.0, 400.0) for _ in plan.cast.parts]
+        self._each_hz = plan.rate_hz / len(plan.cast.parts)
+        self._slots = np.zeros(len(plan.cast.parts), dtype=np.int64)
+        self._phase = np.arange(len(plan.cast.parts)) / len(plan.cast.parts)
+        self._later: list[Datagram] = []
+        self._order = count()
+        self._texts = count()
+        self._good = b"\xfd\x09"
+
+    def batch(self, from_s: float, until_s: float) -> list[Datagram]:
+        """Everything of a tenth of a second."""
+        due = self._vehicles(until_s) + self._extras(from_s, until_s)
+        while self._later and self._later[0].t_s < until_s:
+            due.append(heapq.heappop(self._later))
+        due.sort()
+        return due
+
+    def _voice(self, part: Part) -> Voice:
+        key = self._plan.keys.get(part.system_id)
+        if key and part.signs == "wrong":
+            key = self._rng.randbytes(32)
+        return Voice(part.system_id, version=part.version, key=None if part.signs == "never" else key)
+
+    def _vehicles(self, until_s: float) -> list[Datagram]:
+        # slot n of sender k is due at (n + φ_k) / rate
+        stop = np.ceil(until_s * self._each_hz - self._phase).astype(np.int64)
+        who = np.repeat(np.arange(len(stop)), stop - self._slots)
+        first = np.concatenate([np.arange(a, b) for a, b in zip(self._slots, stop, strict=True)])
+        self._slots = stop
+        t = (first + self._phase[who]) / self._each_hz
+        said, v, heading = places(self._plan.cast, who, t)
+        beats = max(4, round(self._each_hz))
+        rows = zip(who.tolist(), (first % beats).tolist(), t.tolist(), said.tolist(), v.tolist(), heading.tolist(),
+                   strict=True)  # fmt: skip
+        sent = [self._spoken(k, slot, now, *row) for k, slot, now, *row in rows
+                if not self._plan.cast.parts[k].silent(now)]  # fmt: skip
+        return sent
+
+    def _spoken(self, k: int, slot: int, t: float, said: list[int], v: list[float], heading: float) -> Datagram:
+        part, voice = self._plan.cast.parts[k], self._voices[k]
+        boot_ms, unix_us = part.boot_ms(t, self._booted_s[k]), self._start_us + int(t * 1e6)
+        wrong = math.isnan(heading)
+        if slot == 0:
+            kind, mode = (COPTER, COPTER_GUIDED) if part.place == 0 else (ROVER, ROVER_AUTO)
+            raw = voice.frame(unix_us, HEARTBEAT, mode, kind, ARDUPILOT, ARMED_CUSTOM, ACTIVE, 3)
+        elif slot == 2:
+            raw = voice.frame(unix_us, GPS, boot_ms * 1000, *said, 80, 120, 0, 65535, 3, 14)
+        elif slot % 2:
+            speed = (round(v[1] * 100), round(v[0] * 100), 0) if not wrong else (32767, -32768, 32767)
+            hdg = 65535 if wrong else round(math.degrees(heading) * 100) % 36000
+            relative_mm = round(AGL_M * 1000) if part.place == 0 else 0
+            raw = voice.frame(unix_us, POSITION, boot_ms, *said, relative_mm, *speed, hdg)
+        else:
+            yaw = heading if wrong else (heading + math.pi) % (2 * math.pi) - math.pi
+            raw = voice.frame(unix_us, ATTITUDE, boot_ms, *((math.nan,) * 2 if wrong else (0.0, 0.0)), yaw, 0, 0, 0)
+        self._good = raw
+        if part.system_id in self._plan.replayed:
+            label = f"replayed {part.system_id}"
+            heapq.heappush(self._later, Datagram(t + REPLAY_AFTER_S, next(self._order), -2 - k, label, raw))
+        return Datagram(t, next(self._order), k, part.label or str(part.system_id), raw)
+
+    def _extras(self, from_s: float, until_s: float) -> list[Datagram]:
+        """Reboots, new ports, boot banners, floods and garbage."""
+        due: list[Datagram] = []
+        for k, part in enumerate(self._plan.cast.parts):
+            moves = (part.reboot_s, part.move_port_s)
+            due += [Datagram(moment, -1, k, "", b"") for moment in moves if from_s <= moment < until_s]
+            if from_s <= part.reboot_s < until_s or (self._plan.banner and from_s == 0.0):
+                moment = part.reboot_s if from_s <= part.reboot_s < until_s else 0.0
+                due += [Datagram(moment + 1e-3, next(self._order), k, "boot words", word) for word in BOOT_WORDS]
+        plan = self._plan
+        due += [self._text(t) for t in _moments(plan.flood_hz, from_s, until_s)]
+        due += [
+            Datagram(t, next(self._order), STRANGER, "garbage", poison(self._rng, self._good))
+            for t in _moments(plan.garbage_hz, from_s, until_s)
+        ]
+        return due
+
+    def _text(self, t: float) -> Datagram:
+        number = next(self._texts)
+        at = min(1, len(self._voices) - 1)
+        words = HOSTILE_TEXTS[number % len(HOSTILE_TEXTS)].encode("utf-8", "replace")[:50]
+        raw = self._voices[at].frame(self._start_us + int(t * 1e6), TEXT, number % 8, words)
+        return Datagram(t, next(self._order), at, "texts", raw)
+
+
+def _moments(rate_hz: float, from_s: float, until_s: float) -> list[float]:
+    if rate_hz <= 0:
+        return []
+    return [n / rate_hz for n in range(math.ceil(from_s * rate_hz), math.ceil(until_s * rate_hz))]

@@ -1,0 +1,113 @@
+"""A fleet made for trouble: who speaks, where each one drives, and which of them lie.
+
+Everything is a function of time, so that a second of traffic is made at once for all senders and costs little. Metres
+east and north of the scenario's origin, seconds since the start, angles in radians.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.earth import to_geodetic
+
+__all__ = ["LIES", "Cast", "Part", "places"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+LIES = ("zero", "prefix", "jump", "nan", "other", "altitude")
+"""No fix as 0/0; as ArduPilot before its first fix; 500 m away for a second of five; impossible numbers; in the place
+of the next vehicle; 600 m too high."""
+LIE_AFTER_S = 5.0
+ORIGIN_DEG, ALTITUDE_M, AGL_M = (47.397742, 8.545594), 488.0, 40.0
+SPACING_M = 30.0
+GO_S, REST_S = 8.0, 4.0
+SILENT_S = 1.3
+"""A reboot takes so long."""
+_INT32_MAX, _UNKNOWN_HEADING = 2**31 - 1, 65535
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One sender."""
+
+    system_id: int
+    place: int
+    """Which circle it drives; two senders of one id drive different ones. 0 is the UAV's."""
+    lie: str = ""
+    version: int = 2
+    signs: Literal["right", "wrong", "never"] = "right"
+    reboot_s: float = math.inf
+    move_port_s: float = math.inf
+    label: str = ""
+    """Under which its packets are counted."""
+
+    def boot_ms(self, t: float, before_s: float) -> int:
+        """Milliseconds since its last boot; the first was ``before_s`` before the start."""
+        since = t - self.reboot_s if t >= self.reboot_s else t + before_s
+        return int(since * 1000.0)
+
+    def silent(self, t: float) -> bool:
+        """Whether it is rebooting."""
+        return self.reboot_s <= t < self.reboot_s + SILENT_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cast:
+    """Everybody who speaks as a vehicle, and how they drive."""
+
+    parts: tuple[Part, ...]
+    stop_and_go: bool = False
+
+
+def places(
+    cast: Cast, who: IntArray, t: FloatArray
+) -> tuple[IntArray, FloatArray, FloatArray]:  # fmt: skip
+    """What is said of places.
+
+    Args:
+        cast: the senders.
+        who: (k,) index of the sender.
+        t: (k,) seconds.
+
+    Returns:
+        (k, 3) latitude and longitude in 1e-7 degrees and altitude in mm; (k, 2) velocity east and north, m/s; (k,)
+        heading clockwise from north.
+    """
+    circle = np.array([part.place for part in cast.parts])[who]
+    lies = np.array([LIES.index(part.lie) if part.lie else -1 for part in cast.parts])[who]
+    lies[t < LIE_AFTER_S] = -1
+    circle = np.where(lies == LIES.index("other"), circle + 1, circle)
+    east, north, v_east, v_north, heading = _driven(circle, t, cast.stop_and_go)
+    east = east + np.where((lies == LIES.index("jump")) & (t % 5.0 < 1.0), 500.0, 0.0)
+    up = np.where(circle == 0, AGL_M, 0.0) + np.where(lies == LIES.index("altitude"), 600.0, 0.0)
+    lat, lon, alt = to_geodetic(np.column_stack([east, north, up]), *ORIGIN_DEG, ALTITUDE_M)
+    said = np.rint(np.column_stack([lat * 1e7, lon * 1e7, alt * 1e3])).astype(np.int64)
+    said[lies == LIES.index("zero"), :2] = 0
+    said[lies == LIES.index("prefix"), :2] = (353, -129)
+    said[lies == LIES.index("nan")] = _INT32_MAX
+    return said, np.column_stack([v_east, v_north]), np.where(lies == LIES.index("nan"), np.nan, heading)
+
+
+def _driven(circle: IntArray, t: FloatArray, stop_and_go: bool) -> tuple[FloatArray, ...]:
+    """Circles on a grid, each with a speed of its own; the UAV's is wide and slow, and it looks north."""
+    aloft = circle == 0
+    side = 16
+    centre_e = SPACING_M * (circle % side - side // 2) * ~aloft
+    centre_n = SPACING_M * (circle // side - 3) * ~aloft
+    radius = np.where(aloft, 6.0, 8.0 + circle * 7 % 5)
+    speed = np.where(aloft, 1.0, 1.5 + circle * 13 % 9 * 0.5)
+    driving = aloft | (t % (GO_S + REST_S) < GO_S) | np.array(not stop_and_go)
+    # time spent driving: whole cycles, and what has passed of this one
+    spent = t // (GO_S + REST_S) * GO_S + np.minimum(t % (GO_S + REST_S), GO_S) if stop_and_go else t
+    phase = circle * 0.7 + speed * np.where(aloft, t, spent) / radius
+    v = speed * driving
+    east, north = centre_e + radius * np.cos(phase), centre_n + radius * np.sin(phase)
+    v_east, v_north = -v * np.sin(phase), v * np.cos(phase)
+    heading = np.where(aloft, 0.0, -phase % (2.0 * np.pi))
+    return east, north, v_east, v_north, heading

@@ -1,0 +1,139 @@
+"""What stands beside roads and is no vehicle: buildings with what is on their roofs, containers, sheds, bicycles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sim.world.bodies import AMBER, DARK, PAINT, STEEL, TYRE, WHITE, Block, Color, Model
+from sim.world.road_vehicles import paint, shade
+
+__all__ = ["animal", "bicycle", "building", "container", "cooler", "panels", "tank", "tent"]
+
+
+def building(rng: np.random.Generator) -> Model:
+    """A flat roof with a parapet and units on it, or a gable."""
+    walls = shade((STEEL, WHITE, (110.0, 130.0, 160.0), (80.0, 90.0, 130.0))[int(rng.integers(4))], rng)
+    if rng.random() < 0.3:
+        ridge = Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.7, 1.0), taper=(0.0, 0.0, 0.48), sides=PAINT, front=walls,
+                      rear=walls, layer=1)  # fmt: skip
+        return Model.of(Block(x=(-0.49, 0.49), y=(-0.48, 0.48), z=(0.0, 0.7), top=walls, sides=walls), ridge)
+    rim = rng.uniform(0.01, 0.04)
+    blocks = [
+        Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 0.9), top=walls, sides=walls),
+        Block(x=(-0.5 + rim, 0.5 - rim), y=(-0.5 + rim, 0.5 - rim), z=(0.9, 0.901), layer=1),
+    ]
+    blocks += _partitions(rng)
+    for _ in range(int(rng.integers(0, 20))):
+        x, y = rng.uniform(-0.42, 0.42, 2)
+        a, b = rng.uniform(0.01, 0.09), rng.uniform(0.01, 0.09)
+        color = shade((WHITE, STEEL, DARK, (120.0, 100.0, 80.0), (90.0, 150.0, 90.0))[int(rng.integers(5))], rng)
+        unit = Block(x=(x - a, x + a), y=(y - b, y + b), z=(0.9, 0.9 + rng.uniform(0.005, 0.2)), top=color, sides=color,
+                     layer=2)  # fmt: skip
+        blocks.append(unit)
+        if rng.random() < 0.5:  # a fan, a hatch or a pane in it
+            top = unit.z[1]
+            inner = shade((DARK, STEEL, WHITE)[int(rng.integers(3))], rng)
+            blocks.append(Block(x=(x - 0.6 * a, x + 0.6 * a), y=(y - 0.6 * b, y + 0.6 * b), z=(top, top + 0.002),
+                                top=inner, sides=inner, layer=3, corner=(0.5 * a, 0.5 * b)))  # fmt: skip
+    if rng.random() < 0.3:
+        blocks += _grid(rng, (-0.4, rng.uniform(-0.1, 0.4)), (-0.35, rng.uniform(-0.1, 0.35)), 0.93, 2)
+    return Model.of(*blocks)
+
+
+def _partitions(rng: np.random.Generator) -> list[Block]:
+    """Low walls, pipes and sheets of another colour on a roof."""
+    blocks = []
+    for _ in range(int(rng.integers(0, 8))):
+        x, y = rng.uniform(-0.45, 0.45, 2)
+        color = shade((WHITE, STEEL, DARK, (90.0, 150.0, 90.0), (120.0, 100.0, 80.0))[int(rng.integers(5))], rng)
+        a, b = rng.permutation([rng.uniform(0.1, 0.5), rng.uniform(0.004, 0.02)]) if rng.random() < 0.6 else (
+            rng.uniform(0.05, 0.25), rng.uniform(0.05, 0.25))  # fmt: skip
+        foot = ((max(x - a, -0.48), min(x + a, 0.48)), (max(y - b, -0.48), min(y + b, 0.48)))
+        blocks.append(
+            Block(x=foot[0], y=foot[1], z=(0.9, 0.9 + rng.uniform(0.002, 0.04)), top=color, sides=color, layer=1)
+        )
+    return blocks
+
+
+def _grid(
+    rng: np.random.Generator, x: tuple[float, float], y: tuple[float, float], z: float, layer: int
+) -> list[Block]:
+    """Dark panes in rows, as solar panels and skylights are."""
+    color = shade((70.0, 50.0, 40.0) if rng.random() < 0.7 else (150.0, 140.0, 130.0), rng)
+    columns, rows = int(rng.integers(2, 7)), int(rng.integers(2, 5))
+    a, b = np.linspace(*x, columns + 1), np.linspace(*y, rows + 1)
+    share = rng.uniform(0.8, 0.95)
+    return [
+        Block(x=(u, u + share * (a[1] - a[0])), y=(v, v + share * (b[1] - b[0])), z=(z, z + 0.01),
+              top=color, sides=color, layer=layer) for u in a[:-1] for v in b[:-1]
+    ]  # fmt: skip
+
+
+def panels(rng: np.random.Generator) -> Model:
+    """Solar panels on a low frame."""
+    frame = shade(STEEL, rng)
+    return Model.of(
+        Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 0.8), top=frame, sides=frame),
+        *_grid(rng, (-0.48, 0.5), (-0.48, 0.5), 0.8, 1),
+    )
+
+
+def container(rng: np.random.Generator) -> Model:
+    """A freight container or skip: ribs, no cabin, alike at both ends."""
+    ribs = np.linspace(-0.46, 0.44, int(rng.integers(6, 16)))
+    dark = paint(rng.uniform(0.75, 0.9))
+    blocks = [Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0))]
+    blocks += [Block(x=(x, x + 0.02), y=(-0.47, 0.47), z=(1.0, 1.002), top=dark, sides=dark, layer=1) for x in ribs]
+    if rng.random() < 0.3:
+        inside = shade((60.0, 80.0, 90.0), rng)
+        blocks = [blocks[0], Block(x=(-0.47, 0.47), y=(-0.44, 0.44), z=(1.0, 1.002), top=inside, sides=inside, layer=1)]
+    return Model.of(*blocks)
+
+
+def tank(rng: np.random.Generator) -> Model:
+    """A round tank, bin, umbrella or planter."""
+    lid = paint(rng.uniform(0.6, 1.2)) if rng.random() < 0.6 else shade(DARK, rng)
+    return Model.of(
+        Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0), corner=(0.5, 0.5)),
+        Block(x=(-0.35, 0.35), y=(-0.35, 0.35), z=(1.0, 1.01), corner=(0.35, 0.35), top=lid, sides=lid, layer=1),
+    )
+
+
+def tent(rng: np.random.Generator) -> Model:
+    """A pavilion, awning or parasol: four sloping sides."""
+    height = rng.uniform(0.5, 0.9)
+    return Model.of(Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(height, 1.0), taper=(0.45, 0.45, 0.45)))
+
+
+def cooler(rng: np.random.Generator) -> Model:
+    """A cooling unit, generator or skylight: a pale box with dark openings."""
+    blocks = [Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0), corner=(0.02, 0.02))]
+    count = int(rng.integers(1, 4))
+    hole: Color = shade(DARK, rng)
+    for k in range(count):
+        middle = (k + 0.5) / count - 0.5
+        a = 0.36 / count
+        blocks.append(Block(x=(middle - a, middle + a), y=(-0.36, 0.36), z=(1.0, 1.01), top=hole, sides=hole, layer=1,
+                            corner=(a, 0.36) if rng.random() < 0.6 else (0.0, 0.0)))  # fmt: skip
+    return Model.of(*blocks)
+
+
+def bicycle(rng: np.random.Generator) -> Model:
+    """A bicycle or motor scooter, ridden or not."""
+    blocks = [
+        Block(x=(-0.5, 0.5), y=(-0.12, 0.12), z=(0.0, 0.45), top=shade(TYRE, rng), sides=shade(TYRE, rng)),
+        Block(x=(0.22, 0.28), y=(-0.5, 0.5), z=(0.5, 0.6), top=shade(STEEL, rng), sides=DARK, layer=1),
+    ]
+    if rng.random() < 0.7:
+        blocks.append(Block(x=(-0.2, 0.12), y=(-0.38, 0.38), z=(0.6, 0.9), layer=2, corner=(0.08, 0.2)))
+        blocks.append(Block(x=(-0.08, 0.1), y=(-0.2, 0.2), z=(0.9, 1.0), top=shade(DARK, rng), sides=DARK, layer=3))
+    return Model.of(*blocks)
+
+
+def animal(rng: np.random.Generator) -> Model:
+    """A cow, horse or dog: a long trunk and a narrow head."""
+    dark = paint(rng.uniform(0.6, 1.0))
+    return Model.of(
+        Block(x=(-0.5, 0.28), y=(-0.5, 0.5), z=(0.3, 1.0), corner=(0.12, 0.25), taper=(0.08, 0.05, 0.12)),
+        Block(x=(0.25, 0.5), y=(-0.2, 0.2), z=(0.5, 0.95), corner=(0.08, 0.1), top=dark, sides=AMBER, layer=1),
+    )

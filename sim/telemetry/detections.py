@@ -1,0 +1,147 @@
+"""A model of an oriented detector: what it would have returned for a frame, and what each row really is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.telemetry.merging import merged_boxes
+from sim.world.boxes import Boxes, in_picture, true_boxes, visible_share
+from sim.world.scenario import Scenario
+from sim.world.view import OCCLUDER
+from sim.world.world import World, random_stream
+
+__all__ = ["DetectedRows", "DetectorModel", "seen_truth", "truth_rows", "wrapped"]
+
+FloatArray = NDArray[np.float64]
+
+HIDDEN_SHARE = 0.5
+"""Below this visible share a body is not detected, and is not in the truth of a rendered frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectedRows:
+    """m detections of one frame, in random order."""
+
+    values: FloatArray
+    """(m, 7) cx, cy, w, h, angle, score, heading; heading NaN unknown."""
+    system_id: NDArray[np.int64]
+    """(m,) 0 for what is not ours."""
+    body: NDArray[np.int64]
+    """(m,) which body it is, in the order of ``World.roles``; −1 nothing."""
+
+
+class DetectorModel:
+    """Noise, misses, flips, clutter; frames are to be asked for in order."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._rng = random_stream(world.scenario, "detector")
+        self._merging = random_stream(world.scenario, "merging")
+        self._bursts = _bursts(world.scenario, len(world.roles.role))
+
+    def detect(self, t: float) -> DetectedRows:
+        """Detections of the frame exposed t seconds after the first."""
+        settings, rng = self._world.scenario.detector, self._rng
+        view, bodies = self._world.view(t), self._world.bodies(t)
+        boxes = true_boxes(view, bodies)
+        n = len(bodies.kind)
+        noise = rng.normal(0.0, 1.0, (5, n))
+        luck = rng.random((3, n))
+        seen = in_picture(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
+        seen &= (luck[0] >= settings.miss) & ~self._hidden(t, n)
+        clutter = self._clutter(int(rng.poisson(settings.clutter)))
+        if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
+            none = np.empty(0, dtype=np.int64)
+            return DetectedRows(values=np.empty((0, 7)), system_id=none, body=none)
+        rows = self._rows(boxes, noise, luck)
+        if settings.merge_lengths > 0.0:
+            rows, seen = merged_boxes(rows, seen, settings.merge_lengths, self._merging)
+        rows = rows[seen]
+        system_id = np.zeros(n, dtype=np.int64)
+        system_id[: len(self._world.roles.system_id)] = self._world.roles.system_id
+        values = np.concatenate([rows, clutter])
+        ids = np.concatenate([system_id[seen], np.zeros(len(clutter), dtype=np.int64)])
+        body = np.concatenate([np.flatnonzero(seen), np.full(len(clutter), -1)])
+        order = rng.permutation(len(values))
+        return DetectedRows(values=values[order], system_id=ids[order], body=body[order])
+
+    def _rows(self, boxes: Boxes, noise: FloatArray, luck: FloatArray) -> FloatArray:
+        settings = self._world.scenario.detector
+        cx = boxes.cx + settings.pixel_noise * noise[0]
+        cy = boxes.cy + settings.pixel_noise * noise[1]
+        w = np.maximum(boxes.w + settings.pixel_noise * noise[2], 2.0)
+        h = np.maximum(boxes.h + settings.pixel_noise * noise[3], 2.0)
+        flipped = luck[1] < settings.flip
+        angle = wrapped(boxes.angle + np.radians(settings.angle_noise_deg) * noise[4] + np.pi * flipped)
+        score = _score(luck[2], settings.score)
+        return _oriented(cx, cy, w, h, angle, score, settings.heading_missing)
+
+    def _clutter(self, m: int) -> FloatArray:
+        camera, settings, rng = self._world.scenario.camera, self._world.scenario.detector, self._rng
+        draws = rng.random((6, m))
+        scale = camera.fx / self._world.scenario.flight.height_m
+        return _oriented(
+            draws[0] * camera.width,
+            draws[1] * camera.height,
+            scale * (0.8 + 2.5 * draws[2]),
+            scale * (0.6 + 1.2 * draws[3]),
+            wrapped(2.0 * np.pi * draws[4]),
+            _score(draws[5], max(0.35, settings.score - 0.3)),
+            settings.heading_missing,
+        )
+
+    def _hidden(self, t: float, n: int) -> NDArray[np.bool_]:
+        hidden = np.zeros(n, dtype=bool)
+        for body, start, stop in self._bursts:
+            hidden[body] |= start <= t < stop
+        return hidden
+
+
+def seen_truth(world: World, t: float) -> tuple[Boxes, NDArray[np.int64], NDArray[np.int64]]:
+    """What is visible at time t: boxes of all n bodies, the k rows of those seen, their system ids (k,)."""
+    view, bodies = world.view(t), world.bodies(t)
+    boxes = true_boxes(view, bodies)
+    seen = in_picture(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
+    rows = np.flatnonzero(seen)
+    return boxes, rows, world.roles.system_id[rows]
+
+
+def truth_rows(world: World, t: float) -> list[str]:
+    """``cx,cy,w,h,angle,system_id`` of everything visible at time t."""
+    boxes, rows, system_id = seen_truth(world, t)
+    columns = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle], axis=-1)[rows].tolist()
+    return [
+        f"{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f},{name}"
+        for (cx, cy, w, h, angle), name in zip(columns, system_id.tolist(), strict=True)
+    ]
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Angles in [−π, π)."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
+
+
+def _oriented(
+    cx: FloatArray, cy: FloatArray, w: FloatArray, h: FloatArray, angle: FloatArray, score: FloatArray, blind: bool
+) -> FloatArray:
+    # heading = angle + π/2 (mod 2π); a detector without fronts knows the axis only, angle in [−π/2, π/2)
+    heading = np.full_like(angle, np.nan) if blind else wrapped(angle + np.pi / 2.0)
+    axis = (angle + np.pi / 2.0) % np.pi - np.pi / 2.0 if blind else angle
+    return np.stack([cx, cy, w, h, axis, score, heading], axis=-1)
+
+
+def _score(u: FloatArray, mean: float) -> FloatArray:
+    """Scores about the mean, from uniform draws: a triangle of half-width 0.2 inside 0.05..0.99."""
+    triangle = np.where(u < 0.5, np.sqrt(2.0 * u) - 1.0, 1.0 - np.sqrt(2.0 * (1.0 - u)))
+    return np.clip(mean + 0.2 * triangle, 0.05, 0.99)
+
+
+def _bursts(scenario: Scenario, n: int) -> list[tuple[int, float, float]]:
+    settings = scenario.detector
+    rng = random_stream(scenario, "bursts")
+    counts = rng.poisson(settings.bursts_per_min * scenario.duration_s / 60.0, n)
+    starts = [(body, rng.uniform(0.0, scenario.duration_s)) for body, count in enumerate(counts) for _ in range(count)]
+    return [(body, start, start + rng.uniform(settings.burst_min_s, settings.burst_max_s)) for body, start in starts]

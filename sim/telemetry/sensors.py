@@ -1,0 +1,198 @@
+"""What the vehicles measure of themselves: GNSS, compass, attitude, with errors that last and errors that don't."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.scenario import Fault
+from sim.world.world import LEAD_S, TAIL_S, World, random_stream
+
+__all__ = ["Sensors", "UavReading", "UgvReading", "gauss_markov"]
+
+FloatArray = NDArray[np.float64]
+
+BIAS_STEP_S = 0.1
+RATE_STEP_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UgvReading:
+    """One ground vehicle's own idea of itself at k sample times."""
+
+    p_enu: FloatArray
+    """(k, 3)."""
+    v_enu: FloatArray
+    """(k, 3)."""
+    heading: FloatArray
+    """(k,) radians clockwise from north."""
+    yaw_rate: FloatArray
+    """(k,) rad/s."""
+    zeroed: NDArray[np.bool_]
+    """(k,) True where the vehicle claims latitude and longitude 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UavReading:
+    """The UAV's own idea of itself at k sample times."""
+
+    p_enu: FloatArray
+    """(k, 3)."""
+    v_enu: FloatArray
+    """(k, 3)."""
+    yaw: FloatArray
+    """(k,) radians clockwise from north; pitch nose up, roll right side down."""
+    pitch: FloatArray
+    roll: FloatArray
+    rates: FloatArray
+    """(k, 3) of its gyroscopes: about the roll, pitch and yaw axes of the body, rad/s."""
+
+
+class Sensors:
+    """The errors of one flight, drawn once; readings at any times."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.scenario = scenario = world.scenario
+        rng = random_stream(scenario, "sensors")
+        self._t = np.arange(-LEAD_S, scenario.duration_s + TAIL_S + BIAS_STEP_S, BIAS_STEP_S)
+        n = scenario.fleet_size
+        self._bias = gauss_markov(len(self._t), (n, 2), scenario.gnss.bias_m, scenario.gnss.tau_s, BIAS_STEP_S, rng)
+        self._bias += self._steps(n)
+        self._heading_bias = rng.normal(0.0, np.radians(scenario.attitude.ugv_heading_bias_deg), n)
+        bearing = rng.uniform(-np.pi, np.pi)
+        self._uav_bias = scenario.gnss.uav_bias_m * np.array([np.sin(bearing), np.cos(bearing)])
+
+    def ugv(self, vehicle: int, t: FloatArray) -> UgvReading:
+        """Readings of one ground vehicle at times t (k,), faults included."""
+        rng = random_stream(self.scenario, f"gnss {vehicle}")
+        seen = _faulty_time(t, self._faults(vehicle))
+        p, v, heading = self._claimed(vehicle, t, seen)
+        bias = np.stack([np.interp(seen, self._t, self._bias[:, vehicle, axis]) for axis in (0, 1)], axis=-1)
+        noise = _held(rng.normal(0.0, 1.0, (len(t), 3)), seen)
+        xy = p[:, :2] + bias + self.scenario.gnss.white_m * noise[:, :2] + self._shift(vehicle, t, rng)
+        spread = np.radians(self.scenario.attitude.ugv_heading_noise_deg)
+        return UgvReading(
+            p_enu=np.concatenate([xy, p[:, 2:]], axis=1),
+            v_enu=v,
+            heading=heading + self._heading_bias[vehicle] + spread * noise[:, 2],
+            yaw_rate=self._yaw_rate(vehicle, seen),
+            zeroed=_during(t, self._faults(vehicle), "zero"),
+        )
+
+    def uav(self, t: FloatArray, what: str) -> UavReading:
+        """Readings of the UAV at times t (k,); each purpose has noise of its own."""
+        rng = random_stream(self.scenario, f"uav {what}")
+        scenario, truth = self.scenario, self.world.at_uav(t)
+        noise = rng.normal(0.0, 1.0, (len(t), 6))
+        p = truth.p_enu + scenario.gnss.uav_white_m * noise[:, :3] * (1.0, 1.0, 0.5)
+        p = p + np.append(self._uav_bias, scenario.gnss.height_bias_m)
+        fixed = scenario.camera.mount == "fixed"
+        tilt = np.radians([scenario.attitude.tilt_pitch_deg, scenario.attitude.tilt_roll_deg]) * fixed
+        spread = np.radians(scenario.attitude.noise_deg)
+        return UavReading(
+            p_enu=p,
+            v_enu=truth.v_enu,
+            yaw=truth.yaw + np.radians(scenario.attitude.compass_bias_deg) + spread * noise[:, 3],
+            pitch=truth.pitch + tilt[0] + 0.3 * spread * noise[:, 4],
+            roll=truth.roll + tilt[1] + 0.3 * spread * noise[:, 5],
+            rates=self._body_rates(t),
+        )
+
+    def _body_rates(self, t: FloatArray) -> FloatArray:
+        now, before, after = (self.world.at_uav(t + dt) for dt in (0.0, -RATE_STEP_S, RATE_STEP_S))
+        roll, pitch, yaw = (
+            (getattr(after, name) - getattr(before, name)) / (2.0 * RATE_STEP_S) for name in ("roll", "pitch", "yaw")
+        )
+        # p = φ' − ψ' sin θ,  q = θ' cos φ + ψ' sin φ cos θ,  r = ψ' cos φ cos θ − θ' sin φ
+        p = roll - yaw * np.sin(now.pitch)
+        q = pitch * np.cos(now.roll) + yaw * np.sin(now.roll) * np.cos(now.pitch)
+        r = yaw * np.cos(now.roll) * np.cos(now.pitch) - pitch * np.sin(now.roll)
+        return np.stack([p, q, r], axis=-1)
+
+    def silent(self, vehicle: int, t: float) -> bool:
+        """True while a fault keeps the vehicle off the air."""
+        return any(f.kind == "silent" and f.start_s <= t < f.stop_s for f in self._faults(vehicle))
+
+    def _claimed(self, vehicle: int, t: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Whose place is spoken of: the vehicle's own at the times ``seen``, or that of another one."""
+        p, v, heading = self.world.track_enu(vehicle, seen)
+        for fault in self._faults(vehicle):
+            if fault.kind == "spoof":
+                active = (t >= fault.start_s) & (t < fault.stop_s)
+                p_other, v_other, heading_other = self.world.track_enu(fault.other, t)
+                p, v = np.where(active[:, None], p_other, p), np.where(active[:, None], v_other, v)
+                heading = np.where(active, heading_other, heading)
+        return p, v, heading
+
+    def _yaw_rate(self, vehicle: int, t: FloatArray) -> FloatArray:
+        before, after = (self.world.track_of(vehicle, t + dt)[2] for dt in (-RATE_STEP_S, RATE_STEP_S))
+        return np.asarray((after - before) / (2.0 * RATE_STEP_S))
+
+    def _steps(self, n: int) -> FloatArray:
+        """(T, n, 2) offsets that change with the satellites in use; none before the first change."""
+        gnss, rng = self.scenario.gnss, random_stream(self.scenario, "steps")
+        offset = np.zeros((len(self._t), n, 2))
+        if gnss.steps_per_min == 0.0:
+            return offset
+        for vehicle in range(n):
+            count = rng.poisson(gnss.steps_per_min * (self._t[-1] - self._t[0]) / 60.0)
+            for start in np.sort(rng.uniform(self._t[0], self._t[-1], count)):
+                offset[self._t >= start, vehicle] = rng.normal(0.0, gnss.step_m, 2)
+        return offset
+
+    def _faults(self, vehicle: int) -> tuple[Fault, ...]:
+        return tuple(fault for fault in self.scenario.faults if fault.vehicle == vehicle)
+
+    def _shift(self, vehicle: int, t: FloatArray, rng: np.random.Generator) -> FloatArray:
+        shift = np.zeros((len(t), 2))
+        for fault in self._faults(vehicle):
+            bearing = rng.uniform(-np.pi, np.pi)
+            toward = np.array([np.sin(bearing), np.cos(bearing)])
+            active = (t >= fault.start_s) & (t < fault.stop_s)
+            if fault.kind == "jump":
+                shift += active[:, None] * (fault.size or 15.0) * toward
+            elif fault.kind == "drift":
+                shift += (active * (t - fault.start_s))[:, None] * (fault.size or 0.5) * toward
+        return shift
+
+
+def gauss_markov(
+    steps: int, shape: tuple[int, ...], std: float, tau_s: float, dt_s: float, rng: np.random.Generator
+) -> FloatArray:
+    """(steps, *shape) first-order Gauss–Markov processes in their steady state."""
+    # b_{k+1} = λ b_k + σ √(1 − λ²) w,  λ = exp(−Δt/τ)
+    keep = np.exp(-dt_s / tau_s)
+    draws = rng.normal(0.0, std, (steps, *shape))
+    values = np.empty_like(draws)
+    values[0] = draws[0]
+    for k in range(1, steps):
+        values[k] = keep * values[k - 1] + np.sqrt(1.0 - keep * keep) * draws[k]
+    return values
+
+
+def _faulty_time(t: FloatArray, faults: tuple[Fault, ...]) -> FloatArray:
+    """The time of which a vehicle speaks at time t: earlier when it lags, standing still when it is frozen."""
+    seen = t.copy()
+    for fault in faults:
+        active = (t >= fault.start_s) & (t < fault.stop_s)
+        if fault.kind == "lag":
+            seen = np.where(active, t - (fault.size or 3.0), seen)
+        elif fault.kind == "frozen":
+            seen = np.where(active, fault.start_s, seen)
+    return seen
+
+
+def _held(noise: FloatArray, seen: FloatArray) -> FloatArray:
+    """Noise rows repeated where the time that is spoken of does not move: a frozen position is frozen to the bit."""
+    first = np.concatenate([[True], np.diff(seen) != 0.0])
+    return np.asarray(noise[np.maximum.accumulate(np.where(first, np.arange(len(seen)), 0))])
+
+
+def _during(t: FloatArray, faults: tuple[Fault, ...], kind: str) -> NDArray[np.bool_]:
+    active = np.zeros(len(t), dtype=bool)
+    for fault in faults:
+        active |= (fault.kind == kind) & (t >= fault.start_s) & (t < fault.stop_s)
+    return active

@@ -1,0 +1,196 @@
+"""Pictures to train a detector on: small random scenes, every vehicle's oriented box, and much that is no vehicle.
+
+``python -m sim.training.crops --out .train/pool --shards 12 --per-shard 250 --seed 0`` writes shards of crops; one
+seed, one shard, so that shards can be made in any order and by several processes.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.render.foliage import Tree, draw_tree
+from sim.render.footage import as_footage
+from sim.render.randomise import FIRST_KIND, Sort, random_cast, random_style
+from sim.render.render import Renderer, body_outline
+from sim.render.training_ground import Yard, random_yard
+from sim.training.placing import random_bodies
+from sim.training.shards import write_missing
+from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, Scene, project
+
+__all__ = ["MAX_BOXES", "SIDE", "Crop", "crop", "labels", "write_shard"]
+
+Image = NDArray[np.uint8]
+SIDE = 384
+MAX_BOXES = 80
+OVER = (0.55, 0.75, 1.0, 1.25, 1.6)
+"""Pictures are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
+PER_YARD, PER_CAST = 15, 5
+LEAST_PX = 8.0
+"""Shorter vehicles count neither way."""
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Crop:
+    """One picture and what is on it."""
+
+    image: Image
+    """(SIDE, SIDE, 3) BGR."""
+    boxes: FloatArray
+    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), share in sight (0 for the tiny)."""
+    about: FloatArray
+    """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where the yard has
+    streets or car parks, else 0."""
+
+
+def labels(view: CameraView, bodies: Bodies) -> FloatArray:
+    """Oriented boxes of vehicles: the rectangle nearest to the outline of the body at half its height.
+
+    Args:
+        view: the camera.
+        bodies: n bodies.
+
+    Returns:
+        (n, 5) cx, cy, length, width px, heading clockwise from image up; NaN where a body is not imaged.
+    """
+    forward = np.stack([np.sin(bodies.heading), np.cos(bodies.heading)], axis=-1) * bodies.length[:, None] / 2.0
+    right = np.stack([np.cos(bodies.heading), -np.sin(bodies.heading)], axis=-1) * bodies.width[:, None] / 2.0
+    middle = np.stack([bodies.x, bodies.y], axis=-1)
+    ends = np.stack([middle, middle + forward, middle - forward, middle + right, middle - right], axis=1)
+    z = np.broadcast_to(0.5 * bodies.height[:, None, None], (*ends.shape[:2], 1))
+    uv, _ = project(view, np.concatenate([ends, z], axis=-1))
+    along, across = uv[:, 1] - uv[:, 2], uv[:, 3] - uv[:, 4]
+    length = np.hypot(along[:, 0], along[:, 1])
+    # the width is measured square to the length: |along × across| / |along|
+    with np.errstate(invalid="ignore", divide="ignore"):
+        width = np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / length
+    heading = np.mod(np.arctan2(along[:, 0], -along[:, 1]), 2.0 * np.pi)
+    return np.column_stack([uv[:, 0], length, width, heading])
+
+
+def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
+    """One random picture of a yard with a cast."""
+    over = float(rng.choice(OVER))
+    view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))
+    bodies = random_bodies(view, yard, cast, rng)
+    style = random_style(rng, cast)
+    renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=yard)
+    image = as_footage(renderer.draw(view, bodies), rng)
+    boxes = labels(view, bodies)
+    weight = _visible(view, bodies)
+    boxes[:, :4] *= SIDE / view.width
+    vehicle = np.array([k >= FIRST_KIND and cast[k - FIRST_KIND].group != "clutter" for k in bodies.kind], dtype=bool)
+    with np.errstate(invalid="ignore"):
+        inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1) & (boxes[:, 2] > 3.0)
+        weight[~(boxes[:, 2] >= LEAST_PX)] = 0.0
+    keep = np.flatnonzero(vehicle & inside)[:MAX_BOXES]
+    if over != 1.0:
+        image = np.asarray(
+            cv2.resize(image, (SIDE, SIDE), interpolation=cv2.INTER_AREA if over > 1.0 else cv2.INTER_LINEAR), np.uint8
+        )
+    tilt = float(np.arccos(np.clip(-view.R_enu_cam[2, 2], -1.0, 1.0)))
+    return Crop(
+        image=image, boxes=np.column_stack([boxes, weight])[keep],
+        about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(yard.slots.x) > 0]),
+    )  # fmt: skip
+
+
+def write_shard(folder: Path, seed: int, count: int) -> Path:
+    """Render a shard: images (count, SIDE, SIDE, 3) uint8, boxes (count, MAX_BOXES, 6) float32, n (count,),
+    about (count, 5) float32; the columns are those of ``Crop``."""
+    rng = np.random.default_rng(seed)
+    images = np.zeros((count, SIDE, SIDE, 3), np.uint8)
+    boxes = np.zeros((count, MAX_BOXES, 6), np.float32)
+    about = np.zeros((count, 5), np.float32)
+    n = np.zeros(count, np.int64)
+    yard, cast = random_yard(rng), random_cast(rng)
+    for i in range(count):
+        yard = random_yard(rng) if i % PER_YARD == PER_YARD - 1 else yard
+        cast = random_cast(rng) if i % PER_CAST == PER_CAST - 1 else cast
+        made = crop(yard, cast, rng)
+        images[i], about[i], n[i] = made.image, made.about, len(made.boxes)
+        boxes[i, : n[i]] = made.boxes
+    folder.mkdir(parents=True, exist_ok=True)
+    path, part = folder / f"crops_{seed:06d}.npz", folder / f"crops_{seed:06d}.part"
+    with part.open("wb") as file:
+        np.savez(file, images=images, boxes=boxes, n=n, about=about)
+    part.replace(path)
+    log.info("%s: %d crops, %d vehicles", path, count, int(n.sum()))
+    return path
+
+
+def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
+    """A camera whose picture shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
+    gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
+    height = float(np.exp(rng.uniform(np.log(15.0), np.log(250.0))))
+    tilt = (abs(rng.normal(0.0, 0.1)), rng.uniform(0.0, 0.5), rng.uniform(0.5, 1.08), rng.uniform(1.08, 1.34))[
+        int(rng.choice(4, p=[0.4, 0.2, 0.22, 0.18]))
+    ]
+    pitch, yaw = float(tilt) - np.pi / 2.0, float(rng.uniform(0.0, 2.0 * np.pi))
+    distance = height / np.sin(-pitch)
+    focal = distance / gsd
+    forward = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
+    right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
+    # the crop is a part of a wider picture: its principal point lies off the crop by up to a frame
+    cx, cy = 0.5 * side + rng.uniform(-1.0, 1.0, 2) * np.array([1.0, 0.6]) * 0.35 * focal
+    aim = (0.5 * side - cx) / focal * right + (0.5 * side - cy) / focal * np.cross(forward, right) + forward
+    p_enu = _aim_point(yard, gsd * side, rng) - aim * (height / max(-aim[2], 0.3))
+    p_enu[2] = height
+    return CameraView(
+        width=side, height=side, fx=focal, fy=focal, cx=cx, cy=cy, distortion=np.zeros(5),
+        R_enu_cam=np.column_stack([right, np.cross(forward, right), forward]), p_enu=p_enu,
+    )  # fmt: skip
+
+
+def _aim_point(yard: Yard, reach_m: float, rng: np.random.Generator) -> FloatArray:
+    """A place on the yard, near a bay or a lane more often than not."""
+    if len(yard.slots.x) and rng.random() < 0.7:
+        k = int(rng.integers(len(yard.slots.x)))
+        x, y = np.array([yard.slots.x[k], yard.slots.y[k]]) + rng.uniform(-0.35, 0.35, 2) * reach_m
+    else:
+        x, y = rng.uniform(0.0, 1.0, 2) * yard.period_m
+    return np.array([x, y, 0.0])
+
+
+def _visible(view: CameraView, bodies: Bodies, step: int = 2) -> FloatArray:
+    """(n,) share of each body's outline that neither the picture's edge nor a nearer body hides."""
+    rows, columns = view.height // step, view.width // step
+    top = np.full((rows, columns), -1, np.int16)
+    area = np.zeros(len(bodies.x))
+    distance = np.linalg.norm(np.stack([bodies.x, bodies.y, 0.0 * bodies.x], axis=-1) - view.p_enu, axis=-1)
+    for i in np.argsort(-distance, kind="stable"):
+        outline = body_outline(view, bodies, int(i))
+        if bodies.kind[i] == OCCLUDER or outline is None:
+            continue
+        shape = np.rint(outline / step * 16.0).astype(np.int32)
+        area[i] = abs(cv2.contourArea(outline / step))
+        cv2.fillConvexPoly(top, shape, int(i), cv2.LINE_8, 4)
+    leaves = np.zeros((view.height, view.width, 3), np.uint8)
+    for k in np.flatnonzero(bodies.kind == OCCLUDER):
+        tree = Tree(**{f: float(getattr(bodies, f)[k]) for f in ("x", "y", "heading", "length", "width", "height")})
+        draw_tree(leaves, view, tree, (255, 255, 255), np.array([0.0, 0.0, 1.0]), 1.0)
+    top[leaves[step // 2 :: step, step // 2 :: step, 0][:rows, :columns] > 0] = -1
+    seen = np.bincount(top[top >= 0].astype(np.int64), minlength=len(bodies.x))
+    return np.asarray(np.minimum(seen / np.maximum(area, 1.0), 1.0))
+
+
+def main() -> None:
+    """Write shards; those that exist are left as they are."""
+    write_missing(
+        "Render training pictures for the oriented detector.",
+        "crops",
+        write_shard,
+        out=Path(".train/pool"),
+        shards=12,
+        per_shard=250,
+    )
+
+
+if __name__ == "__main__":
+    main()

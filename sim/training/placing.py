@@ -1,0 +1,203 @@
+"""Where things stand on a training picture: vehicles in bays and lanes or anywhere, clutter and trees between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.render.randomise import FIRST_KIND, Sort, car_color, random_leaf
+from sim.render.training_ground import Yard
+from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ray_ground
+
+__all__ = ["random_bodies"]
+
+MOST_IN_SLOTS = 70
+LARGE_M = 9.0
+"""Clutter of this length or more keeps off bays and lanes."""
+
+
+@dataclass(slots=True)
+class _Placed:
+    """Bodies so far, and the circles along their middle lines that keep them apart."""
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    colors: list[NDArray[np.int64]] = field(default_factory=list)
+    circles: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def add(
+        self, kind: int, at: tuple[float, float, float], size: tuple[float, float, float], color: NDArray[np.int64],
+        solid: bool = True,
+    ) -> bool:  # fmt: skip
+        """Place a body at (x, y, heading) unless it would stand in another."""
+        (x, y, heading), (length, width, height) = at, size
+        if solid:
+            narrow, wide = sorted((length, width))
+            along = heading if length >= width else heading + 0.5 * np.pi
+            count = max(int(np.ceil(wide / narrow)), 1)
+            t = (np.arange(count) + 0.5) / count * wide - 0.5 * wide
+            own = np.stack([x + t * np.sin(along), y + t * np.cos(along), np.full(count, 0.56 * narrow)], axis=-1)
+            gap = np.hypot(*(own[:, None, :2] - self.circles[None, :, :2]).transpose(2, 0, 1))
+            if (gap < own[:, None, 2] + self.circles[None, :, 2]).any():
+                return False
+            self.circles = np.concatenate([self.circles, own])
+        self.rows.append((kind, x, y, heading, length, width, height))
+        self.colors.append(color)
+        return True
+
+    def bodies(self) -> Bodies:
+        """All of them."""
+        table = np.array(self.rows).reshape(-1, 7).T
+        return Bodies(
+            kind=table[0].astype(np.int8), x=table[1], y=table[2], heading=table[3], length=table[4], width=table[5],
+            height=table[6], color=np.array(self.colors, np.uint8).reshape(-1, 3),
+        )  # fmt: skip
+
+
+def random_bodies(view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Bodies:
+    """Vehicles and much else on what the camera sees."""
+    placed = _Placed()
+    mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all sorts anywhere
+    fleet = car_color(rng) if rng.random() < 0.3 else None
+    _buildings(placed, view, yard, cast, rng)
+    if mode != 1 or rng.random() < 0.3:
+        _in_slots(placed, view, yard, cast, fleet, rng)
+    groups = ("road",) if mode == 0 else ("rover",) if mode == 1 else ("road", "rover")
+    _anywhere(placed, view, yard, [k for k, s in enumerate(cast) if s.group in groups], cast, rng,
+              int(rng.poisson(2.0 if mode == 0 else 9.0)), team=mode == 1)  # fmt: skip
+    small = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] < LARGE_M]
+    _anywhere(placed, view, yard, small, cast, rng, int(rng.poisson(rng.choice([2.0, 8.0, 16.0]))))
+    for _ in range(int(rng.poisson(rng.choice([0.5, 2.0, 6.0])))):
+        _tree(placed, _ground_point(view, rng), float(rng.uniform(1.2, 8.0)), np.array(random_leaf(rng)), rng)
+    if rng.random() < 0.4:
+        _thicket(placed, view, yard, rng)
+    crowd = [k for k, s in enumerate(cast) if s.name in ("person", "bicycle", "animal", "crate", "cooler", "tank")]
+    if crowd and rng.random() < 0.2:
+        _crowd(placed, view, int(rng.choice(crowd)), cast, rng)
+    return placed.bodies()
+
+
+def _tree(
+    placed: _Placed, at: tuple[float, float], wide: float, leaf: NDArray[np.int64], rng: np.random.Generator
+) -> None:
+    size = (wide, float(wide * rng.uniform(0.8, 1.2)), float(rng.uniform(1.0, 1.0 + 1.2 * wide)))
+    placed.add(OCCLUDER, (*at, float(rng.uniform(0.0, 6.3))), size, leaf, solid=False)
+
+
+def _thicket(placed: _Placed, view: CameraView, yard: Yard, rng: np.random.Generator) -> None:
+    """A hedge of bushes in a row, or a wood; it keeps off bays and lanes."""
+    x, y = _ground_point(view, rng)
+    slots = _slots_in_view(view, yard)[:, :2]
+    leaf, count, hedge = np.array(random_leaf(rng)), int(rng.integers(8, 30)), bool(rng.random() < 0.6)
+    wide = float(rng.uniform(0.7, 2.5) if hedge else rng.uniform(2.0, 6.0))
+    along = yard.street + 0.5 * np.pi * int(rng.integers(2)) + rng.normal(0.0, 0.1)
+    for k in range(count):
+        stray = rng.normal(0.0, 0.08 if hedge else 2.0, 2) * wide
+        reach = rng.uniform(0.7, 1.0) * wide * (k - 0.5 * count) if hedge else 0.0
+        at = (float(x + reach * np.sin(along) + stray[0]), float(y + reach * np.cos(along) + stray[1]))
+        if len(slots) and np.hypot(*(slots - at).T).min() < 3.0 + 0.3 * wide:
+            continue
+        _tree(placed, at, wide * float(rng.uniform(0.7, 1.3)), np.clip(leaf + rng.normal(0.0, 8.0, 3), 5, 250), rng)
+
+
+def _crowd(placed: _Placed, view: CameraView, kind: int, cast: tuple[Sort, ...], rng: np.random.Generator) -> None:
+    """Many small things of one sort close together: people, bicycles at a rack, goods."""
+    x, y = _ground_point(view, rng)
+    reach = cast[kind].size[0] * rng.uniform(2.0, 8.0)
+    for _ in range(int(rng.integers(6, 30))):
+        at = (x + float(rng.normal(0.0, reach)), y + float(rng.normal(0.0, reach)), float(rng.uniform(0.0, 6.3)))
+        placed.add(FIRST_KIND + kind, at, _jittered(cast[kind].size, rng), car_color(rng))
+
+
+def _ground_point(view: CameraView, rng: np.random.Generator) -> tuple[float, float]:
+    for _ in range(5):
+        x, y, _ = ray_ground(view, rng.uniform(-0.08, 1.08, 2) * (view.width, view.height))
+        if np.hypot(x - view.p_enu[0], y - view.p_enu[1]) < 6.0 * view.p_enu[2]:
+            return float(x), float(y)
+    return float(view.p_enu[0]), float(view.p_enu[1])
+
+
+def _buildings(placed: _Placed, view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> None:
+    large = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] >= LARGE_M]
+    if not large or rng.random() < 0.4:
+        return
+    near = _slots_in_view(view, yard)
+    for _ in range(int(rng.integers(1, 5))):
+        k, (x, y) = int(rng.choice(large)), _ground_point(view, rng)
+        size = cast[k].size
+        if len(near) and np.hypot(near[:, 0] - x, near[:, 1] - y).min() < 0.5 * np.hypot(*size[:2]) + 1.5:
+            continue
+        if view.p_enu[2] < size[2] + 8.0:
+            continue
+        placed.add(FIRST_KIND + k, (x, y, yard.street + 0.5 * np.pi * int(rng.integers(4))), size, car_color(rng))
+
+
+def _slots_in_view(view: CameraView, yard: Yard) -> FloatArray:
+    """(n, 4) x, y, heading, length of slots that the picture shows, the yard repeating."""
+    step = yard.period_m
+    at = np.array([_corner(view, u, v) for u in (0.0, 0.5, 1.0) for v in (0.0, 0.5, 1.0)])
+    low, high = np.floor(at.min(axis=0) / step), np.floor(at.max(axis=0) / step)
+    s = yard.slots
+    base = np.stack([s.x, s.y, s.heading, s.length], axis=-1)
+    tiles = [base + np.array([i * step, (j + 1) * step, 0.0, 0.0])
+             for i in np.arange(low[0], min(high[0], low[0] + 3) + 1)
+             for j in np.arange(low[1], min(high[1], low[1] + 3) + 1)]  # fmt: skip
+    slots = np.concatenate(tiles) if tiles else np.zeros((0, 4))
+    uv, ok = project(view, np.column_stack([slots[:, :2], np.zeros(len(slots))]))
+    near = np.hypot(slots[:, 0] - view.p_enu[0], slots[:, 1] - view.p_enu[1]) < 6.0 * view.p_enu[2]
+    margin = 0.06 * view.width
+    with np.errstate(invalid="ignore"):
+        inside = ((uv > -margin) & (uv < (view.width + margin, view.height + margin))).all(axis=1)
+    return np.asarray(slots[ok & near & inside])
+
+
+def _corner(view: CameraView, u: float, v: float) -> FloatArray:
+    at = ray_ground(view, [u * view.width, v * view.height])[:2]
+    offset = at - view.p_enu[:2]
+    reach = np.hypot(*offset)
+    if not np.isfinite(reach):
+        return view.p_enu[:2]
+    return np.asarray(view.p_enu[:2] + offset * min(1.0, 6.0 * view.p_enu[2] / max(reach, 1e-9)))
+
+
+def _in_slots(
+    placed: _Placed, view: CameraView, yard: Yard, cast: tuple[Sort, ...], fleet: NDArray[np.int64] | None,
+    rng: np.random.Generator,
+) -> None:  # fmt: skip
+    slots = _slots_in_view(view, yard)
+    road = [k for k, s in enumerate(cast) if s.group == "road"]
+    share = float(rng.choice([0.2, 0.5, 0.9]))
+    for x, y, heading, room in slots[rng.permutation(len(slots))]:
+        if len(placed.rows) > MOST_IN_SLOTS:
+            return
+        k = int(rng.choice(road))
+        if rng.random() > share or cast[k].size[0] > room:
+            continue
+        at = (x + rng.normal(0.0, 0.1), y + rng.normal(0.0, 0.1), heading)
+        color = fleet if fleet is not None and rng.random() < 0.6 else car_color(rng)
+        placed.add(FIRST_KIND + k, at, _jittered(cast[k].size, rng), color)
+
+
+def _anywhere(
+    placed: _Placed, view: CameraView, yard: Yard, kinds: list[int], cast: tuple[Sort, ...], rng: np.random.Generator,
+    count: int, team: bool = False,
+) -> None:  # fmt: skip
+    """Things at random places; a team shares its sort and its colour more often than not."""
+    if not kinds:
+        return
+    own, color = int(rng.choice(kinds)), rng.integers(10, 250, 3)
+    for _ in range(count):
+        k = own if team and rng.random() < 0.7 else int(rng.choice(kinds))
+        vehicle = cast[k].group != "clutter"
+        paint = color if team and k == own else car_color(rng) if rng.random() < 0.6 else rng.integers(10, 250, 3)
+        for _ in range(4):
+            along = yard.street + 0.5 * np.pi * int(rng.integers(4)) + rng.normal(0.0, 0.08)
+            heading = float(along if rng.random() < (0.3 if vehicle else 0.6) else rng.uniform(0.0, 2.0 * np.pi))
+            if placed.add(FIRST_KIND + k, (*_ground_point(view, rng), heading), _jittered(cast[k].size, rng), paint):
+                break
+
+
+def _jittered(size: tuple[float, float, float], rng: np.random.Generator) -> tuple[float, float, float]:
+    length, width, height = size
+    return length * rng.uniform(0.95, 1.05), width * rng.uniform(0.96, 1.04), height * rng.uniform(0.95, 1.05)

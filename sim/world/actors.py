@@ -1,0 +1,228 @@
+"""Who is on the ground: our vehicles, strangers, persons; their sizes, looks and motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.formation import drive_formation, slots
+from sim.world.motion import Motion, joined
+from sim.world.open_ground import Robots, drive_open, scatter
+from sim.world.roads import Path, winding_path
+from sim.world.scenario import Scenario
+from sim.world.traffic import RoadAgents, drive_road
+from sim.world.view import PERSON, STRANGER, UGV, Road, Scene
+
+__all__ = ["Cast", "Roles", "cast_roles", "play"]
+
+FloatArray = NDArray[np.float64]
+
+UGV_COLOR = (70, 120, 60)
+CAR_SIZE, PERSON_SIZE = (4.3, 1.8, 1.5), (0.5, 0.5, 1.7)
+WALK_MPS = 1.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roles:
+    """The n bodies in their fixed order: filmed, outside, look-alikes, moving, parked look-alikes, still, persons."""
+
+    role: NDArray[np.str_]
+    """(n,) one of the seven words below."""
+    system_id: NDArray[np.int64]
+    """(n,) 0 for those that are not ours."""
+    kind: NDArray[np.int8]
+    """(n,) what it looks like, as ``Bodies.kind``."""
+    size: FloatArray
+    """(n, 3) length, width, height in metres."""
+    color: NDArray[np.uint8]
+    """(n, 3) BGR."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cast:
+    """The bodies, how they move, and the roads."""
+
+    roles: Roles
+    motion: Motion
+    scene: Scene
+
+
+def cast_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
+    """Sizes and looks of all bodies of a scenario."""
+    ground, targets = scenario.ground, scenario.targets
+    counts = {
+        "filmed": ground.vehicles,
+        "outside": ground.outside,
+        "lookalike": targets.lookalikes,
+        "moving": targets.moving,
+        "parked": targets.parked_lookalikes,
+        "still": targets.still,
+        "person": targets.persons,
+    }
+    role = np.repeat(list(counts), list(counts.values()))
+    n = len(role)
+    ours = np.isin(role, ("filmed", "outside"))
+    like_ours = ours | np.isin(role, ("lookalike", "parked"))
+    system_id = np.zeros(n, dtype=np.int64)
+    system_id[ours] = scenario.ugv_ids
+    kind = np.where(like_ours, UGV, np.where(role == "person", PERSON, STRANGER)).astype(np.int8)
+    size = np.empty((n, 3))
+    size[like_ours] = ground.length_m, ground.width_m, ground.height_m
+    size[role == "moving"] = CAR_SIZE
+    size[role == "still"] = rng.uniform((1.6, 1.1, 0.5), (2.6, 1.6, 1.2), (int((role == "still").sum()), 3))
+    size[role == "person"] = PERSON_SIZE
+    color = np.where(like_ours[:, None], UGV_COLOR, rng.integers(30, 220, (n, 3))).astype(np.uint8)
+    return Roles(role=role, system_id=system_id, kind=kind, size=size, color=color)
+
+
+def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Cast:
+    """Move everybody over the time grid t (T,), which begins no later than 0."""
+    roles = cast_roles(scenario, rng)
+    if scenario.ground.kind in ("open", "parked"):
+        return Cast(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
+    path = _path(scenario, float(t[-1]), rng)
+    if scenario.ground.kind == "formation":
+        traffic, half_width = _in_formation(scenario, roles, path, t, rng), _formation_half_width(scenario)
+        scene = Scene()
+    else:
+        traffic, half_width = _on_road(scenario, roles, path, t, rng), _road_width(scenario) / 2.0
+        road = Road(centre=path.xy, width=_road_width(scenario), lanes=scenario.ground.lanes)
+        scene = Scene(roads=(road,))
+    motion = joined(traffic, _roadside(scenario, roles, path, t, half_width, rng))
+    return Cast(roles=roles, motion=motion, scene=scene)
+
+
+def reach_m(scenario: Scenario) -> float:
+    """A distance from the picture's middle that the picture does not reach, metres on the ground."""
+    camera, flight = scenario.camera, scenario.flight
+    height = flight.height_m + max(0.0, flight.climb_mps) * scenario.duration_s
+    half = 0.5 * np.hypot(camera.width / camera.fx, camera.height / camera.fy)
+    return float(1.3 * half * height / np.sin(np.radians(-camera.pitch_deg)) ** 2)
+
+
+def _path(scenario: Scenario, stop_s: float, rng: np.random.Generator) -> Path:
+    ground = scenario.ground
+    ahead = ground.speed_mps * stop_s * 2.0
+    margin = 200.0 + 3.0 * reach_m(scenario) + scenario.fleet_size * ground.spacing_m
+    bend = np.radians(0.0 if ground.kind == "straight" else ground.bend_deg)
+    if ground.kind == "formation":
+        # |κ| ≤ 1.2 β 2π / L; the inner flank of a turning formation must still move forwards
+        bend = min(0.4 * bend, 0.4 / _formation_half_width(scenario) * ground.bend_length_m / (2.4 * np.pi))
+    return winding_path(rng, -margin, ahead + margin, np.radians(ground.road_deg), bend, ground.bend_length_m)
+
+
+def _road_width(scenario: Scenario) -> float:
+    return scenario.ground.lanes * scenario.ground.lane_width_m + 1.0
+
+
+def _stations(scenario: Scenario, inside: int) -> FloatArray:
+    """(outside,) metres along the road of the vehicles beyond the picture, alternately behind and ahead."""
+    i = np.arange(scenario.ground.outside)
+    rows = np.ceil(inside / scenario.ground.lanes)
+    away = 0.5 * rows * scenario.ground.spacing_m + 1.8 * reach_m(scenario) + (i // 2) * scenario.ground.spacing_m
+    return np.asarray(np.where(i % 2 == 0, -away, away))
+
+
+def _on_road(scenario: Scenario, roles: Roles, path: Path, t: FloatArray, rng: np.random.Generator) -> Motion:
+    ground = scenario.ground
+    count = {word: int((roles.role == word).sum()) for word in ("filmed", "outside", "lookalike", "moving")}
+    inside = count["filmed"] + count["lookalike"]
+    rows = -(-inside // ground.lanes)
+    # neighbours in different lanes are staggered, so that no order along the road is given away
+    order = rng.permutation(inside)
+    lane = np.concatenate([order % ground.lanes, rng.integers(0, ground.lanes, count["outside"] + count["moving"])])
+    s = (order // ground.lanes - 0.5 * (rows - 1) + 0.4 * (order % ground.lanes) / ground.lanes) * ground.spacing_m
+    away = _stations(scenario, inside)
+    behind = -0.5 * rows * ground.spacing_m - 12.0 - 14.0 * np.arange(count["moving"])
+    filmed, alike = np.split(s, [count["filmed"]])
+    lane = np.concatenate(
+        [
+            lane[: count["filmed"]],
+            lane[inside : inside + count["outside"]],
+            lane[count["filmed"] : inside],
+            lane[inside + count["outside"] :],
+        ]
+    )
+    n = len(lane)
+    size = roles.size[:n]
+    moving = roles.role[:n] == "moving"
+    agents = RoadAgents(
+        s=np.concatenate([filmed, away, alike, behind]) + ground.speed_mps * float(t[0]),
+        lane=lane.astype(np.int64),
+        length=size[:, 0],
+        width=size[:, 1],
+        pace=np.where(moving, 1.3, 1.0),
+        cooperative=~moving,
+        fixed_lane=np.zeros(n, dtype=bool),
+    )
+    return drive_road(path, t, agents, ground, rng)
+
+
+def _formation_half_width(scenario: Scenario) -> float:
+    inside = scenario.ground.vehicles + scenario.targets.lookalikes
+    places = slots(scenario.ground.formation, inside, scenario.ground.spacing_m)
+    return float(places[:, 1].max()) + 2.0
+
+
+def _in_formation(scenario: Scenario, roles: Roles, path: Path, t: FloatArray, rng: np.random.Generator) -> Motion:
+    ground = scenario.ground
+    inside = ground.vehicles + scenario.targets.lookalikes
+    places = slots(ground.formation, inside, ground.spacing_m)
+    places = places[rng.permutation(inside)]
+    half_length, beside = float(places[:, 0].max()), _formation_half_width(scenario) + 4.0
+    away = _stations(scenario, inside)
+    outside = np.stack([away + np.sign(away) * half_length, np.zeros(len(away))], axis=-1)
+    i = np.arange(scenario.targets.moving)
+    moving = np.stack([(i // 2) * 9.0 - 6.0, np.where(i % 2 == 0, beside, -beside)], axis=-1)
+    everybody = np.concatenate([places[: ground.vehicles], outside, places[ground.vehicles :], moving])
+    return drive_formation(path, t, everybody, ground, rng)
+
+
+def _roadside(
+    scenario: Scenario, roles: Roles, path: Path, t: FloatArray, half_width: float, rng: np.random.Generator
+) -> Motion:
+    """What stands or walks beside the road, spread over the ground that the fleet passes."""
+    role = roles.role[np.isin(roles.role, ("parked", "still", "person"))]
+    n = len(role)
+    passed = scenario.ground.speed_mps * scenario.duration_s
+    s = passed * (rng.permutation(n) + rng.uniform(0.2, 0.8, n)) / max(n, 1)
+    side = np.where(rng.random(n) < 0.5, -1.0, 1.0)
+    person = role == "person"
+    # each person has a line of its own, inside of what stands, so that nobody walks through anything
+    line = half_width + 1.0 + 0.8 * np.cumsum(person)
+    d = side * np.where(person, line, half_width + 3.0 + 0.8 * person.sum() + rng.uniform(0.0, 1.0, n))
+    walk = np.where(person, np.where(rng.random(n) < 0.5, -WALK_MPS, WALK_MPS), 0.0)
+    xy, theta, _ = path.at(s + walk * t[:, None], np.broadcast_to(d, (len(t), n)))
+    facing = np.where(walk < 0.0, np.pi, np.where(person, 0.0, rng.normal(0.0, 0.4, n)))
+    return Motion(t=t, xy=xy, heading=theta + facing, speed=np.broadcast_to(np.abs(walk), theta.shape))
+
+
+def _on_open_ground(scenario: Scenario, roles: Roles, t: FloatArray, rng: np.random.Generator) -> Motion:
+    ground = scenario.ground
+    n = len(roles.role)
+    away = roles.role == "outside"
+    bearing = rng.uniform(0.0, 2.0 * np.pi) + np.arange(n) * 2.4
+    distance = 1.8 * reach_m(scenario) + 0.5 * np.hypot(*ground.area_m)
+    centre = np.where(away[:, None], distance * np.stack([np.sin(bearing), np.cos(bearing)], axis=-1), 0.0)
+    area = np.broadcast_to(np.array(ground.area_m), (n, 2)).copy()
+    stands = np.isin(roles.role, ("parked", "still"))
+    if ground.kind == "parked":
+        stands |= np.isin(roles.role, ("filmed", "outside", "lookalike"))
+    person = roles.role == "person"
+    speed = ground.speed_mps * rng.uniform(0.75, 1.1, n)
+    radius = 0.5 * np.hypot(roles.size[:, 0], roles.size[:, 1])
+    apart = max(0.5, ground.spacing_m - 2.0 * float(radius.max())) if ground.kind == "parked" else 0.8
+    xy = scatter(centre, area, radius, apart, rng)
+    eight = ~person & ~stands & ~away & (rng.random(n) < 0.25)
+    robots = Robots(
+        xy=xy,
+        radius=radius,
+        speed=np.where(stands, 0.0, np.where(person, WALK_MPS, speed)),
+        pivots=person | (rng.random(n) < 0.4),
+        eight=eight,
+        centre=np.where(eight[:, None], 0.5 * xy, centre),
+        area=np.where(eight[:, None], np.minimum(area * 0.5, 18.0), area),
+    )
+    return drive_open(t, robots, rng)

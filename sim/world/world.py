@@ -1,0 +1,153 @@
+"""The true world of a scenario at any time: bodies, UAV, camera. Nothing in it is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.world.actors import Cast, Roles, play
+from sim.world.camera import view_from
+from sim.world.flight import UavMotion, UavTruth, fly
+from sim.world.motion import time_grid
+from sim.world.scenario import Occlusion, Scenario
+from sim.world.view import OCCLUDER, Bodies, CameraView, Scene
+
+__all__ = ["LEAD_S", "TAIL_S", "World", "WorldState", "random_stream"]
+
+FloatArray = NDArray[np.float64]
+
+LEAD_S, TAIL_S = 5.0, 2.0
+"""How long the world exists before the first and after the last frame."""
+
+CANOPY_COLOR = (40, 80, 45)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldState:
+    """The truth at one instant; the n bodies in the order of ``World.roles``."""
+
+    t: float
+    """Seconds since the first frame."""
+    xy: FloatArray
+    """(n, 2) east and north metres on the ground, which is z = 0 unless it slopes."""
+    v_enu: FloatArray
+    """(n, 3) m/s."""
+    heading: FloatArray
+    """(n,) of the nose, radians clockwise from north, not wrapped."""
+    speed: FloatArray
+    """(n,) along the nose, m/s, negative in reverse."""
+    uav: UavTruth
+
+
+class World:
+    """Generated once from the scenario's seed; looking up changes nothing."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        t = time_grid(-LEAD_S, scenario.duration_s + TAIL_S)
+        self._cast: Cast = play(scenario, t, random_stream(scenario, "cast"))
+        self._flight = self._fly(t)
+        self._R_enu_ground = _sloping(scenario)
+        self._canopies = self._place_canopies()
+
+    @property
+    def roles(self) -> Roles:
+        """Who the n bodies are; the first ``scenario.fleet_size`` are ours."""
+        return self._cast.roles
+
+    @property
+    def scene(self) -> Scene:
+        """The roads."""
+        return self._cast.scene
+
+    def at(self, t: float) -> WorldState:
+        """The truth t seconds after the first frame; held beyond the ends of the simulated time."""
+        xy, heading, speed = self._cast.motion.at(t)
+        before, after = self._cast.motion.at(t - 0.05)[0], self._cast.motion.at(t + 0.05)[0]
+        v = np.concatenate([(after - before) / 0.1, np.zeros((len(xy), 1))], axis=1)
+        return WorldState(t=t, xy=xy, v_enu=v, heading=heading, speed=speed, uav=self._flight.at(t))
+
+    def at_uav(self, t: FloatArray) -> UavTruth:
+        """The UAV at times t (k,)."""
+        return self._flight.at(t)
+
+    def track_of(self, body: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """One body at times t (k,): position (k, 2), velocity (k, 2), heading (k,)."""
+        motion = self._cast.motion.only(body)
+        xy, heading, _ = motion.at(t)
+        v = (motion.at(t + 0.05)[0] - motion.at(t - 0.05)[0]) / 0.1
+        return xy[:, 0], v[:, 0], heading[:, 0]
+
+    def track_enu(self, body: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """One body in ENU at times t (k,), sloping ground included: position (k, 3), velocity (k, 3), heading (k,)."""
+        xy, v, heading = self.track_of(body, t)
+        level = np.zeros((len(t), 1))
+        if self.scenario.ground.slope_deg == 0.0:
+            return np.concatenate([xy, level], axis=1), np.concatenate([v, level], axis=1), heading
+        R = self._R_enu_ground[:, :2]
+        nose = np.stack([np.sin(heading), np.cos(heading)], axis=-1) @ R.T
+        return xy @ R.T, v @ R.T, np.arctan2(nose[:, 0], nose[:, 1])
+
+    def view(self, t: float) -> CameraView:
+        """The true camera, in axes in which the ground is z = 0: ENU, tipped with the ground where it slopes."""
+        view = view_from(self.scenario, self._flight.at(t))
+        if self.scenario.ground.slope_deg == 0.0:
+            return view
+        R = self._R_enu_ground
+        return replace(view, R_enu_cam=R.T @ view.R_enu_cam, p_enu=R.T @ view.p_enu)
+
+    def bodies(self, t: float) -> Bodies:
+        """All n bodies in the order of ``roles``, then the occluders."""
+        state, roles, canopies = self.at(t), self.roles, self._canopies
+        size = np.concatenate([roles.size, canopies[:, 3:6]])
+        return Bodies(
+            kind=np.concatenate([roles.kind, np.full(len(canopies), OCCLUDER, dtype=np.int8)]),
+            x=np.concatenate([state.xy[:, 0], canopies[:, 0]]),
+            y=np.concatenate([state.xy[:, 1], canopies[:, 1]]),
+            heading=np.concatenate([state.heading, canopies[:, 2]]),
+            length=size[:, 0],
+            width=size[:, 1],
+            height=size[:, 2],
+            color=np.concatenate([roles.color, np.full((len(canopies), 3), CANOPY_COLOR, dtype=np.uint8)]),
+        )
+
+    def _fly(self, t: FloatArray) -> UavMotion:
+        scenario = self.scenario
+        if scenario.ground.kind in ("open", "parked"):
+            filmed = np.zeros((len(t), 1, 2))
+        else:
+            filmed = self._cast.motion.xy[:, : scenario.ground.vehicles]
+        return fly(t, filmed, scenario.flight, scenario.camera, random_stream(scenario, "flight"))
+
+    def _place_canopies(self) -> FloatArray:
+        """(k, 6) x, y, heading, length, width, height."""
+        rows = [self._canopy(occlusion) for occlusion in self.scenario.occlusions]
+        return np.array(rows, dtype=np.float64).reshape(len(rows), 6)
+
+    def _canopy(self, occlusion: Occlusion) -> tuple[float, ...]:
+        state = self.at(occlusion.t_s)
+        i = occlusion.vehicle
+        roof = 0.5 * float(self.roles.size[i, 2])
+        # the canopy's middle lies on the line of sight: p + (c − p) (h − z) / (H − z)
+        part = (occlusion.height_m - roof) / (float(state.uav.p_enu[2]) - roof)
+        middle = state.xy[i] + (state.uav.p_enu[:2] - state.xy[i]) * part
+        length = max(abs(float(state.speed[i])) * occlusion.duration_s, float(self.roles.size[i, 0]) + 1.0)
+        return (*middle.tolist(), float(state.heading[i]), length, occlusion.width_m, occlusion.height_m)
+
+
+def _sloping(scenario: Scenario) -> FloatArray:
+    """(3, 3) axes that lie in the ground into ENU: a turn about the horizontal that raises the uphill direction."""
+    bearing, slope = np.radians([scenario.ground.uphill_deg, scenario.ground.slope_deg])
+    uphill = np.array([np.sin(bearing), np.cos(bearing), 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    axis = np.cross(uphill, up)
+    K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    # Rodrigues: R = 1 + sin σ K + (1 − cos σ) K²
+    return np.asarray(np.eye(3) + np.sin(slope) * K + (1.0 - np.cos(slope)) * K @ K)
+
+
+def random_stream(scenario: Scenario, purpose: str) -> np.random.Generator:
+    """A generator of its own for each purpose, so that a change to one part leaves the others' draws alone."""
+    return np.random.default_rng([scenario.seed, *purpose.encode()])

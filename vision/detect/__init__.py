@@ -1,0 +1,1 @@
+"""Oriented detection: an image in, boxes with score and heading out."""

@@ -1,0 +1,70 @@
+"""Oriented vehicle detectors behind one protocol: the bundled model, and any YOLO-OBB export."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detect.detections import Detections
+from vision.detect.heatmap_detector import HeatmapDetector
+from vision.detect.onnx_model import metadata, open_session
+from vision.detect.yolo_detector import YoloDetector
+from vision.errors import ModelError
+
+__all__ = ["BUNDLED", "Detector", "HeatmapDetector", "YoloDetector", "open_detector"]
+
+BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
+
+
+class Detector(Protocol):
+    """Finds vehicles in one picture; may be asked from several threads at once."""
+
+    def detect(self, image: NDArray[np.uint8], *, gsd_m: float | None = None) -> Detections:
+        """Vehicles in a picture.
+
+        Args:
+            image: (H, W, 3) BGR.
+            gsd_m: metres on the ground per pixel at the picture's middle, when the camera's pose is known.
+
+        Returns:
+            Detections in continuous pixels of this picture, best first; heading NaN where the front is unknown.
+        """
+
+
+def open_detector(
+    path: Path | None = None,
+    *,
+    score: float = 0.3,
+    providers: Sequence[str] | None = None,
+    threads: int = 1,
+    classes: Collection[str] | None = None,
+    imgsz: int | None = None,
+    per_class: bool = False,
+    tiled: bool = True,
+) -> Detector:
+    """Load a detector.
+
+    Args:
+        path: an ONNX file; None = the bundled model.
+        score: smallest score of a detection: raise → fewer false alarms, lower → fewer misses.
+        providers: onnxruntime execution providers in order of preference; None = the CPU.
+        threads: CPU threads of one detection.
+        classes: names of a YOLO model's classes that count; None = those that sound like vehicles.
+        imgsz: longest side of the canvas, px, of a YOLO model that takes any; None = as its notes say, else 1024.
+        per_class: True keeps a box for each class of a YOLO model that claims a vehicle; False one for each vehicle.
+        tiled: a YOLO model looks at large pictures in tiles when the vehicles would be shrunk away; needs ``gsd_m``.
+
+    Raises:
+        ModelError: no such file, not an ONNX model, not a shape that is known, or a provider that is not installed.
+    """
+    where = str(path or BUNDLED)
+    session = open_session(path or BUNDLED, tuple(providers or ("CPUExecutionProvider",)), threads)
+    if "rollcall" not in metadata(session):
+        return YoloDetector(session, where, score=score, classes=classes, imgsz=imgsz, per_class=per_class, tiled=tiled)
+    if classes is not None or imgsz is not None:
+        raise ModelError(f"{where}: classes and imgsz are for YOLO models; Rollcall's own finds vehicles of any size")
+    return HeatmapDetector(session, where, score=score)

@@ -1,0 +1,118 @@
+"""The bundled detector: it knows fronts, and the picture is scaled so that a vehicle has the length that it knows best.
+
+The model's contract (``vision/training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
+of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
+(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of so many metres is found best at so
+many pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+
+from vision.detect import decode_heatmap
+from vision.detect.detections import Detections
+from vision.detect.letterbox import letterbox, undo
+from vision.detect.onnx_model import RUN_ERRORS, described, metadata
+from vision.detect.tiles import look_at_tiles, tile_grid
+from vision.errors import ModelError
+
+__all__ = ["ACCEPTED", "HeatmapDetector"]
+
+Image = NDArray[np.uint8]
+
+ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
+
+DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
+"""How the model sees pictures of unknown ground resolution: scaled by so much, but not made narrower than so many px,
+nor enlarged."""
+SIDE_STEP = 32
+LEAST_SIDE, MOST_SIDE = 64, 4096
+"""Of a canvas, px. Larger ones are looked at in tiles, which bounds the memory."""
+MOST_SCALE = 2.0
+"""Enlarging a picture further adds no detail."""
+OVERLAP_LENGTHS = 4.0
+"""Overlap of tiles, in vehicles of the length that the model knows best: lorries are twice as long."""
+
+
+class HeatmapDetector:
+    """See the module.
+
+    Raises:
+        ModelError: the model says it is Rollcall's, but is not of its shape.
+    """
+
+    def __init__(self, session: ort.InferenceSession, where: str, *, score: float) -> None:
+        notes = metadata(session)
+        self._session = session
+        self._where = where
+        self._score = score
+        try:
+            self._stride = int(_ranged(notes, "stride", 1, SIDE_STEP))
+            self._length_px = _ranged(notes, "nominal_length_px", 1, MOST_SIDE)
+            self._px_per_m = self._length_px / _ranged(notes, "nominal_length_m", 0.01, 100)
+        except (KeyError, ValueError, ZeroDivisionError) as error:
+            raise ModelError(
+                f"{where}: metadata {error} of a Rollcall model is missing or no number; export it again"
+            ) from error
+        _check_map(session, where)
+
+    def detect(self, image: Image, *, gsd_m: float | None = None) -> Detections:
+        """See ``vision.detect.detector.Detector``."""
+        height, width = image.shape[:2]
+        known = gsd_m is not None and np.isfinite(gsd_m) and gsd_m > 0.0
+        unknown = max(DEFAULT_SCALE, min(DEFAULT_WIDTH / max(width, height), 1.0))
+        scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else unknown
+        if max(width, height) * scale <= MOST_SIDE:
+            return self._look(image, scale)
+        side = int(MOST_SIDE / scale)
+        tiles = tile_grid((width, height), (side, side), OVERLAP_LENGTHS * self._length_px / scale)
+        return look_at_tiles(image, tiles, lambda parts: [self._look(part, scale) for part in parts])
+
+    def _look(self, image: Image, scale: float) -> Detections:
+        canvas, fit = letterbox(image, _canvas(image.shape[1], image.shape[0], scale))
+        try:
+            (cells,) = self._session.run(None, {"image": canvas[None]})
+        except RUN_ERRORS as error:
+            raise ModelError(
+                f"{self._where}: cannot be run on a {fit.width} × {fit.height} picture: {error}"
+            ) from error
+        wanted = (1, decode_heatmap.CHANNELS, fit.height // self._stride, fit.width // self._stride)
+        if cells.shape != wanted:
+            raise ModelError(f"{self._where}: gave a map {list(cells.shape)}, wanted {list(wanted)}; {ACCEPTED}")
+        return undo(decode_heatmap.decode(cells[0], self._stride, self._score), fit, image)
+
+
+def _ranged(notes: Mapping[str, str], key: str, least: float, most: float) -> float:
+    value = float(notes[key])
+    if not least <= value <= most:
+        raise ValueError(f"{key!r} is {value:g}; it must lie between {least:g} and {most:g}")
+    return value
+
+
+def _check_map(session: ort.InferenceSession, where: str) -> None:
+    inputs, outputs = session.get_inputs(), session.get_outputs()
+    fits = (
+        len(inputs) == 1 and inputs[0].name == "image" and inputs[0].type == "tensor(uint8)"
+        and len(inputs[0].shape) == 4 and inputs[0].shape[3] == 3
+        and not any(isinstance(n, int) for n in inputs[0].shape[1:3])
+        and len(outputs) == 1 and len(outputs[0].shape) == 4 and outputs[0].shape[1] == decode_heatmap.CHANNELS
+    )  # fmt: skip
+    if not fits:
+        raise ModelError(
+            f"{where}: says it is Rollcall's, but is not of its shape: {described(session)}; accepted are {ACCEPTED}"
+        )
+
+
+def _canvas(width: int, height: int, scale: float) -> tuple[int, int]:
+    """(width, height) of the model's input: the nearest sides that are multiples of 32, neither tiny nor huge."""
+    wide = max(width, height)
+    scale = max(min(scale, MOST_SIDE / wide), LEAST_SIDE / wide)
+    columns = max(round(width * scale / SIDE_STEP), 1)
+    # the height follows from the width that was chosen, rounded up: the picture fills the width
+    rows = max(int(np.ceil(height * columns / width - 1e-9)), 1)
+    return columns * SIDE_STEP, rows * SIDE_STEP

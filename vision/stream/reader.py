@@ -1,0 +1,264 @@
+"""Packets of a live stream: numbered, timed, recorded, decoded. Runs in the stream's own process.
+
+Every picture from the first key picture on has an index and a time, whether it can be decoded or not. Of the decoded
+ones only the newest waits for whoever asks.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+
+from vision.stream.connection import READ_TIMEOUT_S, Input, listen
+from vision.stream.frame_clock import ArrivalClock
+from vision.stream.messages import Progress, Settings
+from vision.stream.newest import Newest
+from vision.stream.stamps import Coded, Stamps
+from vision.video.recording import PictureOrder, Recording
+
+__all__ = ["Reader"]
+
+BEHIND_S = 0.4
+"""Decoding has fallen behind when no packet had to be waited for this long; then none is up to the next key picture."""
+WAITED_S = 0.003
+"""A packet that one had to wait this long for was not buffered."""
+PROBED = 600
+"""Most packets held back while those buffered at opening are drained."""
+READING_PATIENCE_S = READ_TIMEOUT_S + 1.5
+REMEMBERED = 256
+"""Places of pictures that may still come out of the decoder."""
+
+
+class Reader:
+    """All connections of one process.
+
+    Args:
+        settings: where the last process stopped.
+        go_on: False ends reading.
+        tell: called with news for the parent.
+    """
+
+    def __init__(self, settings: Settings, go_on: Callable[[], bool], tell: Callable[[Progress], None]) -> None:
+        self.newest = Newest()
+        self.progress = Progress(patience_s=READING_PATIENCE_S, rows=[], segment=settings.segment)
+        self.order = PictureOrder(settings.received)
+        self.last_us = settings.last_us
+        self.offset_s = settings.offset_s
+        self.recording = Recording(Path(settings.record), settings.segment) if settings.record else None
+        self.go_on = go_on
+        self.lock = threading.Lock()
+        """Held while packets are numbered and recorded."""
+        self._tell = tell
+        self._told_s = 0.0
+        self._connection: _Connection | None = None
+
+    def alive(self, patience_s: float = READING_PATIENCE_S) -> None:
+        """Tell that all is well and when to expect the next word; not oftener than needed."""
+        now = time.monotonic()
+        if now - self._told_s > 0.25 or patience_s != self.progress.patience_s or self.progress.rows:
+            self.progress.patience_s, self._told_s = patience_s, now
+            self.tell()
+
+    def tell(self) -> None:
+        """Send what is new."""
+        progress = self.progress
+        progress.skipped = self.newest.skipped
+        if self.recording is not None:
+            progress.segment, progress.recording_error = self.recording.segment, self.recording.error
+        self._tell(progress)
+        progress.rows = []
+
+    def read(self, source: Input, *, paced: bool) -> None:
+        """One connection until it ends.
+
+        Raises:
+            av.FFmpegError: it broke.
+        """
+        self.progress.connections += 1
+        self.progress.error = ""
+        self._connection = _Connection(self, source, paced)
+        try:
+            self._connection.run()
+        finally:
+            self.progress.connected = False
+            with self.lock:
+                self._end_connection()
+
+    def finish(self) -> None:
+        """List what still waits and seal the recording; may be called from another thread while reading hangs."""
+        with self.lock:
+            self._end_connection()
+            if self.recording is not None:
+                self.recording.close()
+            self.tell()
+
+    def _end_connection(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.list(self.order.flush())
+
+
+class _Connection:
+    """Packets of one connection."""
+
+    def __init__(self, reader: Reader, source: Input, paced: bool) -> None:
+        self._reader = reader
+        self._source = source
+        self._stream = source.stream
+        self._tick_s = source.tick_s
+        self._clock = ArrivalClock()
+        self._paced = paced
+        self._first: tuple[float, float] | None = None
+        self._stamps = Stamps(self._tick_s)
+        self._placed: dict[int, tuple[int, int]] = {}
+        self._decoding = False
+        self._busy_since_s = time.monotonic()
+        self._key_pts: int | None = None
+
+    def run(self) -> None:
+        """Until the source ends, breaks or is closed."""
+        reader = self._reader
+        held: list[tuple[Coded, float]] | None = None if self._paced else []
+        asked_s = time.monotonic()
+        for packet in self._source.packets:
+            if not (reader.go_on() or self._source.drains):
+                break
+            now_s = time.monotonic()
+            waited = now_s - asked_s > WAITED_S
+            if waited or self._paced:
+                self._busy_since_s = now_s
+            if packet.size:
+                arrival_s = self._arrive(packet)
+                reader.progress.connected = self._source.live()
+                exposures = self._source.exposures
+                reader.progress.told_by, reader.progress.told_delay_s = exposures.told_by, exposures.delay_s
+                reader.progress.told_error_s = exposures.error_s
+                if held is not None:
+                    # packets buffered while opening came earlier than now: hold them until one comes that is on time
+                    held.append((packet, arrival_s))
+                if held is None:
+                    self._settle([(packet, arrival_s)])
+                elif waited or len(held) >= PROBED:
+                    self._settle(held)
+                    held = None
+            reader.alive()
+            asked_s = time.monotonic()
+        self._settle(held or [])
+        self._show(None)
+
+    def _arrive(self, packet: Coded) -> float:
+        """Unix time of arrival; a file's packets arrive at the pace of their time stamps."""
+        if self._paced and packet.dts is not None:
+            decoded_s = packet.dts * self._tick_s
+            self._first = self._first or (decoded_s, time.monotonic())
+            due_s = self._first[1] + decoded_s - self._first[0]
+            while self._reader.go_on() and (wait_s := due_s - time.monotonic()) > 0:
+                self._reader.alive()
+                time.sleep(min(wait_s, 0.1))
+        return self._source.arrival_s()
+
+    def _settle(self, packets: list[tuple[Coded, float]]) -> None:
+        """Learn the arrivals of packets that came together, then use the packets."""
+        self._stamps.fill(packets)
+        learnt: list[Coded] = []
+        for packet, arrival_s in packets:
+            if packet.pts is None:
+                continue
+            if self._stamps.begin_anew(packet, arrival_s):
+                self._use(learnt)
+                learnt = []
+                with self._reader.lock:
+                    self._renew()
+                self._clock = ArrivalClock()
+            # what is drained at the end comes before its time
+            if self._reader.go_on() or not self._clock.known:
+                self._clock.see(packet.pts * self._tick_s, arrival_s)
+                if not self._paced:
+                    listen(self._source, packet, arrival_s)
+            learnt.append(packet)
+        self._use(learnt)
+
+    def _use(self, packets: list[Coded]) -> None:
+        for packet in packets:
+            with self._reader.lock:
+                taken = self._take(packet)
+            if taken:
+                self._decode(packet)
+
+    def _renew(self) -> None:
+        """From here on only a key picture begins."""
+        self.list(self._reader.order.flush())
+        self._placed.clear()
+        self._key_pts = None
+
+    def _take(self, packet: Coded) -> bool:
+        """Record, number and time one packet, from the first key picture on; False for what has no place."""
+        reader, order, pts = self._reader, self._reader.order, packet.pts or 0
+        taken_s = self._taken_s(pts)
+        recording = reader.recording
+        if packet.is_keyframe and recording is not None and recording.wants_segment(self._stream, taken_s):
+            self._renew()
+            recording.begin(self._stream, order.count, taken_s)
+        if self._key_pts is None and packet.is_keyframe:
+            self._key_pts = pts
+        # pictures shown before the first key picture have nothing to be decoded from
+        if self._key_pts is None or pts < self._key_pts or order.repeats(pts):
+            return False
+        if recording is not None:
+            recording.write(packet, taken_s)
+        reader.progress.damaged += packet.is_corrupt
+        self.list(order.add(pts, pts if packet.dts is None else packet.dts))
+        return True
+
+    def _taken_s(self, pts: int) -> float:
+        """Unix time at which a picture was taken: by the stream's own word, else by when it came."""
+        stamp_s = pts * self._tick_s
+        told_s = self._source.exposures.unix_s(stamp_s)
+        return self._clock.unix_s(stamp_s) - self._reader.offset_s if told_s is None else told_s
+
+    def list(self, released: list[tuple[int, int]]) -> None:
+        """Give pictures whose place is certain their time, and tell it."""
+        reader = self._reader
+        for index, pts in released:
+            t_us = round(self._taken_s(pts) * 1e6)
+            reader.last_us = t_us = max(t_us, reader.last_us + 1)
+            self._placed[pts] = index, t_us
+            reader.progress.rows.append([index, t_us])
+        while len(self._placed) > REMEMBERED:
+            del self._placed[next(iter(self._placed))]
+
+    def _decode(self, packet: Coded) -> None:
+        """Decode unless that has fallen behind."""
+        behind = not self._paced and time.monotonic() - self._busy_since_s > BEHIND_S
+        if packet.is_keyframe:
+            self._decoding = True
+            self._busy_since_s = max(self._busy_since_s, time.monotonic() - BEHIND_S / 2)
+        elif behind:
+            self._decoding = False
+        if self._decoding:
+            self._show(packet)
+        else:
+            self._reader.progress.undecoded += 1
+
+    def _show(self, packet: Coded | None) -> None:
+        """Decode; the last picture that comes out is the newest."""
+        reader = self._reader
+        try:
+            pictures: list[Any] = self._stream.codec_context.decode(packet)
+        except (av.FFmpegError, ValueError):
+            reader.progress.undecoded += packet is not None
+            return
+        for picture in pictures:
+            pts = picture.pts
+            if pts is None:
+                continue
+            reader.progress.damaged += picture.is_corrupt
+            place = self._placed.get(pts)
+            if place is None:
+                place = reader.order.place(pts), round(self._taken_s(pts) * 1e6)
+            reader.newest.put(*place, picture)

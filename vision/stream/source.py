@@ -1,0 +1,167 @@
+"""What a live video can come from, in one line of text, and what a UAV's offer of a stream is in that text.
+
+    udp://:5600   udp://0.0.0.0:5600    MPEG-TS or RTP (H.264, H.265, MPEG-TS), whichever comes
+    rtp://:5600   rtp://:5600?codec=h265
+    mpegts://:5600
+    udp://239.1.1.1:5600                 a multicast group, joined
+    udp://192.168.1.10:5600              an address that is not ours: only what that host sends
+    rtsp://…  tcp://…  http://…          RTSP over TCP, MPEG-TS over TCP, whatever FFmpeg reads over HTTP
+    /dev/video0   /dev/video0?size=1280x720&rate=30&format=mjpeg
+    video.sdp                            a session that FFmpeg receives by itself
+    flight.mp4                           a file, at its own pace
+
+``udp265://`` and ``udp264://`` are ``rtp://`` with the codec named, as other stations write it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+from urllib.parse import parse_qsl, urlsplit
+
+from vision.errors import VideoError
+from vision.stream.secrets import concealed
+
+__all__ = ["Codec", "Source", "offered", "parse_source"]
+
+Codec = Literal["", "h264", "hevc", "mpegts"]
+"""Of datagrams; empty: to be found out."""
+
+PORT = 5600
+CODECS: Mapping[str, Codec] = {
+    "": "", "auto": "", "h264": "h264", "avc": "h264", "h265": "hevc", "hevc": "hevc", "mpegts": "mpegts",
+}  # fmt: skip
+DATAGRAMS: Mapping[str, Codec] = {"udp": "", "rtp": "", "mpegts": "mpegts", "udp264": "h264", "udp265": "hevc"}
+NETWORK = ("rtsp", "rtsps", "tcp", "http", "https")
+CAMERA_KEYS = {"size": "video_size", "rate": "framerate", "format": "input_format"}
+
+RTSP, RTP_UDP, TCP_MPEG, MPEG_TS = range(4)
+"""VIDEO_STREAM_TYPE"""
+H265 = 2
+"""VIDEO_STREAM_ENCODING"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A place that video comes from."""
+
+    text: str
+    """As it was given, without passwords: what is shown, logged and recorded."""
+    kind: Literal["datagrams", "network", "camera", "session", "file"]
+    address: str = ""
+    """For FFmpeg: a URL, device or path."""
+    host: str = ""
+    """Of datagrams; empty: any address of this machine."""
+    port: int = 0
+    codec: Codec = ""
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def paced(self) -> bool:
+        """Whether it has no pace of its own."""
+        return self.kind == "file"
+
+
+def parse_source(text: str) -> Source:
+    """Understand a line that says where video comes from.
+
+    Raises:
+        VideoError: a scheme, port or codec that there is none of.
+    """
+    if text.startswith("/dev/"):
+        return _camera(text)
+    shown = concealed(text)
+    if "://" not in text:
+        return Source(text=shown, kind="session" if text.lower().endswith(".sdp") else "file", address=text)
+    scheme = text.partition("://")[0].lower()
+    if scheme in DATAGRAMS:
+        return _datagrams(text, DATAGRAMS[scheme])
+    if scheme == "file":
+        return Source(text=text, kind="file", address=urlsplit(text).path)
+    if scheme in NETWORK:
+        return Source(text=shown, kind="network", address=text, options=_network_options(scheme))
+    raise VideoError(f"video {shown}: no source begins with {scheme}://; known are {', '.join((*DATAGRAMS, *NETWORK))}")
+
+
+def offered(stream_type: int, uri: str, encoding: int = 0) -> str:
+    """The source that a VIDEO_STREAM_INFORMATION offers, empty when it is none that could be opened.
+
+    The text comes from the air: it may name a stream on the network and nothing else, never a file or a device.
+
+    Args:
+        stream_type: VIDEO_STREAM_TYPE: 0 RTSP, 1 RTP over UDP, 2 MPEG over TCP, 3 MPEG-TS over UDP.
+        uri: a URL, or the port alone.
+        encoding: VIDEO_STREAM_ENCODING: 0 unknown, 1 H.264, 2 H.265.
+    """
+    uri = uri.strip()
+    if stream_type in (RTP_UDP, MPEG_TS):
+        return _offered_port(uri, "mpegts" if stream_type == MPEG_TS else "rtp", encoding)
+    wanted = {RTSP: ("rtsp", "rtsps"), TCP_MPEG: ("tcp",)}.get(stream_type, ())
+    scheme, found, rest = uri.partition("://")
+    if not found:
+        scheme, rest = next(iter(wanted), ""), uri
+    if scheme.lower() not in wanted or not rest or any(c.isspace() or not c.isprintable() for c in uri):
+        return ""
+    try:
+        parts = urlsplit(f"{scheme}://{rest}")
+        usable = bool(parts.hostname) and parts.port != 0 and (stream_type == RTSP or parts.port is not None)
+    except ValueError:
+        return ""
+    return parts.geturl() if usable else ""
+
+
+def _offered_port(uri: str, scheme: str, encoding: int) -> str:
+    """Datagrams come to us, whatever host the UAV names: only a multicast group is one to listen on."""
+    try:
+        parts = urlsplit(uri if "://" in uri else f"udp://{uri}" if ":" in uri else f"udp://:{uri}")
+        port, host = parts.port, parts.hostname or ""
+    except ValueError:
+        return ""
+    if not port:
+        return ""
+    known = "?codec=h265" if scheme == "rtp" and encoding == H265 else ""
+    return f"{scheme}://{host if _is_group(host) else ''}:{port}{known}"
+
+
+def _is_group(host: str) -> bool:
+    first = host.partition(".")[0]
+    return first.isdecimal() and 224 <= int(first) <= 239
+
+
+def _datagrams(text: str, codec: Codec) -> Source:
+    try:
+        parts = urlsplit(text)
+        # FFmpeg's way to write "any address" is udp://@:5600
+        port, host = parts.port or PORT, parts.hostname or ""
+    except ValueError:
+        # not from the error, which repeats a part of the text
+        raise VideoError(f"video {concealed(text)}: not an address; write for example udp://0.0.0.0:5600") from None
+    named = dict(parse_qsl(parts.query)).get("codec", "").lower()
+    if named not in CODECS:
+        raise VideoError(f"video {concealed(text)}: codec {named!r} is not known here; use h264, h265 or mpegts")
+    return Source(
+        text=concealed(text),
+        kind="datagrams",
+        host="" if host == "0.0.0.0" else host,
+        port=port,
+        codec=CODECS[named] or codec,
+    )
+
+
+def _camera(text: str) -> Source:
+    device, _, query = text.partition("?")
+    options = {}
+    for key, value in parse_qsl(query):
+        if key not in CAMERA_KEYS:
+            raise VideoError(f"video {text}: a camera has no {key!r}; use {', '.join(CAMERA_KEYS)}")
+        options[CAMERA_KEYS[key]] = value
+    return Source(text=text, kind="camera", address=device, options=options)
+
+
+def _network_options(scheme: str) -> dict[str, str]:
+    """What keeps delay low, and the stream from sending FFmpeg to files of ours."""
+    options = {"protocol_whitelist": "tcp,udp,rtp,tls,http,https,httpproxy,crypto", "fpsprobesize": "0"}
+    if scheme.startswith("rtsp"):
+        options |= {"rtsp_transport": "tcp"}
+    return options

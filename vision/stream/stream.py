@@ -1,0 +1,309 @@
+"""Live video: the newest picture for whoever asks, every packet into a file, a time for every picture.
+
+A process of its own reads, records and decodes (``vision.stream.stream_worker``): when FFmpeg crashes or hangs there it
+is killed and started again, and the flight goes on. Who asks too seldom gets the newest picture only; the others are
+counted and still listed, since the recording has them. ``vision.stream.source`` says what can be a source; a file plays
+as if live.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from vision.errors import VideoError
+from vision.stream.messages import Picture, Progress, Settings, make_slot
+from vision.stream.port import bind
+from vision.stream.process import Process
+from vision.stream.secrets import conceal_in
+from vision.stream.source import Source, parse_source
+from vision.video.recording import require_new
+from vision.video.video import Frame
+
+__all__ = ["VideoStream"]
+
+_TOLD = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
+
+STALL_S = 1.0
+AWAKE = 2
+"""Pictures that end a stall."""
+START_PATIENCE_S = 20.0
+"""For a process to say its first word."""
+LOOK_S = 0.2
+CLOSE_S = 2.0
+ANSWER_S = 0.5
+"""For an answer beyond the time that the picture was waited for."""
+PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Before the process is started again; the last repeats."""
+STEADY_S = 10.0
+"""A process that lived so long was well."""
+
+
+class VideoStream:
+    """A live source.
+
+    Args:
+        url: see ``vision.stream.source``.
+        record_path: .mkv to be created, None to record nothing. Further files are named video.1.mkv, video.2.mkv, …
+        offset_s: video time minus telemetry time, s; taken from every picture's time.
+        on_frame: called from the listening thread with index and Unix µs of every picture, in order.
+        stall_s: without a picture for so long the stream is stalled.
+
+    Attributes:
+        url: the source as it may be shown.
+        received: pictures listed so far, in all files of the recording.
+        restarts: how often the video's process was started again.
+
+    Raises:
+        VideoError: the recording exists already, or the source is none. That it does not answer is no error: it is
+            tried again without end.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        record_path: Path | None = None,
+        offset_s: float = 0.0,
+        *,
+        on_frame: Callable[[int, int], None] | None = None,
+        stall_s: float = STALL_S,
+    ) -> None:
+        source = parse_source(url)
+        if record_path is not None:
+            require_new(record_path)
+        self.url = source.text
+        self._conceal = partial(conceal_in, address=url)
+        self.received = self.restarts = 0
+        self._settings = Settings(source=url, record=str(record_path or ""), offset_s=offset_s)
+        self._on_frame = on_frame
+        self._stall_s = stall_s
+        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[])
+        self._before = Progress(patience_s=0.0, rows=[])
+        self._trouble = self._rows_error = ""
+        self._last_us = 0
+        self._late = 0
+        self._heard_s = time.monotonic()
+        self._waking = 0
+        self._stop = threading.Event()
+        self._answered = threading.Condition()
+        self._answer: Picture | None = None
+        self._asked = 0
+        self._asking = threading.Lock()
+        self._slot_fd = make_slot()
+        self._port = _bind(source)
+        self._process = self._start(self._settings)
+        self._thread = threading.Thread(target=self._run, name="video", daemon=True)
+        self._thread.start()
+
+    @property
+    def connected(self) -> bool:
+        """Whether packets are coming in."""
+        return self._progress.connected and not self.stalled
+
+    @property
+    def ended(self) -> bool:
+        """Whether a file came to its end."""
+        return self._progress.ended
+
+    @property
+    def stalled(self) -> bool:
+        """Whether no picture has come for a second."""
+        return not self.ended and time.monotonic() - self._heard_s > self._stall_s
+
+    @property
+    def skipped(self) -> int:
+        """Pictures that were decoded and that nobody asked for in time."""
+        return self._progress.skipped + self._late
+
+    @property
+    def undecoded(self) -> int:
+        """Packets recorded but never decoded, because of damage or because decoding had fallen behind."""
+        return self._progress.undecoded
+
+    @property
+    def damaged(self) -> int:
+        """Packets and pictures of which the decoder or the transport say that parts are missing or wrong."""
+        return self._progress.damaged
+
+    @property
+    def strangers(self) -> int:
+        """Datagrams of others than the sender being listened to, dropped; counted when a connection ends."""
+        return self._progress.strangers
+
+    @property
+    def exposure(self) -> str:
+        """How it is known when pictures were taken, in words; empty while that is told by when they come."""
+        progress = self._progress
+        if progress.told_by:
+            word, delay_s = _TOLD.get(progress.told_by, "word"), progress.told_delay_s
+            return f"by the stream's own {word}, {delay_s:.2f} s before they come"
+        if progress.told_error_s:
+            return f"by when they come: the stream's own clock is {progress.told_error_s:+.1f} s off and not used"
+        return ""
+
+    @property
+    def reconnects(self) -> int:
+        """Connections after the first."""
+        return max(self._progress.connections - 1, 0)
+
+    @property
+    def error(self) -> str:
+        """Last trouble in a line, empty when there is none."""
+        return self._conceal(self._progress.error or self._trouble or self._rows_error)
+
+    @property
+    def recording_error(self) -> str:
+        """Why the recording broke off, empty while it is well."""
+        return self._conceal(self._progress.recording_error)
+
+    @property
+    def process_id(self) -> int:
+        """Of the process that reads the video now."""
+        return self._process.pid
+
+    def latest(self, timeout_s: float) -> Frame | None:
+        """The newest picture that was not given out yet; None when none comes within ``timeout_s``."""
+        with self._asking:
+            deadline_s = time.monotonic() + timeout_s
+            while not self._stop.is_set():
+                process, wait_s = self._process, max(deadline_s - time.monotonic(), 0.0)
+                self._asked += 1
+                process.ask(self._asked, wait_s)
+                with self._answered:
+                    self._answered.wait_for(partial(self._is_answered, process), wait_s + ANSWER_S)
+                    answer, self._answer = self._answer, None
+                if answer is not None:
+                    return self._frame(process, answer)
+                if time.monotonic() >= deadline_s:
+                    return None
+            return None
+
+    def close(self) -> None:
+        """Stop reading and seal the recording; returns within 2.5 s, may be called twice."""
+        self._stop.set()
+        self._process.stop()
+        with self._answered:
+            self._answered.notify_all()
+        self._thread.join(CLOSE_S + ANSWER_S)
+
+    def __enter__(self) -> VideoStream:
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        self.close()
+
+    def _is_answered(self, process: Process) -> bool:
+        return self._answer is not None or self._stop.is_set() or process is not self._process
+
+    def _frame(self, process: Process, answer: Picture) -> Frame | None:
+        image = process.image(answer.width, answer.height) if answer.index >= 0 else None
+        return None if image is None else Frame(index=answer.index, t_us=answer.t_us, image=image)
+
+    def _run(self) -> None:
+        """Follow one process after the other."""
+        attempt = 0
+        while True:
+            began_s = time.monotonic()
+            hung = self._follow()
+            if self._stop.is_set() or self.ended:
+                break
+            end = self._process.end(CLOSE_S)
+            end = "hung, was killed" if hung else end
+            attempt = 0 if time.monotonic() - began_s > STEADY_S else attempt + 1
+            self._trouble = f"video {self.url}: its process {end} and was started again"
+            self._stop.wait(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
+            if self._stop.is_set():
+                break
+            self._start_again()
+        self._process.end(CLOSE_S)
+        os.close(self._slot_fd)
+        if self._port is not None:
+            self._port.close()
+
+    def _follow(self) -> bool:
+        """Take in what the process says until it ends; whether it had to be killed for keeping silent."""
+        patience_s, heard_s, hung = START_PATIENCE_S, time.monotonic(), False
+        while True:
+            try:
+                message = self._process.hear(LOOK_S)
+            except (EOFError, ValueError):
+                return hung
+            now_s = time.monotonic()
+            if isinstance(message, Progress):
+                patience_s, heard_s = message.patience_s, now_s
+                self._take(message)
+            elif isinstance(message, Picture):
+                self._hand_over(message)
+            if self._stop.is_set():
+                patience_s = min(patience_s, CLOSE_S)
+            if not hung and now_s - heard_s > patience_s and not self._progress.ended:
+                if not self._stop.is_set() and self._process.waits_for_disk:
+                    continue  # no death: what it holds goes into the file when the disk answers
+                self._process.kill()
+                hung = True
+
+    def _take(self, progress: Progress) -> None:
+        """Pictures listed and numbers counted."""
+        if progress.rows and progress.connected:
+            self._hear(len(progress.rows))
+        for index, t_us in progress.rows:
+            self.received, self._last_us = index + 1, t_us
+            self._list(index, t_us)
+        self._progress = progress.after(self._before)
+        if progress.ended:
+            self._notify(None)
+
+    def _hear(self, pictures: int) -> None:
+        """A lone picture ends no stall: transports hold the last one back until they give up."""
+        if self.stalled and self._waking + pictures < AWAKE:
+            self._waking += pictures
+        else:
+            self._waking, self._heard_s = 0, time.monotonic()
+
+    def _list(self, index: int, t_us: int) -> None:
+        if self._on_frame is None:
+            return
+        try:
+            self._on_frame(index, t_us)
+            self._rows_error = ""
+        except (OSError, ValueError) as error:
+            self._rows_error = f"video {self.url}: frame times are not kept, {error}"
+
+    def _hand_over(self, answer: Picture) -> None:
+        if answer.number == self._asked:
+            self._notify(answer)
+        else:
+            self._late += answer.index >= 0
+
+    def _notify(self, answer: Picture | None) -> None:
+        with self._answered:
+            self._answer = answer or self._answer
+            self._answered.notify_all()
+
+    def _start_again(self) -> None:
+        """A new process goes on where the last one stopped, in a new file."""
+        self._before = done = self._progress
+        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment).after(done)
+        settings = replace(self._settings, segment=done.segment, received=self.received, last_us=self._last_us)
+        self.restarts += 1
+        self._process = self._start(settings)
+        self._notify(None)
+
+    def _start(self, settings: Settings) -> Process:
+        return Process(settings, self._slot_fd, -1 if self._port is None else self._port.fileno())
+
+
+def _bind(source: Source) -> socket.socket | None:
+    """The port that datagrams come to; a port that is taken is tried again by the process, which tells why."""
+    if source.kind != "datagrams":
+        return None
+    try:
+        return bind(source.host, source.port)
+    except VideoError:
+        return None

@@ -1,0 +1,193 @@
+"""The video's own process: connects, reads, records and decodes, so that a crash or hang of the decoder stays here.
+
+Started by ``vision.stream.process``. Two pipes, one picture's memory and the bound port come as file descriptors. The
+end of the requests' pipe means stop: also when the station was killed, the recording is sealed.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+import sys
+import threading
+import time
+from contextlib import closing
+from multiprocessing.connection import Connection
+
+import av
+import numpy as np
+
+from vision.errors import VideoError
+from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
+from vision.stream.messages import SLOT_BYTES, Picture, Progress, Request, Settings, decode, encode, map_slot
+from vision.stream.port import Port, bind
+from vision.stream.reader import Reader
+from vision.stream.source import parse_source
+from vision.video.frame_index import reason
+
+__all__ = ["main"]
+
+PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Before the next attempt to connect; the last repeats."""
+OPENING_PATIENCE_S = 2 * OPEN_TIMEOUT_S + 2.0
+"""FFmpeg takes its time twice: to connect, and to find out what comes."""
+WAITING_PATIENCE_S = 3.0
+MEMORY_BYTES = 6 << 30
+"""A stream that says it is enormous ends here and not in a machine without memory."""
+SEAL_S = 0.5
+"""When told to stop, FFmpeg is not waited for longer."""
+
+
+class Child:
+    """The process's two threads: one reads the source, one answers requests."""
+
+    def __init__(self, requests: Connection, reports: Connection, slot_fd: int, socket_fd: int) -> None:
+        self._requests = requests
+        self._reports = reports
+        self._reports_lock = threading.Lock()
+        self._slot = np.frombuffer(map_slot(slot_fd), dtype=np.uint8)
+        settings = decode(requests.recv_bytes(), Settings)
+        self._source = parse_source(settings.source)
+        self._bound = socket.socket(fileno=socket_fd) if socket_fd >= 0 else None
+        self._stop = threading.Event()
+        self._finished = threading.Event()
+        self._once = threading.Lock()
+        self._reader = Reader(settings, self._go_on, self._tell)
+
+    def run(self) -> None:
+        """Until told to stop, or a file's end."""
+        threading.Thread(target=self._answer, name="answers", daemon=True).start()
+        try:
+            if self._source.kind == "datagrams":
+                self._listen()
+            else:
+                self._connect()
+        finally:
+            self._reader.newest.end()
+            self._finish()
+        # pictures that wait can still be asked for
+        self._stop.wait()
+
+    def _go_on(self) -> bool:
+        if self._reader.progress.connected is False:
+            self._reader.alive(WAITING_PATIENCE_S)
+        return not self._stop.is_set()
+
+    def _listen(self) -> None:
+        """One connection after the other on a port that stays bound."""
+        port = self._bind()
+        if port is None:
+            return
+        with closing(port):
+            while self._go_on():
+                self._reader.progress.strangers = port.strangers
+                try:
+                    opened = datagrams(self._source, port, self._go_on)
+                    if opened is not None:
+                        self._read(opened)
+                except VideoError as error:
+                    self._complain(str(error))
+
+    def _bind(self) -> Port | None:
+        attempt = 0
+        while self._go_on():
+            try:
+                bound = self._bound or bind(self._source.host, self._source.port)
+                return Port(bound, self._source.host, self._go_on, READ_TIMEOUT_S)
+            except (VideoError, OSError) as error:
+                self._complain(str(error))
+                self._pause(attempt)
+                attempt += 1
+        return None
+
+    def _connect(self) -> None:
+        """Connect, read until it breaks, and again with growing pauses."""
+        attempt = 0
+        while self._go_on():
+            self._reader.alive(OPENING_PATIENCE_S)
+            before = self._reader.order.count
+            try:
+                self._read(open_input(self._source))
+                self._reader.progress.ended = self._source.paced and not self._stop.is_set()
+            except VideoError as error:
+                self._complain(str(error))
+            if self._reader.progress.ended:
+                return
+            attempt = 0 if self._reader.order.count > before else attempt + 1
+            self._pause(attempt)
+
+    def _read(self, opened: Input) -> None:
+        with closing(opened.container):
+            try:
+                self._reader.read(opened, paced=self._source.paced)
+            except av.ExitError:
+                self._complain(f"video {self._source.text}: nothing came for {READ_TIMEOUT_S:g} s")
+            except (av.FFmpegError, OSError, ValueError) as error:
+                self._complain(f"video {self._source.text}: {reason(error)}")
+
+    def _complain(self, text: str) -> None:
+        self._reader.progress.error = text
+        self._reader.tell()
+
+    def _pause(self, attempt: int) -> None:
+        until_s = time.monotonic() + PAUSES_S[min(attempt, len(PAUSES_S) - 1)]
+        while self._go_on() and (left_s := until_s - time.monotonic()) > 0:
+            self._stop.wait(min(left_s, 0.2))
+
+    def _finish(self) -> None:
+        with self._once:
+            if not self._finished.is_set():
+                self._reader.finish()
+                self._finished.set()
+
+    def _tell(self, progress: Progress) -> None:
+        self._send(progress)
+
+    def _send(self, message: Progress | Picture) -> None:
+        try:
+            with self._reports_lock:
+                self._reports.send_bytes(encode(message))
+        except OSError:
+            # nobody reads any more: only the recording is left to be sealed
+            self._stop.set()
+
+    def _answer(self) -> None:
+        """Hand out the newest picture whenever it is asked for; the pipe's end means stop."""
+        try:
+            while True:
+                request = decode(self._requests.recv_bytes(), Request)
+                self._send(self._fetch(request))
+        except (EOFError, OSError, ValueError):
+            self._stop.set()
+        self._finished.wait(SEAL_S)
+        self._finish()
+        os._exit(0)
+
+    def _fetch(self, request: Request) -> Picture:
+        taken = self._reader.newest.take(request.wait_s)
+        if taken is None:
+            return Picture(number=request.number)
+        index, t_us, frame = taken
+        try:
+            image = frame.to_ndarray(format="bgr24")
+        except (av.FFmpegError, ValueError, MemoryError):
+            return Picture(number=request.number)
+        if image.size > SLOT_BYTES:
+            self._reader.progress.error = (
+                f"video {self._source.text}: pictures of {frame.width}×{frame.height} are too large"
+            )
+            return Picture(number=request.number)
+        self._slot[: image.size].reshape(image.shape)[:] = image
+        return Picture(number=request.number, index=index, t_us=t_us, width=frame.width, height=frame.height)
+
+
+def main() -> None:
+    """Take the file descriptors from the command line and work."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    requests, reports, slot, bound = map(int, sys.argv[1:5])
+    Child(Connection(requests, writable=False), Connection(reports, readable=False), slot, bound).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Tracking: boxes of one frame after another in, tracks with stable numbers out."""

@@ -1,0 +1,253 @@
+"""What is known of every track, as one table, and how it moves on in time and with the camera."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detect.detections import Detections
+from vision.track import kalman
+
+__all__ = ["TrackState"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+SIZE_TIME_S = 0.5
+"""Time constant of the smoothed sides."""
+AXIS_TIME_S = 0.12
+"""Time constant of the smoothed axis."""
+VOTES = 5.0
+"""Most votes for a front that are remembered: a turned front is believed after about as many sightings."""
+NEARLY_SQUARE = 1.4
+"""Ratio of sides below which width and length may have been taken for each other."""
+
+RATES = -1.0 / np.array([[SIZE_TIME_S], [SIZE_TIME_S], [AXIS_TIME_S]])
+
+# rows of the table: with everything in one array each step is a few calls, whatever the number of tracks
+X, SIDES, SHAPE, AGES, TOLD, WHOLE, COVARIANCE = (
+    slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31))
+)
+W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
+ROWS = 31
+BOX = np.array([0, 1, W, H, AXIS])
+# rows of a detections' table
+SEEN_SHAPE, SEEN_SCORE, SEEN_HEADING = slice(2, 5), 5, 6
+
+
+class TrackState:
+    """k tracks in order of their ids.
+
+    The rows of its table (31, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
+    √(w h) px, at least one; votes for the front along the axis (positive) or against (0: never known); score; seconds
+    since first and since last seen; in whole numbers the id, the index into this picture's detections (-1 unseen) and
+    the pictures in which it was seen; the covariance of the first four.
+    """
+
+    __slots__ = ("table",)
+
+    def __init__(self, table: Floats) -> None:
+        self.table = table
+
+    @classmethod
+    def start(cls, boxes: Detections, index: Indices, first_id: int, noise: Floats, speed: Floats) -> TrackState:
+        """New tracks on the detections at ``index`` (k,), numbered from ``first_id``."""
+        table, seen = np.zeros((ROWS, len(index))), boxes.table.take(index, axis=1)
+        table[TRACK_ID] = np.arange(first_id, first_id + len(index))
+        _place(table, seen, noise, speed)
+        _see(table, seen, index)
+        return cls(table)
+
+    @classmethod
+    def none(cls) -> TrackState:
+        """No tracks."""
+        return cls(np.empty((ROWS, 0)))
+
+    def __len__(self) -> int:
+        return int(self.table.shape[1])
+
+    @property
+    def x(self) -> Floats:
+        """(k, 4) centre px and velocity px/s; may be written to."""
+        return self.table[X].T
+
+    @property
+    def P(self) -> Floats:  # noqa: N802 - the covariance has this name everywhere
+        """(k, 4, 4) covariance of x."""
+        return _square(self.table)
+
+    @property
+    def boxes(self) -> Floats:
+        """Rows cx cy w h angle, (k, 5)."""
+        return self.table.take(BOX, axis=0).T
+
+    @property
+    def length(self) -> Floats:
+        """Size of a box in one number, (k,) px: √(w h), at least a pixel."""
+        return self.table[LENGTH, :]
+
+    @property
+    def age_s(self) -> Floats:
+        """(k,) since first seen."""
+        return self.table[AGE, :]
+
+    @property
+    def gap_s(self) -> Floats:
+        """(k,) since last seen."""
+        return self.table[GAP, :]
+
+    @property
+    def hits(self) -> Floats:
+        """(k,) pictures in which it was seen."""
+        return self.table[HITS, :]
+
+    @property
+    def unseen(self) -> Flags:
+        """(k,) no detection of this picture is its."""
+        return self.table[DETECTION, :] < 0.0
+
+    @property
+    def track_id(self) -> Ints:
+        """(k,) from 1."""
+        return self.table[TRACK_ID, :].astype(np.int64)
+
+    @property
+    def detection(self) -> Indices:
+        """(k,) index into this picture's detections, -1 unseen."""
+        return self.table[DETECTION, :].astype(np.intp)
+
+    @property
+    def ahead(self) -> Floats:
+        """Axis turned to the voted front, (k,) rad clockwise from image right; the axis itself when none was seen."""
+        return self.table[AXIS, :] + np.pi * (self.table[FRONT, :] < 0.0)
+
+    def apart(self, boxes: Detections) -> Floats:
+        """Squared distances of tracks and boxes, (k, m) px²."""
+        dx, dy = boxes.cx - self.table[0, :, None], boxes.cy - self.table[1, :, None]
+        return dx * dx + dy * dy
+
+    def told(self) -> tuple[Floats, Ints]:
+        """Read-only copies of the rows up to the gap, (12, k), and of the whole numbers, (3, k)."""
+        told, whole = self.table[TOLD].copy(), self.table[WHOLE].astype(np.int64)
+        told.setflags(write=False)
+        whole.setflags(write=False)
+        return told, whole
+
+    def take(self, rows: Indices) -> TrackState:
+        """Copies of the tracks ``rows``."""
+        return TrackState(self.table.take(rows, axis=1))
+
+    def join(self, other: TrackState) -> TrackState:
+        """These and then those."""
+        return TrackState(np.concatenate([self.table, other.table], axis=1))
+
+    def predict(self, dt: float, wander: float) -> None:
+        """Move on by ``dt`` seconds, unseen until corrected; ``wander`` as in the filter, but in sizes/s."""
+        _move(self.table, *kalman.predict(self.x, self.P, dt, wander * self.length))
+        self.table[AGES] += dt
+        self.table[DETECTION] = -1.0
+
+    def warp(self, H: Floats) -> None:
+        """Follow the camera: H (3, 3) leads from the picture before to this one."""
+        table = self.table
+        x, P, J = kalman.warp(self.x, self.P, H)
+        _move(table, x, P)
+        c, s = np.cos(table[AXIS]), np.sin(table[AXIS])
+        # columns of J R(axis): where a step along the box and one across it lead
+        moved = J @ np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
+        table[AXIS] += _near_zero(np.arctan2(moved[:, 1, 0], moved[:, 0, 0]) - table[AXIS], 2 * np.pi)
+        table[SIDES] *= np.sqrt((moved * moved).sum(axis=1)).T
+        _measure(table)
+
+    def correct(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats) -> None:
+        """Tracks ``rows`` (q,) are seen as the detections ``index`` (q,); ``noise`` (q,) px of their centres."""
+        known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
+        _move(known, *kalman.correct(known[X].T, _square(known), seen[:2].T, noise))
+        _reshape(known, seen)
+        _see(known, seen, index)
+        self.table[:, rows] = known
+
+    def restart(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats, speed: Floats) -> None:
+        """Tracks ``rows`` (q,) are found again elsewhere: as new in motion, the same in id and age."""
+        known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
+        _place(known, seen, noise, speed)
+        _see(known, seen, index)
+        self.table[:, rows] = known
+
+
+def _square(table: Floats) -> Floats:
+    """The covariances (k, 4, 4) in a table."""
+    return table[COVARIANCE].reshape(4, 4, -1).transpose(2, 0, 1)
+
+
+def _move(table: Floats, x: Floats, P: Floats) -> None:
+    """Put states (k, 4) and covariances (k, 4, 4) into a table."""
+    table[X], table[COVARIANCE] = x.T, P.transpose(1, 2, 0).reshape(16, -1)
+
+
+def _place(table: Floats, seen: Floats, noise: Floats, speed: Floats) -> None:
+    """Put tracks where boxes (7, k) are seen, with their shape."""
+    _move(table, *kalman.initial(seen[:2].T, noise, speed))
+    table[SHAPE] = seen[SEEN_SHAPE]
+    table[FRONT] = np.where(np.isnan(seen[SEEN_HEADING]), 0.0, _vote(seen[SEEN_HEADING], table[AXIS]))
+    _measure(table)
+
+
+def _measure(table: Floats) -> None:
+    """Lengths of boxes whose sides changed."""
+    table[LENGTH] = np.maximum(np.sqrt(table[W] * table[H]), 1.0)
+
+
+def _see(table: Floats, seen: Floats, index: Indices) -> None:
+    """Tracks were seen as detections ``index``."""
+    table[SCORE], table[DETECTION], table[GAP] = seen[SEEN_SCORE], index, 0.0
+    table[HITS] += 1.0
+
+
+def _reshape(table: Floats, seen: Floats) -> None:
+    """Sides and axis move towards what is seen (7, k), the front by majority."""
+    change = seen[SEEN_SHAPE] - table[SHAPE]
+    if np.abs(change[2]).max() > np.pi / 4:
+        _turn_back(change, table, seen)
+    # a gain of 1/hits at first, 1 − e^(−dt/τ) in the long run; here with its sign turned
+    early = -1.0 / (table[HITS] + 1.0)
+    table[SHAPE] -= np.minimum(early, np.expm1(RATES * table[GAP])) * change
+    _measure(table)
+    unknown = np.isnan(seen[SEEN_HEADING])
+    doubtful = np.count_nonzero(unknown)
+    if doubtful < len(unknown):
+        votes = _poll(table[FRONT], _vote(seen[SEEN_HEADING], table[AXIS]))
+        table[FRONT] = np.where(unknown, table[FRONT], votes) if doubtful else votes
+
+
+def _turn_back(change: Floats, table: Floats, seen: Floats) -> None:
+    """An axis has no direction, and nearly square boxes of unknown front may have their sides the other way round."""
+    turn = change[2] = _near_zero(change[2], np.pi)
+    swapped = (np.abs(turn) > np.pi / 4) & np.isnan(seen[SEEN_HEADING])
+    if np.count_nonzero(swapped):
+        sides = seen[2:4]
+        swapped &= sides.max(axis=0) < NEARLY_SQUARE * np.maximum(sides.min(axis=0), 1e-9)
+        change[:2, swapped] = (sides[::-1] - table[SIDES])[:, swapped]
+        change[2, swapped] = _near_zero(turn[swapped] + np.pi / 2, np.pi)
+
+
+def _poll(front: Floats, vote: Floats) -> Floats:
+    """Votes for the front after one more each."""
+    votes = front + vote
+    if np.count_nonzero(votes) < len(votes):
+        # a draw goes to what was believed before
+        votes = np.where(votes == 0, -0.5 * vote, votes)
+    return np.minimum(np.maximum(votes, -VOTES), VOTES)
+
+
+def _vote(heading: Floats, axis: Floats) -> Floats:
+    """+1 for a front along the axis, -1 against it; means nothing where the heading is unknown."""
+    # cos(heading − π/2 − axis) = sin(heading − axis)
+    return np.copysign(1.0, np.sin(heading - axis))
+
+
+def _near_zero(angle: Floats, period: float) -> Floats:
+    """The same angle modulo ``period``, nearest to 0."""
+    return np.asarray((angle + period / 2) % period - period / 2)

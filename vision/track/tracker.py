@@ -1,0 +1,272 @@
+"""Tracks of oriented boxes: ByteTrack's two rounds on a Kalman filter with gates, real time steps and camera motion.
+
+Pixels, seconds, radians; ids start at 1 in each tracker and are never used twice.
+
+Reference:
+    Y. Zhang et al., "ByteTrack: Multi-Object Tracking by Associating Every Detection Box", ECCV 2022,
+    arXiv:2110.06864, section 3. Here the cost is the log-likelihood of the centre with an overlap term instead of
+    overlap alone, since small fast boxes may not overlap from one picture to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
+from vision.detect.detections import Detections
+from vision.track import kalman
+from vision.track.matching import Pairs, assign, one_to_one
+from vision.track.merged_detections import take_together
+from vision.track.track_state import TrackState
+from vision.track.tracks import Stitch, TrackerParams, Tracks
+
+__all__ = ["Tracker"]
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+# A common shift is believed by this share when this many tracks with this many hits bear witness to it.
+SHIFT_SHARE = 0.7
+SHIFT_WORTH = 0.1
+"""Less than this, in sizes, is left to the filter."""
+LEAST_WITNESSES = 3
+SETTLED_HITS = 4
+
+
+class Tracker:
+    """Follows boxes from picture to picture.
+
+    Example:
+        >>> box = Detections(cx=[10.0], cy=[20.0], w=[8.0], h=[4.0], angle=[0.0], score=[0.9], heading=[np.nan])
+        >>> tracker = Tracker()
+        >>> tracker.update(box, 0).track_id.tolist(), tracker.update(box, 100_000).hits.tolist()
+        ([1], [2])
+    """
+
+    def __init__(self, params: TrackerParams | None = None) -> None:
+        self.params = params or TrackerParams()
+        self._state = TrackState.none()
+        self._next_id = 1
+        self._t_us: int | None = None
+        self._recent_s = self.params.known_s
+
+    def update(
+        self,
+        detections: Detections,
+        t_us: int,
+        *,
+        warp: Floats | None = None,
+        stitch: Stitch | None = None,
+        known: Collection[int] = (),
+    ) -> Tracks:
+        """Take in one picture.
+
+        Args:
+            detections: its boxes, in any order.
+            t_us: when it was taken. Pictures may be missing; a time that does not advance counts as no time passed.
+            warp: (3, 3) homography from the previous picture given here to this one, from the camera's motion.
+            stitch: asked once which lost tracks the boxes continue that nothing else explains.
+            known: ids of tracks whose owner is known. Once they have been out of sight for a while, ``stitch`` alone
+                continues them: where the owner says it is tells more than where the track was heading.
+        """
+        dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
+        self._t_us = t_us
+        # nobody is out of sight while no picture comes
+        self._recent_s = max(self.params.known_s, dt)
+        self._advance(dt, warp)
+        free = detections.score >= self.params.low_score
+        if len(self._state) and len(detections):
+            self._match(detections, free, known if stitch is not None else ())
+            if stitch is not None:
+                self._stitch(detections, free, stitch)
+        self._drop()
+        self._begin(detections, free)
+        return self._tracks()
+
+    def _advance(self, dt: float, warp: Floats | None) -> None:
+        state = self._state
+        state.predict(dt, self.params.wander)
+        if warp is not None and np.isfinite(warp).all():
+            state.warp(np.asarray(warp, dtype=np.float64))
+
+    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> None:
+        """Both rounds; what they use, and boxes round several tracks, are struck from the boxes (m,) that are free."""
+        params, state = self.params, self._state
+        apart = state.apart(boxes)
+        together = take_together(state, params, boxes, apart)
+        if np.count_nonzero(together):
+            free[together] = False
+            apart = state.apart(boxes)
+        high = free & (boxes.score >= params.high_score)
+        if self._shift(boxes, high, apart):
+            apart = state.apart(boxes)
+        pairs = self._candidates(boxes, apart, params.gate)
+        if len(known):
+            pairs = pairs.where(~self._owned(known)[pairs.row])
+        rows, columns = self._rounds(boxes, pairs, high, free)
+        if len(rows):
+            state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
+            free[columns] = False
+
+    def _owned(self, known: Collection[int]) -> Flags:
+        """Tracks (k,) out of sight that are continued by their owners' reports only."""
+        owned = self._state.gap_s > self._recent_s
+        if np.count_nonzero(owned):
+            owned &= np.isin(self._state.track_id, list(known))
+        return owned
+
+    def _shift(self, boxes: Detections, chosen: Flags, apart: Floats) -> bool:
+        """Take out what all tracks are off by alike: the camera turned in a way that the warp did not know.
+
+        Args:
+            boxes: of this picture.
+            chosen: (m,) those that count.
+            apart: (k, m) squared distances of tracks and boxes, px².
+
+        Returns:
+            Whether the tracks were moved.
+        """
+        params, state = self.params, self._state
+        settled = (state.hits >= SETTLED_HITS) & (state.gap_s <= self._recent_s)
+        witnesses, count = int(np.count_nonzero(settled)), int(np.count_nonzero(chosen))
+        if witnesses < LEAST_WITNESSES or not count:
+            return False
+        nearest = (apart if count == len(chosen) else apart[:, chosen]).min(axis=1)
+        near = nearest < (SHIFT_WORTH * state.length) ** 2
+        if np.count_nonzero(near & settled) > witnesses // 2:
+            return False
+        pairs = self._candidates(boxes, np.where(settled[:, None] & chosen, apart, np.inf), 4.0 * params.gate)
+        i, j = self._settle(boxes, pairs, 4.0 * params.gate + params.overlap_weight)
+        if len(i) < max(LEAST_WITNESSES, witnesses // 2):
+            return False
+        off = boxes.centre[j] - state.x[i, :2]
+        # the median in the plane: the one that is nearest to all others
+        between = off[:, None] - off
+        middle = np.argmin(np.sqrt((between * between).sum(axis=2)).sum(axis=1))
+        state.x[:, :2] += SHIFT_SHARE * off[middle]
+        return True
+
+    def _candidates(self, boxes: Detections, apart: Floats, gate: float) -> Pairs:
+        """Pairs within the gate and their cost without the overlap term: −2 ln p, p the likelihood of the centre."""
+        params, state = self.params, self._state
+        reach = state.length * (1.0 + params.top_speed * state.gap_s)
+        row, column = np.nonzero(apart < (reach * reach)[:, None])
+        near = state.take(row)
+        noise, close = self._noise_of(near.length), params.near * near.length
+        offset = boxes.table[:2].take(column, axis=1).T - near.x[:, :2]
+        squared, det = kalman.mahalanobis(offset, near.P, noise)
+        # −2 ln p = d² + ln det S up to a constant; relative to R, so that a certain track costs nothing here
+        variance = noise * noise
+        pairs = Pairs(row, column, np.minimum(squared, gate) + np.log(det / (variance * variance)))
+        inside = (squared < gate) | (apart[row, column] < close * close)
+        return pairs if np.count_nonzero(inside) == len(inside) else pairs.where(inside)
+
+    def _rounds(self, boxes: Detections, pairs: Pairs, high: Flags, free: Flags) -> tuple[Indices, Indices]:
+        """Rows and columns that belong together: sure boxes choose first, doubtful ones among the tracks left."""
+        limit = self.params.limit
+        first = high[pairs.column]
+        if np.count_nonzero(first) == len(first):
+            return self._settle(boxes, pairs, limit)
+        # doubtful boxes only continue tracks that were seen a moment ago
+        then = ~first & free[pairs.column] & (self._state.gap_s <= self.params.short_s)[pairs.row]
+        both = pairs.where(first | then)
+        if both.undisputed(limit - self.params.overlap_weight):
+            return both.row, both.column
+        rows, columns = self._settle(boxes, pairs.where(first), limit)
+        left = np.ones(len(self._state), dtype=bool)
+        left[rows] = False
+        more_rows, more_columns = self._settle(boxes, pairs.where(then & left[pairs.row]), limit)
+        return np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
+
+    def _settle(self, boxes: Detections, pairs: Pairs, limit: float) -> tuple[Indices, Indices]:
+        """The pairs that are taken, with the overlap term in their cost where it can change the answer."""
+        weight = self.params.overlap_weight
+        if pairs.undisputed(limit - weight):
+            return pairs.row, pairs.column
+        disputed = pairs.disputed(limit - weight)
+        row, column, cost = pairs.where(disputed)
+        overlap = prob_iou_pairs(self._state.boxes[row], boxes.boxes[column])
+        i, j = assign(row, column, cost + weight * (1 - overlap), limit)
+        return np.concatenate([pairs.row[~disputed], i]), np.concatenate([pairs.column[~disputed], j])
+
+    def _stitch(self, boxes: Detections, free: Flags, stitch: Stitch) -> None:
+        """Let somebody who knows more continue lost tracks."""
+        state = self._state
+        columns = np.flatnonzero(free & (boxes.score >= self.params.new_score))
+        if not len(columns):
+            return
+        rows = np.flatnonzero(state.unseen & (state.hits >= self.params.confirm_hits))
+        if not len(rows):
+            return
+        pairs = np.asarray(stitch(state.track_id[rows], boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
+        pairs = one_to_one(pairs, len(rows), len(columns))
+        i, j = rows[pairs[:, 0]], columns[pairs[:, 1]]
+        size = np.maximum(np.sqrt(boxes.w[j] * boxes.h[j]), 1.0)
+        state.restart(i, boxes, j, self._noise_of(size), self.params.first_speed * size)
+        free[j] = False
+
+    def _drop(self) -> None:
+        """End tracks that were not seen for too long."""
+        params, state = self.params, self._state
+        gap = state.gap_s
+        if not len(gap) or gap.max() <= min(params.tentative_s, params.short_s, params.coast_s):
+            return
+        patience = np.minimum(np.maximum(state.age_s - gap, params.short_s), params.coast_s)
+        brief = state.hits < params.confirm_hits
+        if params.picture is not None:
+            centre = state.x[:, :2]
+            brief |= ((centre < 0) | (centre > params.picture)).any(axis=1)
+        alive = gap <= np.where(brief, params.tentative_s, patience)
+        if np.count_nonzero(alive) < len(alive):
+            self._state = state.take(np.flatnonzero(alive))
+
+    def _begin(self, boxes: Detections, free: Flags) -> None:
+        """Begin a track on each box that is left, unless it repeats a box that has a track."""
+        if not np.count_nonzero(free):
+            return
+        params, state = self.params, self._state
+        index = np.flatnonzero(free & (boxes.score >= params.new_score))
+        used = state.detection[~state.unseen]
+        if len(index) and len(used):
+            doubled = prob_iou(boxes.boxes[index], boxes.boxes[used]).max(axis=1) > params.double
+            index = index[~doubled]
+        if not len(index):
+            return
+        # ids do not depend on the order in which the boxes come
+        index = index[np.lexsort((boxes.cy[index], boxes.cx[index], -boxes.score[index]))]
+        size = np.maximum(np.sqrt(boxes.w[index] * boxes.h[index]), 1.0)
+        born = TrackState.start(boxes, index, self._next_id, self._noise_of(size), params.first_speed * size)
+        self._next_id += len(index)
+        self._state = state.join(born)
+
+    def _noise_of(self, size: Floats) -> Floats:
+        """Standard deviation of detected centres, px."""
+        return np.maximum(self.params.centre_noise * size, 1.0)
+
+    def _tracks(self) -> Tracks:
+        angle = wrap(self._state.ahead)
+        heading = (angle + 0.5 * np.pi) % (2 * np.pi)
+        (cx, cy, vx, vy, w, h, _, _, front, score, age_s, gap_s), (track_id, detection, hits) = self._state.told()
+        if np.count_nonzero(front) < len(front):
+            heading[front == 0] = np.nan
+        return Tracks(
+            track_id=track_id,
+            detection=detection,
+            cx=cx,
+            cy=cy,
+            w=w,
+            h=h,
+            angle=angle,
+            heading=heading,
+            score=score,
+            hits=hits,
+            age_s=age_s,
+            gap_s=gap_s,
+            vx=vx,
+            vy=vy,
+        )

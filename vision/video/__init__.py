@@ -1,0 +1,1 @@
+"""Recorded video: packets in and Matroska files out; files in and frames by index and time out."""
