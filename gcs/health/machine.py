@@ -100,14 +100,10 @@ def _detector() -> Iterator[Check]:
     providers = ort.get_available_providers()
     yield Check(name="detector providers", verdict="ok", found=", ".join(providers))
     fps = _frames_a_second()
-    verdict: Verdict = "ok" if fps >= LIVE_FPS else "short"
-    advice = ""
-    if fps < LIVE_FPS:
-        advice = "close other programs, or choose a smaller stream"
-        if fps < SLOW_FPS:
-            advice += "; names will be late"
+    advice = "" if fps >= LIVE_FPS else "close other programs, or choose a smaller stream"
     yield Check(
-        name="detector speed", verdict=verdict, advice=advice,
+        name="detector speed", verdict="short" if advice else "ok",
+        advice=advice + ("; names will be late" if fps < SLOW_FPS else ""),
         found=f"{fps:.1f} frames/s at {FRAME_SIZE[0]}×{FRAME_SIZE[1]} with the bundled detector",
     )  # fmt: skip
 

@@ -246,7 +246,7 @@ class Positions:
         return "stale" if estimate.age_s <= LOST_S else "lost"
 
     def _is_jump(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:
-        gap_m = math.hypot(fix.east - last[1].east, fix.north - last[1].north)
+        gap_m = _apart_m(fix, last[1])
         return too_far(gap_m, abs(boot_us - last[0]) * 1e-6, max(fix.std_m, last[1].std_m), self._params)
 
     def _is_leap(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:

@@ -15,11 +15,9 @@ from sim.render.render import Renderer
 from sim.render.scenery import dress, joined
 from sim.world.world import World
 
-__all__ = ["MICROSECONDS", "Film", "write_video"]
+__all__ = ["Film", "write_video"]
 
 FloatArray = NDArray[np.float64]
-
-MICROSECONDS = Fraction(1, 1_000_000)
 
 
 class Film:
