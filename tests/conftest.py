@@ -5,9 +5,9 @@ import socket
 import pytest
 from hypothesis import HealthCheck, settings
 
-from bench.ports import free_port
 from mavlink.ingest.ingest import Ingest
-from tests.ingest_runs import HOST
+from tests.support.ingest_runs import HOST
+from tests.support.ports import free_port
 
 # A busy machine is slow, not wrong: no example is timed. Neither does luck decide: the examples are the same in every
 # run, and `--hypothesis-profile=search` looks for others.

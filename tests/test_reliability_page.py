@@ -7,13 +7,13 @@ from pathlib import Path
 def test_every_named_test_and_command_exists():
     page = Path("docs/reliability.md").read_text(encoding="utf-8")
     written = {
-        name for path in Path("tests").glob("test_*.py")
+        name for path in Path("tests").rglob("test_*.py")
         for name in re.findall(r"def (test_\w+)", path.read_text(encoding="utf-8"))
     }  # fmt: skip
     named = set(re.findall(r"`(test_\w+)`", page))
     assert len(named) > 40
     assert named <= written, named - written
-    for path in re.findall(r"`(tests/\w+\.py)`", page):
+    for path in re.findall(r"`(tests/[\w/]+\.py)`", page):
         assert Path(path).is_file(), path
     for module in re.findall(r"python -m (bench\.\w+|sim\.\w+)", page):
         path = Path(module.replace(".", "/"))

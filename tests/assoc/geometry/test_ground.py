@@ -1,0 +1,90 @@
+"""Rays on the ground under a correction: exact geometry, and derivatives against differences."""
+
+import numpy as np
+import pytest
+
+from assoc.geometry.ground import (
+    EAST,
+    HEIGHT,
+    NORTH,
+    OFFSET,
+    PITCH,
+    ROLL,
+    THETA,
+    YAW,
+    ground_now,
+    ground_tracks,
+    off_axis,
+)
+from assoc.history import TrackHistory
+from tests.support.assoc_scene import Fleet, camera
+
+
+def history(frames=30, yaw_rate=0.1):
+    fleet, rng = Fleet(), np.random.default_rng(0)
+    kept = TrackHistory(20.0, 0.09, 0.6)
+    for k in range(frames):
+        t = k / 10
+        view = camera(p=(1.5 * t, -t, 40.0 + 0.2 * t), yaw=yaw_rate * t)
+        kept.append(t, fleet.sighting(t, view, [1, 2, 3, 4], rng, pixel=0.0), view)
+    return kept, fleet
+
+
+def test_true_pose_gives_true_places():
+    kept, fleet = history()
+    tracks = ground_tracks(kept, 0, np.zeros(THETA), np.arange(4))
+    for k in (0, 12, 29):
+        np.testing.assert_allclose(tracks.p[k], fleet.at(k / 10)[0], atol=1e-9)
+        v = fleet.at(k / 10)[1]
+        np.testing.assert_allclose(tracks.heading[k], np.arctan2(v[:, 0], v[:, 1]), atol=1e-6)
+    np.testing.assert_allclose(tracks.pixel_m[0], 40.0 / 1200.0, rtol=0.5)
+
+
+@pytest.mark.parametrize("parameter", [YAW, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET])
+@pytest.mark.parametrize("at", [0.0, 0.02])
+def test_jacobian_is_the_derivative(parameter, at):
+    kept, _ = history()
+    theta = np.full(THETA, at) * (np.arange(THETA) != OFFSET)
+    # δ is a difference over 20 ms by itself
+    h = 0.02 if parameter == OFFSET else 1e-5
+    step = np.zeros(THETA)
+    step[parameter] = h
+    low, high = ground_tracks(kept, 0, theta, np.arange(4)), ground_tracks(kept, 0, theta + step, np.arange(4))
+    np.testing.assert_allclose((high.p - low.p) / h, low.jacobian[..., parameter], rtol=2e-2, atol=0.6)
+
+
+def test_yaw_turns_clockwise():
+    view = camera()
+    straight = ground_now(np.array([[0.0, -0.5, 1.0]]), view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
+    np.testing.assert_allclose(straight, [[0.0, 20.0]], atol=1e-9)
+    theta = np.zeros(THETA)
+    theta[YAW] = np.pi / 2
+    turned = ground_now(np.array([[0.0, -0.5, 1.0]]), view.R_enu_cam, view.p_enu, 0.0, theta)
+    np.testing.assert_allclose(turned, [[20.0, 0.0]], atol=1e-9)
+
+
+def test_rays_to_the_sky_hit_nothing():
+    view = camera()
+    up = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
+    assert np.isnan(ground_now(up, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))).all()
+
+
+def test_off_axis_is_zero_on_the_ray():
+    view, rays = camera(), np.array([[0.1, 0.2, 1.0], [-0.3, 0.0, 1.0]])
+    p = ground_now(rays, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
+    angles = off_axis(rays, p, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
+    np.testing.assert_allclose(np.diagonal(angles), 0.0, atol=1e-9)
+    assert angles[0, 1] > 0.2
+
+
+def test_history_keeps_a_window_and_thins():
+    kept, fleet = TrackHistory(2.0, 0.09, 0.6), Fleet()
+    rng = np.random.default_rng(0)
+    for k in range(600):
+        t = k / 30
+        kept.append(t, fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera())
+    t = kept.t[: kept.n]
+    assert np.all(np.diff(t) > 0)
+    assert t[-1] == pytest.approx(599 / 30) and t[-1] - t[0] >= 2.0
+    assert np.median(np.diff(t)) == pytest.approx(0.1, abs=0.01)
+    assert kept.release(30.0).tolist() == [0, 1, 2, 3]

@@ -1,0 +1,50 @@
+"""Vehicles that report the place of another: never a wrong name, and an alarm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from assoc.identification.identifier import Identifier
+from tests.support.assoc_scene import Fleet, camera
+
+IDS = (11, 12, 13, 14)
+
+
+def convoy(seed):
+    """Vehicles that drive as one body, so that any of them fits any track but for a constant offset."""
+    fleet = Fleet(seed=seed, spacing_m=7.0)
+    fleet.phase[:], fleet.size[:] = fleet.phase[0], fleet.size[0]
+    fleet.start[:, 1] = 0.0
+    return fleet
+
+
+def spoofed(reports, since_us, rng):
+    """Vehicle 1 reports the place of vehicle 2, with noise of its own."""
+    mine, other = reports.vehicle == 1, reports.vehicle == 2
+    late = mine & (reports.t_us >= since_us)
+    p, v, heading = reports.p_enu.copy(), reports.v_enu.copy(), reports.heading.copy()
+    for k in np.flatnonzero(late):
+        source = np.flatnonzero(other & (reports.t_us == reports.t_us[k]))[0]
+        p[k], v[k], heading[k] = reports.p_enu[source], reports.v_enu[source], reports.heading[source]
+        p[k, :2] += rng.normal((0.6, -0.4), 0.3)
+    return replace(reports, p_enu=p, v_enu=v, heading=heading)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vehicle_that_takes_anothers_place_takes_no_name(seed):
+    identifier, fleet, rng = Identifier(IDS), convoy(seed), np.random.default_rng(seed)
+    began_us = fleet.sighting(8.0, camera(), [1, 2, 3, 4], rng).t_us
+    alarmed = []
+    for k in range(300):
+        t = k / 10
+        reports = spoofed(fleet.reports(t - 0.1, t, rng), began_us, rng)
+        answer = identifier.update(fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera(), reports)
+        named = answer.system_id > 0
+        np.testing.assert_array_equal(answer.system_id[named], np.array(IDS)[named])
+        alarmed.append(answer.conflict)
+    assert not any(alarmed[:80])
+    assert all(said == (12, 13) for said in alarmed[120:])
+    assert answer.system_id[[0, 3]].tolist() == [11, 14]

@@ -1,0 +1,269 @@
+import errno
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from gcs.cli.console import explained
+from tests.support.paths import ROOT
+
+SWARM = ROOT / "sitl_logs" / "ardupilot-swarm"
+
+
+def gcs(*args, timeout=120):
+    """Run the command as a user does; returns exit code, stdout, stderr."""
+    command = [sys.executable, "-c", "from gcs.cli.app import main; main()", *map(str, args)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=timeout, check=False
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.fixture(scope="module")
+def named(tmp_path_factory):
+    """The bundled real telemetry, identified once."""
+    out = tmp_path_factory.mktemp("swarm") / "out"
+    code, stdout, stderr = gcs("identify", SWARM, "-o", out)
+    assert code == 0, stderr
+    return out, stdout
+
+
+def test_version_is_told_without_a_command():
+    code, stdout, stderr = gcs("--version")
+    assert (code, stderr) == (0, "")
+    assert re.fullmatch(r"rollcall-gcs \d+\.\d+\.\d+\n", stdout)
+
+
+def test_names_the_swarm_and_is_right(named):
+    out, stdout = named
+    assert "6 of 6 vehicles named" in stdout
+    code, stdout, _ = gcs("score", SWARM, out / "identity.csv", "--json")
+    assert code == 0
+    score = json.loads(stdout)
+    assert score["precision"] >= 0.98
+    assert score["coverage"] >= 0.93
+    assert score["fper"] >= 0.95
+
+
+def test_same_input_same_bytes(named, tmp_path):
+    out, _ = named
+    assert gcs("identify", SWARM, "-o", tmp_path)[0] == 0
+    for name in ("identity.csv", "identity.jsonl", "events.jsonl"):
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+
+
+def test_score_prints_every_figure(named):
+    out, _ = named
+    code, stdout, _ = gcs("score", SWARM, out / "identity.csv")
+    assert code == 0
+    shape = re.sub(r" *-?[\d.]+", " #", stdout)
+    assert shape.splitlines() == [
+        " # frames, # boxes of ours, # named",
+        "precision #%  right names of names given",
+        "coverage #%  our boxes that got a name",
+        "right #%  our boxes that got the right name",
+        "FPER #%  of # false targets, left unnamed",
+        "switches #  changes of a vehicle's name",
+        "IDF # #%  of the names; #% of the bare tracks",
+        "ECE #  expected calibration error of the confidence",
+        "wrong, sure # s  vehicle-seconds wrong at confidence ≥ #",
+    ]
+
+
+def test_never_writes_over_a_log(named):
+    out, _ = named
+    before = (out / "identity.csv").read_bytes()
+    code, _, stderr = gcs("identify", SWARM, "-o", out)
+    assert code == 2
+    assert stderr.count("\n") == 1
+    assert "never overwritten" in stderr
+    assert (out / "identity.csv").read_bytes() == before
+
+
+def test_exports_what_was_said(named, tmp_path):
+    out, _ = named
+    code, _, stderr = gcs("export", SWARM, "--identity", out / "identity.csv", "-o", tmp_path / "o.csv")
+    assert code == 0, stderr
+    assert len((tmp_path / "o.csv").read_text().splitlines()) == len((out / "identity.csv").read_text().splitlines())
+
+
+def session_without(tmp_path, *, names=(), toml=None, tlog=None):
+    """The first 15 seconds of the bundled session without some files, or with others."""
+    folder = tmp_path / "session"
+    folder.mkdir()
+    for path in SWARM.iterdir():
+        if path.suffix == ".csv" and path.name not in names:
+            header, *rows = path.read_text().splitlines()
+            kept = [row for row in rows if int(row.split(",")[0]) < 150]
+            (folder / path.name).write_text("\n".join([header, *kept]))
+        elif path.name not in names:
+            (folder / path.name).write_bytes(path.read_bytes())
+    if toml:
+        (folder / "session.toml").write_text(toml((SWARM / "session.toml").read_text()))
+    if tlog is not None:
+        (folder / "telemetry.tlog").write_bytes(tlog((SWARM / "telemetry.tlog").read_bytes()))
+    return folder
+
+
+BAD = {
+    "no such session": (lambda t: ("identify", t / "absent", "-o", t / "o"), 2, "no such session"),
+    "an empty folder": (lambda t: ("identify", t, "-o", t / "o"), 2, "no telemetry.tlog"),
+    "an empty log": (
+        lambda t: ("identify", session_without(t, tlog=lambda _: b""), "-o", t / "o"),
+        2,
+        "empty file",
+    ),
+    "a garbage log": (
+        lambda t: ("identify", session_without(t, tlog=lambda _: bytes(range(256)) * 40), "-o", t / "o"),
+        2,
+        "no MAVLink frame",
+    ),
+    "an unknown key": (
+        lambda t: ("identify", session_without(t, toml=lambda s: s.replace("[clock]", "[clok]")), "-o", t / "o"),
+        2,
+        "did you mean clock?",
+    ),
+    "a wrong value": (
+        lambda t: ("identify", session_without(t, toml=lambda s: s.replace("1200.0", '"x"', 1)), "-o", t / "o"),
+        2,
+        "fx is 'x'",
+    ),
+    "detections without times": (
+        lambda t: ("identify", session_without(t, names=("frames.csv",)), "-o", t / "o"),
+        2,
+        "needs frames.csv",
+    ),
+    "a video that is no video": (
+        lambda t: ("identify", SWARM / "telemetry.tlog", "--video", SWARM / "truth.csv", "-o", t / "o"),
+        2,
+        "truth.csv",
+    ),
+    "no video to look at": (lambda t: ("identify", SWARM, "--detect", "-o", t / "o"), 2, "no video to detect in"),
+    "no truth": (lambda t: ("score", t, SWARM / "truth.csv"), 2, "truth.csv: no such file"),
+    "no film without video": (lambda t: ("export", SWARM, "-o", t / "o.mp4"), 2, "no video in it"),
+    "no such mission": (lambda t: ("fly", t / "m.toml", "-l", "14550"), 2, "no such file"),
+    "no link": (lambda t: ("fly", SWARM / "session.toml"), 2, "no telemetry link"),
+    "a bad link": (lambda t: ("fly", SWARM / "session.toml", "-l", "pigeon:1"), 3, "pigeon"),
+    "a flight of no time": (
+        lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "--headless", "--duration", "nan"),
+        2,
+        "--duration nan: give seconds",
+    ),
+    "no such film": (
+        lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "-v", t / "nothere.mp4", "--sessions", t),
+        2,
+        "nothere.mp4: no such file",
+    ),
+    "no such model": (
+        lambda t: (
+            *("fly", SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "-v", "udp://127.0.0.1:1"),
+            *("--model", t / "m.onnx", "--sessions", t),
+        ),
+        2,
+        "m.onnx",
+    ),
+    "a model that is none": (
+        lambda t: (
+            *("fly", SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "-v", "udp://127.0.0.1:1"),
+            *("--model", SWARM / "truth.csv", "--sessions", t),
+        ),
+        2,
+        "truth.csv",
+    ),
+    "a log with no vehicles": (
+        lambda t: ("tlog", "info", SWARM / "truth.csv"),
+        2,
+        "no MAVLink frame",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_clear_line(case, tmp_path):
+    args, code, message = BAD[case]
+    got, stdout, stderr = gcs(*args(tmp_path))
+    assert message in stderr
+    assert got == code
+    assert stderr.count("\n") == 1, stderr
+    assert stderr.startswith("gcs: ")
+    assert stdout == ""
+
+
+def test_a_port_in_use(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = str(taken.getsockname()[1])
+        code, _, stderr = gcs("fly", SWARM / "session.toml", "-l", f"udpin:127.0.0.1:{port}", "--sessions", tmp_path)
+    assert code == 3
+    assert port in stderr
+    assert stderr.count("\n") == 1
+
+
+def test_a_truncated_log_still_names(tmp_path):
+    folder = session_without(tmp_path, tlog=lambda b: b[: len(b) // 2 + 3])
+    code, stdout, stderr = gcs("identify", folder, "-o", tmp_path / "o")
+    assert code == 0
+    assert "6 of 6 vehicles named" in stdout
+    assert "damaged places" in stderr
+
+
+def test_without_the_uavs_attitude_it_says_so(tmp_path):
+    kept = tmp_path / "kept.tlog"
+    no_attitude = [0, 1, 2, 24, 33, 253]
+    arguments = [part for message in no_attitude for part in ("--message", str(message))]
+    assert gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, *arguments)[0] == 0
+    folder = session_without(tmp_path, tlog=lambda _: kept.read_bytes())
+    code, _, stderr = gcs("identify", folder, "-o", tmp_path / "o")
+    assert "never reported its attitude" in stderr
+    assert code in (0, 4)
+
+
+def test_without_a_camera_nothing_is_said_of_the_uavs_attitude(tmp_path):
+    (tmp_path / "mission.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
+    mission = ("--mission", tmp_path / "mission.toml")
+    code, _, stderr = gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
+    assert code == 4 and "no [camera]" in stderr and "attitude" not in stderr
+
+
+def test_what_others_wrote_in_a_session_gives_the_terminal_no_orders(tmp_path):
+    name = r"A\u001b]0;owned\u0007\u009b31m\u202eB"
+    (tmp_path / "mission.toml").write_text(f'[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 99\nname = "{name}"\n')
+    mission = ("--mission", tmp_path / "mission.toml")
+    _, stdout, stderr = gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
+    assert "owned" in stdout and "owned" in stderr
+    assert all(character.isprintable() or character == "\n" for character in stdout + stderr)
+
+
+def test_vehicles_that_never_report_stay_unnamed(tmp_path):
+    kept = tmp_path / "kept.tlog"
+    assert gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, "--system", "1")[0] == 0
+    folder = session_without(tmp_path, tlog=lambda _: kept.read_bytes())
+    code, stdout, stderr = gcs("identify", folder, "-o", tmp_path / "o")
+    assert code == 4
+    assert "no position was ever reported by UGV-2" in stderr
+    assert "0 of 6 vehicles named" in stdout
+
+
+def test_tlog_info_names_systems_and_messages():
+    code, stdout, _ = gcs("tlog", "info", SWARM / "telemetry.tlog")
+    assert code == 0
+    assert "GLOBAL_POSITION_INT" in stdout
+    assert "16301" in stdout
+
+
+@pytest.mark.parametrize(("number", "code"), [(errno.ENOSPC, 3), (errno.EROFS, 3), (errno.EIO, 3)])
+def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
+    with pytest.raises(SystemExit) as left, explained():
+        raise OSError(number, os.strerror(number), "/out/identity.csv")
+    assert left.value.code == code
+    said = capsys.readouterr().err
+    assert said == f"gcs: /out/identity.csv: {os.strerror(number)}; free space or choose another place\n"
+
+
+def test_other_errors_of_the_system_are_faults_of_the_program():
+    with pytest.raises(OSError, match="no such device"), explained():
+        raise OSError(errno.ENODEV, "no such device")

@@ -1,0 +1,60 @@
+"""All vehicles speak to one UDP port, as most do: what is for the UAV goes to the UAV's socket alone."""
+
+from __future__ import annotations
+
+import time
+
+from gcs.command import CommandDesk
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.mission.mission import Mission, Vehicle
+from mavlink.ingest.ingest import Ingest
+from mavlink.tlog.log import Tlog
+from mavlink.transmit.transmitter import Outgoing
+from tests.support.fake_autopilot import FakeVehicle, rover
+from tests.support.ingest_runs import until
+from tests.support.ports import free_port
+
+
+def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
+    port = free_port()
+    ingest = Ingest([f"udpin:127.0.0.1:{port}"], tmp_path / "telemetry.tlog", system_ids=(1, 3, 4))
+    uav, ugvs = FakeVehicle(("127.0.0.1", port), 1), [rover(("127.0.0.1", port), k) for k in (3, 4)]
+    events = []
+    outgoing = Outgoing(1, lambda link, peer, raw: ingest.send(link, raw, peer))
+    desk = CommandDesk(
+        uav=1, ground={3: "UGV-3", 4: "UGV-4"}, uav_name="UAV-1", outgoing=outgoing, where=lambda system_id: None,
+        tell=events.append,
+    )  # fmt: skip
+    try:
+        end_s, ordered = time.monotonic() + 40.0, False
+        while time.monotonic() < end_s and not any("accepted" in event.text for event in events):
+            for packet in ingest.read(0.02):
+                desk.take(packet)
+            desk.poll()
+            if not ordered and desk._sdk._direct_to_uav() is not None:
+                ordered = True
+                desk.give("point", 3)
+        assert any("accepted" in event.text for event in events)
+        assert uav.bytes_heard > 0
+        assert [vehicle.bytes_heard for vehicle in ugvs] == [0, 0]
+    finally:
+        desk.close()
+        ingest.stop()
+        for vehicle in (uav, *ugvs):
+            vehicle.close()
+
+
+def test_packets_received_are_not_those_that_were_sent(tmp_path):
+    port = free_port()
+    mission = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=3),))
+    url = f"udpin:127.0.0.1:{port}"
+    flight = Flight(FlightPlan(mission=mission, links=(url,), video="", sessions=tmp_path, command=True))
+    uav = FakeVehicle(("127.0.0.1", port), 1)
+    try:
+        assert until(lambda: len(uav.heard) >= 10, 30.0)
+    finally:
+        uav.close()
+        flight.stop()
+    senders = Tlog.open(flight.folder / "telemetry.tlog").index.system_id.tolist()
+    assert senders.count(254) >= 10
+    assert flight.packets == senders.count(1) == len(senders) - senders.count(254)

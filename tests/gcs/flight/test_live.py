@@ -1,0 +1,203 @@
+"""A flight as it is flown: the command in a process of its own, a simulated fleet on the loopback, bounded in time."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bench.process_tree import family
+from gcs.cli.identify import identify_into
+from gcs.fold.detector_factory import fingerprints
+from gcs.mission.mission import DetectorChoice
+from gcs.session.session import open_session, read_times
+from mavlink.tlog.log import Tlog
+from sim.live import play
+from sim.world.presets import nominal
+from sim.world.scenario import Camera
+from tests.support.ingest_runs import until
+from tests.support.ports import free_port
+from vision.video.video import VideoFile
+
+SMALL = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
+SCENARIO = replace(nominal(3), camera=SMALL, duration_s=60.0)
+MISSION = """
+[uav]
+system_id = 1
+{ugvs}
+[camera]
+width = 1280
+height = 720
+fx = 800.0
+fy = 800.0
+cx = 640.0
+cy = 360.0
+"""
+"""Described for pictures twice as large as the stream's."""
+
+
+class Field:
+    """A flight process and the fleet that talks to it."""
+
+    def __init__(self, folder, *extra):
+        self.folder = folder
+        self.telemetry, self.video = free_port(), free_port()
+        ugvs = "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in SCENARIO.ugv_ids)
+        (folder / "mission.toml").write_text(MISSION.format(ugvs=ugvs))
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-c", "from gcs.cli.app import main; main()", "fly", folder / "mission.toml"),
+                *("-l", f"udpin:127.0.0.1:{self.telemetry}", "-v", f"udp://127.0.0.1:{self.video}"),
+                *("--sessions", folder / "sessions", "--headless", *extra),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.session = None
+
+    def recording(self):
+        for _ in range(300):
+            found = list((self.folder / "sessions").glob("*/telemetry.tlog"))
+            if found:
+                return found[0].parent
+            assert self.process.poll() is None, self.process.stderr.read()
+            time.sleep(0.1)
+        raise AssertionError("no recording within 30 s")
+
+    def fly(self, duration_s, stop=None):
+        return play(
+            SCENARIO,
+            f"udpout:127.0.0.1:{self.telemetry}",
+            f"udp://127.0.0.1:{self.video}?pkt_size=1316",
+            duration_s,
+            stop=stop,
+        )
+
+
+@pytest.fixture
+def field(tmp_path):
+    """Flies until its test is over, however that ends."""
+    field = Field(tmp_path)
+    try:
+        field.session = field.recording()
+        yield field
+    finally:
+        field.process.kill()
+        field.process.communicate()
+
+
+def newest_us(session):
+    """Times of the newest packet and of the newest picture recorded, 0 before the first."""
+    log, rows = session / "telemetry.tlog", (session / "frames.csv").read_text().splitlines()[1:]
+    packets_us = Tlog.open(log).index.t_us if log.stat().st_size else []
+    return max(packets_us, default=0), int(rows[-1].split(",")[1]) if rows else 0
+
+
+def records(session):
+    return len(Tlog.open(session / "telemetry.tlog").index)
+
+
+def test_every_packet_and_frame_is_kept(field, tmp_path):
+    sent = field.fly(6.0)
+    time.sleep(1.0)
+    field.process.send_signal(signal.SIGINT)
+    stdout, stderr = field.process.communicate(timeout=30)
+    assert "Traceback" not in stderr
+    assert f"{sum(sent.packets.values())} packets received" in stdout
+    assert records(field.session) == sum(sent.packets.values())
+    film = VideoFile.open(field.session / "video.mkv")
+    times = read_times(field.session / "frames.csv")
+    assert (times.skipped, times.unordered) == (0, 0)
+    assert len(times.times_us) == film.n
+    assert film.n >= 0.6 * sent.frames
+    film.close()
+    assert "ended" in (field.session / "session.toml").read_text()
+    same_again(field.session, tmp_path / "again")
+    notes = tomllib.loads((field.session / "session.toml").read_text())["session"]
+    assert notes["keys"] == {} and notes["models"] == fingerprints(DetectorChoice())
+    (field.session / "folds.csv").unlink()
+    assert share_named_alike(field.session, tmp_path / "by time") > 0.9
+    events = [json.loads(line) for line in (field.session / "events.jsonl").read_text().splitlines()]
+    well = [event["time_us"] for event in events if event["text"] == "video ok"]
+    assert well and well[0] >= times.times_us[0], "the video was called well before any of it had come"
+
+
+def looked_again(session, out):
+    """Rows that a flight wrote, and those of a later look at its recording."""
+    identify_into(open_session(session), out)
+    return ((folder / "identity.jsonl").read_text().splitlines() for folder in (session, out))
+
+
+def same_again(session, out):
+    """A later look at the recording says the same of every box; most must have been named."""
+    live, again = looked_again(session, out)
+    assert again == live
+    assert sum(json.loads(row)["system_id"] is not None for row in live) > 0.5 * len(live)
+
+
+def share_named_alike(session, out):
+    """Of the boxes named live: those that an older recording of the same, which says nothing of sizes, names alike."""
+    identify_into(open_session(session), out)
+    rows = [map(json.loads, (folder / "identity.jsonl").read_text().splitlines()) for folder in (session, out)]
+    live, again = ({(row["frame"], *row["box"]): row["system_id"] for row in found} for found in rows)
+    return sum(again.get(box) == name for box, name in live.items()) / len(live)
+
+
+def words_of(pid):
+    return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+
+
+def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path):
+    player = threading.Thread(target=field.fly, args=(7.0,))
+    player.start()
+    try:
+        for module in ("mavlink.ingest", "vision.stream.stream"):
+            assert until(lambda: min(newest_us(field.session)) > 0, 30.0)
+            time.sleep(1.5)
+            # the one that works is older than its spare
+            os.kill(min(pid for pid in family(field.process.pid) if module in words_of(pid)), signal.SIGKILL)
+    finally:
+        player.join(timeout=60)
+    field.process.send_signal(signal.SIGINT)
+    field.process.communicate(timeout=30)
+    events = (field.session / "events.jsonl").read_text()
+    assert "another process took over" in events and "the video's process was started again" in events
+    same_again(field.session, tmp_path / "again")
+
+
+@pytest.mark.parametrize("after_s", [5.0, 6.3])
+def test_a_kill_loses_at_most_the_last_second(field, after_s):
+    stop = threading.Event()
+    sent = []
+    player = threading.Thread(target=lambda: sent.append(field.fly(60.0, stop)))
+    player.start()
+    try:
+        time.sleep(after_s)
+        # it is killed while it keeps up: a machine that is held up records later
+        assert until(lambda: min(newest_us(field.session)) > time.time_ns() // 1000 - 1_000_000, 40.0)
+        packet_us, picture_us = newest_us(field.session)
+        field.process.kill()
+    finally:
+        stop.set()
+        player.join(timeout=30)
+    field.process.communicate(timeout=10)
+    log = Tlog.open(field.session / "telemetry.tlog")
+    assert log.index.t_us.max() >= packet_us
+    assert not log.index.damage or log.index.damage[-1].stop == log.index.counts.size_bytes
+    rate = len(log.index) / ((log.index.t_us.max() - log.index.t_us.min()) * 1e-6)
+    assert rate > 50
+    film = VideoFile.open(field.session / "video.mkv")
+    times = read_times(field.session / "frames.csv").times_us
+    assert sum(1 for _ in film.frames()) >= 1
+    assert times[min(film.n, len(times)) - 1] > picture_us - 2_500_000
+    film.close()
+    live, again = looked_again(field.session, field.folder / "again")
+    assert again[: len(live)] == live, "what was said before the kill is said again"

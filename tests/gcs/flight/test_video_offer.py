@@ -1,0 +1,52 @@
+"""Video that the UAV offers: taken only when asked for, told otherwise, and never a file or a device."""
+
+import socket
+import time
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gcs.flight.flight import Flight, FlightPlan
+from gcs.flight.video import AUTO
+from gcs.mission.mission import parse_mission
+from tests.support.ports import free_port
+
+MISSION = {"uav": {"system_id": 1}, "ugv": [{"system_id": 11}]}
+RTSP = 0
+
+
+def offer(uri):
+    speaker = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    message = dialect.MAVLink_video_stream_information_message(
+        1, 1, RTSP, 1, 30.0, 1280, 720, 2000, 0, 70, b"main", uri.encode()
+    )
+    return message.pack(speaker)
+
+
+@pytest.mark.parametrize(
+    ("video", "uri", "told", "opened"),
+    [
+        (AUTO, "rtsp://127.0.0.1:1/main", "the UAV offers video at rtsp://127.0.0.1:1/main", "rtsp://127.0.0.1:1/main"),
+        ("", "rtsp://127.0.0.1:1/main", "offers video at rtsp://127.0.0.1:1/main, --video auto shows it", None),
+        (AUTO, "file:///etc/passwd", "offers a video that cannot be opened: file:///etc/passwd", None),
+    ],
+)
+def test_an_offer_is_told_and_taken_only_when_asked_for(tmp_path, video, uri, told, opened):
+    port = free_port()
+    plan = FlightPlan(
+        mission=parse_mission(MISSION, "mission"), links=(f"udpin:127.0.0.1:{port}",), video=video, sessions=tmp_path
+    )
+    flight = Flight(plan)
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as uav:
+            for _ in range(100):
+                uav.sendto(offer(uri), ("127.0.0.1", port))
+                if any(told in event.text for event in flight.events()):
+                    break
+                time.sleep(0.1)
+        texts = [event.text for event in flight.events()]
+        assert sum(told in text for text in texts) == 1, texts
+        assert (flight._video.stream.url if flight._video.stream else None) == opened
+    finally:
+        flight.stop()
+    assert flight.error is None

@@ -1,0 +1,67 @@
+"""Both ways of seeing run on the same recording; the mission file alone chooses."""
+
+import numpy as np
+import pytest
+
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
+from tests.support.front_model import brightest_side, classifier, constant
+from tests.support.paths import ROOT
+from vision.errors import ModelError
+
+CURVED = ROOT / "sitl_logs" / "curved-road"
+
+
+@pytest.fixture
+def see(tmp_path):
+    """Detections in the first frame, with the recording's mission and a [detector] table beside two models."""
+    anchors = np.zeros((1, 6, 84))
+    anchors[0, :, :2] = np.transpose([[20, 30, 16, 8, 0.9, 0.4], [44, 30, 16, 8, 0.8, 0.0]])
+    constant(tmp_path / "yolo.onnx", [1, 3, 64, 64], anchors, {"names": "{0: 'car'}", "task": "obb"})
+    classifier(tmp_path / "front.onnx", 6.0 * brightest_side(16, 2), 16)
+    mission = tmp_path / "mission.toml"
+
+    def look(detector=""):
+        mission.write_text((CURVED / "session.toml").read_text() + detector)
+        analysis = Analysis(open_session(CURVED, mission=mission))
+        try:
+            seer = analysis.detector()
+            assert seer is not None
+            return seer.detect(analysis.video.read(0).image)
+        finally:
+            analysis.close()
+
+    return look
+
+
+def test_the_bundled_detector_tells_fronts_itself(see):
+    assert np.isfinite(see().heading).all()
+
+
+def test_a_yolo_export_alone_tells_none(see):
+    found = see('[detector]\nmodel = "yolo.onnx"\n')
+    assert len(found) == 2
+    assert np.isnan(found.heading).all()
+
+
+@pytest.mark.parametrize("front", ["front.onnx", "bundled"])
+def test_a_classifier_tells_the_fronts_of_a_yolo_export(see, front):
+    found = see(f'[detector]\nmodel = "yolo.onnx"\nfront = "{front}"\nfront_sure = 0.0\n')
+    assert len(found) == 2
+    assert np.isfinite(found.heading).all()
+
+
+def test_a_classifier_that_is_not_there_is_told(see):
+    with pytest.raises(ModelError, match=r"nowhere\.onnx: no such model file"):
+        see('[detector]\nfront = "nowhere.onnx"\n')
+
+
+def test_the_mission_says_which_classes_count(see):
+    with pytest.raises(ModelError, match="truck"):
+        see('[detector]\nmodel = "yolo.onnx"\nclasses = ["truck"]\n')
+    assert len(see('[detector]\nmodel = "yolo.onnx"\nclasses = ["car"]\n')) == 2
+
+
+def test_a_provider_that_is_not_installed_is_told(see):
+    with pytest.raises(ModelError, match="NoSuchExecutionProvider"):
+        see('[detector]\nproviders = ["NoSuchExecutionProvider"]\n')

@@ -1,0 +1,362 @@
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gcs.health.alarm_rules import counted, findings
+from gcs.health.alarms import Alarms
+from gcs.health.event_throttle import Quiet
+from gcs.health.link_rates import Trends
+from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
+from tests.support.fake_station import START_US, make_snapshot
+
+LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)
+WELL = Health(video="ok", links=(LINK,), recording=True, free_bytes=50_000_000_000, keys=1)
+ROWS = tuple(
+    VehicleRow(system_id=i, name=name, role=role, heartbeat_age_s=0.3, position_age_s=0.2, position_state="ok")
+    for i, name, role in ((1, "UAV", "uav"), (11, "UGV-11", "ugv"), (12, "UGV-12", "ugv"))
+)
+BASE = replace(make_snapshot(), vehicles=ROWS, boxes=(), health=WELL, image=None)
+
+
+class Watch:
+    """Snapshots ten times a second."""
+
+    def __init__(self):
+        self.alarms, self.t_us = Alarms(), START_US
+        self.active, self.events = (), []
+
+    def see(self, seconds, rows=None, health=WELL, **more):
+        for _ in range(round(seconds * 10)):
+            self.t_us += 100_000
+            snapshot = replace(BASE, t_us=self.t_us, vehicles=rows or ROWS, health=health, **more)
+            self.active, events = self.alarms.update(snapshot)
+            self.events += events
+        return {alarm.key: alarm for alarm in self.active}
+
+
+def changed(index, **fields):
+    return tuple(replace(row, **fields) if k == index else row for k, row in enumerate(ROWS))
+
+
+@pytest.fixture
+def watch():
+    return Watch()
+
+
+def test_nothing_wrong_nothing_said(watch):
+    assert watch.see(30) == {} and watch.events == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "key", "level"),
+    [
+        (changed(1, position_state="stale"), "position 11", "warning"),
+        (changed(1, position_state="lost"), "position 11", "alarm"),
+        (changed(1, position_state="refused", refusals={"jump": 3}), "refused 11", "alarm"),
+        (changed(1, heartbeat_age_s=4.0, position_state="lost"), "silent 11", "alarm"),
+        (changed(2, contested=True), "contested 12", "alarm"),
+        (changed(2, heartbeat_age_s=math.inf, position_state="never"), "unheard", "warning"),
+        (changed(2, position_state="never"), "no position 12", "warning"),
+        (changed(2, clock_error_s=-1024 * 604800.0), "clock 12", "warning"),
+        (changed(2, drift_ppm=900.0), "clock 12", "warning"),
+        (changed(2, doubted_for="GPS glitch"), "doubted 12", "alarm"),
+        (changed(2, compass_doubted=True), "compass 12", "alarm"),
+    ],
+)
+def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(watch, rows, key, level):
+    active = watch.see(20, rows)
+    assert {k: alarm.level for k, alarm in active.items()} == {key: level}
+    assert active[key].advice and active[key].text
+    assert watch.see(20) == {}
+    said = [event for event in watch.events if event.level != "info"]
+    assert len(said) == (0 if key.startswith("contested") else 1)
+    assert [event.text[:4] for event in watch.events if event.level == "info"] == ["over"] * len(said)
+
+
+@pytest.mark.parametrize(
+    ("health", "key", "level"),
+    [
+        (replace(WELL, links=(replace(LINK, silent_s=4.0),)), "link udpin:0.0.0.0:14550", "alarm"),
+        (replace(WELL, links=(replace(LINK, silent_s=math.inf),)), "link udpin:0.0.0.0:14550", "alarm"),
+        (replace(WELL, links=(replace(LINK, silent_s=math.nan),)), "link udpin:0.0.0.0:14550", "alarm"),
+        (replace(WELL, video="stalled"), "video", "alarm"),
+        (replace(WELL, lag_s=1.5), "lag", "warning"),
+        (replace(WELL, behind_s=2.5), "overload", "alarm"),
+        (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
+        (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
+        (replace(WELL, recording=False), "recording", "alarm"),
+        (replace(WELL, write_failing_s=0.4, write_reason="No space left on device"), "disk", "alarm"),
+        (replace(WELL, write_stalled_s=1.2), "disk hangs", "alarm"),
+        (replace(WELL, free_bytes=1_000_000_000), "disk space", "warning"),
+        (replace(WELL, full_in_s=500.0), "disk space", "warning"),
+        (replace(WELL, full_in_s=100.0), "disk space", "alarm"),
+        (replace(WELL, keys=0), "no keys", "warning"),
+    ],
+)
+def test_every_trouble_of_the_station_is_an_alarm(watch, health, key, level):
+    active = watch.see(12, health=health)
+    assert {k: alarm.level for k, alarm in active.items()} == {key: level}
+    assert watch.see(10) == {}
+
+
+@pytest.mark.parametrize(
+    ("health", "rows", "key"),
+    [
+        (replace(WELL, links=(replace(LINK, dropped=5),)), ROWS, "dropped udpin:0.0.0.0:14550"),
+        (replace(WELL, ingest_restarts=1), ROWS, "ingest"),
+        (replace(WELL, ring_dropped=9), ROWS, "ring"),
+        (replace(WELL, undecoded=9), ROWS, "undecoded"),
+        (replace(WELL, write_lost=9), ROWS, "lost"),
+        (WELL, changed(1, bad_signature=2), "signature 11"),
+        (WELL, changed(1, unsigned=2), "unsigned 11"),
+        (WELL, changed(1, bad_signature=2, replayed=2), "replay 11"),
+    ],
+)
+def test_a_counter_that_grew_is_an_alarm_for_a_while(watch, health, rows, key):
+    watch.see(5)
+    assert set(watch.see(9, rows, health)) == {key}
+    assert watch.see(10, rows, health) == {}
+    assert len(watch.events) == (0 if key in ("lost", "signature 11", "unsigned 11", "replay 11") else 2)
+
+
+def test_a_vehicle_that_is_held_is_an_alarm_after_three_seconds_and_not_unheard(watch):
+    rows = changed(1, heartbeat_age_s=math.inf, position_state="never", held=30, held_s=1700.0)
+    assert watch.see(2.5, rows) == {}
+    active = watch.see(20, rows)
+    assert {key: alarm.level for key, alarm in active.items()} == {"held 11": "alarm"}
+    assert "b believes it" in active["held 11"].advice
+
+
+def test_unsigned_packets_without_keys_are_only_told_as_such(watch):
+    assert set(watch.see(9, changed(1, unsigned=2), replace(WELL, keys=0))) == {"no keys"}
+
+
+def test_conflict_with_the_picture(watch):
+    assert watch.see(1, conflicts=frozenset({12}))["conflict 12"].system_id == 12
+    assert set(Watch().see(5, conflicts=frozenset({12}), pose="no attitude")) == {"attitude"}
+
+
+def test_getting_worse_is_told_and_is_the_same_alarm(watch):
+    first = watch.see(5, changed(1, position_state="stale"))["position 11"]
+    second = watch.see(5, changed(1, position_state="lost"))["position 11"]
+    assert second.since_us == first.since_us and second.level == "alarm"
+    assert [event.level for event in watch.events] == ["warning", "alarm"]
+
+
+def test_each_trouble_of_one_vehicle_comes_and_goes_for_itself(watch):
+    watch.see(5, changed(1, position_state="refused", refused_for="0/0"))
+    watch.see(5, changed(1, position_state="refused", refused_for="jump"))
+    watch.see(5, changed(1, heartbeat_age_s=9.0, position_state="lost", refused_for="jump"))
+    assert {alarm.key for alarm in watch.active} == {"refused 11 jump", "silent 11"}
+    watch.see(12, changed(1, position_state="lost", drift_ppm=900.0))
+    watch.see(20)
+    refused = "its positions cannot be right"
+    told = [event.text.removeprefix("UGV-11: ").replace("UGV-11: ", "") for event in watch.events]
+    coming = [text for text in told if not text.startswith("over")]
+    assert coming == [
+        f"{refused}: 0/0", f"{refused}: jump", "no heartbeat", "position lost", "its clock is wrong"
+    ]  # fmt: skip
+    assert sorted(text.partition(" s: ")[2] for text in told if text.startswith("over")) == sorted(coming)
+
+
+def test_a_trouble_that_a_silent_vehicle_had_before_is_not_over_while_it_is_silent(watch):
+    watch.see(5, changed(1, position_state="lost"))
+    watch.see(30, changed(1, heartbeat_age_s=30.0, position_state="lost"))
+    assert [event.text for event in watch.events] == ["UGV-11: position lost", "UGV-11: no heartbeat"]
+    assert {alarm.key for alarm in watch.active} == {"position 11", "silent 11"}
+    assert watch.see(5) == {} and len(watch.events) == 4
+
+
+def silent(age_s):
+    """How a vehicle looks that beats once a second, reports ten times a second and has been silent for so long."""
+    state = "ok" if age_s < 1 else "stale" if age_s < 3 else "lost"
+    return changed(1, heartbeat_age_s=age_s + 0.5, position_age_s=age_s, position_state=state)
+
+
+def test_one_that_falls_silent_and_comes_back_is_one_trouble(watch):
+    for tenth in range(80):
+        watch.see(0.1, silent(tenth * 0.1))
+    watch.see(3.2, changed(1, position_state="ok"))
+    watch.see(0.3, changed(1, position_state="stale"))
+    watch.see(10)
+    assert [event.text.split(": ")[-1] for event in watch.events] == ["no heartbeat", "no heartbeat"]
+    assert [event.level for event in watch.events] == ["alarm", "info"]
+
+
+def test_what_stays_of_a_trouble_is_told_once_it_has_lasted(watch):
+    watch.see(8, changed(1, heartbeat_age_s=9.0, position_state="lost"))
+    watch.see(8, changed(1, position_state="stale"))
+    told = ["UGV-11: no heartbeat", "UGV-11: position stale", "over after 8 s: UGV-11: no heartbeat"]
+    assert [event.text for event in watch.events] == told
+    assert [alarm.level for alarm in watch.active] == ["warning"]
+
+
+def test_a_uav_without_attitude_is_an_alarm_unless_it_is_silent_altogether(watch):
+    assert watch.see(2.5, pose="no attitude") == {}
+    assert watch.see(1, pose="no attitude")["attitude"].text == "UAV: no attitude"
+    gone = changed(0, heartbeat_age_s=9.0, position_state="lost")
+    assert set(Watch().see(20, gone, pose="no attitude")) == {"silent 1"}
+
+
+def test_the_present_reason_is_told_not_the_most_frequent(watch):
+    often = {"altitude, far from the ground": 500, "0/0": 3}
+    active = watch.see(5, changed(1, position_state="refused", refusals=often, refused_for="0/0"))
+    assert active["refused 11 0/0"].text == "UGV-11: its positions cannot be right: 0/0"
+
+
+def test_bytes_that_are_no_mavlink_are_told_as_such(watch):
+    garbled = replace(LINK, packets=0, junk_bytes=4000, silent_s=math.inf)
+    ((key, alarm),) = watch.see(12, health=replace(WELL, links=(garbled,))).items()
+    assert key.startswith("junk ")
+    assert alarm.text.endswith("what comes is no MAVLink") and "baud" in alarm.advice
+
+
+def test_heartbeats_that_a_bad_link_swallows_are_no_loss_while_positions_come(watch):
+    assert watch.see(20, changed(1, heartbeat_age_s=6.0)) == {}
+    assert set(watch.see(1, changed(1, heartbeat_age_s=11.0))) == {"silent 11"}
+
+
+def test_short_troubles_are_no_alarms(watch):
+    for _ in range(20):
+        watch.see(0.5, changed(1, position_state="stale"))
+        watch.see(0.5)
+    assert watch.events == []
+
+
+def test_coming_and_going_does_not_flap(watch):
+    for _ in range(100):
+        watch.see(2, changed(1, heartbeat_age_s=4.0, position_state="lost"))
+        watch.see(4)
+    # 100 losses in ten minutes
+    assert 2 <= len(watch.events) <= 12
+    assert watch.see(60) == {}
+
+
+def test_time_that_steps_back_raises_nothing(watch):
+    watch.see(5, changed(1, position_state="lost"))
+    watch.t_us -= 3_600_000_000
+    assert "position 11" in watch.see(5, changed(1, position_state="lost"))
+    assert len(watch.events) == 1
+
+
+def test_the_worst_and_newest_come_first(watch):
+    watch.see(5, changed(1, position_state="stale"))
+    watch.see(5, changed(1, position_state="stale"), replace(WELL, links=(replace(LINK, silent_s=9.0),)))
+    watch.see(5, changed(1, position_state="stale"), replace(WELL, links=(replace(LINK, silent_s=9.0),), keys=0))
+    assert [alarm.key for alarm in watch.active] == ["link udpin:0.0.0.0:14550", "no keys", "position 11"]
+
+
+def said(number, *, hz=1000.0, texts=("a",), start_us=START_US, system_id=11):
+    return [
+        Event(t_us=start_us + round(k / hz * 1e6), level="info", kind="text", text=texts[k % len(texts)],
+              system_id=system_id)
+        for k in range(number)
+    ]  # fmt: skip
+
+
+def test_a_few_words_pass_as_they_are():
+    quiet, words = Quiet(), said(20, hz=10.0, texts=("a", "b", "c"))
+    assert quiet.hear(words) == words and quiet.overdue(START_US + 60_000_000) == []
+
+
+def test_a_flood_is_summed_up_and_every_word_is_counted():
+    quiet = Quiet()
+    told = quiet.hear(said(5000, texts=("x", "x", "y")))
+    told += quiet.overdue(START_US + 60_000_000)
+    assert len(told) <= 20 + 2 * 6 + 6
+    held = sum(int(event.text.split(" more")[0]) for event in told if " more" in event.text)
+    assert held + sum(" more" not in event.text for event in told) == 5000
+    assert any("most often: x × " in event.text for event in told)
+
+
+def test_one_text_over_and_over_says_how_often():
+    quiet = Quiet()
+    told = quiet.hear(said(1020)) + quiet.overdue(START_US + 60_000_000)
+    assert "a × " in told[-1].text
+
+
+def test_a_disk_that_fills_says_what_is_left_once_for_each_level(watch):
+    for minute in range(30, 0, -1):
+        watch.see(60, health=replace(WELL, free_bytes=minute * 120 * 10**6, full_in_s=60.0 * minute))
+    told = [(event.level, event.text) for event in watch.events if "the disk" in event.text]
+    assert told == [
+        ("warning", "the disk will be full soon: 1,920 MB free, 16.0 min at this rate"),
+        ("alarm", "the disk is almost full: 120 MB free, 1.0 min at this rate"),
+    ]
+
+
+def test_one_that_is_heard_and_refused_is_not_called_unheard(watch):
+    rows = changed(2, heartbeat_age_s=math.inf, position_state="never", bad_signature=3)
+    assert "unheard" not in watch.see(20, rows)
+
+
+def test_one_flooding_vehicle_does_not_silence_another():
+    quiet = Quiet()
+    quiet.hear(said(5000))
+    other = said(3, system_id=12)
+    assert quiet.hear(other) == other
+
+
+def test_rates_of_the_links():
+    trends = Trends()
+    for second in range(90):
+        link = replace(LINK, packets=500 * second, bytes=30_000 * second)
+        health = trends.of(START_US + second * 1_000_000, replace(WELL, links=(link,)))
+        if second == 0:
+            assert math.isnan(health.links[0].packets_per_s)
+    assert health.links[0].packets_per_s == pytest.approx(500.0)
+    assert health.links[0].bytes_per_s == pytest.approx(30_000.0)
+    assert trends.of(START_US, replace(WELL, links=())) == replace(WELL, links=())
+
+
+def everything_wrong():
+    """Snapshots in which, together, every finding is found."""
+    rows = (
+        replace(ROWS[0], position_state="refused", refusals={"jump": 2}, refused_for="jump"),
+        replace(ROWS[1], contested=True, position_state="stale", bad_signature=3, unsigned=3, drift_ppm=900.0),
+        VehicleRow(system_id=16, name="UGV-16", role="ugv", bad_signature=5, replayed=5, held=9, held_s=700.0),
+        replace(ROWS[2], heartbeat_age_s=math.inf),
+        VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),
+        VehicleRow(system_id=14, name="UGV-14", role="ugv", heartbeat_age_s=0.1, position_state="lost"),
+        VehicleRow(system_id=15, name="UGV-15", role="ugv", heartbeat_age_s=0.1, compass_doubted=True),
+        VehicleRow(system_id=16, name="UGV-16", role="ugv", heartbeat_age_s=0.1, doubted_for="GPS glitch"),
+    )
+    health = replace(
+        WELL, video="stalled", links=(replace(LINK, silent_s=9.0, dropped=4, flooded=True),), recording=False,
+        write_failing_s=3.0,
+        write_reason="No space left on device", write_stalled_s=2.0, write_lost=5, free_bytes=1, ingest_restarts=1,
+        ring_dropped=3,
+        undecoded=9, faults=2, fault="detecting: ValueError: x", clock_step_s=3.0, time_offset_s=0.9,
+        time_offset_std_s=0.01,
+    )  # fmt: skip
+    yield replace(BASE, vehicles=rows, health=health, conflicts=frozenset({11}))
+    garbled = replace(LINK, packets=0, junk_bytes=9, silent_s=math.inf)
+    yield replace(BASE, pose="no attitude", health=replace(WELL, links=(garbled,)))
+    yield replace(BASE, health=replace(WELL, lag_s=2.0, behind_s=3.0, keys=0, full_in_s=300.0))
+
+
+def test_the_operators_page_explains_every_alarm():
+    page = Path("docs/operations.md").read_text(encoding="utf-8").split("| alarm | means | do |")[1].split("\n\n")[0]
+    rows = [line.split(" | ")[0].strip("| ") for line in page.splitlines()[2:]]
+    patterns = [re.escape(said) for row in rows for said in _variants(row)]
+    told = set()
+    for snapshot in everything_wrong():
+        told |= {finding.text for finding in findings(snapshot)} | {finding.text for _, finding in counted(snapshot)}
+    assert len(told) > 25
+    for text in told:
+        known = [p.replace("NAME", r"[\w-]+").replace("LINK", r"\S+").replace("\\ …", ".*") for p in patterns]
+        assert any(re.fullmatch(pattern + ".*", text) for pattern in known), text
+
+
+def _variants(row):
+    """``NAME: position stale, position lost`` is two alarms."""
+    name, colon, what = row.partition(": ")
+    first, comma, second = row.partition(", ")
+    if not comma or second.startswith("is almost"):
+        return [row] if not comma else [first, "the disk is almost full"]
+    return [first, f"{name}: {second}"] if colon and ", " in what else [row]

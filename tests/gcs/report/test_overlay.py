@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gcs.report.overlay import (
+    STANDING_RGB,
+    box_bounds,
+    box_corners,
+    draw,
+    front_mark,
+    label_of,
+    named_count,
+    place_labels,
+    standing_of,
+)
+from tests.support.fake_station import HOSTILE, make_snapshot
+
+SNAPSHOT = make_snapshot()
+BOX = SNAPSHOT.boxes[0]
+
+
+def overlap(a, b):
+    return max(0, min(a[0] + a[2], b[0] + b[2]) - max(a[0], b[0])) * max(
+        0, min(a[1] + a[3], b[1] + b[3]) - max(a[1], b[1])
+    )
+
+
+def test_picture_is_copied_not_drawn_upon():
+    before = SNAPSHOT.image.copy()
+    drawn = draw(SNAPSHOT)
+    assert drawn.shape == SNAPSHOT.image.shape and drawn.dtype == np.uint8
+    assert np.array_equal(SNAPSHOT.image, before)
+    assert not np.shares_memory(drawn, SNAPSHOT.image)
+    assert not np.array_equal(drawn, before)
+
+
+@pytest.mark.parametrize(("scale", "shape"), [(0.5, (360, 640, 3)), (1.0, (720, 1280, 3)), (1.5, (1080, 1920, 3))])
+def test_scale_sets_the_size(scale, shape):
+    assert draw(SNAPSHOT, scale=scale).shape == shape
+
+
+def test_no_image_gives_a_dark_canvas_with_boxes():
+    drawn = draw(replace(SNAPSHOT, image=None))
+    assert drawn.shape == (720, 1280, 3)
+    assert np.median(drawn) < 40
+    assert (drawn == np.array(STANDING_RGB["coasting"][::-1])).all(axis=2).any()
+
+
+def test_no_picture_size_at_all_still_draws():
+    assert draw(replace(SNAPSHOT, image=None, width=0, height=0, boxes=())).shape == (720, 1280, 3)
+
+
+def test_every_standing_has_its_colour_on_the_picture():
+    drawn = draw(replace(SNAPSHOT, image=None))
+    for standing in ("confirmed", "tentative", "coasting", "unidentified"):
+        assert (drawn == np.array(STANDING_RGB[standing][::-1])).all(axis=2).sum() > 10, standing
+
+
+def test_selected_label_is_filled_with_its_colour():
+    colour = np.array(STANDING_RGB["confirmed"][::-1])
+    plain, stressed = (draw(replace(SNAPSHOT, image=None), selected=who) for who in (0, 12))
+    assert (stressed == colour).all(axis=2).sum() > (plain == colour).all(axis=2).sum() + 500
+
+
+def test_labels_say_the_standing_in_signs():
+    assert [label_of(SNAPSHOT, box) for box in SNAPSHOT.boxes] == [
+        "UGV-11 97%",
+        "UGV-12 99%",
+        "UGV-13? 61%",
+        "~UGV-14 88%",
+        "?",
+        "?",
+    ]
+
+
+def test_a_box_whose_vehicle_is_not_in_the_table_is_tentative():
+    assert standing_of(SNAPSHOT, replace(BOX, system_id=99)) == "tentative"
+    assert label_of(SNAPSHOT, replace(BOX, system_id=99, confidence=math.nan)) == "UGV-99?"
+
+
+def test_nothing_is_said_to_be_certain():
+    assert label_of(SNAPSHOT, replace(BOX, confidence=1.0)) == "UGV-11 99%"
+    assert label_of(SNAPSHOT, replace(BOX, confidence=0.004)) == "UGV-11 0%"
+
+
+def test_named_count_leaves_the_uav_out():
+    assert named_count(SNAPSHOT) == (2, 7)
+
+
+def test_corners_turn_clockwise_on_screen():
+    corners = box_corners(replace(BOX, cx=0.0, cy=0.0, w=4.0, h=2.0, angle=math.pi / 2))
+    assert corners == pytest.approx(np.array([(1, -2), (1, 2), (-1, 2), (-1, -2)]), abs=1e-12)
+
+
+@given(heading=st.floats(0, 2 * math.pi), w=st.floats(10, 80), h=st.floats(5, 80))
+@settings(max_examples=40, deadline=None)
+def test_front_mark_starts_on_the_edge_ahead(heading, w, h):
+    box = replace(BOX, cx=0.0, cy=0.0, w=w, h=h, angle=heading - math.pi / 2, heading=heading)
+    start, end = front_mark(box, reach=0.5)
+    ahead = np.array([math.sin(heading), -math.cos(heading)])
+    assert start == pytest.approx(ahead * w / 2, abs=1e-6)
+    assert end == pytest.approx(ahead * w, abs=1e-6)
+
+
+def test_unknown_front_has_no_mark_and_still_has_bounds():
+    box = replace(BOX, heading=math.nan, angle=0.0, cx=50.0, cy=40.0, w=20.0, h=10.0)
+    assert np.isnan(front_mark(box)).all()
+    assert box_bounds(box) == (40.0, 35.0, 20.0, 10.0)
+
+
+def test_crowded_labels_do_not_cover_each_other():
+    anchors = [(100.0 + 30 * i, 100.0, 25.0, 20.0) for i in range(4)]
+    places = place_labels(anchors, [(28.0, 10.0)] * 4, (0, 0, 400, 300))
+    assert all(overlap(a, b) == 0 for a, b in combinations(places, 2))
+
+
+def test_labels_stay_in_the_picture():
+    anchors = [(-20.0, -20.0, 30.0, 30.0), (390.0, 290.0, 30.0, 30.0)]
+    for x, y, w, h in place_labels(anchors, [(60.0, 12.0)] * 2, (0, 0, 400, 300)):
+        assert x >= 0 and x + w <= 400 and y >= 0 and y + h <= 300
+
+
+@pytest.mark.parametrize("text", HOSTILE)
+def test_hostile_names_are_drawn(text):
+    rows = tuple(replace(row, name=text) for row in SNAPSHOT.vehicles)
+    assert draw(replace(SNAPSHOT, vehicles=rows), scale=0.5).shape == (360, 640, 3)
+
+
+def test_boxes_far_outside_the_picture_do_no_harm():
+    far = replace(BOX, cx=-5000.0, cy=9000.0)
+    assert draw(replace(SNAPSHOT, boxes=(far,))).shape == (720, 1280, 3)
+
+
+@given(st.lists(st.sampled_from([math.nan, math.inf, -1.0, 0.0, 1e12, -1e300, 3.0, 500.0]), min_size=6, max_size=6))
+@settings(max_examples=60, deadline=None)
+def test_wild_boxes_do_no_harm(numbers):
+    cx, cy, w, h, angle, heading = numbers
+    box = replace(BOX, cx=cx, cy=cy, w=w, h=h, angle=angle, heading=heading, confidence=angle)
+    assert draw(replace(SNAPSHOT, boxes=(box,), image=None), scale=0.25).shape == (180, 320, 3)

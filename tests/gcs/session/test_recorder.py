@@ -1,0 +1,316 @@
+import errno
+import json
+import time
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.errors import SessionError
+from gcs.mission.mission import Mission, Vehicle
+from gcs.session.fold_order import Fold, Folds
+from gcs.session.line_file import LineFile
+from gcs.session.recorder import Recorder
+from gcs.session.recording_events import RecordWatch
+from gcs.session.segmented import read_segments
+from gcs.session.session import open_session, read_detections, read_times
+from gcs.snapshot import Box, Event, Health, Snapshot
+from infra.files.record_state import RecordState, overall
+from infra.files.segments import segments
+from mavlink.protocol.packet import Packet
+from tests.mavlink.tlog.test_writer import FRAMES, T0, expected, packet, until
+from tests.support.faulty_disk import FaultyDisk, HangingDisk, delete
+from vision.detect.detections import Detections
+
+MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
+TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv", "folds.csv", "unfolded.csv")
+
+
+def boxes(frame):
+    column = np.full(2, 0.5)
+    names = ("cx", "cy", "w", "h", "angle", "score", "heading")
+    return Detections(**{name: column + k + frame for k, name in enumerate(names)})
+
+
+def snapshot(frame):
+    place = {"cx": 10.0 + frame, "cy": 20.0, "w": 30.0, "h": 15.0, "angle": 0.5, "heading": 2.0, "score": 0.9}
+    t_us = T0 + 100_000 * frame
+    return Snapshot(
+        t_us=t_us,
+        frame=frame,
+        width=64,
+        height=48,
+        image=None,
+        vehicles=(),
+        boxes=(Box(track_id=1, system_id=2, confidence=0.98, **place),),
+        footprint_enu=None,
+        uav_enu=np.zeros(3),
+        uav_heading=0.0,
+        health=Health(),
+        events=(Event(t_us=t_us, level="info", kind="text", text=f"frame {frame}"),),
+    )
+
+
+def fly(recorder, frames):
+    """One packet, picture, two boxes, an identity and an event for each frame."""
+    for frame in frames:
+        recorder.packet(packet(frame))
+        recorder.frame_time(frame, T0 + 100_000 * frame)
+        recorder.detections(frame, boxes(frame))
+        recorder.fold(
+            Fold(
+                frame=frame,
+                t_us=T0 + 100_000 * frame,
+                records=frame + 1,
+                record_us=T0 + frame,
+                heard_us=0,
+                boxes=2,
+                size=(64, 48),
+            )
+        )
+        recorder.unfolded(frame, 1)
+        recorder.snapshot(snapshot(frame))
+    assert all(file.settle(10.0) for file in recorder._files), "the system has it, or has refused it"
+
+
+def complete(folder, frames):
+    """Everything of every frame can be read, and once only."""
+    assert read_times(folder / "frames.csv").times_us.tolist() == [T0 + 100_000 * k for k in range(frames)]
+    seen = read_detections(folder / "detections.csv")
+    assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
+    folds = Folds.read(folder)
+    assert [turn.frame for turn in folds.turns] == list(range(frames))
+    assert not folds.taken_in(frames).any() and folds.taken_in(frames + 1)[frames]
+    table = read_segments(folder / "identity.csv", ("time_us", "frame"))
+    assert table["frame"].tolist() == list(range(frames))
+    for name, key in (("events.jsonl", "text"), ("identity.jsonl", "frame")):
+        rows = [json.loads(line) for part in segments(folder / name) for line in part.read_text().splitlines()]
+        assert len({row[key] for row in rows}) == frames
+
+
+@pytest.fixture
+def disk():
+    return FaultyDisk()
+
+
+@pytest.fixture
+def recorder(tmp_path, disk):
+    recorder = Recorder(tmp_path, MISSION, video=True, disk=disk)
+    yield recorder
+    recorder.close()
+
+
+def alarms(recorder):
+    return [event.text for event in recorder.check() if event.level == "alarm"]
+
+
+def notes(recorder):
+    return tomllib.loads((recorder.folder / "session.toml").read_text())["session"]
+
+
+def test_a_flight_without_faults(recorder):
+    fly(recorder, range(20))
+    assert recorder.check() == ()
+    assert recorder.bytes > 1000
+    assert "ended" not in notes(recorder)
+    assert recorder.close() == ()
+    complete(recorder.folder, 20)
+    assert notes(recorder)["packets"] == 20
+    assert "ended" in notes(recorder)
+    session = open_session(recorder.folder)
+    assert (session.frames, session.detections) == (recorder.folder / "frames.csv", recorder.folder / "detections.csv")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
+def test_a_full_disk_never_stops_the_flight_and_costs_nothing(recorder, disk, code):
+    fly(recorder, range(10))
+    disk.room, disk.write_error = 25, code
+    fly(recorder, range(10, 400))
+    told = alarms(recorder)
+    for name in ("telemetry.tlog", *TEXTS):
+        assert any(text.startswith(f"{name}: cannot be written: ") for text in told)
+        lines = (recorder.folder / name).read_bytes()
+        assert name == "telemetry.tlog" or lines.endswith(b"\n"), "whole lines only"
+    assert alarms(recorder) == [], "told once"
+    disk.room, disk.write_error = None, 0
+    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert sum(event.text.endswith(": written again") for event in recorder.check()) == 1 + len(TEXTS)
+    fly(recorder, range(400, 410))
+    assert recorder.close() == ()
+    complete(recorder.folder, 410)
+
+
+def test_a_failing_disk_leaves_segments_that_read_as_one(recorder, disk):
+    fly(recorder, range(10))
+    disk.sync_error = errno.EIO
+    until(lambda: all(state.faults for state in recorder.states().values()))
+    fly(recorder, range(10, 20))
+    disk.sync_error = 0
+    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert any("Input/output error" in text for text in alarms(recorder))
+    fly(recorder, range(20, 30))
+    disk.room, disk.write_error = 0, errno.EIO
+    fly(recorder, range(30, 40))
+    disk.room, disk.write_error = None, 0
+    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert recorder.close() == ()
+    assert (recorder.folder / "detections.1.csv").read_text().startswith("frame,cx,cy,w,h,angle,score,heading\n")
+    complete(recorder.folder, 40)
+
+
+def goes_on(recorder, take_away):
+    """The folder is taken away in flight; all that was recorded is in it at the end."""
+    fly(recorder, range(10))
+    take_away(recorder.folder)
+    fly(recorder, range(10, 20))
+    until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
+    assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 1 + len(TEXTS)
+    fly(recorder, range(20, 30))
+    assert recorder.close() == ()
+    complete(recorder.folder, 30)
+    assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
+
+
+def test_a_deleted_session_is_made_anew(recorder):
+    goes_on(recorder, delete)
+    assert notes(recorder)["packets"] == 30
+
+
+def test_a_session_that_was_moved_away_is_whole_where_it_belongs(recorder, tmp_path):
+    """As after an unmount by force: the files can still be written, and nobody would find them."""
+    goes_on(recorder, lambda folder: folder.rename(tmp_path / "elsewhere"))
+
+
+def test_what_is_lost_at_the_end_is_said_and_kept_in_the_session(recorder, disk):
+    fly(recorder, range(10))
+    disk.room = 0
+    fly(recorder, range(10, 15))
+    lost = recorder.close()
+    assert "telemetry.tlog: 5 rows lost: No space left on device" in lost
+    assert notes(recorder)["lost"]["telemetry.tlog"] == 5
+    assert notes(recorder)["lost"]["detections.csv"] == 10
+
+
+def test_telemetry_may_be_another_processs_business(tmp_path):
+    recorder = Recorder(tmp_path, MISSION, video=False, telemetry=False)
+    assert not recorder.tlog_path.exists()
+    state = RecordState(name="telemetry.tlog", rows=77, failing_s=0.3, reason="No space left on device", faults=1)
+    told = recorder.check(state)
+    assert [event.text for event in told if event.level == "alarm"] == [
+        "telemetry.tlog: cannot be written: No space left on device; kept in memory until it can"
+    ]
+    recorder.close(RecordState(name="telemetry.tlog", rows=78))
+    assert notes(recorder)["packets"] == 78
+
+
+def test_a_recording_that_cannot_begin_leaves_nothing(tmp_path, disk):
+    disk.open_error = errno.ENOSPC
+    with pytest.raises(SessionError, match="cannot be made: No space left on device"):
+        Recorder(tmp_path / "sessions", MISSION, video=True, disk=disk)
+    assert list((tmp_path / "sessions").iterdir()) == []
+
+
+def test_a_disk_that_hangs_holds_up_neither_the_flight_nor_its_end(tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.session.line_file.HANG_S", 1.0)
+    disk = HangingDisk()
+    recorder = Recorder(tmp_path, MISSION, video=True, telemetry=False, disk=disk)
+    recorder.snapshot(snapshot(0))
+    assert recorder.check() == ()
+    disk.may_write.clear()
+    began_s = time.monotonic()
+    for k in range(1, 50):
+        recorder.frame_time(k, T0 + k)
+        recorder.detections(k, boxes(k))
+        recorder.snapshot(snapshot(k))
+    assert time.monotonic() - began_s < 0.5
+    told = []
+    until(lambda: told.extend(recorder.check()) or told, 10.0)
+    assert [(event.level, event.text.partition(" for ")[0]) for event in told] == [
+        ("alarm", "the disk has not answered")
+    ], "one for all files"
+    states = recorder.states()
+    assert states["identity.csv"].waiting >= 49 and states["identity.csv"].stalled_s > 1.0
+    assert len((recorder.folder / "events.jsonl").read_text().splitlines()) == 1
+    disk.may_write.set()
+    until(lambda: not any(state.waiting for state in recorder.states().values()))
+    assert [event.text.partition(",")[0] for event in recorder.check()] == ["the disk answers again"]
+    disk.may_write.clear()
+    recorder.snapshot(snapshot(50))
+    until(lambda: recorder.states()["identity.csv"].stalled_s > 0.0)
+    began_s = time.monotonic()
+    lost = recorder.close()
+    assert time.monotonic() - began_s < 10.0
+    assert {line.partition(":")[0] for line in lost} == {"identity.csv", "identity.jsonl", "events.jsonl"}
+    assert "ended" not in notes(recorder), "the next start seals it"
+    disk.may_write.set()
+
+
+def test_no_file_is_ever_overwritten(tmp_path):
+    LineFile(tmp_path / "a.csv").close()
+    with pytest.raises(SessionError, match="File exists"):
+        LineFile(tmp_path / "a.csv")
+
+
+def test_hostile_text_is_recorded_and_stops_nothing(tmp_path):
+    file = LineFile(tmp_path / "a.jsonl")
+    file.write("\ud800\n")
+    file.write("")
+    file.close()
+    assert (tmp_path / "a.jsonl").read_text() == "?\n"
+
+
+def state(**values):
+    return {"a.csv": RecordState(name=values.pop("name", "a.csv"), **values)}
+
+
+def test_every_fault_is_told_once_with_its_end():
+    watch = RecordWatch()
+    full = {"failing_s": 0.1, "reason": "full", "faults": 1}
+    story = [
+        (state(), []),
+        (state(**full), [("alarm", "a.csv: cannot be written: full; kept in memory until it can")]),
+        (state(**full | {"failing_s": 1.1}), []),
+        (state(**full, lost=3), [("alarm", "a.csv: 3 rows lost: full")]),
+        (state(**full, lost=4), []),
+        (state(**full, lost=6), [("alarm", "a.csv: 6 rows lost: full")]),
+        (state(reason="full", faults=1, lost=6), [("info", "a.csv: written again")]),
+        (state(reason="full", faults=1, lost=6, sync_age_s=2.5), [("warning", None)]),
+        (state(reason="full", faults=1, lost=6, sync_age_s=9.5), []),
+        (state(reason="full", faults=1, lost=6), [("info", "a.csv: disk keeps up again")]),
+        (
+            state(reason="bad", faults=2, lost=6, name="a.1.csv"),
+            [
+                ("alarm", "a.csv: cannot be written: bad; kept in memory until it can"),
+                ("info", "a.csv: written again, goes on in a.1.csv"),
+            ],
+        ),
+        (state(name="a.2.csv"), []),
+        (state(name="a.2.csv", lost=1), [("alarm", "a.csv: 1 rows lost")]),
+    ]
+    for now, told in story:
+        events = watch.update(T0, now)
+        assert [event.level for event in events] == [level for level, _ in told]
+        assert [event.text for event, (_, text) in zip(events, told, strict=True) if text] == [t for _, t in told if t]
+
+
+def test_a_fault_that_is_over_keeps_the_reason_of_the_file_that_had_it():
+    log = RecordState(name="telemetry.tlog", rows=5, reason="full", faults=1, failed_ago_s=60.0)
+    senders = RecordState(name="senders.csv", reason="bad", faults=1, failed_ago_s=0.1)
+    assert overall((log, senders)).reason == "senders.csv: bad"
+    assert overall((replace(log, failed_ago_s=0.05), senders)).reason == "full"
+    never = RecordState(name="telemetry.tlog")
+    told = RecordWatch().update(T0, {"telemetry": overall((never, senders))})
+    assert [event.text for event in told] == [
+        "telemetry: cannot be written: senders.csv: bad; kept in memory until it can",
+        "telemetry: written again",
+    ]
+    assert overall((never, never)).reason == "" == overall((never, never)).because
+
+
+def test_a_kept_packet_keeps_its_time(tmp_path):
+    recorder = Recorder(tmp_path, MISSION, video=False)
+    recorder.packet(Packet(time.time_ns() // 1000, FRAMES[0]))
+    recorder.close()
+    assert not (recorder.folder / "clock.csv").exists()
+    assert not (recorder.folder / "refused.csv").exists()

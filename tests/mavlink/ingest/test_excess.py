@@ -1,0 +1,95 @@
+"""Packets that are not believed, in masses."""
+
+import time
+
+from mavlink.ingest.excess import BURST_S, KEPT_PER_S, Excess
+from mavlink.ingest.health import LinkReport
+from mavlink.ingest.plan import Signing
+from mavlink.links.batch import Batch
+from mavlink.links.counters import LinkCounts
+from mavlink.links.fair_shares import HOLD_S
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Auth
+from mavlink.signing.keys import Key, write_key
+from mavlink.signing.signer import Signer
+from tests.support.ingest_runs import HOST, recorded, until, wait_for
+
+FRAMES = {k: Speaker(k).heartbeat() for k in (11, 12)}
+REPORT = LinkReport(name="udp", counts=LinkCounts(turned_away=5))
+
+
+def batch_of(*rows):
+    """(system id, sender, auth) of each frame."""
+    frames = [FRAMES[system_id] for system_id, _, _ in rows]
+    return Batch([0] * len(rows), frames, [peer for _, peer, _ in rows]), [auth for _, _, auth in rows]
+
+
+def test_only_refused_packets_are_left_out_and_only_those_of_who_sends_them_in_masses():
+    now_s = 100.0
+    excess = Excess(lambda: now_s)
+    rows = [(11, 1, Auth.BAD), (11, 1, Auth.GOOD), (12, 1, Auth.UNSIGNED), (11, 2, Auth.HELD)]
+    kept = dict.fromkeys(rows, 0)
+    for _ in range(600):
+        now_s += 0.01
+        batch, auths = excess.without(0, *batch_of(*[rows[0]] * 30, *rows[1:]))
+        for raw, peer, auth in zip(batch.frames, batch.peers, auths, strict=True):
+            kept[raw[5], peer, auth] += 1
+    assert [kept[row] for row in rows[1:]] == [600] * 3
+    assert kept[rows[0]] <= KEPT_PER_S * (BURST_S + 6.0) + 1 and kept[rows[0]] > KEPT_PER_S * 6.0
+    told = excess.told(0, REPORT, lambda peer: f"10.0.0.{peer}:5")
+    assert told.counts.turned_away == 5 + 600 * 30 - kept[rows[0]]
+    (limit,) = told.limits
+    assert (limit.address, limit.system_id, limit.refused) == ("10.0.0.1:5", 11, True)
+    assert limit.turned_away == 600 * 30 - kept[rows[0]]
+    assert excess.told(1, REPORT, str) == REPORT
+    now_s += HOLD_S
+    assert excess.told(0, REPORT, str).limits == ()
+
+
+def test_what_is_believed_costs_nothing():
+    excess = Excess()
+    batch, auths = batch_of(*[(11, 1, Auth.GOOD), (12, 2, Auth.OPEN)] * 10_000)
+    assert excess.without(0, batch, auths) == (batch, auths)
+
+
+def test_a_crowd_is_watched_as_one_and_costs_no_memory():
+    excess = Excess(lambda: 100.0)
+    for peer in range(5000):
+        excess.without(0, *batch_of((11, peer, Auth.BAD)))
+    assert len(excess._senders) < 1100
+    assert [limit.address for limit in excess.told(0, REPORT, lambda peer: "").limits] == ["many addresses"]
+
+
+def test_a_vehicle_is_recorded_through_a_flood_that_is_signed_wrongly_from_its_own_address(started, sender, tmp_path):
+    keys, secret = tmp_path / "keys", bytes(range(1, 33))
+    keys.mkdir(mode=0o700)
+    write_key(keys, 11, secret)
+    ingest, port = started(signing=Signing(keys=str(keys)), system_ids=(11,))
+    good, forger, speaker = Signer(Key(secret)), Signer(Key(bytes(32 * [9]))), Speaker(11)
+
+    def say(signer):
+        frame = signer.sign(speaker.heartbeat(), time.time_ns() // 1000)
+        sender.sendto(frame, (HOST, port))
+        return frame
+
+    true, false, packets, texts = [], 0, [], []
+
+    def said(words):
+        texts.extend(notice.text for notice in ingest.notices())
+        return any(words in text for text in texts)
+
+    while false < 3 * KEPT_PER_S * BURST_S:
+        true.append(say(good))
+        for _ in range(100):
+            say(forger)
+        false += 100
+        packets += wait_for(ingest, 1)  # no more on the way than any system's buffer holds
+    assert until(lambda: packets.extend(ingest.read(0.01)) or true[-1] in {packet.raw for packet in packets[-500:]})
+    assert {packet.raw for packet in packets if packet.auth is Auth.GOOD} == set(true)
+    assert until(lambda: said(f"{HOST}:{sender.getsockname()[1]} as system 11 floods this link with packets that are"))
+    ingest.stop()
+    log = recorded(tmp_path)
+    assert set(true) <= set(log) and len(log) < len(true) + false
+    health = ingest.health()
+    counts = health.links[0].counts
+    assert health.refused + counts.turned_away + counts.dropped == false

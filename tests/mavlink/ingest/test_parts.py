@@ -1,0 +1,286 @@
+import os
+import socket
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mavlink.ingest.changes import Changes
+from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.plan import Outputs, Plan, Signing
+from mavlink.ingest.shared import Shared, Word, make_memory
+from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
+from mavlink.links.byte_stream import Backoff
+from mavlink.links.counters import LinkCounts
+from mavlink.links.flood_limiter import STRANGERS, Limit
+from mavlink.links.udp import UdpIn
+from mavlink.links.url import parse_url
+from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.framing import split
+from mavlink.protocol.packet import Auth
+from tests.support.ports import free_port
+
+HOST = "127.0.0.1"
+LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
+KEY = bytes(range(32))
+
+
+def udp():
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind((HOST, 0))
+    sock.setblocking(False)
+    return sock
+
+
+def arrived(sock):
+    got = []
+    try:
+        while True:
+            got.append(sock.recv(4096))
+    except BlockingIOError:
+        return got
+
+
+# ---- one frame
+
+
+@given(st.sampled_from(["v2", "signed", "v1"]), st.integers(0, 60), st.integers(0, 255), st.integers(0, 3))
+def test_the_short_check_never_takes_what_the_search_does_not(kind, place, value, extra):
+    speaker = Speaker(7, version=1 if kind == "v1" else 2, key=KEY if kind == "signed" else None)
+    data = bytearray(speaker.heartbeat())
+    if place < len(data):
+        data[place] = value
+    data = bytes(data) + b"\xfd" * extra
+    if is_one_frame(data):
+        assert split(data)[0] == [data] and split(data)[1].good == 1
+
+
+def test_the_short_check_takes_whole_frames():
+    for speaker in (Speaker(7), Speaker(7, key=KEY)):
+        frame = speaker.heartbeat()
+        assert is_one_frame(frame) and looks_like_one_frame(frame)
+        assert not any(is_one_frame(frame[:n]) for n in range(len(frame)))
+        assert not is_one_frame(frame + b"\0")
+    too_long = bytearray(Speaker(7).heartbeat())
+    too_long[1] = DEFINITIONS[0][0] + 1
+    assert not is_one_frame(bytes(too_long))
+
+
+# ---- links
+
+
+@LINUX
+def test_without_the_batch_call_everything_is_the_same(monkeypatch):
+    monkeypatch.setattr("mavlink.links.udp.available", lambda: False)
+    with udp() as sender:
+        port = free_port()
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 3)
+        frames = [Speaker(k + 1).heartbeat() for k in range(100)]
+        for frame in frames:
+            sender.sendto(frame, (HOST, port))
+            sender.sendto(b"\xfd\xff\x00", (HOST, port))
+        batch = link.take()
+        while len(batch) < 100 and (more := link.take()).frames:
+            batch.frames += more.frames
+        assert batch.frames == frames
+        assert link.counts.packets == 100 and link.counts.junk_bytes == 300
+        link.close()
+
+
+def test_only_known_systems_make_a_sender_known():
+    with udp() as fleet, udp() as stranger:
+        port = free_port()
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0, system_ids=(1, 2))
+        stranger.sendto(Speaker(200).heartbeat(), (HOST, port))
+        fleet.sendto(Speaker(2).heartbeat(), (HOST, port))
+        assert len(link.read(1.0)) + len(link.read(0.1)) == 2
+        assert list(link.peers.addresses().values()) == [fleet.getsockname()]
+        link.close()
+
+
+def test_trying_again_takes_longer_each_time():
+    backoff = Backoff(first_s=1.0, most_s=4.0)
+    tried = [now_s for now_s in range(20) if backoff.due(float(now_s))]
+    assert tried == [0, 1, 3, 7, 11, 15, 19]
+    backoff.succeeded()
+    assert backoff.due(100.0) and backoff.due(101.0)
+
+
+# ---- shared memory
+
+
+@pytest.fixture
+def memory():
+    fd = make_memory(4096)
+    shared = Shared(fd)
+    yield shared
+    shared.close()
+    os.close(fd)
+
+
+def test_packets_come_out_of_the_ring_as_they_went_in(memory):
+    frames = [bytes([0xFD, k % 256]) * (k % 60 + 5) for k in range(400)]
+    out = []
+    for k in range(0, 400, 4):
+        some = frames[k : k + 4]
+        auths = [Auth.GOOD, Auth.BAD, Auth.OPEN, Auth.FUTURE] if k % 8 else None
+        assert memory.put(k % 7, 3 * k, list(range(k, k + 4)), some, [9, 8, 7, 70_000], auths)
+        if k % 12 == 0:
+            out += memory.take()
+    out += memory.take()
+    assert [packet.raw for packet in out] == frames and [packet.t_us for packet in out] == list(range(400))
+    assert [packet.peer for packet in out[:4]] == [9, 8, 7, 70_000]
+    assert [packet.record for packet in out] == [3 * (k - k % 4) + k % 4 for k in range(400)]
+    assert [packet.auth for packet in out[4:8]] == [Auth.GOOD, Auth.BAD, Auth.OPEN, Auth.FUTURE]
+    assert out[0].auth is Auth.OPEN and out[8].link == 1
+    assert memory.take() == []
+
+
+def test_packets_that_are_not_in_the_log_have_no_number(memory):
+    for record in (5, None, 6):
+        assert memory.put(0, record, [1, 2], [b"a", b"b"], [1, 1], None)
+    assert [packet.record for packet in memory.take()] == [5, 6, -1, -1, 6, 7]
+
+
+def test_a_full_ring_counts_what_does_not_fit(memory):
+    kept = sum(memory.put(0, 7, [1], [b"x" * 68], [1], None) for _ in range(50))
+    assert kept == 40 and memory.words[Word.OVERRUN] == 10
+    assert len(memory.take()) == 40
+    assert memory.put(0, 7, [1], [b"x" * 68], [1], None)
+
+
+def test_the_status_is_whole_or_not_there(memory):
+    memory.tell(b"first")
+    assert memory.status() == b"first"
+    memory.words[Word.STATUS] |= 1  # somebody died while writing
+    assert memory.status() is None
+    memory.tell(b"second")
+    assert memory.status() == b"second"
+    memory.tell(b"x" * 1_000_000)
+    assert memory.status() == b"second"
+
+
+def test_plan_and_health_survive_the_way_between_processes():
+    plan = Plan(
+        urls=("udpin:0.0.0.0:14550",),
+        sockets=(5,),
+        memory=3,
+        journal=6,
+        control=4,
+        log="/tmp/x.tlog",
+        system_ids=(1, 2),
+        signing=Signing(keys="/keys", unsigned=(109,)),
+        outputs=Outputs(urls=("udpout:127.0.0.1:1?ro",), own=255),
+    )
+    assert Plan.from_text(plan.to_text()) == plan
+    report = LinkReport(
+        name="a",
+        counts=LinkCounts(packets=3, dropped=1),
+        addresses=((1, HOST, 5),),
+        claims=((1, 11), (1, 12)),
+        mixed=(1,),
+        limits=(STRANGE,),
+    )
+    health = IngestHealth(links=(report,), troubles=("no",))
+    again = IngestHealth.from_json(health.to_json())
+    assert again.links == health.links and again.troubles == ("no",)
+    total = again.plus((LinkCounts(packets=4, dropped=2, silent_s=9.0),)).links[0].counts
+    assert (total.packets, total.dropped) == (7, 3)
+    with pytest.raises(ValueError, match="no health"):
+        IngestHealth.from_json(b"{}")
+
+
+@LINUX
+def test_arrival_is_the_kernels():
+    with udp() as sender:
+        port = free_port()
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0)
+        before_us = time.time_ns() // 1000
+        sender.sendto(Speaker(1).heartbeat(), (HOST, port))
+        after_us = time.time_ns() // 1000
+        time.sleep(0.05)
+        assert before_us <= link.take().times_us[0] <= after_us + 1000
+        link.close()
+
+
+# ---- what is told
+
+
+STRANGE = Limit(address="10.0.0.9:5 and 299 more addresses", system_id=STRANGERS, wanted_per_s=57_312.0, turned_away=7)
+
+
+def test_each_change_is_told_once():
+    changes = Changes()
+    link = LinkReport(name="udp", counts=LinkCounts())
+    assert changes.of(IngestHealth(links=(link,))) == []
+    lost = replace(link, counts=LinkCounts(dropped=3), limits=(STRANGE,))
+    told = changes.of(IngestHealth(links=(lost,), overrun=7, troubles=("no key",)))
+    assert [level for level, _ in told] == ["alarm", "alarm", "alarm", "warning"]
+    assert told[0][1] == (
+        "udp: strangers flood this port, 57,000 datagrams/s from 10.0.0.9:5 and 299 more addresses; "
+        "only few of them are let in"
+    )
+    assert "3 datagrams were lost" in told[1][1] and told[3][1] == "no key"
+    more = replace(lost, limits=(replace(STRANGE, address="10.0.0.8:5", turned_away=1500),))
+    assert changes.of(IngestHealth(links=(more,), overrun=7, troubles=("no key",))) == []
+    over = replace(link, counts=LinkCounts(dropped=4), connected=False)
+    told = changes.of(IngestHealth(links=(over,), overrun=15))
+    assert told[0] == ("alarm", "udp: lost, trying on") and "about 1,500 datagrams of strangers" in told[1][1]
+    assert "15 packets were recorded and not shown" in told[2][1] and len(told) == 3
+    assert changes.of(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [("info", "udp: back")]
+
+
+def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end():
+    changes = Changes()
+    first = Limit(address="10.0.0.7:5", system_id=11, wanted_per_s=60_123.0, turned_away=1)
+    router = Limit(address="10.0.0.7:5", system_id=MIXED, wanted_per_s=9000.0, turned_away=1)
+    link = LinkReport(name="udp", counts=LinkCounts(), limits=(first,))
+    assert changes.of(IngestHealth(links=(link,))) == [
+        (
+            "alarm",
+            "udp: 10.0.0.7:5 as system 11 floods this port, 60,000 datagrams/s, or somebody forges them; "
+            "only some are let in",
+        )
+    ]
+    both = replace(link, limits=(replace(first, turned_away=4321), router))
+    (told,) = changes.of(IngestHealth(links=(both,)))
+    assert "10.0.0.7:5 in datagrams of several frames floods" in told[1]
+    assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
+        ("info", "udp: 10.0.0.7:5 as system 11 is let in whole again; about 4,321 datagrams were turned away")
+    ]
+    refused = replace(first, refused=True, turned_away=99)
+    assert changes.of(IngestHealth(links=(replace(link, limits=(router, refused)),))) == [
+        (
+            "alarm",
+            "udp: 10.0.0.7:5 as system 11 floods this link with packets that are refused; not all of them are recorded",
+        )
+    ]
+    assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
+        ("info", "udp: 10.0.0.7:5 as system 11 floods no more; 99 refused packets were not recorded")
+    ]
+    crowd = tuple(replace(first, address=f"10.0.0.7:{k}") for k in range(300))
+    told = changes.of(IngestHealth(links=(replace(link, limits=crowd),)))
+    assert [level for level, _ in told] == ["alarm"] * 6 + ["info"] and told[5][1] == "295 more such senders"
+
+
+def test_a_connection_that_is_being_made_is_not_lost_and_one_that_flaps_is_told_now_and_then():
+    changes, told = Changes(), []
+    link = LinkReport(name="tcp", counts=LinkCounts(), connected=False)
+    for connected in [False] * 5 + [True] * 5:
+        told += changes.of(IngestHealth(links=(replace(link, connected=connected),)))
+    assert told == []
+    for look in range(200):
+        told += changes.of(IngestHealth(links=(replace(link, connected=look % 3 == 0),)))
+    assert 4 <= len(told) <= 20 and told[:2] == [("alarm", "tcp: lost, trying on"), ("info", "tcp: back")]
+
+
+def test_a_connection_that_is_never_made_is_told_once():
+    changes, told = Changes(), []
+    link = LinkReport(name="tcp", counts=LinkCounts(), connected=False)
+    for _ in range(60):
+        told += changes.of(IngestHealth(links=(link,)))
+    assert told == [("alarm", "tcp: no connection yet, trying on")]

@@ -1,0 +1,64 @@
+"""A command desk between a UAV and two ground vehicles that must never hear a thing."""
+
+from __future__ import annotations
+
+import time
+from types import SimpleNamespace
+
+from gcs.command import CommandDesk, Place, Rules
+from mavlink.transmit.transmitter import Outgoing
+from tests.support.fake_autopilot import Socket, rover
+
+UAV, UGV, OTHER = 1, 3, 4
+PLACE = Place(47.3980, 8.5460)
+
+
+def open_air(make_uav, rules: Rules) -> SimpleNamespace:
+    """The desk, the vehicles, and ways to order and to wait; ``close`` ends all.
+
+    Args:
+        make_uav: a vehicle for a station's address and a system id.
+        rules: how orders are carried out.
+    """
+    sock = Socket()
+    uav, ugvs = make_uav(sock.address, UAV), [rover(sock.address, UGV), rover(sock.address, OTHER)]
+    events, recorded, places = [], [], {UGV: PLACE}
+    outgoing = Outgoing(UAV, sock.send, sent=lambda link, raw: recorded.append(raw))
+    desk = CommandDesk(
+        uav=UAV, ground={UGV: "UGV-3", OTHER: "UGV-4"}, uav_name="UAV-1", outgoing=outgoing, where=places.get,
+        tell=events.append, rules=rules,
+    )  # fmt: skip
+
+    def until(done, seconds=30.0):
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s:
+            for packet in sock.packets():
+                desk.take(packet)
+            desk.poll()
+            if done():
+                return True
+            time.sleep(0.005)
+        return False
+
+    def order(key, about=0, words=""):
+        """Gives an order and waits for an event with some words."""
+        before = len(events)
+        desk.give(key, about)
+        assert until(lambda: any(words in event.text for event in events[before:] if "ordered" not in event.text)), [
+            event.text for event in events
+        ]
+        return [event for event in events[before:] if "ordered" not in event.text]
+
+    def close():
+        desk.close()
+        for vehicle in (uav, *ugvs):
+            vehicle.close()
+        sock.close()
+        assert [vehicle.bytes_heard for vehicle in ugvs] == [0, 0], "nothing is ever sent to a ground vehicle"
+        assert all(said.get_srcSystem() == 254 and said.get_srcComponent() == 190 for said in uav.heard)
+
+    assert until(lambda: desk._sdk._direct_to_uav() is not None and desk._uav.alt_m > 0)
+    return SimpleNamespace(
+        uav=uav, ugvs=ugvs, desk=desk, events=events, recorded=recorded, places=places, until=until, order=order,
+        sock=sock, outgoing=outgoing, close=close,
+    )  # fmt: skip

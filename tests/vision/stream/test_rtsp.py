@@ -1,0 +1,125 @@
+"""A camera over RTSP, played to its faults; and what is said of datagrams that no picture can be made of."""
+
+from __future__ import annotations
+
+import itertools
+import random
+
+import numpy as np
+import pytest
+
+from tests.support.rtsp_server import RtspServer, packed
+from tests.support.video_sender import GOP, number_of, wait_for
+from vision.errors import VideoError
+from vision.stream import connection as stream_input
+from vision.stream.source import parse_source
+from vision.stream.stream import VideoStream
+from vision.video.video import VideoFile
+
+CLIP = 600
+
+
+class Watched:
+    """A stream and the rows it lists."""
+
+    def __init__(self, url, path):
+        self.rows = []
+        self.stream = VideoStream(url, path, on_frame=lambda index, t_us: self.rows.append((index, t_us)))
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *args):
+        self.stream.close()
+
+    def shows_more(self, n=30):
+        seen = len(self.rows)
+        return wait_for(lambda: len(self.rows) >= seen + n and not self.stream.stalled)
+
+
+def film(path, rows):
+    """The numbers of all recorded pictures."""
+    with VideoFile.open(path, np.array([t_us for _, t_us in rows])) as video:
+        assert video.missing == 0
+        return [number_of(frame.image) for frame in video.frames()]
+
+
+def test_a_camera_is_played_and_recorded(tmp_path):
+    with RtspServer(packed(CLIP)) as server, Watched(server.url, tmp_path / "video.mkv") as watched:
+        assert watched.shows_more()
+        shown = watched.stream.latest(2.0)
+        assert number_of(shown.image) >= shown.index
+        assert watched.stream.error == "" and watched.stream.connected
+        watched.stream.close()
+        assert server.plays == 1
+    numbers = film(tmp_path / "video.mkv", watched.rows)
+    assert len(numbers) == len(watched.rows) >= 30
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers))) and numbers[0] % GOP == 0
+    assert (np.diff([t_us for _, t_us in watched.rows]) > 0).all()
+
+
+def test_a_camera_that_falls_silent_with_its_connection_open_is_stalled_once(tmp_path):
+    with RtspServer(packed(CLIP)) as server, Watched(server.url, tmp_path / "video.mkv") as watched:
+        assert watched.shows_more()
+        server.hold.set()
+        assert wait_for(lambda: watched.stream.stalled)
+        # FFmpeg keeps the last picture until it gives up: that is no sign of life
+        assert not wait_for(lambda: not watched.stream.stalled, 3.0)
+        assert wait_for(lambda: "nothing came for 2 s" in watched.stream.error)
+        server.hold.clear()
+        assert watched.shows_more()
+        assert watched.stream.reconnects >= 1 and watched.stream.restarts == 0 and watched.stream.error == ""
+
+
+def test_a_camera_that_dies_and_comes_back_goes_on_in_the_same_file(tmp_path):
+    server = RtspServer(packed(CLIP))
+    with Watched(server.url, tmp_path / "video.mkv") as watched:
+        try:
+            assert watched.shows_more()
+            server.close()
+            assert wait_for(lambda: watched.stream.stalled and "cannot be opened" in watched.stream.error)
+            assert not watched.stream.connected
+            server = RtspServer(packed(CLIP), server.port)
+            assert watched.shows_more()
+            assert watched.stream.reconnects == 1 and watched.stream.restarts == 0 and watched.stream.error == ""
+        finally:
+            server.close()
+    numbers = film(tmp_path / "video.mkv", watched.rows)
+    breaks = [k for k in range(1, len(numbers)) if numbers[k] != numbers[k - 1] + 1]
+    assert len(breaks) == 1 and numbers[breaks[0]] % GOP == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["video.mkv"]
+
+
+class Endless:
+    """A port on which the same datagrams come over and over."""
+
+    arrival_s, live = 0.0, True
+
+    def __init__(self, datagrams):
+        self._datagrams = itertools.cycle(datagrams)
+        self._first = next(self._datagrams)
+
+    def wait(self):
+        return self._first
+
+    def read(self):
+        return next(self._datagrams)
+
+    def reports(self):
+        return []
+
+
+@pytest.mark.parametrize(
+    ("datagrams", "said"),
+    [
+        (
+            [data for k, frame in enumerate(packed(CLIP)) if k % GOP for data in frame],
+            "let the sender repeat its SPS and PPS",
+        ),
+        ([random.Random(1).randbytes(700) for _ in range(50)], "neither MPEG-TS nor RTP"),
+    ],
+)
+def test_why_no_picture_comes_is_told_while_datagrams_come_without_end(monkeypatch, datagrams, said):
+    monkeypatch.setattr(stream_input, "PATIENCE_S", 0.2)
+    with pytest.raises(VideoError, match=said):
+        stream_input.datagrams(parse_source("rtp://127.0.0.1:5600?codec=h264"), Endless(datagrams), lambda: True)
