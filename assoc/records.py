@@ -105,9 +105,13 @@ class VehicleReports:
         """No reports."""
         none = np.empty(0)
         return VehicleReports(
-            t_us=np.empty(0, np.int64), vehicle=np.empty(0, np.int64), p_enu=np.empty((0, 3)),
-            v_enu=np.empty((0, 3)), heading=none, std_m=none,
-        )  # fmt: skip
+            t_us=np.empty(0, np.int64),
+            vehicle=np.empty(0, np.int64),
+            p_enu=np.empty((0, 3)),
+            v_enu=np.empty((0, 3)),
+            heading=none,
+            std_m=none,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -231,10 +231,14 @@ def page(rows: Sequence[Row], others: Sequence[Raised], zero_s: float) -> str:
         first = min((alarm.begin_s for alarm in row.alarms), default=math.nan) - row.known_s
         last = max((alarm.end_s for alarm in row.alarms), default=math.nan) - over_s
         cells = [
-            fault.kind, fault.name, f"{fault.begin_s - zero_s:.1f}, {fault.end_s - zero_s:.1f}",
-            _figure(row.known_s - fault.begin_s, "after {:.1f} s"), told, _figure(first, "{:.1f} s"),
+            fault.kind,
+            fault.name,
+            f"{fault.begin_s - zero_s:.1f}, {fault.end_s - zero_s:.1f}",
+            _figure(row.known_s - fault.begin_s, "after {:.1f} s"),
+            told,
+            _figure(first, "{:.1f} s"),
             _figure(last, "{:.1f} s") + ("" if row.right else " (not as it should be)"),
-        ]  # fmt: skip
+        ]
         lines.append(f"| {' | '.join(cells)} |")
     right = sum(row.right for row in rows)
     lines += ["", f"{right} of {len(rows)} faults as they should be; {len(others)} alarms of no fault."]

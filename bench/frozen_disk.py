@@ -37,8 +37,15 @@ IMAGE_BYTES = 256 << 20
 BEFORE_S, AFTER_S = 4.0, 4.0
 """Flown with a disk that is well."""
 START_S, END_S = 60.0, 60.0
-COLUMNS = ("stands still for", "sent", "in the log", "counted as recorded", "receivers replaced", "told after",
-           "false alarms of silence")  # fmt: skip
+COLUMNS = (
+    "stands still for",
+    "sent",
+    "in the log",
+    "counted as recorded",
+    "receivers replaced",
+    "told after",
+    "false alarms of silence",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

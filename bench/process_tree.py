@@ -46,9 +46,13 @@ def cost_of(pid: int) -> Cost:
     rows = [row for each in family(pid) if (row := _row(PROC / str(each))) is not None]
     rss, own, cpu, threads, descriptors = (sum(column) for column in zip(*rows, strict=True)) if rows else (0,) * 5
     return Cost(
-        processes=len(rows), rss_mb=rss / 1e6, own_mb=own / 1e6, cpu_s=float(cpu), threads=int(threads),
+        processes=len(rows),
+        rss_mb=rss / 1e6,
+        own_mb=own / 1e6,
+        cpu_s=float(cpu),
+        threads=int(threads),
         descriptors=int(descriptors),
-    )  # fmt: skip
+    )
 
 
 def _row(folder: Path) -> tuple[float, float, float, int, int] | None:

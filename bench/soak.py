@@ -44,9 +44,7 @@ def mission(vehicles: int) -> str:
     return f"[uav]\nsystem_id = {uav}\n" + "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs) + CAMERA
 
 
-def soak(
-    seconds: float, rate: float, vehicles: int, video: Path | None, fleet_words: Sequence[str], out: Path
-) -> Run:  # fmt: skip
+def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_words: Sequence[str], out: Path) -> Run:
     """Fly, measure, and end everything.
 
     Args:
@@ -61,8 +59,15 @@ def soak(
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
         (folder / "mission.toml").write_text(mission(vehicles))
         telemetry, camera = free_port(), free_port()
-        words = [*FLY, folder / "mission.toml", "--headless", "--sessions", folder / "sessions",
-                 "-l", f"udpin:127.0.0.1:{telemetry}"]  # fmt: skip
+        words = [
+            *FLY,
+            folder / "mission.toml",
+            "--headless",
+            "--sessions",
+            folder / "sessions",
+            "-l",
+            f"udpin:127.0.0.1:{telemetry}",
+        ]
         words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
         said = stack.enter_context((folder / "said.txt").open("w+"))
         flight = subprocess.Popen([*map(str, words)], stdout=said, stderr=subprocess.STDOUT)
@@ -72,10 +77,23 @@ def soak(
         if video:
             stack.callback(VideoLoop(video, f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
         fleet = subprocess.Popen(
-            [sys.executable, "-m", "sim.fleet_process", "--to", f"127.0.0.1:{telemetry}", "--duration", str(seconds),
-             "--vehicles", str(vehicles), "--rate", str(rate), *fleet_words],
-            stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "sim.fleet_process",
+                "--to",
+                f"127.0.0.1:{telemetry}",
+                "--duration",
+                str(seconds),
+                "--vehicles",
+                str(vehicles),
+                "--rate",
+                str(rate),
+                *fleet_words,
+            ],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         stack.callback(_end, fleet)
         samples = _sample(flight, fleet, watch, seconds, out)
         sent = json.loads(fleet.communicate(timeout=END_S)[0])
@@ -84,9 +102,14 @@ def soak(
         watch.read()
         said.seek(0)
         return Run(
-            samples=samples, sent=sent, recorded=dict(watch.recorded), stalls=watch.stalls,
-            longest_s=watch.longest_s, exit_code=sealed, said=said.read().strip().split("\n")[-1],
-        )  # fmt: skip
+            samples=samples,
+            sent=sent,
+            recorded=dict(watch.recorded),
+            stalls=watch.stalls,
+            longest_s=watch.longest_s,
+            exit_code=sealed,
+            said=said.read().strip().split("\n")[-1],
+        )
 
 
 def _sample(
@@ -103,12 +126,17 @@ def _sample(
             watch.read()
             cost, now = cost_of(flight.pid), time.monotonic()
             row = {
-                "t_s": round(now - start, 1), "processes": cost.processes, "rss_mb": round(cost.rss_mb, 2),
+                "t_s": round(now - start, 1),
+                "processes": cost.processes,
+                "rss_mb": round(cost.rss_mb, 2),
                 "own_mb": round(cost.own_mb, 2),
-                "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1), "threads": cost.threads,
-                "descriptors": cost.descriptors, "records": sum(watch.recorded.values()),
-                "longest_stall_ms": round(1e3 * watch.take_longest_s()), "stalls": watch.stalls,
-            }  # fmt: skip
+                "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1),
+                "threads": cost.threads,
+                "descriptors": cost.descriptors,
+                "records": sum(watch.recorded.values()),
+                "longest_stall_ms": round(1e3 * watch.take_longest_s()),
+                "stalls": watch.stalls,
+            }
             cpu_s, at_s = cost.cpu_s, now
             if fleet.poll() is None:
                 samples.append(row)

@@ -54,15 +54,18 @@ def report(run: Run, chosen: argparse.Namespace, *, picture: str) -> str:
     """The page, in Markdown."""
     sent, lost = _lost(run)
     rows: list[tuple[str, str]] = [
-        ("flight", f"{run.sent['seconds'] / 60:.1f} min, {chosen.vehicles} vehicles, {chosen.rate:g} packets a second, "
-         + (f"video {chosen.video.name}" if chosen.video else "no video")),
+        (
+            "flight",
+            f"{run.sent['seconds'] / 60:.1f} min, {chosen.vehicles} vehicles, {chosen.rate:g} packets a second, "
+            + (f"video {chosen.video.name}" if chosen.video else "no video"),
+        ),
         ("fleet's troubles", " ".join(chosen.fleet) or "none"),
         ("packets sent by vehicles", f"{sent:,}"),
         ("not in the recording", f"{lost:,}"),
         ("sender's latest datagram", f"{run.sent['late_ms']:.0f} ms late"),
         ("no growth of the recording for > 200 ms", f"{run.stalls} times, longest {1e3 * run.longest_s:.0f} ms"),
         ("exit code of the flight", str(run.exit_code)),
-    ]  # fmt: skip
+    ]
     if run.samples:
         rows += _costs(run.samples)
     lines = ["# Soak", "", f"`python -m bench.soak {_words(chosen)}`", "", "| | |", "|---|---|"]
@@ -121,9 +124,10 @@ def draw(table: Path, picture: Path) -> bool:
     minutes = [float(row["t_s"]) / 60 for row in rows]
     figure, axes = plot.subplots(3, 1, figsize=(7, 6), sharex=True)
     for axis, (name, label) in zip(
-        axes, (("own_mb", "own MB"), ("cpu_percent", "% of one core"), ("longest_stall_ms", "longest stall, ms")),
+        axes,
+        (("own_mb", "own MB"), ("cpu_percent", "% of one core"), ("longest_stall_ms", "longest stall, ms")),
         strict=True,
-    ):  # fmt: skip
+    ):
         axis.plot(minutes, [float(row[name]) for row in rows], linewidth=1)
         axis.set(ylabel=label)
         axis.set_ylim(bottom=0)

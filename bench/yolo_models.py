@@ -19,10 +19,22 @@ from numpy.typing import NDArray
 __all__ = ["DOTA", "LAYOUTS", "Layout", "export", "random_model"]
 
 DOTA = (
-    "plane", "ship", "storage tank", "baseball diamond", "tennis court", "basketball court", "ground track field",
-    "harbor", "bridge", "large vehicle", "small vehicle", "helicopter", "roundabout", "soccer ball field",
+    "plane",
+    "ship",
+    "storage tank",
+    "baseball diamond",
+    "tennis court",
+    "basketball court",
+    "ground track field",
+    "harbor",
+    "bridge",
+    "large vehicle",
+    "small vehicle",
+    "helicopter",
+    "roundabout",
+    "soccer ball field",
     "swimming pool",
-)  # fmt: skip
+)
 CANDIDATES = 120
 """Anchors of one picture that pass a score of 0.25."""
 

@@ -78,11 +78,15 @@ def compared(model: str, layout: str, picture: str, theirs: Floats, ours: Floats
     near = np.hypot(*(theirs[i, :2] - ours[j, :2]).T) < 8.0
     px, degrees = px[i, j][near], degrees[i, j][near]
     return Line(
-        model=model, layout=layout, picture=picture, theirs=len(theirs), ours=len(ours),
+        model=model,
+        layout=layout,
+        picture=picture,
+        theirs=len(theirs),
+        ours=len(ours),
         same=int(((px <= SAME_PX) & (degrees <= SAME_DEG)).sum()),
         worst_px=float(px.max(initial=-np.inf)) if len(px) else np.nan,
         worst_deg=float(degrees.max(initial=-np.inf)) if len(px) else np.nan,
-    )  # fmt: skip
+    )
 
 
 def _differences(a: Floats, b: Floats) -> tuple[Floats, Floats]:
@@ -180,13 +184,21 @@ def report(lines: Sequence[Line]) -> str:
     version = importlib.import_module("ultralytics").__version__
     return "\n".join(
         [
-            "# Parity with Ultralytics' predictor", "", head[0], "", head[3].strip(), "",
+            "# Parity with Ultralytics' predictor",
+            "",
+            head[0],
+            "",
+            head[3].strip(),
+            "",
             f"With ultralytics {version} the boxes are the same in {whole} of {len(lines)} comparisons, and {same} of "
-            f"{boxes} boxes; where all are the same the worst is {max(px):.3f} px, {max(degrees):.3f}°.", "",
-            "| model | layout | picture | theirs | ours | same | worst px | worst deg |", "|---" * 8 + "|",
-            *map(str, lines), "",
+            f"{boxes} boxes; where all are the same the worst is {max(px):.3f} px, {max(degrees):.3f}°.",
+            "",
+            "| model | layout | picture | theirs | ours | same | worst px | worst deg |",
+            "|---" * 8 + "|",
+            *map(str, lines),
+            "",
         ]
-    )  # fmt: skip
+    )
 
 
 def main() -> int:

@@ -137,8 +137,15 @@ def cast_of(arguments: argparse.Namespace) -> Cast:
             parts[system_id] = replace(parts[system_id], reboot_s=at_s)
         for system_id, at_s in arguments.move_port:
             parts[system_id] = replace(parts[system_id], move_port_s=at_s)
-        seconds = [replace(parts[i], place=parts[i].place + len(parts), signs="never" if arguments.sign else "right",
-                           label=f"impostor {i}") for i in arguments.duplicate]  # fmt: skip
+        seconds = [
+            replace(
+                parts[i],
+                place=parts[i].place + len(parts),
+                signs="never" if arguments.sign else "right",
+                label=f"impostor {i}",
+            )
+            for i in arguments.duplicate
+        ]
     except KeyError as error:
         raise PlayError(f"system id {error} is not in this fleet of {len(parts)}") from error
     return Cast(parts=(*parts.values(), *seconds), stop_and_go=arguments.stop_and_go)
@@ -198,10 +205,15 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise PlayError(f"--vehicles {arguments.vehicles}: 1 to {MOST}")
         keys = read_keys(arguments.sign, system_ids(arguments.vehicles)) if arguments.sign else {}
         plan = Traffic(
-            cast=cast_of(arguments), rate_hz=arguments.rate, keys=keys, flood_hz=arguments.flood,
-            garbage_hz=arguments.garbage, replayed=frozenset(arguments.replay), banner=arguments.banner,
+            cast=cast_of(arguments),
+            rate_hz=arguments.rate,
+            keys=keys,
+            flood_hz=arguments.flood,
+            garbage_hz=arguments.garbage,
+            replayed=frozenset(arguments.replay),
+            banner=arguments.banner,
             seed=arguments.seed,
-        )  # fmt: skip
+        )
         sent = send(plan, arguments.to, arguments.duration, stop)
     except (PlayError, OSError) as error:
         sys.stderr.write(f"{error}\n")

@@ -14,9 +14,13 @@ EXAMPLES = Path("examples")
 
 def run(name, *words):
     done = subprocess.run(
-        [sys.executable, EXAMPLES / name, *words], capture_output=True, text=True, check=False, timeout=300,
+        [sys.executable, EXAMPLES / name, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
         env={"PYTHONPATH": ".", "PATH": "/usr/bin:/bin"},
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -7,9 +7,10 @@ from pathlib import Path
 def test_every_named_test_and_command_exists():
     page = Path("docs/reliability.md").read_text(encoding="utf-8")
     written = {
-        name for path in Path("tests").rglob("test_*.py")
+        name
+        for path in Path("tests").rglob("test_*.py")
         for name in re.findall(r"def (test_\w+)", path.read_text(encoding="utf-8"))
-    }  # fmt: skip
+    }
     named = set(re.findall(r"`(test_\w+)`", page))
     assert len(named) > 40
     assert named <= written, named - written

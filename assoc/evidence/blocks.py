@@ -74,8 +74,9 @@ def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
     return np.asarray(np.log(ratio))
 
 
-def _interpolated(tracks: GroundTracks, t: FloatArray, column: IntArray,
-                  gap_max_s: float) -> tuple[FloatArray, FloatArray, BoolArray]:  # fmt: skip
+def _interpolated(
+    tracks: GroundTracks, t: FloatArray, column: IntArray, gap_max_s: float
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Points (N, 2) and headings (N,) of tracks (N,) at video times t (N,), and where they are valid.
 
     What lies between two frames is worked out once per interval, F − 1 of them; times of one interval share it.
@@ -116,8 +117,9 @@ def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolA
     return np.asarray(np.any(np.hypot(gap[..., 0], gap[..., 1]) < _REACH_M, axis=0))
 
 
-def _by_block(tracks: GroundTracks, first: int, n_blocks: int,
-              block_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+def _by_block(
+    tracks: GroundTracks, first: int, n_blocks: int, block_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Block means of the squared pixel size (B, T), of the Jacobian (B, T, 2, 8) and of the place (B, T, 2)."""
     n_tracks = tracks.p.shape[1]
     block = np.floor((tracks.t - tracks.theta[OFFSET]) / block_s).astype(np.int64) - first
@@ -156,8 +158,17 @@ def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -
     return np.asarray((k[..., None] * swq - sw[..., None] * sq) / safe[..., None])
 
 
-def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, first: int, last: int, block_s: float,
-                gap_max_s: float, heading_std: float) -> Blocks:  # fmt: skip
+def make_blocks(
+    tracks: GroundTracks,
+    samples: Samples,
+    n_vehicles: int,
+    *,
+    first: int,
+    last: int,
+    block_s: float,
+    gap_max_s: float,
+    heading_std: float,
+) -> Blocks:
     """Summarise the residuals of blocks first..last.
 
     Args:
@@ -192,10 +203,18 @@ def make_blocks(tracks: GroundTracks, samples: Samples, n_vehicles: int, *, firs
     error = image_heading[valid] - samples.heading[row]
     heading = _mean_heading(error, samples.t[row], pair, n_tracks * n_vehicles, heading_std)
     return Blocks(
-        first=first, count=count.reshape(shape), mean=mean.reshape(*shape, 2), scatter=scatter.reshape(shape),
-        log_null=log_null.reshape(shape), extra_var=np.zeros(shape), jump_var=jump, pixel_var=pixel, jacobian=jacobian,
-        heading=heading.reshape(shape[1:]), theta=tracks.theta,
-    )  # fmt: skip
+        first=first,
+        count=count.reshape(shape),
+        mean=mean.reshape(*shape, 2),
+        scatter=scatter.reshape(shape),
+        log_null=log_null.reshape(shape),
+        extra_var=np.zeros(shape),
+        jump_var=jump,
+        pixel_var=pixel,
+        jacobian=jacobian,
+        heading=heading.reshape(shape[1:]),
+        theta=tracks.theta,
+    )
 
 
 def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int, std: float) -> FloatArray:
@@ -211,8 +230,9 @@ def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int
     return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0)))
 
 
-def with_first_look(blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray,
-                    longest_s: float) -> Blocks:  # fmt: skip
+def with_first_look(
+    blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray, longest_s: float
+) -> Blocks:
     """Add one block for pairs that no report has met yet: the newest frame against extrapolated reports.
 
     Args:
@@ -235,12 +255,15 @@ def with_first_look(blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: Fl
     known = np.isfinite(tracks.p[-1, :, 0])
     zero = np.zeros((1, *wanted.shape))
     return Blocks(
-        first=blocks.first, count=np.concatenate([blocks.count, wanted[None].astype(np.float64)]),
-        mean=np.concatenate([blocks.mean, mean[None]]), scatter=np.concatenate([blocks.scatter, zero]),
+        first=blocks.first,
+        count=np.concatenate([blocks.count, wanted[None].astype(np.float64)]),
+        mean=np.concatenate([blocks.mean, mean[None]]),
+        scatter=np.concatenate([blocks.scatter, zero]),
         log_null=np.concatenate([blocks.log_null, zero]),
         extra_var=np.concatenate([blocks.extra_var, np.broadcast_to(extra, zero.shape)]),
         jump_var=np.concatenate([blocks.jump_var, zero[:, 0]]),
         pixel_var=np.concatenate([blocks.pixel_var, np.where(known, tracks.pixel_m[-1] ** 2, 0.0)[None]]),
         jacobian=np.concatenate([blocks.jacobian, np.where(known[:, None, None], tracks.jacobian[-1], 0.0)[None]]),
-        heading=blocks.heading, theta=blocks.theta,
-    )  # fmt: skip
+        heading=blocks.heading,
+        theta=blocks.theta,
+    )

@@ -21,8 +21,17 @@ from assoc.evidence.blocks import Blocks
 from assoc.geometry.plane import axes, plane, square
 
 __all__ = [
-    "NEVER", "Noise", "PairState", "bounded", "fresh_state", "put", "restarted", "run_filter", "taken", "with_columns",
-]  # fmt: skip
+    "NEVER",
+    "Noise",
+    "PairState",
+    "bounded",
+    "fresh_state",
+    "put",
+    "restarted",
+    "run_filter",
+    "taken",
+    "with_columns",
+]
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -76,9 +85,11 @@ def fresh_state(n_tracks: int, n_vehicles: int) -> PairState:
     """State before any evidence."""
     shape = (n_tracks, n_vehicles)
     return PairState(
-        score=np.full(shape, NEVER), mean=np.zeros((*shape, 2)), var=np.full(shape, np.inf),
+        score=np.full(shape, NEVER),
+        mean=np.zeros((*shape, 2)),
+        var=np.full(shape, np.inf),
         seen=np.zeros(shape, np.bool_),
-    )  # fmt: skip
+    )
 
 
 def bounded(state: PairState, bias_std: float) -> PairState:
@@ -106,8 +117,9 @@ def _first_null(blocks: Blocks, noise: Noise) -> FloatArray:
     return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area)
 
 
-def run_filter(blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray,
-               fold: int = 0) -> tuple[PairState, PairState]:  # fmt: skip
+def run_filter(
+    blocks: Blocks, theta: FloatArray, state: PairState, noise: Noise, log_switch: FloatArray, fold: int = 0
+) -> tuple[PairState, PairState]:
     """Carry the evidence through all blocks.
 
     Args:
@@ -182,9 +194,11 @@ def with_columns(state: PairState, n_tracks: int) -> PairState:
         return state
     more = fresh_state(extra, state.score.shape[1])
     return PairState(
-        score=np.concatenate([state.score, more.score]), mean=np.concatenate([state.mean, more.mean]),
-        var=np.concatenate([state.var, more.var]), seen=np.concatenate([state.seen, more.seen]),
-    )  # fmt: skip
+        score=np.concatenate([state.score, more.score]),
+        mean=np.concatenate([state.mean, more.mean]),
+        var=np.concatenate([state.var, more.var]),
+        seen=np.concatenate([state.seen, more.seen]),
+    )
 
 
 def restarted(state: PairState, columns: NDArray[np.int64], mean: FloatArray, var: FloatArray) -> PairState:

@@ -70,10 +70,14 @@ class ReportLog:
         groups = len(WHITE_STD_M)
         self._kept = [
             Samples(
-                t=np.empty(0), vehicle=np.empty(0, np.int64), p=np.empty((0, 2)), heading=np.empty(0),
-                log_null=np.empty((0, groups)), jump_var=np.empty((0, groups)),
+                t=np.empty(0),
+                vehicle=np.empty(0, np.int64),
+                p=np.empty((0, 2)),
+                heading=np.empty(0),
+                log_null=np.empty((0, groups)),
+                jump_var=np.empty((0, groups)),
             )
-        ]  # fmt: skip
+        ]
         """in the order of arrival, with the likelihoods under each candidate"""
         self.last_t = np.full(n, -np.inf)
         """(n,) time of the newest accepted report, seconds."""
@@ -137,9 +141,13 @@ class ReportLog:
         inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.doubted_since[kept.vehicle])))
         inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
         return Samples(
-            t=kept.t[inside], vehicle=kept.vehicle[inside], p=kept.p[inside], heading=kept.heading[inside],
-            log_null=kept.log_null[inside, white], jump_var=kept.jump_var[inside, white],
-        )  # fmt: skip
+            t=kept.t[inside],
+            vehicle=kept.vehicle[inside],
+            p=kept.p[inside],
+            heading=kept.heading[inside],
+            log_null=kept.log_null[inside, white],
+            jump_var=kept.jump_var[inside, white],
+        )
 
     def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
         """Newest positions moved on with their velocity.

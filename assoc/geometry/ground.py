@@ -15,9 +15,21 @@ from numpy.typing import NDArray
 from assoc.history import TrackHistory
 
 __all__ = [
-    "EAST", "HEIGHT", "NORTH", "OFFSET", "PITCH", "ROLL", "THETA", "YAW", "YAW_RATE", "GroundTracks", "ground_now",
-    "ground_tracks", "off_axis", "unturned",
-]  # fmt: skip
+    "EAST",
+    "HEIGHT",
+    "NORTH",
+    "OFFSET",
+    "PITCH",
+    "ROLL",
+    "THETA",
+    "YAW",
+    "YAW_RATE",
+    "GroundTracks",
+    "ground_now",
+    "ground_tracks",
+    "off_axis",
+    "unturned",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -101,8 +113,9 @@ def _hit(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray:
     return np.asarray(p[:, None, :2] + d[..., :2] * scale[..., None])
 
 
-def _points(history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray,
-            delta_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+def _points(
+    history: TrackHistory, rows: slice, theta: FloatArray, rays: FloatArray, delta_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ground points (F, K, 2) of rays (F, K, 3), camera rotations (F, 3, 3) and corrected camera positions (F, 3)."""
     R, p = _camera_at(history, rows, delta_s)
     turned = np.matmul(_turn(R, _yaw(history, rows, theta), theta[PITCH], theta[ROLL]), R)
@@ -155,9 +168,13 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     # a pixel is range · px_rad across, and 1/sin of the ray's fall longer along it
     pixel = history.px_rad[rows][:, None] * np.abs(fall) * (1.0 + u[..., 0] ** 2 + u[..., 1] ** 2)
     return GroundTracks(
-        t=history.t[rows], p=g, jacobian=jacobian, heading=np.arctan2(front[..., 0], front[..., 1]), pixel_m=pixel,
+        t=history.t[rows],
+        p=g,
+        jacobian=jacobian,
+        heading=np.arctan2(front[..., 0], front[..., 1]),
+        pixel_m=pixel,
         theta=theta,
-    )  # fmt: skip
+    )
 
 
 def _corrected(R_enu_cam: FloatArray, theta: FloatArray) -> FloatArray:
@@ -171,8 +188,9 @@ def _sight_lines(p: FloatArray, p_enu: FloatArray, ground_z: float, theta: Float
     return np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
 
 
-def off_axis(rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float,
-             theta: FloatArray) -> FloatArray:  # fmt: skip
+def off_axis(
+    rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
+) -> FloatArray:
     """Angles between rays and the lines of sight to places on the ground, under a correction.
 
     Args:
@@ -194,8 +212,9 @@ def off_axis(rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: Floa
     return np.asarray(2.0 * np.arcsin(np.minimum(np.sqrt(np.sum(gap * gap, axis=2)) / 2.0, 1.0)))
 
 
-def ground_now(rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float,
-               theta: FloatArray) -> FloatArray:  # fmt: skip
+def ground_now(
+    rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
+) -> FloatArray:
     """Rays of one frame on the corrected ground.
 
     Args:

@@ -24,8 +24,9 @@ _MEDIAN_TAU_S, _TAU_SPREAD = 60.0, 1.0
 _KEEP = 0.6
 
 
-def learnt_bias(scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntArray, state: PairState,
-                now: tuple[float, float]) -> tuple[float, float]:  # fmt: skip
+def learnt_bias(
+    scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntArray, state: PairState, now: tuple[float, float]
+) -> tuple[float, float]:
     """One step of σ_b and τ towards the likeliest candidates.
 
     ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²

@@ -24,8 +24,14 @@ def weights(hypotheses: list[Hypothesis]) -> FloatArray:
     return np.asarray(w / np.sum(w))
 
 
-def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: float, chance: float,
-                    in_view: FloatArray, log_free: FloatArray) -> FloatArray:  # fmt: skip
+def mixed_marginals(
+    hypotheses: list[Hypothesis],
+    share: FloatArray,
+    bias_std: float,
+    chance: float,
+    in_view: FloatArray,
+    log_free: FloatArray,
+) -> FloatArray:
     """Marginals averaged over hypotheses.
 
     Args:
@@ -51,8 +57,7 @@ def mixed_marginals(hypotheses: list[Hypothesis], share: FloatArray, bias_std: f
     return np.asarray(total / used)
 
 
-def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float,
-            in_view: FloatArray) -> FloatArray:  # fmt: skip
+def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float, in_view: FloatArray) -> FloatArray:
     """Scores with room for strangers that drive like one of ours a few metres away.
 
     A stranger that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that

@@ -106,8 +106,15 @@ def whiten(blocks: Blocks, tracks: IntArray, vehicles: IntArray, state: PairStat
     return Whitened(e=out[..., 0], jacobian=out[..., 1:], samples=2.0 * np.sum(has, axis=0), theta=blocks.theta)
 
 
-def _innovations(x: FloatArray, has: BoolArray, variance: FloatArray, jump_var: FloatArray, M: FloatArray,
-                 V: FloatArray, models: BiasModels) -> Iterator[tuple[FloatArray, FloatArray, BoolArray]]:  # fmt: skip
+def _innovations(
+    x: FloatArray,
+    has: BoolArray,
+    variance: FloatArray,
+    jump_var: FloatArray,
+    M: FloatArray,
+    V: FloatArray,
+    models: BiasModels,
+) -> Iterator[tuple[FloatArray, FloatArray, BoolArray]]:
     """Filter the biases of P pairs under C models, block by block.
 
     Args:
@@ -137,8 +144,15 @@ def _innovations(x: FloatArray, has: BoolArray, variance: FloatArray, jump_var: 
         V = np.where(lost, prior, V - gain * V)
 
 
-def log_evidence(blocks: Blocks, tracks: IntArray, vehicles: IntArray, theta: FloatArray, state: PairState,
-                 noise: Noise, models: BiasModels) -> FloatArray:  # fmt: skip
+def log_evidence(
+    blocks: Blocks,
+    tracks: IntArray,
+    vehicles: IntArray,
+    theta: FloatArray,
+    state: PairState,
+    noise: Noise,
+    models: BiasModels,
+) -> FloatArray:
     """How well beliefs about the biases explain the residuals of some pairs.
 
     ln p = −Σ ln s − ½ Σ |e|²/s over the innovations e of each pair's bias filter

@@ -18,8 +18,9 @@ _EXTRA_WHITE_VAR = 0.02
 """Jitter of a box about its vehicle, m², whatever the reports' noise."""
 
 
-def noise_of(q: IdentifierParams, camera: CameraState, *, white_std_m: float, bias_std: float, tau_s: float,
-             patience: FloatArray) -> Noise:  # fmt: skip
+def noise_of(
+    q: IdentifierParams, camera: CameraState, *, white_std_m: float, bias_std: float, tau_s: float, patience: FloatArray
+) -> Noise:
     """Noise levels as believed now.
 
     Args:
@@ -33,10 +34,15 @@ def noise_of(q: IdentifierParams, camera: CameraState, *, white_std_m: float, bi
     height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
     area = float(np.clip(2.0 * height**2, 50.0, 5e4))
     return Noise(
-        white_var=white_std_m**2 + _EXTRA_WHITE_VAR, bias_std=bias_std, decay=float(np.exp(-q.block_s / tau_s)),
-        floor_var=q.mean_floor_m**2, pixel_var=q.pixel_std**2, log_area=float(np.log(2.0 * area)),
-        increment_max=q.increment_max, patience=patience,
-    )  # fmt: skip
+        white_var=white_std_m**2 + _EXTRA_WHITE_VAR,
+        bias_std=bias_std,
+        decay=float(np.exp(-q.block_s / tau_s)),
+        floor_var=q.mean_floor_m**2,
+        pixel_var=q.pixel_std**2,
+        log_area=float(np.log(2.0 * area)),
+        increment_max=q.increment_max,
+        patience=patience,
+    )
 
 
 def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> PosePrior:

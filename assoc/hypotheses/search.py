@@ -104,9 +104,15 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
     tracks = ground_tracks(scene.history, start, theta, scene.columns)
     samples = scene.log.samples(scene.first_block * scene.block_s, (scene.last_block + 1) * scene.block_s)
     blocks = make_blocks(
-        tracks, samples, scene.log.n_vehicles, first=scene.first_block, last=scene.last_block, block_s=scene.block_s,
-        gap_max_s=scene.gap_max_s, heading_std=scene.heading_std,
-    )  # fmt: skip
+        tracks,
+        samples,
+        scene.log.n_vehicles,
+        first=scene.first_block,
+        last=scene.last_block,
+        block_s=scene.block_s,
+        gap_max_s=scene.gap_max_s,
+        heading_std=scene.heading_std,
+    )
     p, age = scene.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
     return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s)
 
@@ -129,8 +135,9 @@ def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
     return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], scene.anchors])
 
 
-def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None,
-           blocks: Blocks | None = None) -> Hypothesis:  # fmt: skip
+def refine(
+    scene: Scene, theta: FloatArray, vehicle: IntArray | None = None, blocks: Blocks | None = None
+) -> Hypothesis:
     """Turn by turn from a start to a joint optimum.
 
     Args:
@@ -154,15 +161,27 @@ def refine(scene: Scene, theta: FloatArray, vehicle: IntArray | None = None,
     return _weighed(scene, fitted, vehicle, score, states, blocks)
 
 
-def _weighed(scene: Scene, fitted: Fitted, vehicle: IntArray, score: FloatArray, states: tuple[PairState, PairState],
-             blocks: Blocks) -> Hypothesis:  # fmt: skip
+def _weighed(
+    scene: Scene,
+    fitted: Fitted,
+    vehicle: IntArray,
+    score: FloatArray,
+    states: tuple[PairState, PairState],
+    blocks: Blocks,
+) -> Hypothesis:
     """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
     rows = np.flatnonzero(vehicle >= 0)
     value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(fitted.theta) + fitted.cost
     return Hypothesis(
-        theta=fitted.theta, theta_std=fitted.std, vehicle=vehicle, value=value, score=score, final=states[0],
-        folded=states[1], blocks=blocks,
-    )  # fmt: skip
+        theta=fitted.theta,
+        theta_std=fitted.std,
+        vehicle=vehicle,
+        value=value,
+        score=score,
+        final=states[0],
+        folded=states[1],
+        blocks=blocks,
+    )
 
 
 def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
@@ -204,9 +223,10 @@ def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | N
 
 def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:
     """Starts that move the whole picture so that one track falls on another vehicle: formations 'shifted by one'."""
-    residual = best.blocks.mean[:, : scene.live].sum(axis=0) / np.maximum(
-        (best.blocks.count[:, : scene.live] > 0).sum(axis=0), 1
-    )[..., None]  # fmt: skip
+    residual = (
+        best.blocks.mean[:, : scene.live].sum(axis=0)
+        / np.maximum((best.blocks.count[:, : scene.live] > 0).sum(axis=0), 1)[..., None]
+    )
     residual = residual[(best.blocks.count[:, : scene.live] > 0).any(axis=0)]
     far = np.hypot(residual[:, 0], residual[:, 1])
     limit = 4.0 * np.hypot(scene.prior.std[EAST], scene.noise.bias_std)

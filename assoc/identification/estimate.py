@@ -142,8 +142,9 @@ class Estimator:
         # speed uncertain by 0.7 m/s over the age of the report
         return p + mean, var + self._log.white_std_m**2 + 0.1 + (0.7 * np.minimum(age, 1e3)) ** 2
 
-    def residuals(self, t: float, sighting: Sighting, camera: CameraState,
-                  vehicle: IntArray) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    def residuals(
+        self, t: float, sighting: Sighting, camera: CameraState, vehicle: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
         """(m,) ground distance of each track to its vehicle's extrapolated report, and its age; NaN unnamed."""
         now = t - self.time_offset_s
         p, age = self._log.extrapolated(now)[0], now - self._log.last_t
@@ -164,23 +165,38 @@ class Estimator:
         anchors = np.array([self._ended[c] for c in sorted(self._ended)], np.int64)
         view = self._in_view(t, camera)
         noise = noise_of(
-            q, camera, white_std_m=self._log.white_std_m, bias_std=self._bias_std, tau_s=self._tau_s,
+            q,
+            camera,
+            white_std_m=self._log.white_std_m,
+            bias_std=self._bias_std,
+            tau_s=self._tau_s,
             patience=q.patience * view,
-        )  # fmt: skip
+        )
         window_s = q.calm_window_s if self._locked else q.window_s
         return Scene(
-            history=self._history, columns=columns, live=len(live),
-            gap_s=t - self._history.last_s[live], replaced=replaced(t, self._history, live, self.theta),
-            anchors=anchors, log=self._log,
-            first_block=self._first_block, last_block=last, block_s=q.block_s, gap_max_s=q.gap_max_s,
-            first_look_s=3.0, heading_std=float(_HEADING_STD),
-            state=bounded(taken(self._state, columns), self._bias_std), noise=noise,
+            history=self._history,
+            columns=columns,
+            live=len(live),
+            gap_s=t - self._history.last_s[live],
+            replaced=replaced(t, self._history, live, self.theta),
+            anchors=anchors,
+            log=self._log,
+            first_block=self._first_block,
+            last_block=last,
+            block_s=q.block_s,
+            gap_max_s=q.gap_max_s,
+            first_look_s=3.0,
+            heading_std=float(_HEADING_STD),
+            state=bounded(taken(self._state, columns), self._bias_std),
+            noise=noise,
             prior=prior_of(q, camera, self._offset_std_s),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
-            log_odds=q.prior_log_odds, claim=self._claim[live],
-            view=view, in_view=q.in_view_log_odds * (2.0 * view - 1.0),
+            log_odds=q.prior_log_odds,
+            claim=self._claim[live],
+            view=view,
+            in_view=q.in_view_log_odds * (2.0 * view - 1.0),
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
-        )  # fmt: skip
+        )
 
     def _retire(self, t: float, live: IntArray) -> None:
         """Confident tracks that ended keep carrying the pose while they are in the window."""

@@ -15,8 +15,9 @@ __all__ = ["frame_masses"]
 FloatArray = NDArray[np.float64]
 
 
-def frame_masses(sighting: Sighting, camera: CameraState, p: FloatArray, heading: FloatArray,
-                 theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+def frame_masses(
+    sighting: Sighting, camera: CameraState, p: FloatArray, heading: FloatArray, theta: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Projection, topology and fused masses.
 
     E is the distance in pixels (angle over pixel angle) between each box and each report reprojected through the

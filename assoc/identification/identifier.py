@@ -190,6 +190,12 @@ def _usable(camera: CameraState) -> CameraState | None:
         return camera
     down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     return CameraState(
-        R_enu_cam=down, p_enu=camera.p_enu, ground_z=camera.ground_z, px_rad=camera.px_rad, attitude_known=False,
-        position_known=camera.position_known, stabilized=camera.stabilized, half_view=camera.half_view,
-    )  # fmt: skip
+        R_enu_cam=down,
+        p_enu=camera.p_enu,
+        ground_z=camera.ground_z,
+        px_rad=camera.px_rad,
+        attitude_known=False,
+        position_known=camera.position_known,
+        stabilized=camera.stabilized,
+        half_view=camera.half_view,
+    )

@@ -85,8 +85,17 @@ class HeldMasses:
         return np.array(rows).reshape(len(rows), 3).T
 
 
-def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: CameraState, log: ReportLog,
-            estimator: Estimator, t: float, threshold: float, held: HeldMasses) -> Identities:  # fmt: skip
+def compose(
+    system_ids: IntArray,
+    beliefs: Beliefs,
+    sighting: Sighting,
+    camera: CameraState,
+    log: ReportLog,
+    estimator: Estimator,
+    t: float,
+    threshold: float,
+    held: HeldMasses,
+) -> Identities:
     """Names, runners-up and evidence of one frame.
 
     Args:
@@ -118,11 +127,18 @@ def compose(system_ids: IntArray, beliefs: Beliefs, sighting: Sighting, camera: 
     projection, topology, fused = held.of(sighting.track_id, choice)
     residual, age = estimator.residuals(t, sighting, camera, choice)
     return Identities(
-        track_id=sighting.track_id.copy(), system_id=ids[choice], confidence=p[rows, choice],
-        runner_up=np.where(second_p > 0.0, ids[second], 0), runner_up_confidence=np.maximum(second_p, 0.0),
-        residual_m=residual, position_age_s=age, projection=projection, topology=topology, fused=fused,
+        track_id=sighting.track_id.copy(),
+        system_id=ids[choice],
+        confidence=p[rows, choice],
+        runner_up=np.where(second_p > 0.0, ids[second], 0),
+        runner_up_confidence=np.maximum(second_p, 0.0),
+        residual_m=residual,
+        position_age_s=age,
+        projection=projection,
+        topology=topology,
+        fused=fused,
         conflict=tuple(int(ids[k]) for k in beliefs.conflict),
-    )  # fmt: skip
+    )
 
 
 def _yielding(p: FloatArray, gap_s: FloatArray) -> FloatArray:
@@ -135,8 +151,9 @@ def _yielding(p: FloatArray, gap_s: FloatArray) -> FloatArray:
     return p
 
 
-def _masses(t: float, sighting: Sighting, camera: CameraState, log: ReportLog, estimator: Estimator,
-            choice: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:  # fmt: skip
+def _masses(
+    t: float, sighting: Sighting, camera: CameraState, log: ReportLog, estimator: Estimator, choice: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(m,) three masses of the named vehicles, NaN unnamed."""
     named = np.flatnonzero(choice >= 0)
     result = np.full((3, len(choice)), np.nan)

@@ -197,10 +197,12 @@ def _better(best: _Best | None, error: FloatArray, vehicles: IntArray, track: In
         return new
     won = new.error < best.error
     return _Best(
-        np.where(won, new.error, best.error), np.where(won[:, None], new.track, best.track),
-        np.where(won[:, None], new.vehicle, best.vehicle), np.where(won[:, None, None], new.theta, best.theta),
+        np.where(won, new.error, best.error),
+        np.where(won[:, None], new.track, best.track),
+        np.where(won[:, None], new.vehicle, best.vehicle),
+        np.where(won[:, None, None], new.theta, best.theta),
         np.where(won[:, None], new.per_frame, best.per_frame),
-    )  # fmt: skip
+    )
 
 
 def _elect(best: _Best, n_im: int, total: int, degenerate: int) -> Projection:
@@ -211,6 +213,10 @@ def _elect(best: _Best, n_im: int, total: int, degenerate: int) -> Projection:
     sums = np.sum(best.per_frame, axis=1)
     k = int(np.lexsort((sums, -votes))[0])
     return Projection(
-        vehicle=answers[k], theta=best.theta[k], votes=int(votes[k]), error_px=float(sums[k]), hypotheses=total,
+        vehicle=answers[k],
+        theta=best.theta[k],
+        votes=int(votes[k]),
+        error_px=float(sums[k]),
+        hypotheses=total,
         degenerate=degenerate,
-    )  # fmt: skip
+    )

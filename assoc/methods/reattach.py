@@ -49,8 +49,9 @@ def reattach(predicted: FloatArray, lost_vehicle: IntArray, centres: FloatArray)
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
-def reattach_gated(predicted: FloatArray, variance: FloatArray, lost_vehicle: IntArray, centres: FloatArray,
-                   gate: float = GATE) -> IntArray:  # fmt: skip
+def reattach_gated(
+    predicted: FloatArray, variance: FloatArray, lost_vehicle: IntArray, centres: FloatArray, gate: float = GATE
+) -> IntArray:
     """The same with a gate: nearest in units of the prediction's own σ, close enough, and each other's best.
 
     Args:

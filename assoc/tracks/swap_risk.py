@@ -36,8 +36,9 @@ class SwapRisk:
         """A new track begins in a column."""
         self._place.pop(column, None)
 
-    def note(self, t: float, columns: IntArray, ground: FloatArray, missed: BoolArray,
-             first_block: int | None) -> BoolArray:  # fmt: skip
+    def note(
+        self, t: float, columns: IntArray, ground: FloatArray, missed: BoolArray, first_block: int | None
+    ) -> BoolArray:
         """Take in where tracks are now.
 
         Args:

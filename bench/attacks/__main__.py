@@ -55,9 +55,13 @@ def _options(chosen: argparse.Namespace) -> Options:
     words[0] = str(Path(words[0]).absolute()) if "/" in words[0] else words[0]
     python = Path(words[0]).with_name("python")
     return Options(
-        gcs=tuple(words), python=str(python) if python.exists() else sys.executable, quick=chosen.quick,
-        rate=chosen.rate, minutes=chosen.minutes, recording=chosen.recording,
-    )  # fmt: skip
+        gcs=tuple(words),
+        python=str(python) if python.exists() else sys.executable,
+        quick=chosen.quick,
+        rate=chosen.rate,
+        minutes=chosen.minutes,
+        recording=chosen.recording,
+    )
 
 
 def _play(name: str, options: Options) -> list[Row]:

@@ -146,8 +146,13 @@ def lines_of(
 
         phase_s = (0.013 * body.system_id + 0.031 * k) % 0.19
         return Line(
-            party=party, make=packets, send=send, rate_hz=rates[name], start_s=start_s + phase_s, stop_s=stop_s,
+            party=party,
+            make=packets,
+            send=send,
+            rate_hz=rates[name],
+            start_s=start_s + phase_s,
+            stop_s=stop_s,
             silent_s=silent_s,
-        )  # fmt: skip
+        )
 
     return [line(k, name) for k, name in enumerate(says)]

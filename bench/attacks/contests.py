@@ -90,9 +90,12 @@ def _documented(options: Options) -> Row:
     station = Station(options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"])
     try:
         done = subprocess.run(
-            [*words, "--to", f"127.0.0.1:{port}", "--duration", "10"], capture_output=True, text=True, check=True,
+            [*words, "--to", f"127.0.0.1:{port}", "--duration", "10"],
+            capture_output=True,
+            text=True,
+            check=True,
             timeout=60.0,
-        )  # fmt: skip
+        )
     finally:
         station.end()
     packets: dict[str, int] = json.loads(done.stdout)["packets"]
@@ -100,10 +103,16 @@ def _documented(options: Options) -> Row:
     times_us = [t_us for t_us, raw in frames(station.session) if sender_of(raw) == system_id]
     alarm = first_told(told(station.session, Sent(start_us=times_us[0])), TWO_SENDERS, system_id)
     return Row(
-        attack="duplicates", case="the fleet of docs/operations.md", sent=sent, lost=sent + false - len(times_us),
-        false_sent=false, false_recorded=min(false, len(times_us)), alarm_s=alarm.t_s if alarm else NAN,
-        held=alarm is not None and alarm.t_s <= PROMISE_S + SLACK_S, note="" if alarm else "no alarm",
-    )  # fmt: skip
+        attack="duplicates",
+        case="the fleet of docs/operations.md",
+        sent=sent,
+        lost=sent + false - len(times_us),
+        false_sent=false,
+        false_recorded=min(false, len(times_us)),
+        alarm_s=alarm.t_s if alarm else NAN,
+        held=alarm is not None and alarm.t_s <= PROMISE_S + SLACK_S,
+        note="" if alarm else "no alarm",
+    )
 
 
 def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> Row:
@@ -115,9 +124,14 @@ def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> Row:
     wrong_s = believed_false_s(flown.believed(system_id), true, twin.apart_m, since_s, flown.flown_s)
     held = 0.0 <= after_s <= PROMISE_S + SLACK_S and wrong_s == 0.0
     return Row(
-        attack="duplicates", case=twin.name, **flown.counts(system_id), believed_s=wrong_s, alarm_s=after_s, held=held,
+        attack="duplicates",
+        case=twin.name,
+        **flown.counts(system_id),
+        believed_s=wrong_s,
+        alarm_s=after_s,
+        held=held,
         note="" if alarm else "no alarm",
-    )  # fmt: skip
+    )
 
 
 class Echo:
@@ -235,6 +249,12 @@ def jammed(options: Options) -> list[Row]:
     after_s = alarm.t_s - BEGIN_S if alarm else NAN
     note = f"told as: {wrong.text}" if wrong else "" if alarm else "no alarm"
     held = wrong is None and after_s <= PROMISE_S + SLACK_S
-    jumps = Row(attack="jammed", case="jumps of 111 m from one address", **flown.counts(11), alarm_s=after_s,
-                held=held, note=note)  # fmt: skip
+    jumps = Row(
+        attack="jammed",
+        case="jumps of 111 m from one address",
+        **flown.counts(11),
+        alarm_s=after_s,
+        held=held,
+        note=note,
+    )
     return [jumps, _judge_quiet(flown, "jammed", 12, "the vehicle beside it")]

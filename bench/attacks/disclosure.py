@@ -41,9 +41,7 @@ def video_password(options: Options) -> list[Row]:
 
 def _password(options: Options, case: str, mission: str, words: Sequence[str], name: str) -> Row:
     folder = options.folder / f"password-{name}"
-    station = Station(
-        options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words
-    )  # fmt: skip
+    station = Station(options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words)
     try:
         tried = _tried(station.session)
         # what the user typed is the user's; what the station starts is its own
@@ -52,9 +50,10 @@ def _password(options: Options, case: str, mission: str, words: Sequence[str], n
     finally:
         station.end()
     files = [
-        path.name for path in sorted(folder.rglob("*"))
+        path.name
+        for path in sorted(folder.rglob("*"))
         if path.is_file() and path.name != "mission.toml" and PASSWORD.encode() in path.read_bytes()
-    ]  # fmt: skip
+    ]
     notes = (
         ["the video was never tried"] * (not tried)
         + [f"in {name}" for name in files]
@@ -132,9 +131,12 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
     sockets = {system_id: udp_to(port) for system_id in (1, *ROVERS)}
     try:
         station = Station(
-            options.gcs, options.folder / f"out-{k}", mission_text(ROVERS), [f"udpin:127.0.0.1:{port}"],
+            options.gcs,
+            options.folder / f"out-{k}",
+            mission_text(ROVERS),
+            [f"udpin:127.0.0.1:{port}"],
             ["--out", f"udpout:127.0.0.1:{operator.port}{query}", *words],
-        )  # fmt: skip
+        )
     except StationError as error:
         operator.close()
         for sock in sockets.values():
@@ -163,9 +165,13 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
     held = not rovers and (orders <= in_log if may else not orders)
     note = f"{rovers} orders reached rovers, {reached[1]} the UAV; {in_log} of them in the log"
     return Row(
-        attack="program behind --out", case=case, false_sent=len(operator.sent), false_recorded=in_log,
-        held=held and bool(operator.sent), note=note if operator.sent else "nothing came out to answer to",
-    )  # fmt: skip
+        attack="program behind --out",
+        case=case,
+        false_sent=len(operator.sent),
+        false_recorded=in_log,
+        held=held and bool(operator.sent),
+        note=note if operator.sent else "nothing came out to answer to",
+    )
 
 
 def _drain(sock: socket.socket, wanted: set[bytes]) -> int:

@@ -45,8 +45,9 @@ def _judge(flown: Flown, attack: str, case: str) -> Row:
     notes = [f"{len(false)} false 'no heartbeat'"] * bool(false)
     notes += ["the receiving process was replaced"] * bool(restarted)
     notes += [f"ends with {flown.exit_code}"] * (flown.exit_code != 0)
-    return Row(attack=attack, case=case, sent=sent, lost=sent - found, held=sent == found and not false,
-               note="; ".join(notes))  # fmt: skip
+    return Row(
+        attack=attack, case=case, sent=sent, lost=sent - found, held=sent == found and not false, note="; ".join(notes)
+    )
 
 
 def frozen_disk(options: Options) -> list[Row]:
@@ -55,9 +56,7 @@ def frozen_disk(options: Options) -> list[Row]:
     if sys.platform != "linux" or os.geteuid() != 0 or None in tools:
         return [Row(attack="frozen disk", case="ext4", held=True, note="not played: needs root and mkfs.ext4")]
     with _mounted(options.folder / "image") as mount:
-        flown = fly(
-            options, "frozen", IDS, _lines, FLY_S, more=["--sessions", str(mount)], during=_freezing(mount)
-        )  # fmt: skip
+        flown = fly(options, "frozen", IDS, _lines, FLY_S, more=["--sessions", str(mount)], during=_freezing(mount))
         longest_s = max(length_s for _, length_s in FREEZES_S)
         return [_judge(flown, "frozen disk", f"ext4, {len(FREEZES_S)} times, up to {longest_s:.0f} s")]
 

@@ -105,14 +105,11 @@ def _spoofed(options: Options, signed: bool) -> Row:
             found.append(Line(party=(TRUE, system_id), make=_padding(speaks), send=send, rate_hz=PADDING_HZ))
             if system_id == ids[0]:
                 found.append(
-                    Line(party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ,
-                         start_s=BEGIN_S)
-                )  # fmt: skip
+                    Line(party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ, start_s=BEGIN_S)
+                )
         return found
 
-    flown = _flooded(
-        options, f"junk-{signed}", ids, lines, (FALSE, STRANGER), FLOOD_HZ, 1, _junk(), keys=str(keys)
-    )  # fmt: skip
+    flown = _flooded(options, f"junk-{signed}", ids, lines, (FALSE, STRANGER), FLOOD_HZ, 1, _junk(), keys=str(keys))
     others = _lost(flown, ids[1:])
     silent = first_told(flown.told, "no heartbeat")
     limited = first_told(flown.told, FLOODED)
@@ -120,11 +117,13 @@ def _spoofed(options: Options, signed: bool) -> Row:
     notes = [f"{others} of others lost"] * bool(others) + ([f"false: {silent.text}"] if silent else [])
     notes += [] if limited else ["nothing told"]
     return Row(
-        attack="spoofed junk", case="with keys" if signed else "without keys",
+        attack="spoofed junk",
+        case="with keys" if signed else "without keys",
         **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, STRANGER]},
         alarm_s=max(limited.t_s - flown.sent.first_s[FALSE, STRANGER], 0.0) if limited else float("nan"),
-        held=not counts["lost"] and not others and silent is None, note="; ".join(notes),
-    )  # fmt: skip
+        held=not counts["lost"] and not others and silent is None,
+        note="; ".join(notes),
+    )
 
 
 def known_id(options: Options) -> list[Row]:
@@ -141,9 +140,10 @@ def _known(options: Options, ports: int) -> Row:
             voice, send = Voice(system_id), door()
             found += lines_of(rover(system_id), voice, send)
             found.append(
-                Line(party=(TRUE, system_id), make=_padding(voice), send=send,
-                     rate_hz=FLEET_HZ * options.rate / len(ids))
-            )  # fmt: skip
+                Line(
+                    party=(TRUE, system_id), make=_padding(voice), send=send, rate_hz=FLEET_HZ * options.rate / len(ids)
+                )
+            )
         return found
 
     false = Voice(ids[0])
@@ -162,6 +162,10 @@ def _known(options: Options, ports: int) -> Row:
     begun_s = flown.sent.first_s[FALSE, ids[0]]
     told_s = alarm.t_s - begun_s if alarm else float("nan")
     return Row(
-        attack="flood of a known id", case=f"from {ports} ports" if ports > 1 else "from one port", **counts,
-        alarm_s=told_s, held=not others and share >= FAIR and told_s <= TOLD_S and not early, note="; ".join(notes),
-    )  # fmt: skip
+        attack="flood of a known id",
+        case=f"from {ports} ports" if ports > 1 else "from one port",
+        **counts,
+        alarm_s=told_s,
+        held=not others and share >= FAIR and told_s <= TOLD_S and not early,
+        note="; ".join(notes),
+    )

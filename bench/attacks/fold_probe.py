@@ -23,8 +23,10 @@ def said(snapshot: Snapshot) -> str:
         east, north = (float(row.p_enu[k] - uav[k]) for k in (0, 1))
         rows[row.system_id] = {
             "place": [east, north] if math.isfinite(east) and math.isfinite(north) else None,
-            "state": row.position_state, "contested": row.contested, "beat": row.heartbeat_age_s < 3.5,
-        }  # fmt: skip
+            "state": row.position_state,
+            "contested": row.contested,
+            "beat": row.heartbeat_age_s < 3.5,
+        }
     return json.dumps({"t_us": snapshot.t_us, "rows": rows, "alarms": sorted(alarm.key for alarm in snapshot.alarms)})
 
 

@@ -105,9 +105,11 @@ def one_folder(options: Options, k: int, name: str, make: Callable[[Path, Path],
     notes = [note, *(["a file outside is written over"] if changed else [])]
     notes += ["traceback"] if "Traceback" in said else []
     return Row(
-        attack="hostile folders", case=name, held=not late and not changed and "Traceback" not in said,
+        attack="hostile folders",
+        case=name,
+        held=not late and not changed and "Traceback" not in said,
         note="; ".join(notes),
-    )  # fmt: skip
+    )
 
 
 def _start(options: Options, name: str, make: Callable[[Path, Path], None]) -> tuple[float, str, bool]:

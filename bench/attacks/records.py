@@ -85,10 +85,13 @@ def told(session: Path, sent: Sent) -> list[Told]:
             row = json.loads(line)
             found.append(
                 Told(
-                    t_s=(row["time_us"] - sent.start_us) * 1e-6, level=row["level"], kind=row["kind"],
-                    text=row["text"], system_id=row["system_id"] or 0,
+                    t_s=(row["time_us"] - sent.start_us) * 1e-6,
+                    level=row["level"],
+                    kind=row["kind"],
+                    text=row["text"],
+                    system_id=row["system_id"] or 0,
                 )
-            )  # fmt: skip
+            )
     return found
 
 

@@ -44,8 +44,18 @@ class Row:
         return "; ".join(words) or "held"
 
 
-HEAD = ("attack", "case", "true sent", "lost", "false sent", "recorded", "false believed", "alarm after", "verdict",
-        "note")  # fmt: skip
+HEAD = (
+    "attack",
+    "case",
+    "true sent",
+    "lost",
+    "false sent",
+    "recorded",
+    "false believed",
+    "alarm after",
+    "verdict",
+    "note",
+)
 
 
 def page(rows: Sequence[Row], title: str, words: str, before: Sequence[Row] = ()) -> str:
@@ -62,10 +72,17 @@ def page(rows: Sequence[Row], title: str, words: str, before: Sequence[Row] = ()
     lines = [f"# {title}", "", words.strip(), "", f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
     for row in rows:
         cells = [
-            row.attack, row.case, _count(row.sent), _count(row.lost) if row.sent else "–", _count(row.false_sent),
-            _count(row.false_recorded) if row.false_sent else "–", _seconds(row.believed_s), _seconds(row.alarm_s),
-            "held" if row.held else "**not held**", row.note,
-        ]  # fmt: skip
+            row.attack,
+            row.case,
+            _count(row.sent),
+            _count(row.lost) if row.sent else "–",
+            _count(row.false_sent),
+            _count(row.false_recorded) if row.false_sent else "–",
+            _seconds(row.believed_s),
+            _seconds(row.alarm_s),
+            "held" if row.held else "**not held**",
+            row.note,
+        ]
         if before:
             earlier = then.get((row.attack, row.case))
             cells.append(earlier.summary if earlier else "–")
@@ -101,10 +118,16 @@ def read_rows(path: Path) -> list[Row]:
     with path.open(newline="", encoding="utf-8") as file:
         return [
             Row(
-                attack=row["attack"], case=row["case"], sent=int(row["sent"]), lost=int(row["lost"]),
-                false_sent=int(row["false_sent"]), false_recorded=int(row["false_recorded"]),
-                believed_s=float(row["believed_s"]), alarm_s=float(row["alarm_s"]), held=row["held"] == "True",
+                attack=row["attack"],
+                case=row["case"],
+                sent=int(row["sent"]),
+                lost=int(row["lost"]),
+                false_sent=int(row["false_sent"]),
+                false_recorded=int(row["false_recorded"]),
+                believed_s=float(row["believed_s"]),
+                alarm_s=float(row["alarm_s"]),
+                held=row["held"] == "True",
                 note=row["note"],
             )
             for row in csv.DictReader(file)
-        ]  # fmt: skip
+        ]

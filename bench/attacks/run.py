@@ -84,9 +84,11 @@ class Flown:
         sent, found = self.sent.count, self.recorded
         true, false = (TRUE, system_id), (FALSE, system_id)
         return {
-            "sent": sent[true], "lost": sent[true] - found[true],
-            "false_sent": sent[false], "false_recorded": found[false],
-        }  # fmt: skip
+            "sent": sent[true],
+            "lost": sent[true] - found[true],
+            "false_sent": sent[false],
+            "false_recorded": found[false],
+        }
 
 
 def fly(
@@ -133,9 +135,13 @@ def fly(
         flown_s = stage.now_s
         exit_code = station.end()
         return Flown(
-            options=options, session=station.session, sent=sent, said=station.said, exit_code=exit_code,
+            options=options,
+            session=station.session,
+            sent=sent,
+            said=station.said,
+            exit_code=exit_code,
             flown_s=flown_s,
-        )  # fmt: skip
+        )
 
 
 def believed_false_s(seen: Sequence[Belief], true: Body, apart_m: float, since_s: float, until_s: float) -> float:

@@ -140,9 +140,10 @@ class Heard:
         """What became of a vehicle's packets since a time of the stage, without those that somebody sent again."""
         since_us = self.sent.start_us + since_s * 1e6
         its = [
-            (number, t_us) for number, (t_us, raw) in enumerate(frames(self.folder))
+            (number, t_us)
+            for number, (t_us, raw) in enumerate(frames(self.folder))
             if sender_of(raw) == system_id and raw not in again and t_us >= since_us
-        ]  # fmt: skip
+        ]
         refused = sum(number in self.refused for number, _ in its)
         first_s = (its[0][1] - self.sent.start_us) * 1e-6 if its else float("inf")
         sure = [b for b in beliefs_of(self._folded, system_id) if b.sure and b.t_s >= first_s]
@@ -162,13 +163,25 @@ def refused_records(session: Path) -> set[int]:
 
 def _row(attack: str, case: str, judged: Judged, hostile: bool) -> Row:
     if hostile:
-        return Row(attack=attack, case=case, false_sent=judged.sent, false_recorded=judged.sent,
-                   believed_s=judged.sure_s, held=judged.refused == judged.sent > 0 and not judged.sure_s,
-                   note=f"{judged.sent - judged.refused} not refused")  # fmt: skip
+        return Row(
+            attack=attack,
+            case=case,
+            false_sent=judged.sent,
+            false_recorded=judged.sent,
+            believed_s=judged.sure_s,
+            held=judged.refused == judged.sent > 0 and not judged.sure_s,
+            note=f"{judged.sent - judged.refused} not refused",
+        )
     after_s = judged.believed_after_s
     note = f"believed after {after_s:.1f} s" if judged.sure_s else "never believed"
-    return Row(attack=attack, case=case, sent=judged.sent, lost=judged.refused, held=after_s <= PROMISE_S + SLACK_S,
-               note=f"{note}, {judged.refused:,} refused")  # fmt: skip
+    return Row(
+        attack=attack,
+        case=case,
+        sent=judged.sent,
+        lost=judged.refused,
+        held=after_s <= PROMISE_S + SLACK_S,
+        note=f"{note}, {judged.refused:,} refused",
+    )
 
 
 def late_start(options: Options) -> list[Row]:
@@ -179,7 +192,7 @@ def late_start(options: Options) -> list[Row]:
         door = stack.enter_context(closing(Door(port)))
         station = Station(
             options.gcs, options.folder / "late", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
-        )  # fmt: skip
+        )
         stack.callback(station.kill)
         stage = Stage(_lines(door, LATE))
         stage.start()
@@ -260,8 +273,14 @@ def _replayed_row(session: Path, packets: Set[bytes], case: str) -> Row:
     numbers = refused_records(session)
     found = [number for number, (_, raw) in enumerate(frames(session)) if raw in packets]
     believed = sum(number not in numbers for number in found)
-    return Row(attack="signed, restart", case=case, false_sent=len(packets), false_recorded=len(found),
-               held=bool(found) and not believed, note=f"{believed} of them believed")  # fmt: skip
+    return Row(
+        attack="signed, restart",
+        case=case,
+        false_sent=len(packets),
+        false_recorded=len(found),
+        held=bool(found) and not believed,
+        note=f"{believed} of them believed",
+    )
 
 
 DELAYS_S = {11: 5.0, 14: 20.0}
@@ -295,7 +314,7 @@ def replayed(options: Options) -> list[Row]:
         stage = Stage([*_lines(door, STEADY), *lines], keep)
         station = Station(
             options.gcs, options.folder / "replay", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
-        )  # fmt: skip
+        )
         stack.callback(station.kill)
         stage.start()
         stack.callback(stage.stop)
@@ -321,7 +340,13 @@ def _again_row(session: Path, sent: Sent, system_id: int, events: list[Told]) ->
     after_s = alarm.t_s - sent.first_s[FALSE, system_id] if alarm else float("nan")
     note = f"{believed} believed" + (f"; told: {alarm.text}" if alarm else "; nothing told")
     return Row(
-        attack="signed, replayed", case=f"{late_s:g} s later, from another address", sent=sent.count[TRUE, system_id],
-        lost=lost, false_sent=sent.count[FALSE, system_id], false_recorded=copies, alarm_s=after_s,
-        held=copies > 0 and not believed and not lost and (alarm is not None or late_s <= SLOW_S), note=note,
-    )  # fmt: skip
+        attack="signed, replayed",
+        case=f"{late_s:g} s later, from another address",
+        sent=sent.count[TRUE, system_id],
+        lost=lost,
+        false_sent=sent.count[FALSE, system_id],
+        false_recorded=copies,
+        alarm_s=after_s,
+        held=copies > 0 and not believed and not lost and (alarm is not None or late_s <= SLOW_S),
+        note=note,
+    )

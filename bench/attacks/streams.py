@@ -97,5 +97,11 @@ def _all(fd: int, data: bytes) -> None:
 
 def _row(case: str, sent: list[bytes], found: Counter[bytes], when: str) -> Row:
     lost = sum(not found[raw] for raw in sent)
-    return Row(attack="three bytes", case=case, sent=len(sent), lost=lost, held=not lost,
-               note=f"{len(sent) - lost} of {len(sent)} {when}")  # fmt: skip
+    return Row(
+        attack="three bytes",
+        case=case,
+        sent=len(sent),
+        lost=lost,
+        held=not lost,
+        note=f"{len(sent) - lost} of {len(sent)} {when}",
+    )

@@ -47,18 +47,43 @@ CASES = (
     Case(name="component 200, 3 s ahead", system_id=11, component_id=200),
     Case(name="component 200, in a gap of 4 s", system_id=12, component_id=200, gap=True),
     Case(name="component 2, all messages, 3 s ahead", system_id=13, component_id=2, says=FULL),
-    Case(name="companion 191 that says no autopilot, 3 s ahead", system_id=14, component_id=191,
-         kind=COMPANION_TYPE, autopilot=NO_AUTOPILOT),
+    Case(
+        name="companion 191 that says no autopilot, 3 s ahead",
+        system_id=14,
+        component_id=191,
+        kind=COMPANION_TYPE,
+        autopilot=NO_AUTOPILOT,
+    ),
     Case(name="component 200, positions only, 3 s ahead", system_id=15, component_id=200, says=("position",)),
     Case(name="component 1, in a gap of 4 s", system_id=16, component_id=1, gap=True),
     Case(name="component 220, all messages, in a gap of 4 s", system_id=17, component_id=220, says=FULL, gap=True),
-    Case(name="innocent: companion 191 that repeats its positions", system_id=18, component_id=191,
-         kind=COMPANION_TYPE, autopilot=NO_AUTOPILOT, apart_m=0.0),
-    Case(name="innocent: gimbal 154 with attitudes of its own", system_id=19, component_id=154, kind=GIMBAL_TYPE,
-         autopilot=NO_AUTOPILOT, says=("beat", "attitude"), apart_m=0.0),
-    Case(name="innocent: second GPS, component 221", system_id=20, component_id=221, kind=27,
-         autopilot=NO_AUTOPILOT, says=("beat", "gps"), apart_m=0.0),
-)  # fmt: skip
+    Case(
+        name="innocent: companion 191 that repeats its positions",
+        system_id=18,
+        component_id=191,
+        kind=COMPANION_TYPE,
+        autopilot=NO_AUTOPILOT,
+        apart_m=0.0,
+    ),
+    Case(
+        name="innocent: gimbal 154 with attitudes of its own",
+        system_id=19,
+        component_id=154,
+        kind=GIMBAL_TYPE,
+        autopilot=NO_AUTOPILOT,
+        says=("beat", "attitude"),
+        apart_m=0.0,
+    ),
+    Case(
+        name="innocent: second GPS, component 221",
+        system_id=20,
+        component_id=221,
+        kind=27,
+        autopilot=NO_AUTOPILOT,
+        says=("beat", "gps"),
+        apart_m=0.0,
+    ),
+)
 
 
 def components(options: Options) -> list[Row]:
@@ -75,15 +100,19 @@ def _lines(door: Door) -> list[Line]:
         ahead = case.hostile and not case.gap
         silent = (GAP_AT_S, GAP_AT_S + GAP_S) if case.gap else (1e9, 1e9)
         send = door()
-        lines += lines_of(
-            body, Voice(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent
-        )  # fmt: skip
+        lines += lines_of(body, Voice(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent)
         begin_s = silent[0] if case.gap else 0.0
         elsewhere = replace(body.moved(case.apart_m), speed_m_s=3.0 if case.hostile else body.speed_m_s)
         lines += lines_of(
-            elsewhere, Voice(case.system_id, case.component_id), door() if case.hostile else send, FALSE,
-            says=case.says, kind=case.kind, autopilot=case.autopilot, start_s=begin_s,
-        )  # fmt: skip
+            elsewhere,
+            Voice(case.system_id, case.component_id),
+            door() if case.hostile else send,
+            FALSE,
+            says=case.says,
+            kind=case.kind,
+            autopilot=case.autopilot,
+            start_s=begin_s,
+        )
     return lines
 
 
@@ -112,9 +141,14 @@ def judge(flown: Flown, case: Case) -> Row:
         held = wrong_s == 0.0 and not counts["lost"] and (bool(alarm) or true_s > 1.0)
         note = "" if alarm else "the true one is believed, without an alarm" if held else "no alarm"
     return Row(
-        attack="components", case=case.name, **counts, believed_s=wrong_s, alarm_s=max(after_s, 0.0)
-        if alarm else after_s, held=held, note=note,
-    )  # fmt: skip
+        attack="components",
+        case=case.name,
+        **counts,
+        believed_s=wrong_s,
+        alarm_s=max(after_s, 0.0) if alarm else after_s,
+        held=held,
+        note=note,
+    )
 
 
 ELSEWHERE = {
@@ -163,12 +197,17 @@ def _one(options: Options, name: str) -> Row:
     sent, found = flown.sent.count, flown.recorded
     true = [party for party in sent if party[0] == TRUE]
     return Row(
-        attack="first position", case=name, sent=sum(sent[party] for party in true),
-        lost=sum(sent[party] - found[party] for party in true), false_sent=sent[FALSE, 1],
-        false_recorded=found[FALSE, 1], believed_s=wrong / 5.0 / len(vehicles),
+        attack="first position",
+        case=name,
+        sent=sum(sent[party] for party in true),
+        lost=sum(sent[party] - found[party] for party in true),
+        false_sent=sent[FALSE, 1],
+        false_recorded=found[FALSE, 1],
+        believed_s=wrong / 5.0 / len(vehicles),
         alarm_s=max(told[0].t_s - SPEAKS_S, 0.0) if told else math.nan,
-        held=not wrong and right > 0 and (bool(told) or name in HARMLESS), note=note,
-    )  # fmt: skip
+        held=not wrong and right > 0 and (bool(told) or name in HARMLESS),
+        note=note,
+    )
 
 
 def _off_m(belief: Belief, system_id: int) -> float:

@@ -8,9 +8,22 @@ from bench.field.draws import gnss, road, session, signed, slight
 from sim.world.scenario import Blackout, Camera, Detector, Fault, Flight, Ground, Scenario, Targets, Timing
 
 __all__ = [
-    "attitude", "bad_telemetry", "corr_gnss", "false_positives", "hard_geometry", "in_out", "no_heading", "nominal",
-    "oblique", "occlusion", "paper_noise", "pose_free", "scale", "timing", "unmodelled",
-]  # fmt: skip
+    "attitude",
+    "bad_telemetry",
+    "corr_gnss",
+    "false_positives",
+    "hard_geometry",
+    "in_out",
+    "no_heading",
+    "nominal",
+    "oblique",
+    "occlusion",
+    "paper_noise",
+    "pose_free",
+    "scale",
+    "timing",
+    "unmodelled",
+]
 
 DENSE = ("straight 4 m", "curved 4 m", "curved 6 m")
 CLOSE = (("8, 3 m", 8, 3.0), ("10, 3.5 m", 10, 3.5), ("12, 4 m", 12, 4.0))

@@ -11,9 +11,22 @@ from bench.field.draws import gnss, road, session, signed, slight
 from sim.world.scenario import Camera, Detector, Fault, Flight, Ground, Scenario, Targets, Timing
 
 __all__ = [
-    "attitude", "bad_telemetry", "corr_gnss", "false_positives", "hard_geometry", "in_out", "no_heading", "nominal",
-    "oblique", "occlusion", "paper_noise", "pose_free", "scale", "timing", "unmodelled",
-]  # fmt: skip
+    "attitude",
+    "bad_telemetry",
+    "corr_gnss",
+    "false_positives",
+    "hard_geometry",
+    "in_out",
+    "no_heading",
+    "nominal",
+    "oblique",
+    "occlusion",
+    "paper_noise",
+    "pose_free",
+    "scale",
+    "timing",
+    "unmodelled",
+]
 
 GROUNDS = ("straight", "curved", "open", "straight 2", "curved 2", "open 2")
 VIEWS = (

@@ -219,9 +219,17 @@ def _variant(
     span_m: float = np.inf,
 ) -> Condition:
     return Condition(
-        experiment=name, case=road, noise=noise, methods=methods, flights=flights, most=most, frames=frames,
-        boxes=vehicles, visible=vehicles, span_m=span_m,
-    )  # fmt: skip
+        experiment=name,
+        case=road,
+        noise=noise,
+        methods=methods,
+        flights=flights,
+        most=most,
+        frames=frames,
+        boxes=vehicles,
+        visible=vehicles,
+        span_m=span_m,
+    )
 
 
 def _false(quick: bool) -> list[Condition]:
@@ -282,9 +290,14 @@ def evaluate(condition: Condition) -> tuple[list[Count], list[Miss]]:
 
 def _cut(condition: Condition, scenario: Scenario) -> list[Window]:
     return windows(
-        film(scenario), condition.frames, scenario.seed, boxes=condition.boxes, visible=condition.visible,
-        wander=condition.wander, span_m=condition.span_m,
-    )  # fmt: skip
+        film(scenario),
+        condition.frames,
+        scenario.seed,
+        boxes=condition.boxes,
+        visible=condition.visible,
+        wander=condition.wander,
+        span_m=condition.span_m,
+    )
 
 
 def _ask(method: str, window: Window, noise: Noise) -> list[Answer]:

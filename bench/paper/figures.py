@@ -81,9 +81,13 @@ def _figure10(path: Path, counts: list[Count]) -> None:
     levels = sorted({c.sigma_topology for c in counts if c.experiment == "figure 8"})
     for ax, road in zip(axes, ROADS, strict=True):
         for method, style in (
-            ("topology", "-"), ("topology signed", "--"), ("TTS", "-"), ("TTS one step", "--"), ("TTS all pairs", ":"),
+            ("topology", "-"),
+            ("topology signed", "--"),
+            ("TTS", "-"),
+            ("TTS one step", "--"),
+            ("TTS all pairs", ":"),
             ("identifier", "-"),
-        ):  # fmt: skip
+        ):
             color = {"t": "tab:blue", "T": "tab:green", "i": "tab:red"}[method[0]]
             values = _curve(counts, "figure 8", method, "sigma_topology", levels, case=road, rotation_deg=0.0)
             ax.plot(*_asked(levels, values), style, color=color, label=method)

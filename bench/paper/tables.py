@@ -57,11 +57,19 @@ def pooled(counts: Iterable[Count], experiment: str, method: str, **where: objec
         return None
     first = some[0]
     return Count(
-        experiment=experiment, case=first.case, rotation_deg=first.rotation_deg, sigma_m=first.sigma_m,
-        sigma_topology=first.sigma_topology, method=method, frames=sum(c.frames for c in some),
-        ours=sum(c.ours for c in some), named=sum(c.named for c in some), right=sum(c.right for c in some),
-        false=sum(c.false for c in some), excluded=sum(c.excluded for c in some),
-    )  # fmt: skip
+        experiment=experiment,
+        case=first.case,
+        rotation_deg=first.rotation_deg,
+        sigma_m=first.sigma_m,
+        sigma_topology=first.sigma_topology,
+        method=method,
+        frames=sum(c.frames for c in some),
+        ours=sum(c.ours for c in some),
+        named=sum(c.named for c in some),
+        right=sum(c.right for c in some),
+        false=sum(c.false for c in some),
+        excluded=sum(c.excluded for c in some),
+    )
 
 
 def table(header: list[str], rows: list[list[str]]) -> str:

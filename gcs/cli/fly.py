@@ -77,9 +77,14 @@ def fly(
     source = loaded.links.video if video is None else video
     forward = tuple(out or ()) or loaded.links.forward
     plan = FlightPlan(
-        mission=loaded, links=links, video=source, sessions=sessions, forward=forward, command=command,
+        mission=loaded,
+        links=links,
+        video=source,
+        sessions=sessions,
+        forward=forward,
+        command=command,
         accept_late=_of_mission(accept_late or (), loaded),
-    )  # fmt: skip
+    )
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
     sealing = _look_around(flight, sessions, screen=screen)

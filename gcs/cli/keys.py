@@ -34,8 +34,12 @@ from mavlink.tlog.log import Tlog
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Make, list and check the keys that vehicles sign with.", no_args_is_help=True,
-                  add_completion=False, rich_markup_mode=None)  # fmt: skip
+app = typer.Typer(
+    help="Make, list and check the keys that vehicles sign with.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+)
 SHORT = 16
 REFUSED = "refused.csv"
 _Who = Annotated[str, typer.Argument(help="System id of the vehicle, 1 to 255, or fleet: all without their own.")]

@@ -22,8 +22,12 @@ from mavlink.tlog.summary import info as summarise
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Look into telemetry logs, check, repair and cut them.", no_args_is_help=True,
-                  add_completion=False, rich_markup_mode=None)  # fmt: skip
+app = typer.Typer(
+    help="Look into telemetry logs, check, repair and cut them.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+)
 # Damaged places listed one by one; a badly damaged log has thousands.
 MOST_DAMAGE = 20
 DAMAGED = 5

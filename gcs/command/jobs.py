@@ -205,9 +205,7 @@ class Jobs:
         answer = await self._ask(wire.orbit(place, alt_m, rules.radius_m, rules.speed_mps))
         if answer.accepted:
             tell("info", answer.words)
-            path = circles(
-                place, alt_m, radius_m=rules.radius_m, speed_mps=rules.speed_mps, moved_m=rules.moved_m
-            )  # fmt: skip
+            path = circles(place, alt_m, radius_m=rules.radius_m, speed_mps=rules.speed_mps, moved_m=rules.moved_m)
             await self._stream(ugv, path, rules.fly_s, tell, self._mode_watch(), begun=True)
         elif answer.not_known:
             tell("info", f"{answer.words}; point by point instead")

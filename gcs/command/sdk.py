@@ -65,9 +65,7 @@ class Sdk:
         direct = self._direct_to_uav()
         if direct is None:
             return Answer(result=None, reason="not heard")
-        message = MavlinkMessage(
-            command.message, *self._own, self._uav, command.component, command.fields(self._uav)
-        )  # fmt: skip
+        message = MavlinkMessage(command.message, *self._own, self._uav, command.component, command.fields(self._uav))
         try:
             ack = await direct.send_command(message)
         except MavlinkDirectError as error:

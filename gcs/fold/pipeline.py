@@ -231,9 +231,12 @@ class Pipeline:
         pose = camera_pose(mount, p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
         ground_z = float(uav.p_enu[2] - uav.height_m)
         return View(
-            intrinsics=intrinsics, pose=pose, ground_z=ground_z, attitude_known=uav.attitude_valid,
+            intrinsics=intrinsics,
+            pose=pose,
+            ground_z=ground_z,
+            attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
-        )  # fmt: skip
+        )
 
     def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
         """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
@@ -334,9 +337,12 @@ class Pipeline:
         """Health with what is believed of the camera's clock and heading."""
         theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
         return replace(
-            health, time_offset_s=self._offset_s + float(theta[OFFSET]), time_offset_std_s=float(std[OFFSET]),
-            yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan, yaw_offset_std=float(std[YAW]),
-        )  # fmt: skip
+            health,
+            time_offset_s=self._offset_s + float(theta[OFFSET]),
+            time_offset_std_s=float(std[OFFSET]),
+            yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan,
+            yaw_offset_std=float(std[YAW]),
+        )
 
     def _snapshot(
         self,

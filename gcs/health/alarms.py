@@ -141,9 +141,14 @@ class Alarms:
 def _alarm(state: _State) -> Alarm:
     f = state.finding
     return Alarm(
-        key=f.key, level=f.level, kind=f.kind, text=f.text, advice=f.advice, since_us=state.raised_us,
+        key=f.key,
+        level=f.level,
+        kind=f.kind,
+        text=f.text,
+        advice=f.advice,
+        since_us=state.raised_us,
         system_id=f.system_id,
-    )  # fmt: skip
+    )
 
 
 def _event(finding: Finding, t_us: int, level: Level, text: str) -> Event:

@@ -91,9 +91,11 @@ def _system() -> Check:
     if sys.platform.startswith("linux"):
         return Check(name="system", verdict="ok", found=text)
     return Check(
-        name="system", verdict="short", found=text,
+        name="system",
+        verdict="short",
+        found=text,
         advice="flights need Linux (WSL2 counts); recordings can be replayed and identified here",
-    )  # fmt: skip
+    )
 
 
 def _detector() -> Iterator[Check]:
@@ -102,10 +104,11 @@ def _detector() -> Iterator[Check]:
     fps = _frames_a_second()
     advice = "" if fps >= LIVE_FPS else "close other programs, or choose a smaller stream"
     yield Check(
-        name="detector speed", verdict="short" if advice else "ok",
+        name="detector speed",
+        verdict="short" if advice else "ok",
         advice=advice + ("; names will be late" if fps < SLOW_FPS else ""),
         found=f"{fps:.1f} frames/s at {FRAME_SIZE[0]}×{FRAME_SIZE[1]} with the bundled detector",
-    )  # fmt: skip
+    )
 
 
 def _frames_a_second() -> float:
@@ -124,9 +127,11 @@ def _codecs(name: str, wanted: Sequence[str], mode: Literal["r", "w"]) -> Check:
     if not missing:
         return Check(name=name, verdict="ok", found=", ".join(wanted))
     return Check(
-        name=name, verdict="bad", found=f"missing: {', '.join(missing)}",
+        name=name,
+        verdict="bad",
+        found=f"missing: {', '.join(missing)}",
         advice="install PyAV as a wheel, which brings FFmpeg with them",
-    )  # fmt: skip
+    )
 
 
 def _has(codec: str, mode: Literal["r", "w"]) -> bool:
@@ -156,10 +161,11 @@ def _receive_buffer() -> Check:
     if most >= BUFFER_BYTES or os.geteuid() == 0:
         return Check(name="receive buffer", verdict="ok", found=f"{most / 2**20:.1f} MiB allowed to programs")
     return Check(
-        name="receive buffer", verdict="short",
+        name="receive buffer",
+        verdict="short",
         found=f"{most / 2**20:.1f} MiB allowed: a pause of the machine can cost packets",
         advice=f"sudo sysctl net.core.rmem_max={BUFFER_BYTES}",
-    )  # fmt: skip
+    )
 
 
 def _disk(sessions: Path) -> Check:
@@ -185,9 +191,11 @@ def _clock() -> Check:
         state = -1
     if state == _TIME_ERROR:
         return Check(
-            name="clock", verdict="short", found="not synchronised",
+            name="clock",
+            verdict="short",
+            found="not synchronised",
             advice="timedatectl set-ntp true, or set it from a GPS: signatures and GPS times are compared with it",
-        )  # fmt: skip
+        )
     if state < 0:
         return Check(name="clock", verdict="ok", found="the system does not tell whether it is synchronised")
     return Check(name="clock", verdict="ok", found="synchronised")

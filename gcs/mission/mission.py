@@ -97,9 +97,7 @@ class Camera:
         width, height, fx, fy, cx, cy = (getattr(self, name) for name in _NUMBERS)
         if width is None:
             return None
-        return Intrinsics(
-            width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion)
-        )  # fmt: skip
+        return Intrinsics(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion))
 
 
 _NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")

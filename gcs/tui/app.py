@@ -161,8 +161,9 @@ class RollcallApp(App[None]):
             more = f" (and {len(fresh) - 1} more)" if len(fresh) > 1 else ""
             return f"{clock(fresh[0].since_us)} {plain(fresh[0].text)}{more} — a: what to do, A: seen"
         now_us = 0 if self.snapshot is None else self.snapshot.t_us
-        recent = [event for event in self._events.said if event.level == "alarm"
-                  and 0 <= now_us - event.t_us < ALARM_SHOWN_US]  # fmt: skip
+        recent = [
+            event for event in self._events.said if event.level == "alarm" and 0 <= now_us - event.t_us < ALARM_SHOWN_US
+        ]
         return f"{clock(recent[-1].t_us)} {recent[-1].text}" if recent else ""
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -277,8 +278,12 @@ class RollcallApp(App[None]):
         """Ask where to, then save the screen as it was before the question."""
         drawing = self.export_screenshot(title=SCREENSHOT_TITLE)
         moment = clock(self.snapshot.t_us).replace(":", "") if self.snapshot is not None else "screen"
-        ask = Ask("Save the screen as SVG", "a new file; nothing is overwritten", lambda text: save_new(text, drawing),
-                  value=f"rollcall-{moment}.svg")  # fmt: skip
+        ask = Ask(
+            "Save the screen as SVG",
+            "a new file; nothing is overwritten",
+            lambda text: save_new(text, drawing),
+            value=f"rollcall-{moment}.svg",
+        )
         self.push_screen(ask, lambda path: None if path is None else self.notify(f"saved {path}", markup=False))
 
     def action_leave(self) -> None:

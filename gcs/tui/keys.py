@@ -69,14 +69,35 @@ BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
 REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event"})
 
 LIVE_HINTS: Final = (
-    ("q", "quit"), ("?", "help"), ("↑↓", "vehicle"), ("z", "zoom"), ("123", "layout"), ("vmfie", "panes"),
-    ("l", "level"), ("+-0", "map"), ("c", "follow"), ("s", "save"),
-)  # fmt: skip
+    ("q", "quit"),
+    ("?", "help"),
+    ("↑↓", "vehicle"),
+    ("z", "zoom"),
+    ("123", "layout"),
+    ("vmfie", "panes"),
+    ("l", "level"),
+    ("+-0", "map"),
+    ("c", "follow"),
+    ("s", "save"),
+)
 """Keys and a word for the last row, the most needed first."""
 COMMAND_HINTS: Final = (*LIVE_HINTS[:2], ("u", "command"), *LIVE_HINTS[2:])
 """The same for a station that may command."""
 REPLAY_HINTS: Final = (
-    ("q", "quit"), ("?", "help"), ("space", "play"), ("←→", "5 s"), ("[]", "speed"), ("g", "go to"), ("n", "event"),
-    ("↑↓", "vehicle"), ("z", "zoom"), (",.", "frame"), ("123", "layout"), ("vmfie", "panes"), ("l", "level"),
-    ("+-0", "map"), ("c", "follow"), ("s", "save"),
-)  # fmt: skip
+    ("q", "quit"),
+    ("?", "help"),
+    ("space", "play"),
+    ("←→", "5 s"),
+    ("[]", "speed"),
+    ("g", "go to"),
+    ("n", "event"),
+    ("↑↓", "vehicle"),
+    ("z", "zoom"),
+    (",.", "frame"),
+    ("123", "layout"),
+    ("vmfie", "panes"),
+    ("l", "level"),
+    ("+-0", "map"),
+    ("c", "follow"),
+    ("s", "save"),
+)

@@ -67,9 +67,24 @@ class _Track:
     """One sender: its clock, its path, and how often it contradicted others lately."""
 
     __slots__ = (
-        "began_us", "clocked", "compared", "count", "dissent_us", "first_us", "follows", "last_us", "late_us", "newest",
-        "noise_m", "offset_us", "path", "score", "since_us", "speaker", "zero",
-    )  # fmt: skip
+        "began_us",
+        "clocked",
+        "compared",
+        "count",
+        "dissent_us",
+        "first_us",
+        "follows",
+        "last_us",
+        "late_us",
+        "newest",
+        "noise_m",
+        "offset_us",
+        "path",
+        "score",
+        "since_us",
+        "speaker",
+        "zero",
+    )
 
     def __init__(self, speaker: Speaker, place: _Place, first_us: int) -> None:
         self.speaker, self.first_us, self.began_us = speaker, first_us, place.t_us
@@ -182,10 +197,15 @@ class Places:
         clocked = sample.boot_ms > 0 or track is None or not track.zero
         known = math.hypot(sample.v_east, sample.v_north) <= self._params.max_speed
         place = _Place(
-            sample.t_us, sample.boot_ms * 1000 if clocked else sample.t_us, sample.lat_deg, sample.lon_deg,
+            sample.t_us,
+            sample.boot_ms * 1000 if clocked else sample.t_us,
+            sample.lat_deg,
+            sample.lon_deg,
             math.nan if self._drives else sample.alt_m,
-            sample.v_east if known else math.nan, sample.v_north if known else math.nan, std_m,
-        )  # fmt: skip
+            sample.v_east if known else math.nan,
+            sample.v_north if known else math.nan,
+            std_m,
+        )
         if track is None:
             track = self._begin(speaker, place)
         else:

@@ -71,9 +71,12 @@ class Attitudes:
             return Pose(wrap_pi(roll), pitch, wrap_pi(yaw), age_s, True)
         dt = min(age_s, ATTITUDE_LOST_S)
         return Pose(
-            wrap_pi(a.roll + a.roll_rate * dt), a.pitch + a.pitch_rate * dt, wrap_pi(a.yaw + a.yaw_rate * dt),
-            age_s, False,
-        )  # fmt: skip
+            wrap_pi(a.roll + a.roll_rate * dt),
+            a.pitch + a.pitch_rate * dt,
+            wrap_pi(a.yaw + a.yaw_rate * dt),
+            age_s,
+            False,
+        )
 
 
 def _row(sample: Attitude) -> _Row:

@@ -118,10 +118,17 @@ class Speaker:
         place = (round(lat_deg * 1e7), round(lon_deg * 1e7), round(alt_m * 1e3))
         return self.pack(
             ardupilotmega.MAVLink_gps_raw_int_message(
-                time_us, fix_type, *place, eph, _UINT16_MAX, _UINT16_MAX, _UINT16_MAX, satellites,
+                time_us,
+                fix_type,
+                *place,
+                eph,
+                _UINT16_MAX,
+                _UINT16_MAX,
+                _UINT16_MAX,
+                satellites,
                 h_acc=round(h_acc_m * 1e3),
             )
-        )  # fmt: skip
+        )
 
     def gimbal_attitude(self, boot_ms: int, q: Sequence[float], flags: int = 44) -> bytes:
         """GIMBAL_DEVICE_ATTITUDE_STATUS, q = w, x, y, z; 44 is roll and pitch lock, yaw in the vehicle's frame."""

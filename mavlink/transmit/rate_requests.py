@@ -69,9 +69,7 @@ def interval_request(speaker: Speaker, system_id: int, message_id: int, hz: floa
 def stream_request(speaker: Speaker, system_id: int, message_id: int, hz: float) -> bytes:
     """Asks an autopilot for the stream that a message belongs to."""
     rate = max(1, math.ceil(hz))
-    return speaker.pack(
-        ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1)
-    )  # fmt: skip
+    return speaker.pack(ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1))
 
 
 def interval_answer(packet: Packet, own: int) -> int | None:

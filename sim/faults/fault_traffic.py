@@ -105,10 +105,12 @@ class _Stage:
         t = (first + self._phase[who]) / self._each_hz
         said, v, heading = places(self._plan.cast, who, t)
         beats = max(4, round(self._each_hz))
-        rows = zip(who.tolist(), (first % beats).tolist(), t.tolist(), said.tolist(), v.tolist(), heading.tolist(),
-                   strict=True)  # fmt: skip
-        sent = [self._spoken(k, slot, now, *row) for k, slot, now, *row in rows
-                if not self._plan.cast.parts[k].silent(now)]  # fmt: skip
+        rows = zip(
+            who.tolist(), (first % beats).tolist(), t.tolist(), said.tolist(), v.tolist(), heading.tolist(), strict=True
+        )
+        sent = [
+            self._spoken(k, slot, now, *row) for k, slot, now, *row in rows if not self._plan.cast.parts[k].silent(now)
+        ]
         return sent
 
     def _spoken(self, k: int, slot: int, t: float, said: list[int], v: list[float], heading: float) -> Datagram:

@@ -65,9 +65,7 @@ class Cast:
     stop_and_go: bool = False
 
 
-def places(
-    cast: Cast, who: IntArray, t: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:  # fmt: skip
+def places(cast: Cast, who: IntArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """What is said of places.
 
     Args:

@@ -102,10 +102,16 @@ class VideoSender:
         stream.codec_context.time_base = TIME_BASE
         keyframes = str(max(1, round(scenario.fps)))
         stream.options = {
-            "preset": "ultrafast", "tune": "zerolatency", "crf": "27", "g": keyframes, "keyint_min": keyframes,
+            "preset": "ultrafast",
+            "tune": "zerolatency",
+            "crf": "27",
+            "g": keyframes,
+            "keyint_min": keyframes,
             # a frame is sent in one burst, which has to fit into a receiver's default socket buffer
-            "maxrate": "8M", "bufsize": "1M", "threads": "1",
-        }  # fmt: skip
+            "maxrate": "8M",
+            "bufsize": "1M",
+            "threads": "1",
+        }
         return stream
 
     @staticmethod

@@ -98,9 +98,14 @@ class Sheet:
         part[:] = part + alpha * (np.array(color) - part)
 
     def glyphs(
-        self, count: int, at: FloatArray, heading: float, size: tuple[float, float], color: Color,
+        self,
+        count: int,
+        at: FloatArray,
+        heading: float,
+        size: tuple[float, float],
+        color: Color,
         rng: np.random.Generator,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Signs of an unknown script, strokes in a grid, (height, width) metres each, across the heading."""
         forward, right = np.array([np.sin(heading), -np.cos(heading)]), np.array([np.cos(heading), np.sin(heading)])
         lines = []

@@ -27,14 +27,24 @@ def building(rng: np.random.Generator) -> Model:
         x, y = rng.uniform(-0.42, 0.42, 2)
         a, b = rng.uniform(0.01, 0.09), rng.uniform(0.01, 0.09)
         color = shade((WHITE, STEEL, DARK, (120.0, 100.0, 80.0), (90.0, 150.0, 90.0))[int(rng.integers(5))], rng)
-        unit = Block(x=(x - a, x + a), y=(y - b, y + b), z=(0.9, 0.9 + rng.uniform(0.005, 0.2)), top=color, sides=color,
-                     layer=2)  # fmt: skip
+        unit = Block(
+            x=(x - a, x + a), y=(y - b, y + b), z=(0.9, 0.9 + rng.uniform(0.005, 0.2)), top=color, sides=color, layer=2
+        )
         blocks.append(unit)
         if rng.random() < 0.5:  # a fan, a hatch or a pane in it
             top = unit.z[1]
             inner = shade((DARK, STEEL, WHITE)[int(rng.integers(3))], rng)
-            blocks.append(Block(x=(x - 0.6 * a, x + 0.6 * a), y=(y - 0.6 * b, y + 0.6 * b), z=(top, top + 0.002),
-                                top=inner, sides=inner, layer=3, corner=(0.5 * a, 0.5 * b)))  # fmt: skip
+            blocks.append(
+                Block(
+                    x=(x - 0.6 * a, x + 0.6 * a),
+                    y=(y - 0.6 * b, y + 0.6 * b),
+                    z=(top, top + 0.002),
+                    top=inner,
+                    sides=inner,
+                    layer=3,
+                    corner=(0.5 * a, 0.5 * b),
+                )
+            )
     if rng.random() < 0.3:
         blocks += _grid(rng, (-0.4, rng.uniform(-0.1, 0.4)), (-0.35, rng.uniform(-0.1, 0.35)), 0.93, 2)
     return Model.of(*blocks)
@@ -46,8 +56,11 @@ def _partitions(rng: np.random.Generator) -> list[Block]:
     for _ in range(int(rng.integers(0, 8))):
         x, y = rng.uniform(-0.45, 0.45, 2)
         color = shade((WHITE, STEEL, DARK, (90.0, 150.0, 90.0), (120.0, 100.0, 80.0))[int(rng.integers(5))], rng)
-        a, b = rng.permutation([rng.uniform(0.1, 0.5), rng.uniform(0.004, 0.02)]) if rng.random() < 0.6 else (
-            rng.uniform(0.05, 0.25), rng.uniform(0.05, 0.25))  # fmt: skip
+        a, b = (
+            rng.permutation([rng.uniform(0.1, 0.5), rng.uniform(0.004, 0.02)])
+            if rng.random() < 0.6
+            else (rng.uniform(0.05, 0.25), rng.uniform(0.05, 0.25))
+        )
         foot = ((max(x - a, -0.48), min(x + a, 0.48)), (max(y - b, -0.48), min(y + b, 0.48)))
         blocks.append(
             Block(x=foot[0], y=foot[1], z=(0.9, 0.9 + rng.uniform(0.002, 0.04)), top=color, sides=color, layer=1)
@@ -64,9 +77,17 @@ def _grid(
     a, b = np.linspace(*x, columns + 1), np.linspace(*y, rows + 1)
     share = rng.uniform(0.8, 0.95)
     return [
-        Block(x=(u, u + share * (a[1] - a[0])), y=(v, v + share * (b[1] - b[0])), z=(z, z + 0.01),
-              top=color, sides=color, layer=layer) for u in a[:-1] for v in b[:-1]
-    ]  # fmt: skip
+        Block(
+            x=(u, u + share * (a[1] - a[0])),
+            y=(v, v + share * (b[1] - b[0])),
+            z=(z, z + 0.01),
+            top=color,
+            sides=color,
+            layer=layer,
+        )
+        for u in a[:-1]
+        for v in b[:-1]
+    ]
 
 
 def panels(rng: np.random.Generator) -> Model:

@@ -23,9 +23,16 @@ from sim.world.road_vehicles import bus, lorry, passenger, pickup_truck, shade, 
 from sim.world.view import OCCLUDER, PERSON, STRANGER, UGV
 
 __all__ = [
-    "FIRST_KIND", "SIZES", "VEHICLES", "Sort", "car_color", "random_cast", "random_leaf", "random_scene",
+    "FIRST_KIND",
+    "SIZES",
+    "VEHICLES",
+    "Sort",
+    "car_color",
+    "random_cast",
+    "random_leaf",
+    "random_scene",
     "random_style",
-]  # fmt: skip
+]
 
 FIRST_KIND = 10
 """Kinds below are those of ``Bodies``; kinds from ``FIXED_KIND`` on are those of ``SIZES``."""
@@ -115,11 +122,15 @@ _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
 VEHICLES: tuple[int, ...] = (UGV, STRANGER, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
 """Kinds of ``SIZES`` that are vehicles."""
 _OF_KIND: Mapping[int, Entry] = {
-    UGV: ROVERS[0], STRANGER: ROAD[0], PERSON: CLUTTER[0], **{FIXED_KIND + k: e for k, e in enumerate(_ENTRIES)}
-}  # fmt: skip
+    UGV: ROVERS[0],
+    STRANGER: ROAD[0],
+    PERSON: CLUTTER[0],
+    **{FIXED_KIND + k: e for k, e in enumerate(_ENTRIES)},
+}
 SIZES: Mapping[int, tuple[Range, Range, Range]] = {
-    **{kind: entry[2:5] for kind, entry in _OF_KIND.items()}, OCCLUDER: ((1.5, 8.0), (1.5, 8.0), (2.0, 10.0))
-}  # fmt: skip
+    **{kind: entry[2:5] for kind, entry in _OF_KIND.items()},
+    OCCLUDER: ((1.5, 8.0), (1.5, 8.0), (2.0, 10.0)),
+}
 """Ranges of length, width and height in metres."""
 
 

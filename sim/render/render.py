@@ -211,9 +211,13 @@ def _far_to_near(view: CameraView, bodies: Bodies) -> list[int]:
 
 def _tree(bodies: Bodies, i: int) -> Tree:
     return Tree(
-        x=float(bodies.x[i]), y=float(bodies.y[i]), heading=float(bodies.heading[i]), length=float(bodies.length[i]),
-        width=float(bodies.width[i]), height=float(bodies.height[i]),
-    )  # fmt: skip
+        x=float(bodies.x[i]),
+        y=float(bodies.y[i]),
+        heading=float(bodies.heading[i]),
+        length=float(bodies.length[i]),
+        width=float(bodies.width[i]),
+        height=float(bodies.height[i]),
+    )
 
 
 def body_outline(view: CameraView, bodies: Bodies, i: int) -> NDArray[np.float32] | None:
@@ -283,9 +287,14 @@ def _shaded(shade: Image, view: CameraView, bodies: Bodies, i: int, style: Style
 
 
 def _draw_solid(
-    image: Image, view: CameraView, corners: FloatArray, model: Model, color: NDArray[np.floating], style: Style,
+    image: Image,
+    view: CameraView,
+    corners: FloatArray,
+    model: Model,
+    color: NDArray[np.floating],
+    style: Style,
     light: float,
-) -> None:  # fmt: skip
+) -> None:
     uv, ok = project(view, corners)
     if not ok.all():
         return

@@ -69,11 +69,14 @@ def _style(cast: tuple[Sort, ...], rng: np.random.Generator) -> Style:
             wear=float(rng.uniform(0.3, 0.9)),
         ),
         exposure=Exposure(
-            gain=float(rng.uniform(0.85, 1.15)), balance=tuple(rng.uniform(0.96, 1.04, 3).tolist()), vignette=0.15,
-            noise=2.0, softness_px=0.6,
+            gain=float(rng.uniform(0.85, 1.15)),
+            balance=tuple(rng.uniform(0.96, 1.04, 3).tolist()),
+            vignette=0.15,
+            noise=2.0,
+            softness_px=0.6,
         ),
         models={**DEFAULT_MODELS, **{FIRST_KIND + k: sort.model for k, sort in enumerate(cast)}},
-    )  # fmt: skip
+    )
 
 
 def _beside(world: World, cast: tuple[Sort, ...], rng: np.random.Generator) -> Bodies:
@@ -105,9 +108,15 @@ def _beside(world: World, cast: tuple[Sort, ...], rng: np.random.Generator) -> B
         colors.append(color)
     table = np.array(rows).reshape(-1, 7).T
     return Bodies(
-        kind=table[0].astype(np.int8), x=table[1], y=table[2], heading=table[3], length=table[4], width=table[5],
-        height=table[6], color=np.array(colors, np.uint8).reshape(-1, 3),
-    )  # fmt: skip
+        kind=table[0].astype(np.int8),
+        x=table[1],
+        y=table[2],
+        heading=table[3],
+        length=table[4],
+        width=table[5],
+        height=table[6],
+        color=np.array(colors, np.uint8).reshape(-1, 3),
+    )
 
 
 def _gap(at: FloatArray, scene: Scene, ways: FloatArray) -> float:

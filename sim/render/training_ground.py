@@ -75,9 +75,10 @@ def _open_ground(rng: np.random.Generator) -> Yard:
     style = GroundStyle(side_px=SIDE_PX) if rng.random() < 0.4 else replace(random_ground(rng), side_px=SIDE_PX)
     window = Ground(random_scene(rng), style, rng).around(0.0, 0.0, 10.0)
     return Yard(
-        window=replace(window, west=0.0, north=0.0), slots=Slots(x=NONE, y=NONE, heading=NONE, length=NONE),
+        window=replace(window, west=0.0, north=0.0),
+        slots=Slots(x=NONE, y=NONE, heading=NONE, length=NONE),
         street=float(rng.uniform(0.0, np.pi)),
-    )  # fmt: skip
+    )
 
 
 def _town(rng: np.random.Generator) -> Yard:

@@ -96,9 +96,10 @@ def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
         )
     tilt = float(np.arccos(np.clip(-view.R_enu_cam[2, 2], -1.0, 1.0)))
     return Crop(
-        image=image, boxes=np.column_stack([boxes, weight])[keep],
+        image=image,
+        boxes=np.column_stack([boxes, weight])[keep],
         about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(yard.slots.x) > 0]),
-    )  # fmt: skip
+    )
 
 
 def write_shard(folder: Path, seed: int, count: int) -> Path:
@@ -143,9 +144,16 @@ def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
     p_enu = _aim_point(yard, gsd * side, rng) - aim * (height / max(-aim[2], 0.3))
     p_enu[2] = height
     return CameraView(
-        width=side, height=side, fx=focal, fy=focal, cx=cx, cy=cy, distortion=np.zeros(5),
-        R_enu_cam=np.column_stack([right, np.cross(forward, right), forward]), p_enu=p_enu,
-    )  # fmt: skip
+        width=side,
+        height=side,
+        fx=focal,
+        fy=focal,
+        cx=cx,
+        cy=cy,
+        distortion=np.zeros(5),
+        R_enu_cam=np.column_stack([right, np.cross(forward, right), forward]),
+        p_enu=p_enu,
+    )
 
 
 def _aim_point(yard: Yard, reach_m: float, rng: np.random.Generator) -> FloatArray:

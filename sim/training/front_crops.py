@@ -90,10 +90,16 @@ def _random_view(rng: np.random.Generator, side: int, gsd_m: float) -> CameraVie
     distance = height / np.sin(-pitch)
     middle = np.append(rng.uniform(-30.0, 30.0, 2), 0.0)
     return CameraView(
-        width=side, height=side, fx=distance / gsd_m, fy=distance / gsd_m, cx=0.5 * side, cy=0.5 * side,
-        distortion=np.zeros(5), R_enu_cam=np.column_stack([right, np.cross(forward, right), forward]),
+        width=side,
+        height=side,
+        fx=distance / gsd_m,
+        fy=distance / gsd_m,
+        cx=0.5 * side,
+        cy=0.5 * side,
+        distortion=np.zeros(5),
+        R_enu_cam=np.column_stack([right, np.cross(forward, right), forward]),
         p_enu=middle - forward * distance,
-    )  # fmt: skip
+    )
 
 
 def _random_bodies(view: CameraView, kind: int, length_m: float, rng: np.random.Generator) -> Bodies:
@@ -113,9 +119,15 @@ def _random_bodies(view: CameraView, kind: int, length_m: float, rng: np.random.
             colors.append(fleet if other == kind and rng.random() < 0.7 else _random_color(rng))
     table = np.array(rows).T
     return Bodies(
-        kind=table[0].astype(np.int8), x=table[1], y=table[2], heading=table[3], length=table[4], width=table[5],
-        height=table[6], color=np.array(colors, np.uint8),
-    )  # fmt: skip
+        kind=table[0].astype(np.int8),
+        x=table[1],
+        y=table[2],
+        heading=table[3],
+        length=table[4],
+        width=table[5],
+        height=table[6],
+        color=np.array(colors, np.uint8),
+    )
 
 
 def _ground(view: CameraView, share: FloatArray) -> FloatArray:

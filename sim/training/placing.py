@@ -27,9 +27,13 @@ class _Placed:
     circles: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def add(
-        self, kind: int, at: tuple[float, float, float], size: tuple[float, float, float], color: NDArray[np.int64],
+        self,
+        kind: int,
+        at: tuple[float, float, float],
+        size: tuple[float, float, float],
+        color: NDArray[np.int64],
         solid: bool = True,
-    ) -> bool:  # fmt: skip
+    ) -> bool:
         """Place a body at (x, y, heading) unless it would stand in another."""
         (x, y, heading), (length, width, height) = at, size
         if solid:
@@ -50,9 +54,15 @@ class _Placed:
         """All of them."""
         table = np.array(self.rows).reshape(-1, 7).T
         return Bodies(
-            kind=table[0].astype(np.int8), x=table[1], y=table[2], heading=table[3], length=table[4], width=table[5],
-            height=table[6], color=np.array(self.colors, np.uint8).reshape(-1, 3),
-        )  # fmt: skip
+            kind=table[0].astype(np.int8),
+            x=table[1],
+            y=table[2],
+            heading=table[3],
+            length=table[4],
+            width=table[5],
+            height=table[6],
+            color=np.array(self.colors, np.uint8).reshape(-1, 3),
+        )
 
 
 def random_bodies(view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Bodies:
@@ -64,8 +74,16 @@ def random_bodies(view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.
     if mode != 1 or rng.random() < 0.3:
         _in_slots(placed, view, yard, cast, fleet, rng)
     groups = ("road",) if mode == 0 else ("rover",) if mode == 1 else ("road", "rover")
-    _anywhere(placed, view, yard, [k for k, s in enumerate(cast) if s.group in groups], cast, rng,
-              int(rng.poisson(2.0 if mode == 0 else 9.0)), team=mode == 1)  # fmt: skip
+    _anywhere(
+        placed,
+        view,
+        yard,
+        [k for k, s in enumerate(cast) if s.group in groups],
+        cast,
+        rng,
+        int(rng.poisson(2.0 if mode == 0 else 9.0)),
+        team=mode == 1,
+    )
     small = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] < LARGE_M]
     _anywhere(placed, view, yard, small, cast, rng, int(rng.poisson(rng.choice([2.0, 8.0, 16.0]))))
     for _ in range(int(rng.poisson(rng.choice([0.5, 2.0, 6.0])))):
@@ -140,9 +158,11 @@ def _slots_in_view(view: CameraView, yard: Yard) -> FloatArray:
     low, high = np.floor(at.min(axis=0) / step), np.floor(at.max(axis=0) / step)
     s = yard.slots
     base = np.stack([s.x, s.y, s.heading, s.length], axis=-1)
-    tiles = [base + np.array([i * step, (j + 1) * step, 0.0, 0.0])
-             for i in np.arange(low[0], min(high[0], low[0] + 3) + 1)
-             for j in np.arange(low[1], min(high[1], low[1] + 3) + 1)]  # fmt: skip
+    tiles = [
+        base + np.array([i * step, (j + 1) * step, 0.0, 0.0])
+        for i in np.arange(low[0], min(high[0], low[0] + 3) + 1)
+        for j in np.arange(low[1], min(high[1], low[1] + 3) + 1)
+    ]
     slots = np.concatenate(tiles) if tiles else np.zeros((0, 4))
     uv, ok = project(view, np.column_stack([slots[:, :2], np.zeros(len(slots))]))
     near = np.hypot(slots[:, 0] - view.p_enu[0], slots[:, 1] - view.p_enu[1]) < 6.0 * view.p_enu[2]
@@ -162,9 +182,13 @@ def _corner(view: CameraView, u: float, v: float) -> FloatArray:
 
 
 def _in_slots(
-    placed: _Placed, view: CameraView, yard: Yard, cast: tuple[Sort, ...], fleet: NDArray[np.int64] | None,
+    placed: _Placed,
+    view: CameraView,
+    yard: Yard,
+    cast: tuple[Sort, ...],
+    fleet: NDArray[np.int64] | None,
     rng: np.random.Generator,
-) -> None:  # fmt: skip
+) -> None:
     slots = _slots_in_view(view, yard)
     road = [k for k, s in enumerate(cast) if s.group == "road"]
     share = float(rng.choice([0.2, 0.5, 0.9]))
@@ -180,9 +204,15 @@ def _in_slots(
 
 
 def _anywhere(
-    placed: _Placed, view: CameraView, yard: Yard, kinds: list[int], cast: tuple[Sort, ...], rng: np.random.Generator,
-    count: int, team: bool = False,
-) -> None:  # fmt: skip
+    placed: _Placed,
+    view: CameraView,
+    yard: Yard,
+    kinds: list[int],
+    cast: tuple[Sort, ...],
+    rng: np.random.Generator,
+    count: int,
+    team: bool = False,
+) -> None:
     """Things at random places; a team shares its sort and its colour more often than not."""
     if not kinds:
         return

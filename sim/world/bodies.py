@@ -97,9 +97,19 @@ def _round_ring(x0: float, x1: float, y0: float, y1: float, dx: float, dy: float
     # the middle point of a quarter of an ellipse lies 1 − 1/√2 of its axes inside the corner
     mx, my = 0.29 * dx, 0.29 * dy
     return [
-        (x0 + dx, y0), (x0 + mx, y0 + my), (x0, y0 + dy), (x0, y1 - dy), (x0 + mx, y1 - my), (x0 + dx, y1),
-        (x1 - dx, y1), (x1 - mx, y1 - my), (x1, y1 - dy), (x1, y0 + dy), (x1 - mx, y0 + my), (x1 - dx, y0),
-    ]  # fmt: skip
+        (x0 + dx, y0),
+        (x0 + mx, y0 + my),
+        (x0, y0 + dy),
+        (x0, y1 - dy),
+        (x0 + mx, y1 - my),
+        (x0 + dx, y1),
+        (x1 - dx, y1),
+        (x1 - mx, y1 - my),
+        (x1, y1 - dy),
+        (x1, y0 + dy),
+        (x1 - mx, y0 + my),
+        (x1 - dx, y0),
+    ]
 
 
 def _pair(
@@ -144,9 +154,16 @@ def rover(
         *_pair((0.44, 0.5), 0.2, 0.07, (0.35, 0.55), WHITE, 1),
         *_pair((-0.5, -0.46), 0.24, 0.08, (0.4, 0.62), RED, 1),
         Block(x=(-0.43, -0.43 + cargo), y=(-0.29, 0.29), z=(0.62, 0.82), top=cargo_color, sides=DARK, layer=1),
-        Block(x=(hull - 0.16, hull - 0.04), y=(-0.28, 0.28), z=(0.62, 0.68), taper=(0.0, 0.05, 0.02),
-              top=GLASS, sides=GLASS, layer=1),
-    ]  # fmt: skip
+        Block(
+            x=(hull - 0.16, hull - 0.04),
+            y=(-0.28, 0.28),
+            z=(0.62, 0.68),
+            taper=(0.0, 0.05, 0.02),
+            top=GLASS,
+            sides=GLASS,
+            layer=1,
+        ),
+    ]
     if mast:
         blocks += [
             Block(x=(hull - 0.22, hull - 0.14), y=(-0.05, 0.05), z=(0.62, 0.9), top=DARK, sides=DARK, layer=2),

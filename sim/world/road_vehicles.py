@@ -252,6 +252,15 @@ def bus(rng: np.random.Generator) -> Model:
     for _ in range(int(rng.integers(1, 5))):
         middle, half, wide = rng.uniform(-0.4, 0.35), rng.uniform(0.015, 0.09), rng.uniform(0.12, 0.38)
         unit = shade((WHITE, STEEL, DARK)[int(rng.integers(3))], rng)
-        blocks.append(Block(x=(middle - half, middle + half), y=(-wide, wide), z=(0.97, 1.03),
-                            taper=(0.003, 0.003, 0.02), top=unit, sides=unit, layer=2))  # fmt: skip
+        blocks.append(
+            Block(
+                x=(middle - half, middle + half),
+                y=(-wide, wide),
+                z=(0.97, 1.03),
+                taper=(0.003, 0.003, 0.02),
+                top=unit,
+                sides=unit,
+                layer=2,
+            )
+        )
     return Model.of(*blocks)

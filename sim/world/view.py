@@ -12,9 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
-    "OCCLUDER", "PERSON", "STRANGER", "UGV", "Bodies", "CameraView", "FloatArray", "Road", "Scene", "project",
+    "OCCLUDER",
+    "PERSON",
+    "STRANGER",
+    "UGV",
+    "Bodies",
+    "CameraView",
+    "FloatArray",
+    "Road",
+    "Scene",
+    "project",
     "ray_ground",
-]  # fmt: skip
+]
 
 FloatArray = NDArray[np.float64]
 

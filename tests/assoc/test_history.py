@@ -16,7 +16,7 @@ def sighting(track_id, unseen=()):
     ray = np.tile([0.0, 0.0, 1.0], (m, 1))
     return Sighting(
         t_us=0, track_id=np.array(track_id, np.int64), ray_cam=ray, front_cam=ray, gap_s=gap, score=np.ones(m)
-    )  # fmt: skip
+    )
 
 
 def seen_at(times, unseen_at=(), track_id=(1, 2)):

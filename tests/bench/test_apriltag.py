@@ -32,10 +32,15 @@ def straight_down(height_m, f=1200.0):
 
 def one_rover(heading=0.7, x=0.4, y=-0.3):
     return Bodies(
-        kind=np.array([UGV], np.int8), x=np.array([x]), y=np.array([y]), heading=np.array([heading]),
-        length=np.array([2.2]), width=np.array([1.4]), height=np.array([0.9]),
+        kind=np.array([UGV], np.int8),
+        x=np.array([x]),
+        y=np.array([y]),
+        heading=np.array([heading]),
+        length=np.array([2.2]),
+        width=np.array([1.4]),
+        height=np.array([0.9]),
         color=np.full((1, 3), 90, np.uint8),
-    )  # fmt: skip
+    )
 
 
 def seen_by_opencv(image):

@@ -165,8 +165,10 @@ def test_names_that_are_none_are_refused(capsys):
 
 
 def test_results_are_kept_and_compared(tmp_path):
-    rows = [Row(attack="a", case="b|c", sent=10, lost=2, held=False, note="x"),
-            Row(attack="a", case="d", false_sent=5, alarm_s=1.25, held=True)]  # fmt: skip
+    rows = [
+        Row(attack="a", case="b|c", sent=10, lost=2, held=False, note="x"),
+        Row(attack="a", case="d", false_sent=5, alarm_s=1.25, held=True),
+    ]
     write_rows(tmp_path / "rows.csv", rows)
     before = read_rows(tmp_path / "rows.csv")
     assert [row.summary for row in before] == [row.summary for row in rows]
@@ -185,10 +187,14 @@ def test_a_real_flight_is_heard_told_and_ended(station):
         return Line(party=party, make=lambda t_s: [voice.heartbeat()], send=door(), rate_hz=20.0)
 
     done = fly(
-        station, "heard", [13], lambda door: [beats(Voice(i), door) for i in (1, 13)], 2.5,
+        station,
+        "heard",
+        [13],
+        lambda door: [beats(Voice(i), door) for i in (1, 13)],
+        2.5,
         more=["-l", f"tcpin:127.0.0.1:{port}"],
         during=lambda flight, stage: rows.extend(streams.poison(port, flight.session)),
-    )  # fmt: skip
+    )
     assert done.exit_code == 0
     assert [(row.case, row.lost) for row in rows] == [(row.case, 0) for row in rows] and len(rows) == 2
     assert done.recorded == done.sent.count | {("unknown", 0): 2 * streams.GOOD}

@@ -171,9 +171,14 @@ def test_every_condition_asks_methods_that_exist_about_more_than_a_thousand_fram
 
 def test_a_condition_counts_boxes_and_lists_what_was_missed():
     condition = Condition(
-        experiment="false box", case="look-alike", noise=Noise(position_m=6.0, topology=6.0),
-        methods=("projection", "TTS", "identifier"), flights=(short(false_box_road("look-alike", 1)),), boxes=7, most=2,
-    )  # fmt: skip
+        experiment="false box",
+        case="look-alike",
+        noise=Noise(position_m=6.0, topology=6.0),
+        methods=("projection", "TTS", "identifier"),
+        flights=(short(false_box_road("look-alike", 1)),),
+        boxes=7,
+        most=2,
+    )
     counts, misses = evaluate(condition)
     assert [c.method for c in counts] == ["projection", "TTS", "identifier"]
     assert all((c.frames, c.ours, c.false) == (24, 12, 2) for c in counts)
@@ -185,9 +190,17 @@ def test_a_condition_counts_boxes_and_lists_what_was_missed():
 def test_the_continuous_identifier_is_asked_on_every_frame():
     noise, flights = Noise(position_m=0.0, topology=0.0), (short(field(1)),)
     condition = Condition(
-        experiment="field", case="flights", noise=noise, methods=(CONTINUOUS,), flights=flights, frames=24, boxes=4,
-        visible=3, most=9, wander=True,
-    )  # fmt: skip
+        experiment="field",
+        case="flights",
+        noise=noise,
+        methods=(CONTINUOUS,),
+        flights=flights,
+        frames=24,
+        boxes=4,
+        visible=3,
+        most=9,
+        wander=True,
+    )
     (total,), _ = evaluate(condition)
     assert (total.ours, total.false) == (72, 24)
 

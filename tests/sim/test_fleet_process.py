@@ -24,10 +24,14 @@ KEY = bytes(range(32))
 def sent(seconds, *words, key=None):
     arguments = _parser().parse_args(["--to", "127.0.0.1:1", *words])
     plan = Traffic(
-        cast=cast_of(arguments), rate_hz=arguments.rate, keys=dict.fromkeys(system_ids(245), key) if key else {},
-        flood_hz=arguments.flood, garbage_hz=arguments.garbage, replayed=frozenset(arguments.replay),
+        cast=cast_of(arguments),
+        rate_hz=arguments.rate,
+        keys=dict.fromkeys(system_ids(245), key) if key else {},
+        flood_hz=arguments.flood,
+        garbage_hz=arguments.garbage,
+        replayed=frozenset(arguments.replay),
         banner=arguments.banner,
-    )  # fmt: skip
+    )
     return list(takewhile(lambda datagram: datagram.t_s < seconds, traffic(plan, START_US)))
 
 

@@ -54,9 +54,14 @@ def test_two_seconds_live(tmp_path):
     ticks = []
     with Receiver() as telemetry, Receiver() as video:
         played = play(
-            SMALL, f"udpout:127.0.0.1:{telemetry.port}", f"udp://127.0.0.1:{video.port}", 2.0, ticks.append,
-            boot_noise=True, truth_path=tmp_path / "truth.csv",
-        )  # fmt: skip
+            SMALL,
+            f"udpout:127.0.0.1:{telemetry.port}",
+            f"udp://127.0.0.1:{video.port}",
+            2.0,
+            ticks.append,
+            boot_noise=True,
+            truth_path=tmp_path / "truth.csv",
+        )
     parser, counts, ports = dialect.MAVLink(None), Counter(), {}
     parser.robust_parsing = True
     noise = 0

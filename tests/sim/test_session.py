@@ -35,8 +35,13 @@ def folder(tmp_path_factory):
 
 def test_a_session_has_its_files_and_their_columns(folder):
     assert sorted(p.name for p in folder.iterdir()) == [
-        "detections.csv", "frames.csv", "scenario.toml", "session.toml", "telemetry.tlog", "truth.csv",
-    ]  # fmt: skip
+        "detections.csv",
+        "frames.csv",
+        "scenario.toml",
+        "session.toml",
+        "telemetry.tlog",
+        "truth.csv",
+    ]
     heads = {p.name: p.read_text().split("\n")[0] for p in folder.glob("*.csv")}
     assert heads == {
         "frames.csv": "frame,time_us",

@@ -25,9 +25,14 @@ def open_air(make_uav, rules: Rules) -> SimpleNamespace:
     events, recorded, places = [], [], {UGV: PLACE}
     outgoing = Outgoing(UAV, sock.send, sent=lambda link, raw: recorded.append(raw))
     desk = CommandDesk(
-        uav=UAV, ground={UGV: "UGV-3", OTHER: "UGV-4"}, uav_name="UAV-1", outgoing=outgoing, where=places.get,
-        tell=events.append, rules=rules,
-    )  # fmt: skip
+        uav=UAV,
+        ground={UGV: "UGV-3", OTHER: "UGV-4"},
+        uav_name="UAV-1",
+        outgoing=outgoing,
+        where=places.get,
+        tell=events.append,
+        rules=rules,
+    )
 
     def until(done, seconds=30.0):
         end_s = time.monotonic() + seconds
@@ -59,6 +64,15 @@ def open_air(make_uav, rules: Rules) -> SimpleNamespace:
 
     assert until(lambda: desk._sdk._direct_to_uav() is not None and desk._uav.alt_m > 0)
     return SimpleNamespace(
-        uav=uav, ugvs=ugvs, desk=desk, events=events, recorded=recorded, places=places, until=until, order=order,
-        sock=sock, outgoing=outgoing, close=close,
-    )  # fmt: skip
+        uav=uav,
+        ugvs=ugvs,
+        desk=desk,
+        events=events,
+        recorded=recorded,
+        places=places,
+        until=until,
+        order=order,
+        sock=sock,
+        outgoing=outgoing,
+        close=close,
+    )

@@ -15,9 +15,14 @@ def camera(p=(0.0, 0.0, 40.0), yaw=0.0, attitude_known=True):
     c, s = np.cos(yaw), np.sin(yaw)
     R = np.array([[c, -s, 0.0], [-s, -c, 0.0], [0.0, 0.0, -1.0]])
     return CameraState(
-        R_enu_cam=R, p_enu=np.array(p, float), ground_z=0.0, px_rad=1 / FOCAL_PX, attitude_known=attitude_known,
-        position_known=True, stabilized=True,
-    )  # fmt: skip
+        R_enu_cam=R,
+        p_enu=np.array(p, float),
+        ground_z=0.0,
+        px_rad=1 / FOCAL_PX,
+        attitude_known=attitude_known,
+        position_known=True,
+        stabilized=True,
+    )
 
 
 @dataclass
@@ -63,9 +68,13 @@ class Fleet:
         ray = rays(p)
         noise = np.concatenate([rng.normal(0, pixel / FOCAL_PX, (len(p), 2)), np.zeros((len(p), 1))], 1)
         return Sighting(
-            t_us=T0_US + round(t * 1e6), track_id=np.asarray(track_id, np.int64), ray_cam=ray + noise,
-            front_cam=rays(ahead) + noise, gap_s=np.zeros(len(p)), score=np.full(len(p), 0.8),
-        )  # fmt: skip
+            t_us=T0_US + round(t * 1e6),
+            track_id=np.asarray(track_id, np.int64),
+            ray_cam=ray + noise,
+            front_cam=rays(ahead) + noise,
+            gap_s=np.zeros(len(p)),
+            score=np.full(len(p), 0.8),
+        )
 
     def reports(self, start, stop, rng):
         """Reports sampled in [start, stop)."""
@@ -78,11 +87,13 @@ class Fleet:
         r = np.array(rows, float).reshape(-1, 6)
         zero = np.zeros((len(r), 1))
         return VehicleReports(
-            t_us=T0_US + np.rint(r[:, 0] * 1e6).astype(np.int64), vehicle=r[:, 1].astype(np.int64),
-            p_enu=np.concatenate([r[:, 2:4], zero], 1), v_enu=np.concatenate([r[:, 4:6], zero], 1),
+            t_us=T0_US + np.rint(r[:, 0] * 1e6).astype(np.int64),
+            vehicle=r[:, 1].astype(np.int64),
+            p_enu=np.concatenate([r[:, 2:4], zero], 1),
+            v_enu=np.concatenate([r[:, 4:6], zero], 1),
             heading=np.arctan2(r[:, 4], r[:, 5]) if self.headings else np.full(len(r), np.nan),
             std_m=np.full(len(r), np.nan),
-        )  # fmt: skip
+        )
 
 
 def play(identifier, fleet, seconds, *, told=None, true=None, ids=None, vehicles=None, fps=10.0, seed=1):
@@ -113,9 +124,13 @@ def play(identifier, fleet, seconds, *, told=None, true=None, ids=None, vehicles
         heard = t
         if vehicles is not None:
             r = VehicleReports(
-                t_us=r.t_us, vehicle=np.asarray(vehicles, np.int64)[r.vehicle], p_enu=r.p_enu, v_enu=r.v_enu,
-                heading=r.heading, std_m=r.std_m,
-            )  # fmt: skip
+                t_us=r.t_us,
+                vehicle=np.asarray(vehicles, np.int64)[r.vehicle],
+                p_enu=r.p_enu,
+                v_enu=r.v_enu,
+                heading=r.heading,
+                std_m=r.std_m,
+            )
         track_id = np.arange(1, m + 1) if ids is None else ids(t)
         answers.append((t, identifier.update(fleet.sighting(t, true, track_id, rng), told, r)))
     return answers

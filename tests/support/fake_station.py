@@ -65,35 +65,72 @@ def box(system_id: int, track_id: int, east: float, north: float, heading_deg: f
     cx, cy = to_pixel(east, north)
     heading = math.radians(heading_deg)
     return Box(
-        track_id=track_id, cx=cx, cy=cy, w=62.0, h=38.0, angle=heading - math.pi / 2, heading=heading, score=0.91,
-        coasting=False, system_id=system_id, confidence=confidence, runner_up=15 if system_id else 0,
-        runner_up_confidence=0.02 if system_id else NAN, residual_m=0.42 if system_id else NAN,
-        residual_px=6.1 if system_id else NAN, position_age_s=0.2 if system_id else NAN,
-        projection=0.92 if system_id else NAN, topology=0.88 if system_id else NAN, fused=0.97 if system_id else NAN,
-        p_enu=np.array([east, north, 0.0]), lat_deg=47.397742, lon_deg=8.545594,
-    )  # fmt: skip
+        track_id=track_id,
+        cx=cx,
+        cy=cy,
+        w=62.0,
+        h=38.0,
+        angle=heading - math.pi / 2,
+        heading=heading,
+        score=0.91,
+        coasting=False,
+        system_id=system_id,
+        confidence=confidence,
+        runner_up=15 if system_id else 0,
+        runner_up_confidence=0.02 if system_id else NAN,
+        residual_m=0.42 if system_id else NAN,
+        residual_px=6.1 if system_id else NAN,
+        position_age_s=0.2 if system_id else NAN,
+        projection=0.92 if system_id else NAN,
+        topology=0.88 if system_id else NAN,
+        fused=0.97 if system_id else NAN,
+        p_enu=np.array([east, north, 0.0]),
+        lat_deg=47.397742,
+        lon_deg=8.545594,
+    )
 
 
 def vehicle(
-    system_id: int, east: float, north: float, heading: float, standing: Standing, confidence: float, state: str,
+    system_id: int,
+    east: float,
+    north: float,
+    heading: float,
+    standing: Standing,
+    confidence: float,
+    state: str,
     age: float,
-) -> VehicleRow:  # fmt: skip
+) -> VehicleRow:
     return VehicleRow(
-        system_id=system_id, name=f"UGV-{system_id}", role="ugv", kind="rover", mode="AUTO", armed=True,
-        fix="RTK" if state == "ok" else "3D", heartbeat_age_s=age if state == "lost" else 0.4, position_age_s=age,
-        position_state=state, loss=0.01 * (system_id % 4), p_enu=np.array([east, north, 0.0]),
-        heading=math.radians(heading), std_m=1.2 if state == "ok" else 4.0,
-        in_view=None if math.isnan(east) else standing != "out of view", standing=standing,
-        track_id=system_id - 8 if not math.isnan(confidence) else 0, confidence=confidence,
-    )  # fmt: skip
+        system_id=system_id,
+        name=f"UGV-{system_id}",
+        role="ugv",
+        kind="rover",
+        mode="AUTO",
+        armed=True,
+        fix="RTK" if state == "ok" else "3D",
+        heartbeat_age_s=age if state == "lost" else 0.4,
+        position_age_s=age,
+        position_state=state,
+        loss=0.01 * (system_id % 4),
+        p_enu=np.array([east, north, 0.0]),
+        heading=math.radians(heading),
+        std_m=1.2 if state == "ok" else 4.0,
+        in_view=None if math.isnan(east) else standing != "out of view",
+        standing=standing,
+        track_id=system_id - 8 if not math.isnan(confidence) else 0,
+        confidence=confidence,
+    )
 
 
 def make_snapshot(frame: int = 1234, *, live: bool = False, t_us: int | None = None) -> Snapshot:
     """Seven ground vehicles: sure, doubtful, coasting, unnamed, out of view, lost; one box that is nobody's."""
     image = texture()
     rows = [vehicle(*entry) for entry in FLEET]
-    boxes = [box(row.system_id, row.track_id, *entry[1:4], row.confidence)
-             for row, entry in zip(rows, FLEET, strict=True) if row.track_id]  # fmt: skip
+    boxes = [
+        box(row.system_id, row.track_id, *entry[1:4], row.confidence)
+        for row, entry in zip(rows, FLEET, strict=True)
+        if row.track_id
+    ]
     boxes = [replace(each, coasting=each.system_id == 14) for each in boxes]
     boxes += [box(0, 21, 16.0, 5.0, 220.0, 0.4), box(0, 0, -17.0, -9.0, NAN, 0.8)]
     boxes[-1] = replace(boxes[-1], angle=0.3)
@@ -102,9 +139,15 @@ def make_snapshot(frame: int = 1234, *, live: bool = False, t_us: int | None = N
         cv2.fillPoly(image, [np.round(corners).astype(np.int32)], (214, 218, 222))
     uav = replace(
         vehicle(1, -2.0, -4.0, 12.0, "out of view", NAN, "ok", 0.1),
-        name="UAV-1", role="uav", kind="copter", mode="GUIDED", in_view=None, standing="out of view", fix="RTK float",
+        name="UAV-1",
+        role="uav",
+        kind="copter",
+        mode="GUIDED",
+        in_view=None,
+        standing="out of view",
+        fix="RTK float",
         p_enu=np.array([-2.0, -4.0, 40.0]),
-    )  # fmt: skip
+    )
     health = Health(
         fps=24.9, lag_s=0.12, frames=frame, skipped_frames=3, video="ok", recorded_bytes=184_000_000, recording=live,
         free_bytes=52_400_000_000, links=(
@@ -113,10 +156,18 @@ def make_snapshot(frame: int = 1234, *, live: bool = False, t_us: int | None = N
         ),
     )  # fmt: skip
     return Snapshot(
-        t_us=START_US + 251_400_000 if t_us is None else t_us, frame=frame, width=WIDTH, height=HEIGHT, image=image,
-        vehicles=(uav, *rows), boxes=tuple(boxes), uav_enu=uav.p_enu, uav_heading=uav.heading, health=health,
+        t_us=START_US + 251_400_000 if t_us is None else t_us,
+        frame=frame,
+        width=WIDTH,
+        height=HEIGHT,
+        image=image,
+        vehicles=(uav, *rows),
+        boxes=tuple(boxes),
+        uav_enu=uav.p_enu,
+        uav_heading=uav.heading,
+        health=health,
         footprint_enu=np.array([[-22.9, 12.9], [22.9, 12.9], [22.9, -12.9], [-22.9, -12.9]]),
-    )  # fmt: skip
+    )
 
 
 def make_events() -> tuple[Event, ...]:
@@ -204,17 +255,22 @@ def hostile_station(text: str) -> FakeStation:
         for row in base.vehicles
     )
     health = replace(
-        base.health, video=text, keys=0, write_reason=text, undecoded=2,
+        base.health,
+        video=text,
+        keys=0,
+        write_reason=text,
+        undecoded=2,
         links=tuple(replace(link, name=text) for link in base.health.links),
-    )  # fmt: skip
+    )
     alarms = tuple(
         Alarm(key=text, level=level, kind=text, text=text, advice=text, since_us=START_US, system_id=11)
         for level in ("alarm", "warning", "info")
-    )  # fmt: skip
+    )
     station.title = text
     station.said = [
         Event(t_us=START_US, level=level, kind=kind, text=text, system_id=11)
-        for level in ("info", "warning", "alarm") for kind in ("text", text)
-    ]  # fmt: skip
+        for level in ("info", "warning", "alarm")
+        for kind in ("text", text)
+    ]
     station.snapshot = replace(base, vehicles=rows, health=health, events=tuple(station.said), alarms=alarms)
     return station

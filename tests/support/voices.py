@@ -60,8 +60,12 @@ class Voice:
     def boot_ms(self, t, rng):
         since = t - self.boots_s
         own = {
-            "own": since, "zero": 0.0, "half": 0.5 * since, "fast": 10.0 * since, "random": rng.uniform(0.0, 4e6),
-        }[self.clock]  # fmt: skip
+            "own": since,
+            "zero": 0.0,
+            "half": 0.5 * since,
+            "fast": 10.0 * since,
+            "random": rng.uniform(0.0, 4e6),
+        }[self.clock]
         return max(0, round(1000 * (own + (self.ahead_s if self.clock == "own" else 0.0))))
 
 

@@ -19,8 +19,16 @@ from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
 __all__ = [
-    "Intrinsics", "Mount", "Pose", "camera_pose", "footprint", "ground", "ground_sampling", "image_warp", "project",
-]  # fmt: skip
+    "Intrinsics",
+    "Mount",
+    "Pose",
+    "camera_pose",
+    "footprint",
+    "ground",
+    "ground_sampling",
+    "image_warp",
+    "project",
+]
 
 Floats = NDArray[np.float64]
 
@@ -168,10 +176,12 @@ def _fit_homography(a: Floats, b: Floats) -> Floats:
     (x, y), (u, v) = ((a - centre) / scale).T, ((b - centre) / scale).T
     one, nil = np.ones_like(x), np.zeros_like(x)
     # u (h7 x + h8 y + 1) = h1 x + h2 y + h3, and so for v
-    rows = np.concatenate([
-        np.stack([x, y, one, nil, nil, nil, -u * x, -u * y], axis=-1),
-        np.stack([nil, nil, nil, x, y, one, -v * x, -v * y], axis=-1),
-    ])  # fmt: skip
+    rows = np.concatenate(
+        [
+            np.stack([x, y, one, nil, nil, nil, -u * x, -u * y], axis=-1),
+            np.stack([nil, nil, nil, x, y, one, -v * x, -v * y], axis=-1),
+        ]
+    )
     h = np.linalg.lstsq(rows, np.concatenate([u, v]), rcond=None)[0]
     return _normal(np.linalg.inv(T) @ np.append(h, 1.0).reshape(3, 3) @ T)
 

@@ -45,9 +45,12 @@ def _rectified(image: Image, row: NDArray[np.float64], side: int, margin: float)
     # OpenCV counts from the middle of the first pixel: both sides move by a half
     shift = row[:2] - 0.5 - linear @ (0.5 * size - 0.5)
     crop = cv2.warpAffine(
-        image, np.column_stack([linear, shift]), (int(size[0]), int(size[1])),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE,
-    )  # fmt: skip
+        image,
+        np.column_stack([linear, shift]),
+        (int(size[0]), int(size[1])),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
     if (finer > 1).any():
         crop = cv2.resize(crop, (side, side), interpolation=cv2.INTER_AREA)
     return np.asarray(crop, dtype=np.uint8)

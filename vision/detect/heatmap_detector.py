@@ -97,11 +97,16 @@ def _ranged(notes: Mapping[str, str], key: str, least: float, most: float) -> fl
 def _check_map(session: ort.InferenceSession, where: str) -> None:
     inputs, outputs = session.get_inputs(), session.get_outputs()
     fits = (
-        len(inputs) == 1 and inputs[0].name == "image" and inputs[0].type == "tensor(uint8)"
-        and len(inputs[0].shape) == 4 and inputs[0].shape[3] == 3
+        len(inputs) == 1
+        and inputs[0].name == "image"
+        and inputs[0].type == "tensor(uint8)"
+        and len(inputs[0].shape) == 4
+        and inputs[0].shape[3] == 3
         and not any(isinstance(n, int) for n in inputs[0].shape[1:3])
-        and len(outputs) == 1 and len(outputs[0].shape) == 4 and outputs[0].shape[1] == decode_heatmap.CHANNELS
-    )  # fmt: skip
+        and len(outputs) == 1
+        and len(outputs[0].shape) == 4
+        and outputs[0].shape[1] == decode_heatmap.CHANNELS
+    )
     if not fits:
         raise ModelError(
             f"{where}: says it is Rollcall's, but is not of its shape: {described(session)}; accepted are {ACCEPTED}"

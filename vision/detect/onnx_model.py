@@ -14,10 +14,18 @@ from vision.errors import ModelError
 __all__ = ["RUN_ERRORS", "described", "metadata", "open_session", "shape_text", "table"]
 
 RUN_ERRORS = (
-    ort_errors.Fail, ort_errors.InvalidArgument, ort_errors.InvalidGraph, ort_errors.InvalidProtobuf,
-    ort_errors.NoSuchFile, ort_errors.NotImplemented, ort_errors.NoModel, ort_errors.RuntimeException,
-    MemoryError, IndexError, ValueError,
-)  # fmt: skip
+    ort_errors.Fail,
+    ort_errors.InvalidArgument,
+    ort_errors.InvalidGraph,
+    ort_errors.InvalidProtobuf,
+    ort_errors.NoSuchFile,
+    ort_errors.NotImplemented,
+    ort_errors.NoModel,
+    ort_errors.RuntimeException,
+    MemoryError,
+    IndexError,
+    ValueError,
+)
 """All that onnxruntime raises, on loading as on running; the last three for sizes that it cannot have."""
 MOST_BYTES = 1 << 30
 """Of a file: four times the largest YOLO."""

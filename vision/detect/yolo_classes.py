@@ -14,10 +14,26 @@ __all__ = ["VEHICLE_WORDS", "class_names", "vehicle_classes"]
 
 VEHICLE_WORDS = frozenset(
     (
-        "ambulance", "automobile", "bus", "car", "jeep", "lorry", "minibus", "minivan", "pickup", "rover", "suv",
-        "taxi", "tractor", "trailer", "truck", "ugv", "van", "vehicle",
+        "ambulance",
+        "automobile",
+        "bus",
+        "car",
+        "jeep",
+        "lorry",
+        "minibus",
+        "minivan",
+        "pickup",
+        "rover",
+        "suv",
+        "taxi",
+        "tractor",
+        "trailer",
+        "truck",
+        "ugv",
+        "van",
+        "vehicle",
     )
-)  # fmt: skip
+)
 """A class counts when one of these is a word of its name: DOTA's "small vehicle" and "large vehicle", COCO's car, bus
 and truck, VisDrone's car, van, truck and bus, VEDAI's pick-up, camping car and tractor."""
 MOST_TOLD = 30

@@ -13,6 +13,17 @@ from vision.evaluation.shards import shard_truth
 from vision.evaluation.truth import Choice, Picture, Truth, choose
 
 __all__ = [
-    "THRESHOLDS", "Choice", "Evaluation", "Folder", "Matches", "Picture", "Truth", "average_precision", "choose",
-    "evaluate", "match", "open_folder", "shard_truth",
-]  # fmt: skip
+    "THRESHOLDS",
+    "Choice",
+    "Evaluation",
+    "Folder",
+    "Matches",
+    "Picture",
+    "Truth",
+    "average_precision",
+    "choose",
+    "evaluate",
+    "match",
+    "open_folder",
+    "shard_truth",
+]

@@ -31,9 +31,19 @@ Row = tuple[Floats, float, str, bool, int]
 """Box (5,), heading, class, whether it counts, how hidden it is."""
 
 VISDRONE = (
-    REGION, "pedestrian", "people", "bicycle", "car", "van", "truck", "tricycle", "awning-tricycle", "bus", "motor",
+    REGION,
+    "pedestrian",
+    "people",
+    "bicycle",
+    "car",
+    "van",
+    "truck",
+    "tricycle",
+    "awning-tricycle",
+    "bus",
+    "motor",
     "others",
-)  # fmt: skip
+)
 """Category names, in order."""
 BEYOND = 0.5
 """How far beyond the picture a corner of a normalised label may lie, shares of its sides."""

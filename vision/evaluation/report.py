@@ -34,8 +34,10 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
     parts = ["# Detector on labelled pictures", _table(("what", "which"), [(k, str(v)) for k, v in about.items()])]
     parts += [_table(("figure", "value"), _figures(result))]
     for title, shares, with_ap in (
-        ("class", result.classes, True), ("length, px", result.sizes, False), ("occlusion", result.hidden, False)
-    ):  # fmt: skip
+        ("class", result.classes, True),
+        ("length, px", result.sizes, False),
+        ("occlusion", result.hidden, False),
+    ):
         if shares:
             parts.append(_shares(title, shares, with_ap))
     return "\n\n".join([*parts, _WORDS]) + "\n"

@@ -30,8 +30,14 @@ Codec = Literal["", "h264", "hevc", "mpegts"]
 
 PORT = 5600
 CODECS: Mapping[str, Codec] = {
-    "": "", "auto": "", "h264": "h264", "avc": "h264", "h265": "hevc", "hevc": "hevc", "mpegts": "mpegts",
-}  # fmt: skip
+    "": "",
+    "auto": "",
+    "h264": "h264",
+    "avc": "h264",
+    "h265": "hevc",
+    "hevc": "hevc",
+    "mpegts": "mpegts",
+}
 DATAGRAMS: Mapping[str, Codec] = {"udp": "", "rtp": "", "mpegts": "mpegts", "udp264": "h264", "udp265": "hevc"}
 NETWORK = ("rtsp", "rtsps", "tcp", "http", "https")
 CAMERA_KEYS = {"size": "video_size", "rate": "framerate", "format": "input_format"}

@@ -49,9 +49,14 @@ class _Graph:
     def conv(self, x: str, kernel: NDArray[np.float32], bias: NDArray[np.float32], stride: int) -> str:
         pad = kernel.shape[-1] // 2
         return self.node(
-            "Conv", x, self.weight(kernel), self.weight(bias), strides=[stride] * 2, pads=[pad] * 4,
+            "Conv",
+            x,
+            self.weight(kernel),
+            self.weight(bias),
+            strides=[stride] * 2,
+            pads=[pad] * 4,
             kernel_shape=list(kernel.shape[2:]),
-        )  # fmt: skip
+        )
 
     def conv_norm(self, x: str, module: ConvNorm, gain: float = 1.0) -> str:
         kernel, bias = _folded(module)

@@ -102,9 +102,12 @@ class Trainer:
         """Write all that is needed to go on, or nothing."""
         part = path.with_suffix(".part")
         state = {
-            "net": self.net.state_dict(), "average": self.average, "optimiser": self.optimiser.state_dict(),
-            "step_count": self.step_count, "spent_s": self.spent_s,
-        }  # fmt: skip
+            "net": self.net.state_dict(),
+            "average": self.average,
+            "optimiser": self.optimiser.state_dict(),
+            "step_count": self.step_count,
+            "spent_s": self.spent_s,
+        }
         torch.save(state, part)
         part.replace(path)
 
@@ -225,9 +228,15 @@ def main() -> None:
     args = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
     run(
-        args.out, seed=args.seed, steps=args.steps, rate=args.rate, threads=args.threads, crops=args.crops,
-        check_every=args.check_every, start=args.start,
-    )  # fmt: skip
+        args.out,
+        seed=args.seed,
+        steps=args.steps,
+        rate=args.rate,
+        threads=args.threads,
+        crops=args.crops,
+        check_every=args.check_every,
+        start=args.start,
+    )
 
 
 if __name__ == "__main__":

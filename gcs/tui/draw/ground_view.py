@@ -48,9 +48,14 @@ def points_of(snapshot: Snapshot) -> NDArray[np.float64]:
 
 
 def view_of(
-    points: NDArray[np.float64], columns: int, rows: int, *, before: float = 0.0, zoom: int = 0,
+    points: NDArray[np.float64],
+    columns: int,
+    rows: int,
+    *,
+    before: float = 0.0,
+    zoom: int = 0,
     centre: NDArray[np.float64] | None = None,
-) -> View:  # fmt: skip
+) -> View:
     """A view that holds all points, in a scale that changes seldom.
 
     Args:

@@ -83,9 +83,16 @@ def _marks(cells: Cells, snapshot: Snapshot, rows: Sequence[VehicleRow], selecte
             marks.append((*spot, _arrow(row.heading), _name(row), standing_colour(row.standing), picked))
     uav = _cell(view, snapshot.uav_enu)
     if uav is not None:
-        marks.insert(0, (*uav, "◆", "UAV", ACCENT, bool(selected) and any(
-            row.system_id == selected and row.role == "uav" for row in snapshot.vehicles
-        )))  # fmt: skip
+        marks.insert(
+            0,
+            (
+                *uav,
+                "◆",
+                "UAV",
+                ACCENT,
+                bool(selected) and any(row.system_id == selected and row.role == "uav" for row in snapshot.vehicles),
+            ),
+        )
     for box in snapshot.boxes:
         spot = None if box.system_id else _cell(view, box.p_enu)
         if spot is not None:

@@ -26,10 +26,11 @@ Seen = frozenset[tuple[str, int, str]]
 """Acknowledged alarms: key, since when, level. One that comes again, or gets worse, is a new one."""
 
 ALARM_KEYS: Final = (
-    Binding("a", "pane('alarms')", "alarms", id="pane.alarms", tooltip="Alarms: show and focus, again to hide",
-            show=False),
+    Binding(
+        "a", "pane('alarms')", "alarms", id="pane.alarms", tooltip="Alarms: show and focus, again to hide", show=False
+    ),
     Binding("A", "acknowledge", "seen", id="alarms.seen", tooltip="Acknowledge all alarms", show=False),
-)  # fmt: skip
+)
 
 
 def token(alarm: Alarm) -> tuple[str, int, str]:

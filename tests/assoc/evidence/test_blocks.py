@@ -19,15 +19,23 @@ def scene(n, seconds=6.0, seed=3):
     p = start + v * t[:, None, None] + (0.5, 0.0)
     heading = np.broadcast_to(np.arctan2(v[:, 0], v[:, 1]), (len(t), n))
     tracks = GroundTracks(
-        t=t, p=p, jacobian=np.zeros((len(t), n, 2, THETA)), heading=heading, pixel_m=np.full((len(t), n), 0.05),
+        t=t,
+        p=p,
+        jacobian=np.zeros((len(t), n, 2, THETA)),
+        heading=heading,
+        pixel_m=np.full((len(t), n), 0.05),
         theta=np.zeros(THETA),
-    )  # fmt: skip
+    )
     said = np.tile(np.arange(0.05, seconds, 0.2), n)
     vehicle = np.repeat(np.arange(n), len(said) // n)
     samples = Samples(
-        t=said, vehicle=vehicle, p=start[vehicle] + v[vehicle] * said[:, None], heading=heading[0, vehicle],
-        log_null=np.full(len(said), -2.0), jump_var=np.zeros(len(said)),
-    )  # fmt: skip
+        t=said,
+        vehicle=vehicle,
+        p=start[vehicle] + v[vehicle] * said[:, None],
+        heading=heading[0, vehicle],
+        log_null=np.full(len(said), -2.0),
+        jump_var=np.zeros(len(said)),
+    )
     return tracks, samples
 
 

@@ -24,9 +24,13 @@ def drive(std, seconds=20.0, seed=0, n=3):
 
 def pick(t, r, rows):
     return t[rows], VehicleReports(
-        t_us=r.t_us[rows], vehicle=r.vehicle[rows], p_enu=r.p_enu[rows], v_enu=r.v_enu[rows], heading=r.heading[rows],
+        t_us=r.t_us[rows],
+        vehicle=r.vehicle[rows],
+        p_enu=r.p_enu[rows],
+        v_enu=r.v_enu[rows],
+        heading=r.heading[rows],
         std_m=r.std_m[rows],
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("std", [0.3, 0.8, 2.0, 4.5])

@@ -13,9 +13,15 @@ HALF = (0.8, 0.45)
 
 def seen_by(view, half=HALF):
     return CameraState(
-        R_enu_cam=view.R_enu_cam, p_enu=view.p_enu, ground_z=view.ground_z, px_rad=view.px_rad,
-        attitude_known=True, position_known=True, stabilized=True, half_view=half,
-    )  # fmt: skip
+        R_enu_cam=view.R_enu_cam,
+        p_enu=view.p_enu,
+        ground_z=view.ground_z,
+        px_rad=view.px_rad,
+        attitude_known=True,
+        position_known=True,
+        stabilized=True,
+        half_view=half,
+    )
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-3.0, 3.0))

@@ -125,10 +125,13 @@ def test_a_predicted_track_gives_its_name_to_the_new_one():
         s = fleet.sighting(t, camera(), [9, 2, 3, 4], rng)
         # track 1 coasts beside its successor
         s = Sighting(
-            t_us=s.t_us, track_id=np.append(s.track_id, 1), ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + 0.02]),
-            front_cam=np.vstack([s.front_cam, s.front_cam[:1]]), gap_s=np.append(s.gap_s, 0.1 + k / 10),
+            t_us=s.t_us,
+            track_id=np.append(s.track_id, 1),
+            ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + 0.02]),
+            front_cam=np.vstack([s.front_cam, s.front_cam[:1]]),
+            gap_s=np.append(s.gap_s, 0.1 + k / 10),
             score=np.append(s.score, 0.5),
-        )  # fmt: skip
+        )
         answer = identifier.update(s, camera(), fleet.reports(heard, t, rng))
         heard = t
     assert answer.system_id.tolist() == [*IDS, 0]
@@ -143,10 +146,13 @@ def test_a_stranger_does_not_take_the_name_of_a_box_missed_for_a_moment(t, away_
     s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
     aside = np.array([-away_m / 40.0, 0.0, 0.0])
     s = Sighting(
-        t_us=s.t_us, track_id=np.append(s.track_id, 9), ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
-        front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside]), gap_s=np.array([0.1, 0, 0, 0, 0]),
+        t_us=s.t_us,
+        track_id=np.append(s.track_id, 9),
+        ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
+        front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside]),
+        gap_s=np.array([0.1, 0, 0, 0, 0]),
         score=np.append(s.score, 0.9),
-    )  # fmt: skip
+    )
     answer = identifier.update(s, camera(), fleet.reports(t - 0.1, t, rng))
     assert answer.system_id.tolist() == [*IDS, 0]
 
@@ -160,10 +166,13 @@ def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
         s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
         hidden_s = max(0.0, t - 6.9)
         s = Sighting(
-            t_us=s.t_us, track_id=np.append(s.track_id, 9), ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
-            front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside]), gap_s=np.array([hidden_s, 0, 0, 0, 0]),
+            t_us=s.t_us,
+            track_id=np.append(s.track_id, 9),
+            ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
+            front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside]),
+            gap_s=np.array([hidden_s, 0, 0, 0, 0]),
             score=np.append(s.score, 0.9),
-        )  # fmt: skip
+        )
         answer = identifier.update(s, camera(), fleet.reports(heard, t, rng))
         heard = t
         assert t < 1.0 or answer.system_id[4] == 0, t
@@ -180,11 +189,13 @@ def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_picture(gon
         s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
         left = slice(0 if t < gone_s else 1, None)
         s = Sighting(
-            t_us=s.t_us, track_id=np.append(s.track_id, 9)[left],
+            t_us=s.t_us,
+            track_id=np.append(s.track_id, 9)[left],
             ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside])[left],
-            front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside])[left], gap_s=np.zeros(5)[left],
+            front_cam=np.vstack([s.front_cam, s.front_cam[:1] + aside])[left],
+            gap_s=np.zeros(5)[left],
             score=np.append(s.score, 0.9)[left],
-        )  # fmt: skip
+        )
         answer = identifier.update(s, camera(), fleet.reports(heard, t, rng))
         heard = t
         assert answer.system_id[-1] == 0 or answer.confidence[-1] < 0.9, t
@@ -216,9 +227,13 @@ def test_a_copied_vehicle_is_not_named_but_listed():
         vehicle = r.vehicle[doubled]
         vehicle[len(r.t_us) :] = 4
         r = VehicleReports(
-            t_us=r.t_us[doubled], vehicle=vehicle, p_enu=r.p_enu[doubled] + 0.05 * (vehicle == 4)[:, None],
-            v_enu=r.v_enu[doubled], heading=r.heading[doubled], std_m=r.std_m[doubled],
-        )  # fmt: skip
+            t_us=r.t_us[doubled],
+            vehicle=vehicle,
+            p_enu=r.p_enu[doubled] + 0.05 * (vehicle == 4)[:, None],
+            v_enu=r.v_enu[doubled],
+            heading=r.heading[doubled],
+            std_m=r.std_m[doubled],
+        )
         answer = identifier.update(fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera(), r)
     assert answer.conflict == (12, 15)
     assert answer.system_id.tolist() == [11, 0, 13, 14]
@@ -233,9 +248,13 @@ def test_permuting_tracks_permutes_the_answer():
         r = fleet.reports(t - 0.1, t, rng)
         s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
         turned = Sighting(
-            t_us=s.t_us, track_id=s.track_id[order], ray_cam=s.ray_cam[order], front_cam=s.front_cam[order],
-            gap_s=s.gap_s, score=s.score,
-        )  # fmt: skip
+            t_us=s.t_us,
+            track_id=s.track_id[order],
+            ray_cam=s.ray_cam[order],
+            front_cam=s.front_cam[order],
+            gap_s=s.gap_s,
+            score=s.score,
+        )
         a, b = first.update(s, camera(), r), second.update(turned, camera(), r)
         np.testing.assert_array_equal(a.system_id[order], b.system_id)
         np.testing.assert_allclose(a.confidence[order], b.confidence, atol=1e-5)
@@ -271,15 +290,23 @@ def test_few_of_everything(vehicles, tracks):
         t = k / 10
         s = fleet.sighting(t, camera(), np.arange(fleet.n) + 1, rng)
         s = Sighting(
-            t_us=s.t_us, track_id=s.track_id[:tracks], ray_cam=s.ray_cam[:tracks], front_cam=s.front_cam[:tracks],
-            gap_s=s.gap_s[:tracks], score=s.score[:tracks],
-        )  # fmt: skip
+            t_us=s.t_us,
+            track_id=s.track_id[:tracks],
+            ray_cam=s.ray_cam[:tracks],
+            front_cam=s.front_cam[:tracks],
+            gap_s=s.gap_s[:tracks],
+            score=s.score[:tracks],
+        )
         r = fleet.reports(t - 0.1, t, rng)
         mine = r.vehicle < vehicles
         r = VehicleReports(
-            t_us=r.t_us[mine], vehicle=r.vehicle[mine], p_enu=r.p_enu[mine], v_enu=r.v_enu[mine],
-            heading=r.heading[mine], std_m=r.std_m[mine],
-        )  # fmt: skip
+            t_us=r.t_us[mine],
+            vehicle=r.vehicle[mine],
+            p_enu=r.p_enu[mine],
+            v_enu=r.v_enu[mine],
+            heading=r.heading[mine],
+            std_m=r.std_m[mine],
+        )
         answer = identifier.update(s, camera(), r)
         assert len(answer.system_id) == tracks
         assert np.all((answer.confidence >= 0) & (answer.confidence <= 1))

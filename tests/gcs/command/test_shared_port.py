@@ -22,9 +22,13 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
     events = []
     outgoing = Outgoing(1, lambda link, peer, raw: ingest.send(link, raw, peer))
     desk = CommandDesk(
-        uav=1, ground={3: "UGV-3", 4: "UGV-4"}, uav_name="UAV-1", outgoing=outgoing, where=lambda system_id: None,
+        uav=1,
+        ground={3: "UGV-3", 4: "UGV-4"},
+        uav_name="UAV-1",
+        outgoing=outgoing,
+        where=lambda system_id: None,
         tell=events.append,
-    )  # fmt: skip
+    )
     try:
         end_s, ordered = time.monotonic() + 40.0, False
         while time.monotonic() < end_s and not any("accepted" in event.text for event in events):

@@ -43,8 +43,11 @@ class Terminal:
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24"}
         self.process = subprocess.Popen(
             [sys.executable, "-c", ON_TERMINAL, *map(str, words), *extra],
-            stdin=child, stdout=child, stderr=errors or child, env=environment,
-        )  # fmt: skip
+            stdin=child,
+            stdout=child,
+            stderr=errors or child,
+            env=environment,
+        )
         os.close(child)
         self.sent = 0
 

@@ -158,9 +158,7 @@ def test_each_trouble_of_one_vehicle_comes_and_goes_for_itself(watch):
     refused = "its positions cannot be right"
     told = [event.text.removeprefix("UGV-11: ").replace("UGV-11: ", "") for event in watch.events]
     coming = [text for text in told if not text.startswith("over")]
-    assert coming == [
-        f"{refused}: 0/0", f"{refused}: jump", "no heartbeat", "position lost", "its clock is wrong"
-    ]  # fmt: skip
+    assert coming == [f"{refused}: 0/0", f"{refused}: jump", "no heartbeat", "position lost", "its clock is wrong"]
     assert sorted(text.partition(" s: ")[2] for text in told if text.startswith("over")) == sorted(coming)
 
 
@@ -253,10 +251,15 @@ def test_the_worst_and_newest_come_first(watch):
 
 def said(number, *, hz=1000.0, texts=("a",), start_us=START_US, system_id=11):
     return [
-        Event(t_us=start_us + round(k / hz * 1e6), level="info", kind="text", text=texts[k % len(texts)],
-              system_id=system_id)
+        Event(
+            t_us=start_us + round(k / hz * 1e6),
+            level="info",
+            kind="text",
+            text=texts[k % len(texts)],
+            system_id=system_id,
+        )
         for k in range(number)
-    ]  # fmt: skip
+    ]
 
 
 def test_a_few_words_pass_as_they_are():

@@ -73,7 +73,7 @@ def test_other_errors_than_the_simulators_own(tmp_path, gnss, ground, right):
     scenario = nominal()
     scenario = replace(
         scenario, duration_s=20.0, gnss=replace(scenario.gnss, **gnss), ground=replace(scenario.ground, **ground)
-    )  # fmt: skip
+    )
     write_session(scenario, tmp_path / "session")
     scored = score_files(tmp_path / "session" / "truth.csv", identify(tmp_path / "session", tmp_path / "out"))
     assert scored.precision >= 0.97 and scored.right >= right

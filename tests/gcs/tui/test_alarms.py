@@ -19,8 +19,15 @@ from tests.support.tui_pilot import SMALL, WIDE, on_screen, polled, running, scr
 
 def alarm(key="vehicle 11", level="alarm", text="UGV-11: no heartbeat", system_id=11, after_s=240.0):
     since_us = START_US + round(after_s * 1e6)
-    return Alarm(key=key, level=level, kind="vehicle", text=text, advice="look at its radio", since_us=since_us,
-                 system_id=system_id)  # fmt: skip
+    return Alarm(
+        key=key,
+        level=level,
+        kind="vehicle",
+        text=text,
+        advice="look at its radio",
+        since_us=since_us,
+        system_id=system_id,
+    )
 
 
 ALARMS = (

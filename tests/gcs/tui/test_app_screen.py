@@ -159,8 +159,17 @@ async def test_before_the_first_snapshot():
 
 async def test_no_picture_no_pose_no_vehicles():
     base = make_snapshot()
-    bare = replace(base, image=None, width=0, height=0, boxes=(), vehicles=(), footprint_enu=None,
-                   uav_enu=base.uav_enu * math.nan, uav_heading=math.nan)  # fmt: skip
+    bare = replace(
+        base,
+        image=None,
+        width=0,
+        height=0,
+        boxes=(),
+        vehicles=(),
+        footprint_enu=None,
+        uav_enu=base.uav_enu * math.nan,
+        uav_heading=math.nan,
+    )
     async with running(FakeStation(snapshot=bare), WIDE) as (app, pilot, _):
         assert "no picture" in screen_text(app)
         await pilot.press("down", "1", "2", "3", "c", "plus", "minus")

@@ -71,23 +71,46 @@ async def test_wild_numbers_break_nothing():
         for round_ in range(14):
             rows = tuple(
                 replace(
-                    row, p_enu=np.array([wild(rng) for _ in range(3)]), heading=wild(rng), std_m=wild(rng),
-                    confidence=wild(rng), loss=wild(rng), position_age_s=wild(rng), heartbeat_age_s=wild(rng),
-                ) for row in base.vehicles
-            )  # fmt: skip
+                    row,
+                    p_enu=np.array([wild(rng) for _ in range(3)]),
+                    heading=wild(rng),
+                    std_m=wild(rng),
+                    confidence=wild(rng),
+                    loss=wild(rng),
+                    position_age_s=wild(rng),
+                    heartbeat_age_s=wild(rng),
+                )
+                for row in base.vehicles
+            )
             boxes = tuple(
                 replace(
-                    box, cx=wild(rng), cy=wild(rng), w=wild(rng), h=wild(rng), angle=wild(rng), heading=wild(rng),
-                    confidence=wild(rng), projection=wild(rng), residual_m=wild(rng), lat_deg=wild(rng),
+                    box,
+                    cx=wild(rng),
+                    cy=wild(rng),
+                    w=wild(rng),
+                    h=wild(rng),
+                    angle=wild(rng),
+                    heading=wild(rng),
+                    confidence=wild(rng),
+                    projection=wild(rng),
+                    residual_m=wild(rng),
+                    lat_deg=wild(rng),
                     p_enu=np.array([wild(rng) for _ in range(3)]),
-                ) for box in base.boxes
-            )  # fmt: skip
+                )
+                for box in base.boxes
+            )
             health = replace(base.health, lag_s=wild(rng), fps=wild(rng), time_offset_s=wild(rng))
             station.snapshot = replace(
-                base, vehicles=rows, boxes=boxes, health=health, frame=round_, uav_heading=wild(rng),
-                uav_enu=np.array([wild(rng) for _ in range(3)]), t_us=rng.choice([0, -1, 2**62, base.t_us]),
+                base,
+                vehicles=rows,
+                boxes=boxes,
+                health=health,
+                frame=round_,
+                uav_heading=wild(rng),
+                uav_enu=np.array([wild(rng) for _ in range(3)]),
+                t_us=rng.choice([0, -1, 2**62, base.t_us]),
                 footprint_enu=np.array([[wild(rng), wild(rng)] for _ in range(4)]),
-            )  # fmt: skip
+            )
             app._poll()
             await pilot.press("down", "plus" if round_ % 2 else "minus", "c")
         assert app.is_running

@@ -44,9 +44,10 @@ def test_two_places_are_two_senders_within_two_seconds_whatever_their_clocks_say
         for distance_m in DISTANCES_M:
             shift = (0.6 * distance_m, 0.8 * distance_m)
             true, other, begins_s = in_order(
-                order, Voice(rate_hz=rate_hz, says="pb"),
+                order,
+                Voice(rate_hz=rate_hz, says="pb"),
                 Voice(rate_hz=rate_hz, says="pb", peer=2, seq=100, ahead_s=offset_s, shift=shift),
-            )  # fmt: skip
+            )
             undecided = distance_m <= NOISE_M or could_be_a_late_link(offset_s, distance_m)
             open_cells += undecided
             if undecided:
@@ -102,9 +103,10 @@ SAYINGS = ("pb", "p", "pc", "pbagt", "b", "a", "n")
 def taken_over(hearing, true, since_s):
     """When a place far from the true one was believed."""
     return [
-        t for t, _, (east, north), valid in hearing.seen
+        t
+        for t, _, (east, north), valid in hearing.seen
         if valid and t > since_s and math.hypot(east - true.place(t)[0][0], north - true.place(t)[0][1]) > 10.0
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("says", SAYINGS)
@@ -244,8 +246,9 @@ def test_one_vehicle_over_late_links_and_with_its_components_is_no_contest(name)
     newest = replace(true, jumps=(), ends_s=1e9)
     off_m = [
         math.dist((east - jumped_m, north), newest.place(t)[0])
-        for t, _, (east, north), valid in hearing.seen if valid and t > 30.0
-    ]  # fmt: skip
+        for t, _, (east, north), valid in hearing.seen
+        if valid and t > 30.0
+    ]
     assert len(off_m) >= 8 and max(off_m) < 3.0
     assert len([text for text in hearing.texts() if "rebooted" in text]) == ("reboot" in name)
 

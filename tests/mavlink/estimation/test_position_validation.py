@@ -126,9 +126,11 @@ def test_turn_between_slow_reports_follows_the_arc():
     for t in range(4):
         a = rate * t
         fix = fix_at(
-            radius * math.sin(a), radius * (1 - math.cos(a)), heading=math.pi / 2 - a,
+            radius * math.sin(a),
+            radius * (1 - math.cos(a)),
+            heading=math.pi / 2 - a,
             v=(radius * rate * math.cos(a), radius * rate * math.sin(a)),
-        )  # fmt: skip
+        )
         positions.take(t * 1000 * MS, fix, (fix.east, fix.north))
     for t in (0.5, 1.25, 2.7):
         fix = positions.at(int(t * 1e6)).fix

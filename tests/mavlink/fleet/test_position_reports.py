@@ -25,9 +25,15 @@ def position(world, t_us, *, system_id=11, boot_ms=None, **fields):
     east, north, _ = world.rover_truth(system_id, t_us) if system_id != 1 else (0.0, 0.0, 0.0)
     lat, lon, alt = FIELD.to_geodetic([east, north, 40.0 if system_id == 1 else 0.0])
     truth = {
-        "lat": round(float(lat) * 1e7), "lon": round(float(lon) * 1e7), "alt": round(float(alt) * 1e3),
-        "relative_alt": 40_000 if system_id == 1 else 0, "vx": 0 if system_id == 1 else 400, "vy": 0, "vz": 0, "hdg": 0,
-    }  # fmt: skip
+        "lat": round(float(lat) * 1e7),
+        "lon": round(float(lon) * 1e7),
+        "alt": round(float(alt) * 1e3),
+        "relative_alt": 40_000 if system_id == 1 else 0,
+        "vx": 0 if system_id == 1 else 400,
+        "vy": 0,
+        "vz": 0,
+        "hdg": 0,
+    }
     boot_ms = world.boot_ms(system_id, t_us) if boot_ms is None else boot_ms
     message = ardupilotmega.MAVLink_global_position_int_message(boot_ms, **(truth | fields))
     return world.speakers[system_id].pack(message)

@@ -97,8 +97,14 @@ def test_modes_and_kinds_in_words():
     assert mode_name(COPTER, 12, 1, 6 << 16) == "OFFBOARD"
     assert mode_name(COPTER, 0, 64, 0) == "MANUAL"
     assert [kind_name(k) for k in (2, 13, 4, 10, 11, 1, 200)] == [
-        "copter", "copter", "helicopter", "rover", "boat", "plane", "vehicle",
-    ]  # fmt: skip
+        "copter",
+        "copter",
+        "helicopter",
+        "rover",
+        "boat",
+        "plane",
+        "vehicle",
+    ]
     assert is_aircraft(COPTER) and not is_aircraft(ROVER)
     assert is_ground_vehicle(ROVER) and not is_ground_vehicle(COPTER)
     assert not is_vehicle(GCS, NO_AUTOPILOT) and not is_vehicle(18, ARDUPILOT) and is_vehicle(ROVER, 0)

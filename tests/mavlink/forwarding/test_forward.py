@@ -93,10 +93,8 @@ def test_target_of_every_message_that_has_one():
             continue
         values = [
             b"" if kind == "char" else [0] * length if length > 1 else 0
-            for kind, length in zip(
-                message.fieldtypes, (message.lengths[i] for i in message.orders), strict=True
-            )
-        ]  # fmt: skip
+            for kind, length in zip(message.fieldtypes, (message.lengths[i] for i in message.orders), strict=True)
+        ]
         values[message.fieldnames.index("target_system")] = 77
         if "target_component" in message.fieldnames:
             values[message.fieldnames.index("target_component")] = 5

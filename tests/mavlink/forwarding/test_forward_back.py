@@ -32,10 +32,8 @@ def every_message(target: int) -> dict[str, bytes]:
     for message in dialect.mavlink_map.values():
         values = [
             b"" if kind == "char" else [0] * length if length > 1 else 0
-            for kind, length in zip(
-                message.fieldtypes, (message.lengths[i] for i in message.orders), strict=True
-            )
-        ]  # fmt: skip
+            for kind, length in zip(message.fieldtypes, (message.lengths[i] for i in message.orders), strict=True)
+        ]
         for name in _TARGETS:
             if name in message.fieldnames:
                 values[message.fieldnames.index(name)] = target
@@ -183,9 +181,12 @@ def test_options_of_an_output(option, named):
 def test_speaking_to_vehicles_takes_the_command_option(tmp_path):
     mission = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=11),))
     plan = FlightPlan(
-        mission=mission, links=(f"udpin:{HOST}:{free_port()}",), video="", sessions=tmp_path,
+        mission=mission,
+        links=(f"udpin:{HOST}:{free_port()}",),
+        video="",
+        sessions=tmp_path,
         forward=("udpout:127.0.0.1:14551?rw",),
-    )  # fmt: skip
+    )
     with pytest.raises(LinkError, match="takes --command"):
         Flight(plan)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

@@ -57,9 +57,17 @@ def test_kept_datagrams(path):
 
 # What pymavlink 2.4 loses on the same bytes: resynchronising costs it undamaged frames here.
 THEIRS_LOSE = (
-    "flipped magic", "flipped length", "flipped incompat", "7 B of noise between", "64 B of noise between",
-    "300 B of noise between", "FD FF 00 between", "FD FF 01 between", "FE FF between", "half a frame, then others",
-)  # fmt: skip
+    "flipped magic",
+    "flipped length",
+    "flipped incompat",
+    "7 B of noise between",
+    "64 B of noise between",
+    "300 B of noise between",
+    "FD FF 00 between",
+    "FD FF 01 between",
+    "FE FF between",
+    "half a frame, then others",
+)
 
 
 @pytest.mark.parametrize("name", INPUTS)

@@ -22,17 +22,30 @@ def camera(pitch_deg=-90.0, yaw=0.0, p_enu=(0.0, 0.0, 40.0), size=(640, 360), fo
     right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
     R_enu_cam = np.column_stack([right, np.cross(forward, right), forward])
     return CameraView(
-        width=size[0], height=size[1], fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2,
-        distortion=np.array(distortion), R_enu_cam=R_enu_cam, p_enu=np.array(p_enu, dtype=float),
-    )  # fmt: skip
+        width=size[0],
+        height=size[1],
+        fx=focal,
+        fy=focal,
+        cx=size[0] / 2,
+        cy=size[1] / 2,
+        distortion=np.array(distortion),
+        R_enu_cam=R_enu_cam,
+        p_enu=np.array(p_enu, dtype=float),
+    )
 
 
 def bodies(*rows, color=MAGENTA):
     kind, x, y, heading, length, width, height = np.array(rows, dtype=float).reshape(-1, 7).T
     return Bodies(
-        kind=kind.astype(np.int8), x=x, y=y, heading=heading, length=length, width=width, height=height,
+        kind=kind.astype(np.int8),
+        x=x,
+        y=y,
+        heading=heading,
+        length=length,
+        width=width,
+        height=height,
         color=np.tile(np.array(color, np.uint8), (len(x), 1)),
-    )  # fmt: skip
+    )
 
 
 def test_the_same_arguments_give_the_same_pixels():

@@ -24,9 +24,15 @@ def camera(height=40.0, size=(640, 360), focal=400.0):
 
 NOTHING = np.zeros(0)
 EMPTY = Bodies(
-    kind=np.zeros(0, np.int8), x=NOTHING, y=NOTHING, heading=NOTHING, length=NOTHING, width=NOTHING, height=NOTHING,
+    kind=np.zeros(0, np.int8),
+    x=NOTHING,
+    y=NOTHING,
+    heading=NOTHING,
+    length=NOTHING,
+    width=NOTHING,
+    height=NOTHING,
     color=np.zeros((0, 3), np.uint8),
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +48,15 @@ def cast():
 
 def test_labels_straight_down():
     one = Bodies(
-        kind=np.array([UGV], np.int8), x=np.array([5.0]), y=np.array([-3.0]), heading=np.array([1.0]),
-        length=np.array([2.2]), width=np.array([1.4]), height=np.array([0.0]), color=np.zeros((1, 3), np.uint8),
-    )  # fmt: skip
+        kind=np.array([UGV], np.int8),
+        x=np.array([5.0]),
+        y=np.array([-3.0]),
+        heading=np.array([1.0]),
+        length=np.array([2.2]),
+        width=np.array([1.4]),
+        height=np.array([0.0]),
+        color=np.zeros((1, 3), np.uint8),
+    )
     (label,) = labels(camera(), one)  # 10 px/m at z = 0, image up is north
     np.testing.assert_allclose(label, [320 + 50, 180 + 30, 22, 14, 1.0], atol=1e-9)
 
@@ -142,9 +154,15 @@ def test_every_kind_of_the_table_can_be_drawn():
     y = 12.0 * (np.arange(len(kinds)) // 6 - 1.0)
     view = camera(height=70.0, size=(900, 700), focal=600.0)
     things = Bodies(
-        kind=kinds, x=x, y=y, heading=0.0 * x, length=size[0], width=size[1], height=size[2],
+        kind=kinds,
+        x=x,
+        y=y,
+        heading=0.0 * x,
+        length=size[0],
+        width=size[1],
+        height=size[2],
         color=np.full((len(kinds), 3), (30, 30, 220), np.uint8),
-    )  # fmt: skip
+    )
     image = renderer.draw(view, things)
     assert image.shape == (700, 900, 3)
     corner = ray_ground(view, [[0.0, 0.0], [900.0, 700.0]])

@@ -24,9 +24,16 @@ from vision.training.quality import measure
 def camera(height=40.0, size=(1280, 720), focal=1200.0, xy=(0.0, 0.0)):
     R_enu_cam = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
     return CameraView(
-        width=size[0], height=size[1], fx=focal, fy=focal, cx=size[0] / 2, cy=size[1] / 2, distortion=np.zeros(5),
-        R_enu_cam=R_enu_cam, p_enu=np.array([*xy, height]),
-    )  # fmt: skip
+        width=size[0],
+        height=size[1],
+        fx=focal,
+        fy=focal,
+        cx=size[0] / 2,
+        cy=size[1] / 2,
+        distortion=np.zeros(5),
+        R_enu_cam=R_enu_cam,
+        p_enu=np.array([*xy, height]),
+    )
 
 
 SIZE = {UGV: (2.2, 1.4, 0.9), STRANGER: (4.5, 1.8, 1.5), PERSON: (0.5, 0.5, 1.75), OCCLUDER: (4.0, 4.0, 6.0)}

@@ -210,9 +210,15 @@ def test_the_bundled_model_tells_rendered_vehicles_both_ways():
     kind = np.where(np.arange(n) % 3 == 2, STRANGER, UGV).astype(np.int8)
     size = np.where(kind[:, None] == UGV, [[2.2, 1.4, 0.9]], [[4.5, 1.8, 1.5]])
     things = Bodies(
-        kind=kind, x=x.ravel(), y=y.ravel(), heading=np.linspace(0.0, 12.0, n), length=size[:, 0], width=size[:, 1],
-        height=size[:, 2], color=np.random.default_rng(0).integers(20, 240, (n, 3)).astype(np.uint8),
-    )  # fmt: skip
+        kind=kind,
+        x=x.ravel(),
+        y=y.ravel(),
+        heading=np.linspace(0.0, 12.0, n),
+        length=size[:, 0],
+        width=size[:, 1],
+        height=size[:, 2],
+        color=np.random.default_rng(0).integers(20, 240, (n, 3)).astype(np.uint8),
+    )
     boxes = true_boxes(view, things)
     rows = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle + np.pi / 2], axis=1)
     image = Renderer(Scene(roads=()), Style(ground=GroundStyle(side_px=2048)), seed=3).draw(view, things)

@@ -211,9 +211,15 @@ def test_agrees_with_the_measure_of_training():
     for _ in range(20):
         n = 5
         true = np.column_stack(
-            [40.0 + 70.0 * np.arange(n), np.full(n, 100.0), rng.uniform(30, 40, n), np.full(n, 16.0),
-             rng.uniform(0, 6, n), np.ones(n)]
-        )  # fmt: skip
+            [
+                40.0 + 70.0 * np.arange(n),
+                np.full(n, 100.0),
+                rng.uniform(30, 40, n),
+                np.full(n, 16.0),
+                rng.uniform(0, 6, n),
+                np.ones(n),
+            ]
+        )
         near = true[:, :5] + rng.normal(0.0, 1.0, (n, 5)) * (3, 3, 1, 1, 0.15)
         near[:, 4] += np.pi * (rng.random(n) < 0.2)
         heading = np.mod(near[:, 4], 2.0 * np.pi)

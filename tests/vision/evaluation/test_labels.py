@@ -221,7 +221,15 @@ def test_the_command_explains_what_it_cannot_do(tmp_path, change, message):
 
 def call(folder, **change):
     settings = {
-        "model": None, "front": None, "gsd": None, "score": 0.3, "form": None, "classes": None, "ignore": None,
-        "names": None, "corners_tell_front": False, "out": None,
-    }  # fmt: skip
+        "model": None,
+        "front": None,
+        "gsd": None,
+        "score": 0.3,
+        "form": None,
+        "classes": None,
+        "ignore": None,
+        "names": None,
+        "corners_tell_front": False,
+        "out": None,
+    }
     eval_detector(folder, **(settings | change))

@@ -56,9 +56,10 @@ def main() -> None:
 def _run(args: argparse.Namespace) -> None:
     args.out.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
-        level=logging.INFO, format="%(asctime)s %(message)s",
+        level=logging.INFO,
+        format="%(asctime)s %(message)s",
         handlers=[logging.StreamHandler(), logging.FileHandler(args.out / "log.txt")],
-    )  # fmt: skip
+    )
     torch.set_num_threads(args.threads)
     torch.manual_seed(args.seed)
     _same_settings(args)
