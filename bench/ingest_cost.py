@@ -22,9 +22,9 @@ from bench.ports import free_port
 from bench.senders import fleet_frames, send_fleet
 from infra.files.journal import Journal, make_journal
 from mavlink.ingest.ingest import Ingest
+from mavlink.ingest.ingest_memory import IngestMemory, make_ingest_memory
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
-from mavlink.ingest.shared import Shared, make_memory
 from mavlink.links.udp import UdpIn
 from mavlink.links.url import parse_url
 from mavlink.protocol.decode import decode
@@ -72,8 +72,8 @@ def quiet_moment() -> tuple[float, float]:
     """
     frames = fleet_frames(1)[:_BATCH]
     link = UdpIn(parse_url(f"udpin:127.0.0.1:{free_port()}"), 0)
-    memory_fd = make_memory()
-    memory = Shared(memory_fd)
+    memory_fd = make_ingest_memory()
+    memory = IngestMemory(memory_fd)
     journal_fd = make_journal()
     receive_s = read_s = math.inf
     with (
@@ -90,12 +90,11 @@ def quiet_moment() -> tuple[float, float]:
             batch = link.take()
             receiver.take(0, batch)
             put = time.perf_counter()
-            packets = memory.take()
+            packets = memory.take_packets()
             read_s = min(read_s, time.perf_counter() - put)
             receive_s = min(receive_s, put - began)
             assert len(packets) == _BATCH
     link.close()
-    memory.close()
     os.close(memory_fd)
     os.close(journal_fd)
     return receive_s * 1e6 / _BATCH, read_s * 1e6 / _BATCH

@@ -25,9 +25,9 @@ from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, parse_mission
 from gcs.session.flight_notes import key_notes
 from gcs.session.recorder import Recorder
+from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
-from mavlink.ingest.shared import Shared, Word, make_memory
 from mavlink.links.batch import Batch
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import GCS, Speaker
@@ -150,8 +150,8 @@ class _Flight:
         self.signing = Signing(keys=str(keys) if troubles.signed else "")
         notes = {"keys": key_notes(read_ring(keys))} if troubles.signed else {}
         self.recorder = Recorder(folder / "sessions", self.mission, video=True, telemetry=False, notes=notes)
-        self.memory_fd = make_memory(troubles.ring_bytes)
-        self.memory = Shared(self.memory_fd)
+        self.memory_fd = make_ingest_memory(troubles.ring_bytes)
+        self.memory = IngestMemory(self.memory_fd)
         self.links = [_Links("first"), _Links("second")]
         self.log, self.receiver = self._receive(None)
         self.detector = _Scripted()
@@ -184,14 +184,13 @@ class _Flight:
 
     def turn(self, frame: Frame | None) -> None:
         """One of the fold."""
-        self.fold.take(self.memory.take(), self.wall_us())
+        self.fold.take(self.memory.take_packets(), self.wall_us())
         self.fold.turn(frame)
 
     def close(self) -> Path:
         self.fold.close()
         self.log.close()
-        self.recorder.close(self.log.state, refused=self.memory.words[Word.REFUSED])
-        self.memory.close()
+        self.recorder.close(self.log.state, refused=self.memory.slots[Slot.REFUSED])
         os.close(self.memory_fd)
         return self.recorder.folder
 

@@ -2,21 +2,21 @@
 
 One process at a time uses it, with two threads: one puts rows in, the other writes them to their files
 (:class:`infra.files.journal_writer.Scribe`) and only then takes them out. When the process dies, the next one goes on
-with what is there. Rows of several files are kept in the order in which they were put. Past the bound new rows are
-lost, and counted; so those that are kept have numbers without gaps.
+with what is there; the end of the one and the start of the other order the memory of both. Rows of several files are
+kept in the order in which they were put. Past the bound new rows are lost, and counted; so those that are kept have
+numbers without gaps.
 """
 
 from __future__ import annotations
 
 import contextlib
 import mmap
-import os
 import struct
 import threading
 from dataclasses import dataclass
 
 from infra.files.append import RAM_BYTES
-from infra.shared_memory import make_nameless
+from infra.shared_memory import make_memory, map_memory
 
 __all__ = ["PIECE_BYTES", "Journal", "Piece", "make_journal"]
 
@@ -57,7 +57,7 @@ def make_journal(size: int = RAM_BYTES) -> int:
     Raises:
         OSError: no memory is left.
     """
-    return make_nameless(_WORDS_BYTES + size)
+    return make_memory(_WORDS_BYTES + size)
 
 
 class Journal:
@@ -71,12 +71,11 @@ class Journal:
     """
 
     def __init__(self, fd: int) -> None:
-        size = os.fstat(fd).st_size
-        self._map = mmap.mmap(fd, size)
-        self._view = memoryview(self._map)
-        self._words = self._view[:_WORDS_BYTES].cast("Q")
-        self._arena = self._view[_WORDS_BYTES:]
-        self._room = size - _WORDS_BYTES
+        self._map = map_memory(fd)
+        view = memoryview(self._map)
+        self._words = view[:_WORDS_BYTES].cast("Q")
+        self._arena = view[_WORDS_BYTES:]
+        self._room = len(self._arena)
         self._lock = threading.Lock()
         self.due = threading.Event()
 
@@ -99,13 +98,6 @@ class Journal:
     def lost(self) -> int:
         """Rows of all files for which there was no room."""
         return self._words[_LOST]
-
-    def close(self) -> None:
-        """Lets go of the memory."""
-        self._words.release()
-        self._arena.release()
-        self._view.release()
-        self._map.close()
 
     def take_over(self) -> bool:
         """Puts in order what a process left that died at any moment; whether rows wait."""

@@ -19,9 +19,9 @@ from pathlib import Path
 from infra.files.journal import Journal
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.ingest_memory import IngestMemory, Slot
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
-from mavlink.ingest.shared import Shared, Word
 from mavlink.links.base import Link
 from mavlink.links.counters import now_us
 from mavlink.links.serial_port import SerialLink
@@ -59,7 +59,7 @@ def main(plan: Plan) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's interrupt is the station's
     with contextlib.suppress(OSError):
         os.nice(-5)  # where that is allowed: it takes little, and it must not wait
-    memory = Shared(plan.memory)
+    memory = IngestMemory(plan.memory)
     control = socket.socket(fileno=plan.control)
     turn = control.recv(GO.size, socket.MSG_WAITALL)
     if len(turn) < GO.size:
@@ -68,17 +68,17 @@ def main(plan: Plan) -> int:
     try:
         ingest = _Ingest(plan, memory, control)
     except MavlinkError as error:
-        memory.tell(IngestHealth(troubles=(type(error).__name__, str(error))).to_json())
+        memory.status.put(IngestHealth(troubles=(type(error).__name__, str(error))).to_json())
         return 3
     gc.collect()
     gc.freeze()
-    memory.words[Word.READY] = plan.generation
+    memory.slots[Slot.READY] = plan.generation
     ingest.run()
     return 0
 
 
 class _Ingest:
-    def __init__(self, plan: Plan, memory: Shared, control: socket.socket) -> None:
+    def __init__(self, plan: Plan, memory: IngestMemory, control: socket.socket) -> None:
         self._memory = memory
         self._control = control
         self._control.setblocking(False)
@@ -89,7 +89,7 @@ class _Ingest:
         self._reports: tuple[LinkReport, ...] = ()
         self._signatures = Signatures(plan.signing)
         self._links: list[Link] = [_open_link(plan, k, self._signatures.on) for k in range(len(plan.urls))]
-        _go_on(self._links, memory.status())
+        _go_on(self._links, memory.status.get())
         self._outputs = open_outputs(plan.outputs, plan.system_ids)
         self._journal = Journal(plan.journal)
         written = self._journal.written if plan.generation > 1 else None
@@ -100,14 +100,14 @@ class _Ingest:
     def run(self) -> None:
         """Everything, until the station closes the control socket."""
         while self._open:
-            self._memory.words[Word.BEAT] += 1
+            self._memory.slots[Slot.BEAT] += 1
             ready, heard_us, all_taken = self._wait(), now_us(), True
             for index, link in enumerate(self._links):
                 if link.overdue or ready.intersection(link.files):
                     all_taken &= self._drain(index, link)
                 link.tend()
             if all_taken:
-                self._memory.words[Word.HEARD_US] = heard_us
+                self._memory.put_heard(heard_us)
             if self._control.fileno() in ready:
                 self._obey()
             if self._outputs and ready.intersection(self._outputs.files):
@@ -129,10 +129,10 @@ class _Ingest:
     def _drain(self, index: int, link: Link) -> bool:
         """Takes what a link has; False where that is too much for one turn."""
         for _ in range(_ROUNDS):
-            self._memory.words[Word.IN_HAND] = index + 1
+            self._memory.slots[Slot.IN_HAND] = index + 1
             batch = link.take()
             if not batch.frames:
-                self._memory.words[Word.IN_HAND] = 0
+                self._memory.slots[Slot.IN_HAND] = 0
                 return True
             self._receiver.take(index, batch)
             with contextlib.suppress(OSError):  # it has not read for long: the ring counts what does not fit
@@ -186,14 +186,14 @@ class _Ingest:
             links=self._reports,
             outputs=outputs,
             record=record,
-            refused=self._memory.words[Word.REFUSED],
+            refused=self._memory.slots[Slot.REFUSED],
             packets=record.rows,
-            sent=self._memory.words[Word.SENT],
-            overrun=self._memory.words[Word.OVERRUN],
+            sent=self._memory.slots[Slot.SENT],
+            overrun=self._memory.slots[Slot.OVERRUN],
             cpu_s=time.process_time(),
             troubles=tuple(text for text in troubles if text),
         )
-        self._memory.tell(health.to_json())
+        self._memory.status.put(health.to_json())
 
     def _senders(self) -> int:
         """How many were heard so far."""

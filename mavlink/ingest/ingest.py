@@ -17,10 +17,10 @@ from infra.files.journal import Journal, make_journal
 from mavlink.errors import LinkError, MavlinkError, TlogError
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
+from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.lent import lend, small_buffers
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
-from mavlink.ingest.shared import RING_BYTES, Shared, Word, make_memory
 from mavlink.links.counters import LinkCounts, now_us
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.url import LinkUrl, parse_url
@@ -81,8 +81,8 @@ class Ingest:
         self._health = IngestHealth()
         self._lock = threading.Lock()
         self._stopping = threading.Event()
-        self._memory_fd = make_memory(ring_bytes)
-        self._memory = Shared(self._memory_fd)
+        self._memory_fd = make_ingest_memory(ring_bytes)
+        self._memory = IngestMemory(self._memory_fd)
         self._journal_fd = make_journal()
         self._journal = Journal(self._journal_fd)
         self._process: IngestProcess | None = None
@@ -131,9 +131,8 @@ class Ingest:
         """
         stop_s = time.monotonic() + timeout_s
         while not self._stopping.is_set():
-            heard_us = self._memory.words[Word.HEARD_US]
-            packets = self._memory.take()
-            self._heard_us = heard_us
+            packets = self._memory.take_packets()
+            self._heard_us = self._memory.heard_us() or self._heard_us
             left_s = stop_s - time.monotonic()
             if packets or left_s <= 0.0:
                 return packets
@@ -199,7 +198,7 @@ class Ingest:
             packets=written,
             record=replace(total.record, rows=written),
             links=tuple(replace(link, name=name) for link, name in zip(total.links, self.names, strict=False)),
-            overrun=self._memory.words[Word.OVERRUN] if not self._stopping.is_set() else total.overrun,
+            overrun=self._memory.slots[Slot.OVERRUN] if not self._stopping.is_set() else total.overrun,
             restarts=self._restarts,
             gap_s=self._gap_s,
         )
@@ -226,7 +225,7 @@ class Ingest:
         if record.waiting:  # the disk does not answer: nobody will write them
             lost = replace(record, waiting=0, waiting_bytes=0, lost=record.lost + record.waiting)
             self._health = replace(self._health, record=lost)
-            self._memory.tell(b"")
+            self._memory.status.put(b"")
         self._let_go()
 
     # ---- opening
@@ -254,7 +253,7 @@ class Ingest:
         while not self._stopping.wait(WATCH_S):
             process, now_s = self._process, time.monotonic()
             assert process is not None
-            seen = self._memory.words[Word.BEAT]
+            seen = self._memory.slots[Slot.BEAT]
             if seen != beat:
                 beat, alive_s, cpu_s = seen, now_s, process.cpu_s
             if process.dead or self._hangs(process, now_s - alive_s, cpu_s):
@@ -309,7 +308,7 @@ class Ingest:
 
     def _in_hand(self) -> str:
         """What a process had taken off a socket and not yet put where it outlives it, in words."""
-        index, self._memory.words[Word.IN_HAND] = self._memory.words[Word.IN_HAND], 0
+        index, self._memory.slots[Slot.IN_HAND] = self._memory.slots[Slot.IN_HAND], 0
         if not index:
             return ""
         return f" while it took packets off {self.names[index - 1]}, of which at most {BATCH} are lost,"
@@ -320,7 +319,7 @@ class Ingest:
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
         links = tuple(replace(link, counts=LinkCounts()) for link in last.links)
         self._health = IngestHealth(links=links, record=last.record, packets=last.packets, refused=last.refused)
-        self._memory.tell(self._health.to_json())
+        self._memory.status.put(self._health.to_json())
 
     def _tell_gap(self, process: IngestProcess, alive_s: float, why: str) -> None:
         """Waits for the new process and tells for how long nobody received."""
@@ -349,7 +348,7 @@ class Ingest:
             time.sleep(min(timeout_s, _STEP_S))  # it is just being replaced
 
     def _told(self) -> IngestHealth | None:
-        text = self._memory.status()
+        text = self._memory.status.get()
         try:
             return IngestHealth.from_json(text) if text else None
         except ValueError:

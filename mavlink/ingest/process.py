@@ -16,8 +16,8 @@ from pathlib import Path
 import mavlink
 from mavlink.errors import LinkError
 from mavlink.ingest.child import ACCEPT, COMMAND, GO
+from mavlink.ingest.ingest_memory import IngestMemory, Slot
 from mavlink.ingest.plan import Plan
-from mavlink.ingest.shared import Shared, Word
 
 __all__ = ["IngestProcess"]
 
@@ -39,7 +39,7 @@ class IngestProcess:
         files: file descriptors that the process needs.
     """
 
-    def __init__(self, plan: Plan, memory: Shared, files: Collection[int]) -> None:
+    def __init__(self, plan: Plan, memory: IngestMemory, files: Collection[int]) -> None:
         self.generation = 0
         """Which of a flight's processes it is, from 1; 0 before its turn."""
         self.began_s = time.monotonic()
@@ -77,7 +77,7 @@ class IngestProcess:
     @property
     def ready(self) -> bool:
         """Whether it has opened everything."""
-        return self.generation > 0 and self._memory.words[Word.READY] == self.generation
+        return self.generation > 0 and self._memory.slots[Slot.READY] == self.generation
 
     @property
     def dead(self) -> bool:

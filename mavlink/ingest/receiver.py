@@ -10,9 +10,9 @@ from pathlib import Path
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
 from mavlink.ingest.excess import Excess
+from mavlink.ingest.ingest_memory import IngestMemory, Slot
 from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
-from mavlink.ingest.shared import Shared, Word
 from mavlink.links.base import Link
 from mavlink.links.batch import Batch
 from mavlink.links.counters import now_us
@@ -116,7 +116,7 @@ class Receiver:
         self,
         links: Sequence[Link],
         log: TlogWriter,
-        memory: Shared,
+        memory: IngestMemory,
         signatures: Signatures,
         outputs: Forwarder | None,
     ) -> None:
@@ -138,13 +138,13 @@ class Receiver:
             auths = self._signatures.check([original.get(k, packet) for k, packet in enumerate(packets)])
             batch, auths = self.excess.without(index, batch, auths)
         number = self._record(batch) if batch.frames else None
-        self._memory.words[Word.IN_HAND] = 0
+        self._memory.slots[Slot.IN_HAND] = 0
         if number is not None:
             self._note_senders(index, batch, number)
         packets = batch.packets(index, auths) if self._signatures.on or self._outputs else []
         if self._signatures.on:
             self._judge(index, packets, number)
-        self._memory.put(index, number, batch.times_us, batch.frames, batch.peers, auths)
+        self._memory.put_packets(index, number, batch.times_us, batch.frames, batch.peers, auths)
         self.forward(packets)
 
     def forward(self, packets: Sequence[Packet]) -> None:
@@ -174,7 +174,7 @@ class Receiver:
         """
         self.send(link, data, peer)
         if self._record(Batch(times_us=[now_us()], frames=[data], peers=[0])) is not None:
-            self._memory.words[Word.SENT] += 1
+            self._memory.slots[Slot.SENT] += 1
 
     def _record(self, batch: Batch) -> int | None:
         """On the way to the log; returns the first record's number, None when they are lost."""
@@ -196,7 +196,7 @@ class Receiver:
             if packet.auth > Auth.GOOD:
                 if number is not None:
                     self._log.refuse(number + k, packet)
-                self._memory.words[Word.REFUSED] += 1
+                self._memory.slots[Slot.REFUSED] += 1
             elif packet.auth is Auth.GOOD:
                 known.add((packet.peer, packet.system_id))
         if known:

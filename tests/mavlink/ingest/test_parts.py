@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Outputs, Plan, Signing
-from mavlink.ingest.shared import Shared, Word, make_memory
 from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
 from mavlink.links.byte_stream import Backoff
 from mavlink.links.counters import LinkCounts
@@ -115,10 +115,8 @@ def test_trying_again_takes_longer_each_time():
 
 @pytest.fixture
 def memory():
-    fd = make_memory(4096)
-    shared = Shared(fd)
-    yield shared
-    shared.close()
+    fd = make_ingest_memory(4096)
+    yield IngestMemory(fd)
     os.close(fd)
 
 
@@ -128,40 +126,38 @@ def test_packets_come_out_of_the_ring_as_they_went_in(memory):
     for k in range(0, 400, 4):
         some = frames[k : k + 4]
         auths = [Auth.GOOD, Auth.BAD, Auth.OPEN, Auth.FUTURE] if k % 8 else None
-        assert memory.put(k % 7, 3 * k, list(range(k, k + 4)), some, [9, 8, 7, 70_000], auths)
+        assert memory.put_packets(k % 7, 3 * k, list(range(k, k + 4)), some, [9, 8, 7, 70_000], auths)
         if k % 12 == 0:
-            out += memory.take()
-    out += memory.take()
+            out += memory.take_packets()
+    out += memory.take_packets()
     assert [packet.raw for packet in out] == frames and [packet.t_us for packet in out] == list(range(400))
     assert [packet.peer for packet in out[:4]] == [9, 8, 7, 70_000]
     assert [packet.record for packet in out] == [3 * (k - k % 4) + k % 4 for k in range(400)]
     assert [packet.auth for packet in out[4:8]] == [Auth.GOOD, Auth.BAD, Auth.OPEN, Auth.FUTURE]
     assert out[0].auth is Auth.OPEN and out[8].link == 1
-    assert memory.take() == []
+    assert memory.take_packets() == []
 
 
 def test_packets_that_are_not_in_the_log_have_no_number(memory):
     for record in (5, None, 6):
-        assert memory.put(0, record, [1, 2], [b"a", b"b"], [1, 1], None)
-    assert [packet.record for packet in memory.take()] == [5, 6, -1, -1, 6, 7]
+        assert memory.put_packets(0, record, [1, 2], [b"a", b"b"], [1, 1], None)
+    assert [packet.record for packet in memory.take_packets()] == [5, 6, -1, -1, 6, 7]
 
 
 def test_a_full_ring_counts_what_does_not_fit(memory):
-    kept = sum(memory.put(0, 7, [1], [b"x" * 68], [1], None) for _ in range(50))
-    assert kept == 40 and memory.words[Word.OVERRUN] == 10
-    assert len(memory.take()) == 40
-    assert memory.put(0, 7, [1], [b"x" * 68], [1], None)
+    kept = sum(memory.put_packets(0, 7, [1], [b"x" * 68], [1], None) for _ in range(50))
+    assert kept == 40 and memory.slots[Slot.OVERRUN] == 10
+    assert len(memory.take_packets()) == 40
+    assert memory.put_packets(0, 7, [1], [b"x" * 68], [1], None)
 
 
-def test_the_status_is_whole_or_not_there(memory):
-    memory.tell(b"first")
-    assert memory.status() == b"first"
-    memory.words[Word.STATUS] |= 1  # somebody died while writing
-    assert memory.status() is None
-    memory.tell(b"second")
-    assert memory.status() == b"second"
-    memory.tell(b"x" * 1_000_000)
-    assert memory.status() == b"second"
+def test_how_far_it_has_heard_is_known_once_all_of_that_is_taken(memory):
+    assert memory.heard_us() is None
+    memory.put_packets(0, 7, [1], [b"x"], [1], None)
+    memory.put_heard(5)
+    assert memory.heard_us() is None
+    memory.take_packets()
+    assert memory.heard_us() == 5
 
 
 def test_plan_and_health_survive_the_way_between_processes():
