@@ -10,6 +10,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
 from sim.errors import SessionError
 from sim.telemetry.detections import DetectorModel, truth_rows
 from sim.telemetry.vehicle_telemetry import speak
@@ -50,14 +51,14 @@ def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> W
         raise SessionError(f"{folder}: cannot be made: {error.strerror}; give a folder that can be written") from error
     t, stamps_us = frame_times(scenario)
     save_scenario(scenario, folder / "scenario.toml")
-    (folder / "session.toml").write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
-    _write_frames(folder / "frames.csv", stamps_us)
-    _write_tlog(folder / "telemetry.tlog", world)
+    (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())
+    _write_frames(folder / FRAMES.name, stamps_us)
+    _write_tlog(folder / LOG, world)
     if video:
         # the renderer and the encoder are loaded only by those who need them
         from sim.render.film import write_video
 
-        _write_visible_truth(folder / "truth.csv", world, t)
+        _write_visible_truth(folder / TRUTH.name, world, t)
         write_video(world, t, folder / "video.mp4")
     else:
         _write_detections(folder, world, t)
@@ -99,7 +100,7 @@ def session_toml(scenario: Scenario) -> dict[str, Any]:
 
 def _write_frames(path: Path, stamps_us: NDArray[np.int64]) -> None:
     rows = "".join(f"{index},{stamp}\n" for index, stamp in enumerate(stamps_us.tolist()))
-    path.write_bytes(("frame,time_us\n" + rows).encode())
+    path.write_bytes((FRAMES.header + rows).encode())
 
 
 def _write_tlog(path: Path, world: World) -> None:
@@ -108,8 +109,8 @@ def _write_tlog(path: Path, world: World) -> None:
 
 def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
     model = DetectorModel(world)
-    detections = ["frame,cx,cy,w,h,angle,score,heading\n"]
-    truth = ["frame,cx,cy,w,h,angle,system_id\n"]
+    detections = [DETECTIONS.header]
+    truth = [TRUTH.header]
     for frame, now in enumerate(t.tolist()):
         rows = model.detect(now)
         for (cx, cy, w, h, angle, score, heading), system_id in zip(
@@ -118,10 +119,10 @@ def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
             box = f"{frame},{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f}"
             detections.append(f"{box},{score:.3f},{heading:.4f}\n")
             truth.append(f"{box},{system_id}\n")
-    (folder / "detections.csv").write_bytes("".join(detections).encode())
-    (folder / "truth.csv").write_bytes("".join(truth).encode())
+    (folder / DETECTIONS.name).write_bytes("".join(detections).encode())
+    (folder / TRUTH.name).write_bytes("".join(truth).encode())
 
 
 def _write_visible_truth(path: Path, world: World, t: FloatArray) -> None:
     rows = "".join(f"{frame},{row}\n" for frame, now in enumerate(t.tolist()) for row in truth_rows(world, now))
-    path.write_bytes(("frame,cx,cy,w,h,angle,system_id\n" + rows).encode())
+    path.write_bytes((TRUTH.header + rows).encode())

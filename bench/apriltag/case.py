@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from bench.apriltag.flight import SIDES_M, scenario_of, tags_of, write_flight
 from bench.apriltag.tags import read_picture, read_tags
 from bench.field.product import identify
-from gcs.session.tables import Table, read_table
+from gcs.session.frame_tables import read_truth
+from gcs.session.tables import Table
 from sim.world.scenario import Scenario
 from vision.video.video import VideoFile
 
@@ -75,7 +76,7 @@ def play(case: Case) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="apriltag-") as folder:
         session = Path(folder) / "session"
         write_flight(scenario, session)
-        truth = read_table(session / "truth.csv", ("frame", "cx", "cy", "w", "h", "angle", "system_id"))
+        truth = read_truth(session / "truth.csv")
         tags = count_tags(scenario, session / "video.mp4", truth)
         matched = identify(session, Path(folder) / "out").matched
     ours = matched.truth > 0

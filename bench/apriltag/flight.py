@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.apriltag.tags import Tag, stick_tags
+from infra.session_format import TRUTH
 from sim.render.exposure import Exposure, expose
 from sim.render.render import Renderer
 from sim.session import frame_times, write_session
@@ -100,7 +101,7 @@ def write_flight(scenario: Scenario, folder: Path) -> World:
     (folder / "detections.csv").unlink()
     t, _ = frame_times(scenario)
     rows = "".join(f"{k},{row}\n" for k, now in enumerate(t.tolist()) for row in truth_rows(world, now))
-    (folder / "truth.csv").write_text("frame,cx,cy,w,h,angle,system_id\n" + rows)
+    (folder / "truth.csv").write_text(TRUTH.header + rows)
     _encode(world, t, folder / "video.mp4")
     return world
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from gcs.playback.analysis import Analysis
 from gcs.report.score import Matched, match
-from gcs.session.identity_log import EventLog, IdentityLog, read_identity
+from gcs.session.event_log import EventLog
+from gcs.session.frame_tables import read_truth
+from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.session import open_session
-from gcs.session.tables import read_table
 
 __all__ = ["Played", "identify"]
 
@@ -52,7 +53,7 @@ def identify(folder: Path, out: Path) -> Played:
             events.close()
     finally:
         analysis.close()
-    true = read_table(folder / "truth.csv", ("frame", "cx", "cy", "w", "h", "angle", "system_id"))
+    true = read_truth(folder / "truth.csv")
     return Played(
         matched=match(true, read_identity(out / "identity.csv")),
         wall_ms=np.array(wall),

@@ -12,7 +12,8 @@ from gcs.cli.console import FRAME_SIZE, NO_NAMES, VIDEO_START, frame_size_of, no
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
 from gcs.report.rollcall import RollCall
-from gcs.session.identity_log import EventLog, IdentityLog
+from gcs.session.event_log import EventLog
+from gcs.session.identity_log import IdentityLog
 from gcs.session.session import Session, open_session
 from gcs.snapshot import Snapshot
 

@@ -16,8 +16,9 @@ import typer
 from gcs.cli.console import AsJson, note, say, say_json
 from gcs.errors import ConfigError
 from gcs.mission.mission import user_keys
-from gcs.session.log import RECORDED, SessionLog
+from gcs.session.log import SessionLog
 from infra.files.segments import segments
+from infra.session_format import LOG, REFUSED
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import (
     FLEET,
@@ -41,7 +42,6 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 SHORT = 16
-REFUSED = "refused.csv"
 _Who = Annotated[str, typer.Argument(help="System id of the vehicle, 1 to 255, or fleet: all without their own.")]
 _Folder = Annotated[
     Path | None, typer.Option("--keys", help="Folder of the keys; else ~/.config/rollcall/keys.", show_default=False)
@@ -133,7 +133,7 @@ def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
 
     The flight's is ``GOOD`` for all that it believed; for a log without a session's tables it is the same as here.
     """
-    flown = path.name == RECORDED and bool(segments(path.with_name(REFUSED)))
+    flown = path.name == LOG and bool(segments(path.with_name(REFUSED.name)))
     log = SessionLog(path) if flown else Tlog.open(path)
     counts: Counter[tuple[int, Auth, Auth]] = Counter()
     for packet in log.packets():

@@ -7,7 +7,7 @@ import math
 from datetime import UTC, datetime
 from pathlib import Path
 
-from gcs.session.identity_log import open_new
+from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 from infra.plain_text import to_cell
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gcs.session.identity_log import json_row, open_new
+from gcs.session.identity_log import json_row
+from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
 __all__ = ["JsonlExport"]

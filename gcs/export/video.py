@@ -8,7 +8,7 @@ from pathlib import Path
 import av
 
 from gcs.report.overlay import draw
-from gcs.session.identity_log import open_new
+from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
 __all__ = ["VideoExport"]

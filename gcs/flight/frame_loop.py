@@ -10,7 +10,7 @@ from dataclasses import replace
 from gcs.flight.monitor import Pace
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
-from gcs.session.fold_order import NO_PICTURE, Fold
+from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.links.counters import now_us
@@ -146,7 +146,7 @@ class FlightFold:
         size: tuple[int, int] | None = None,
     ) -> None:
         """Keep what this turn was made of; size: width and height of the picture, px."""
-        turn = Fold(
+        turn = FoldTurn(
             t_us=t_us,
             records=self._records,
             record_us=self._record_us,
@@ -173,8 +173,8 @@ class FlightFold:
         """No new picture: the fleet goes on, the last picture stays."""
         t_us = self._now_us()
         health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
-        snapshot = self._pipeline.frame(NO_PICTURE, t_us, health=health, heard_us=heard_us)
-        self._record(NO_PICTURE, t_us, heard_us)
+        snapshot = self._pipeline.frame(NO_FRAME, t_us, health=health, heard_us=heard_us)
+        self._record(NO_FRAME, t_us, heard_us)
         self._recorder.events(snapshot.events)
         last = self.latest
         if last is None or last.image is None:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Mission
+from gcs.session.frame_tables import FrameDetections
 from gcs.session.log import SessionLog
-from gcs.session.session import FrameDetections
 
 __all__ = ["FrameSize", "fitting_size", "holds"]
 

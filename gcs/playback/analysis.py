@@ -18,10 +18,11 @@ from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Mission, Vehicle
-from gcs.playback.recorded_order import Flown, missing
-from gcs.session.fold_order import NO_PICTURE
+from gcs.playback.recorded_order import RecordedTurns, missing
+from gcs.session.fold_order import NO_FRAME
+from gcs.session.frame_tables import FrameDetections, read_detections, read_times
 from gcs.session.log import SessionLog
-from gcs.session.session import FrameDetections, Session, read_detections, read_times
+from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.protocol.decode import Heartbeat, decode
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle
@@ -83,10 +84,12 @@ class Analysis:
         self.mission = session.mission or discover(self._log)
         self._frames = read_times(session.frames) if session.frames else None
         steps, start_us = self._log.steps, self._log.start_us
-        times = steps.of_pictures(self._frames.times_us, start_us) if self._frames else None
+        times = steps.of_frames(self._frames.times_us, start_us) if self._frames else None
         self.video = self._open_video(session.video, times)
         self._boxes = self._open_detections(redetect)
-        self._flown = Flown.open(session.folds, self._log, self._boxes) if session.folds and self._boxes else None
+        self._turns = (
+            RecordedTurns.open(session.folds, self._log, self._boxes) if session.folds and self._boxes else None
+        )
         self.times_us = self._frame_times(times)
         self._size = self._frame_size()
         self.warnings = tuple(self._complaints())
@@ -114,12 +117,12 @@ class Analysis:
     def _frame_times(self, times: NDArray[np.int64] | None) -> NDArray[np.int64]:
         known = self.video.times_us if self.video is not None else times
         if known is not None:
-            return self._flown.times_from(known) if self._flown else known
+            return self._turns.times_from(known) if self._turns else known
         return _bare_times(self._log.times_us)
 
     def _frame_size(self) -> FrameSize:
         """Size of frames of which no picture is at hand, as far as anything tells."""
-        recorded = self._flown.sizes if self._flown else set()
+        recorded = self._turns.sizes if self._turns else set()
         if self.video is not None:
             recorded = recorded | {(self.video.width, self.video.height)}
         told = self.session.frame_size
@@ -152,8 +155,8 @@ class Analysis:
             yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
         if self._size.doubt:
             yield self._size.doubt
-        if self._flown:
-            yield from self._flown.warnings
+        if self._turns:
+            yield from self._turns.warnings
         yield from missing(self.session, self._log, looked_again=self.video is not None and self._boxes is None)
 
     def _complaints_of_times(self) -> Iterator[str]:
@@ -181,14 +184,14 @@ class Analysis:
         Args:
             images: Put each frame's picture into its snapshot; frames of a video that cannot be decoded are left out.
         """
-        heard = self._log.heard
-        pipeline = Pipeline(self.mission, links=heard.names, address=heard.address, sized=self._size.known)
+        senders = self._log.senders
+        pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
         for text in self.warnings:
             pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
-        if self._flown is None:
+        if self._turns is None:
             yield from self._by_time(pipeline, images)
             return
-        for snapshot in self._as_flown(pipeline, self._flown, images):
+        for snapshot in self._by_turns(pipeline, self._turns, images):
             if snapshot.image is not None or not images or self.video is None:
                 yield snapshot  # a film has no frames without a picture
 
@@ -202,7 +205,7 @@ class Analysis:
                 index, t_us, image=shown, size=self._size.size, detections=boxes, health=self._health(index)
             )
 
-    def _as_flown(self, pipeline: Pipeline, flown: Flown, images: bool) -> Iterator[Snapshot]:
+    def _by_turns(self, pipeline: Pipeline, recorded: RecordedTurns, images: bool) -> Iterator[Snapshot]:
         """Each turn of the fold as it was made; frames that the flight did not look at show the fleet as it was.
 
         What a moment without a picture brings to tell goes to the snapshot before it.
@@ -210,12 +213,12 @@ class Analysis:
         places = self._places(images)
         latest: Snapshot | None = None
         early: tuple[Event, ...] = ()
-        for turn, packets, boxes in flown.turns(len(self.times_us)):
+        for turn, packets, boxes in recorded.turns(len(self.times_us)):
             for packet in packets:
                 self._feed(pipeline, packet)
-            if turn.frame == NO_PICTURE:
+            if turn.frame == NO_FRAME:
                 health = self._health(latest.frame if latest else 0)
-                said = pipeline.frame(NO_PICTURE, turn.t_us, health=health, heard_us=turn.heard_us).events
+                said = pipeline.frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
                 early += () if latest else said
                 latest = replace(latest, events=latest.events + said) if latest else None
                 continue

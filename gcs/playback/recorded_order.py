@@ -10,20 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.session.flight_notes import PROGRAM
-from gcs.session.fold_order import NO_PICTURE, Fold, Folds
+from gcs.session.fold_order import NO_FRAME, FoldOrder, FoldTurn
+from gcs.session.frame_tables import FrameDetections
 from gcs.session.log import SessionLog
-from gcs.session.session import FrameDetections, Session
+from gcs.session.session import Session
 from infra.files.segments import segments
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 
-__all__ = ["Flown", "missing"]
+__all__ = ["RecordedTurns", "missing"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
 
 
-class Flown:
+class RecordedTurns:
     """The turns of a flight's fold over its telemetry and boxes.
 
     Attributes:
@@ -31,20 +32,20 @@ class Flown:
         warnings: what an analyst should know, one line each.
     """
 
-    def __init__(self, folds: Folds, log: SessionLog, boxes: FrameDetections) -> None:
+    def __init__(self, folds: FoldOrder, log: SessionLog, boxes: FrameDetections) -> None:
         self._folds, self._log, self._boxes = folds, log, boxes
         self._stops, renumbered = folds.placed(log.stamped_us)
         self.sizes = folds.sizes
         self.warnings = tuple(self._complaints(renumbered))
 
     @classmethod
-    def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> Flown | None:
+    def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> RecordedTurns | None:
         """From ``folds.csv``; None where no picture was ever looked at.
 
         Raises:
             SessionError: the file is no such table.
         """
-        folds = Folds.read(path.parent)
+        folds = FoldOrder.read(path.parent)
         return cls(folds, log, boxes) if folds and folds.sizes else None
 
     def times_from(self, known: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -63,7 +64,7 @@ class Flown:
         more = np.interp(frames, np.array(list(later)), np.array(list(later.values()), dtype=np.float64))
         return np.concatenate([known, np.round(more).astype(np.int64)])
 
-    def turns(self, frames: int) -> Iterator[tuple[Fold, Iterator[Packet], Detections | None]]:
+    def turns(self, frames: int) -> Iterator[tuple[FoldTurn, Iterator[Packet], Detections | None]]:
         """Each turn with the packets that were taken in before it, which are to be used up, and its boxes.
 
         Boxes are None where nobody looked.
@@ -88,7 +89,7 @@ class Flown:
         if renumbered:
             yield f"folds.csv: the log lacks records that the flight had; {renumbered} turns are placed by time"
         wrong = sum(
-            turn.frame != NO_PICTURE and len(self._boxes.at(turn.frame)) != (turn.boxes or 0)
+            turn.frame != NO_FRAME and len(self._boxes.at(turn.frame)) != (turn.boxes or 0)
             for turn in self._folds.turns
         )
         if wrong:

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from gcs.errors import ScoreError
+from gcs.session.frame_tables import read_truth
 from gcs.session.identity_log import read_identity
-from gcs.session.tables import Table, read_table
+from gcs.session.tables import Table
 
 __all__ = ["Matched", "Score", "match", "score", "score_files"]
 
@@ -82,7 +83,7 @@ def score_files(truth: Path, identity: Path) -> Score:
         ScoreError: the two have no frame in common.
         SessionError: a file is missing or lacks a column.
     """
-    true = read_table(truth, ("frame", "cx", "cy", "w", "h", "angle", "system_id"))
+    true = read_truth(truth)
     said = read_identity(identity)
     if not len(true):
         raise ScoreError(f"{truth}: no true box in it, nothing to compare with")

@@ -1,7 +1,12 @@
 """One time line for a recording during which the wall clock was set.
 
 ``clock.csv`` says from which record on, and by how much. Times are told by the clock as it first stood, so that
-records and pictures keep their order and their distances.
+records and frames keep their order and their distances.
+
+A log without that table is asked itself. A vehicle's boot clock that goes on while the stamps leap tells by how much
+they do. What no boot clock explains, a day and more forwards (another flight in the same file, a clock that was never
+set before) or half an hour back, is closed up to a second. A pause of hours stays: somebody may count from the log's
+first message.
 """
 
 from __future__ import annotations
@@ -12,10 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.session.segmented import read_segments
+from gcs.session.tables import read_table
 from infra.files.segments import segments
+from infra.session_format import CLOCK
+from mavlink.tlog.clocks import sender_clocks
+from mavlink.tlog.log import Tlog
 
-__all__ = ["Steps"]
+__all__ = ["ClockSteps", "close_leaps", "infer_steps"]
 
 Ints = NDArray[np.int64]
 
@@ -25,10 +33,16 @@ SEARCH_ROWS = 5000
 NEAR_US = 5_000_000
 MOST_STEPS = 1000
 """Of a clock that was set by somebody; each is looked for in all records."""
+NOTICED_US = 2_000_000
+"""Stamps that leap by less, either way, are no sign that the clock was set."""
+FAR_BACK_US, FAR_AHEAD_US = 1_800_000_000, 86_400_000_000
+"""Leaps beyond half an hour back and a day ahead are closed up."""
+CLOSED_UP_US = 1_000_000
+"""What is left of such a leap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Steps:
+class ClockSteps:
     """When the clock was set, (k,) each."""
 
     record: Ints
@@ -41,13 +55,13 @@ class Steps:
     """Rows of ``clock.csv`` that cannot be used."""
 
     @classmethod
-    def none(cls) -> Steps:
+    def none(cls) -> ClockSteps:
         """Of a clock that nobody touched."""
         empty = np.zeros(0, dtype=np.int64)
         return cls(record=empty, t_us=empty, step_us=empty)
 
     @classmethod
-    def read(cls, path: Path) -> Steps:
+    def read(cls, path: Path) -> ClockSteps:
         """Read ``clock.csv``; there is none where nobody set the clock.
 
         Raises:
@@ -55,9 +69,8 @@ class Steps:
         """
         if not segments(path):
             return cls.none()
-        table = read_segments(path, ("record", "t_us", "step_us"))
-        names = ("record", "t_us", "step_us")
-        columns = {name: table[name][:MOST_STEPS].astype(np.int64) for name in names}
+        table = read_table(path, CLOCK, without=("offset_us",))
+        columns = {name: column[:MOST_STEPS].astype(np.int64) for name, column in table.columns.items()}
         return cls(**columns, skipped=table.skipped + max(len(table) - MOST_STEPS, 0))
 
     def __len__(self) -> int:
@@ -70,11 +83,11 @@ class Steps:
             t_us[_first_after(stamped_us, record, step_us) :] -= step_us
         return t_us
 
-    def of_pictures(self, stamped_us: Ints, start_us: int) -> Ints:
-        """(n,) stamps of pictures on the same time line.
+    def of_frames(self, stamped_us: Ints, start_us: int) -> Ints:
+        """(n,) stamps of frames on the same time line.
 
         Args:
-            stamped_us: in the order of the pictures.
+            stamped_us: in the order of the frames.
             start_us: of the telemetry.
         """
         t_us = stamped_us.copy()
@@ -86,8 +99,28 @@ class Steps:
             if near.any():
                 t_us[int(np.argmax(near)) + 1 :] -= step_us
             elif len(t_us) and (stamped_us[0] >= new_us - NEAR_US if step_us > 0 else stamped_us[0] < start_us):
-                t_us -= step_us  # the first picture came after the step
+                t_us -= step_us  # the first frame came after the step
         return t_us
+
+
+def infer_steps(log: Tlog) -> ClockSteps:
+    """When the clock that stamped a log was set, by the sender that noticed most."""
+    t_us = log.index.t_us
+    if len(t_us) < 2 or np.abs(np.diff(t_us)).max() < NOTICED_US:
+        return ClockSteps.none()
+    steps = max((clock.steps for clock in sender_clocks(log)), key=len, default=())
+    return ClockSteps(
+        record=np.array([step.row for step in steps], dtype=np.int64),
+        t_us=np.array([t_us[step.row] for step in steps], dtype=np.int64),
+        step_us=np.array([round(step.by_s * 1e6) for step in steps], dtype=np.int64),
+    )
+
+
+def close_leaps(t_us: Ints) -> tuple[Ints, int]:
+    """(n,) times without leaps of half an hour back or a day ahead, and how many those were."""
+    moved = np.diff(t_us, prepend=t_us[:1])
+    far = (moved < -FAR_BACK_US) | (moved > FAR_AHEAD_US)
+    return t_us - np.cumsum(np.where(far, moved - CLOSED_UP_US, 0)), int(np.count_nonzero(far))
 
 
 def _first_after(stamped_us: Ints, record: int, step_us: int) -> int:

@@ -1,6 +1,6 @@
-"""In which order a flight took in telemetry and pictures, so that a replay can do the same.
+"""In which order a flight took in telemetry and frames, so that a replay can do the same.
 
-``folds.csv`` has a row for every turn of the fold: the picture that was looked at, or none, and how many telemetry
+``folds.csv`` has a row for every turn of the fold: the frame that was looked at, or none, and how many telemetry
 records had been taken in until then. ``unfolded.csv`` has the records that were never taken in: what the station itself
 sent, and what it could not keep up with.
 """
@@ -14,54 +14,50 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.session.segmented import read_segments
+from gcs.session.tables import read_table
 from infra.files.segments import segments
+from infra.session_format import FOLDS, UNFOLDED
 
-__all__ = ["FOLD_COLUMNS", "NO_PICTURE", "UNFOLDED_COLUMNS", "Fold", "Folds"]
+__all__ = ["NO_FRAME", "FoldOrder", "FoldTurn", "unfolded_row"]
 
-_ALWAYS, _OF_PICTURES = ("time_us", "records", "record_us", "heard_us"), ("frame", "boxes", "width", "height")
-FOLD_COLUMNS = (*_ALWAYS, *_OF_PICTURES)
-UNFOLDED_COLUMNS = ("record", "count")
-NO_PICTURE = -1
+NO_FRAME = -1
 """In place of a frame: the fleet alone was looked at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fold:
+class FoldTurn:
     """One turn of the fold."""
 
     t_us: int
-    """Unix µs that was folded for: when the picture was taken, by the clock of that moment."""
+    """Unix µs that was folded for: when the frame was taken, by the clock of that moment."""
     records: int
     """Number of the first telemetry record that had not been taken in yet."""
     record_us: int
     """Stamp of the one before it, 0 before any: tells whether the log still numbers its records alike."""
     heard_us: int
     """Whatever came before this Unix time had been taken in; 0: not known."""
-    frame: int = NO_PICTURE
-    """Of the video, or ``NO_PICTURE``."""
+    frame: int = NO_FRAME
+    """Of the video, or ``NO_FRAME``."""
     boxes: int | None = None
-    """Found in the picture; None: there was none, or the detector failed."""
+    """Found in the frame; None: there was none, or the detector failed."""
     size: tuple[int, int] | None = None
-    """Width and height of the picture, px; None: there was none."""
+    """Width and height of its image, px; None: there was none."""
 
     @property
     def row(self) -> str:
         """A line of ``folds.csv``."""
-        frame = None if self.frame == NO_PICTURE else self.frame
-        cells = (
-            self.t_us,
-            self.records,
-            self.record_us,
-            self.heard_us,
-            frame,
-            self.boxes,
-            *(self.size or (None, None)),
-        )
+        frame = None if self.frame == NO_FRAME else self.frame
+        of_frame = (frame, self.boxes, *(self.size or (None, None)))
+        cells = (self.t_us, self.records, self.record_us, self.heard_us, *of_frame)
         return ",".join("" if cell is None else str(cell) for cell in cells) + "\n"
 
 
-class Folds:
+def unfolded_row(record: int, count: int) -> str:
+    """A line of ``unfolded.csv``: records that were never taken in, by the number of the first and how many."""
+    return f"{record},{count}\n"
+
+
+class FoldOrder:
     """All turns of a flight, in order.
 
     Attributes:
@@ -69,44 +65,44 @@ class Folds:
         skipped: rows that could not be used.
     """
 
-    def __init__(self, turns: tuple[Fold, ...], unfolded: NDArray[np.int64], skipped: int) -> None:
+    def __init__(self, turns: tuple[FoldTurn, ...], unfolded: NDArray[np.int64], skipped: int) -> None:
         self.turns, self.skipped = turns, skipped
         self._unfolded = unfolded
 
     @classmethod
-    def read(cls, folder: Path) -> Folds | None:
+    def read(cls, folder: Path) -> FoldOrder | None:
         """Read the tables of a session folder; None: there are none.
 
         Raises:
             SessionError: a file is no such table.
         """
-        path, unfolded = folder / "folds.csv", folder / "unfolded.csv"
+        path, unfolded = folder / FOLDS.name, folder / UNFOLDED.name
         if not segments(path):
             return None
-        table = read_segments(path, _ALWAYS, _OF_PICTURES)
-        turns: list[Fold] = []
-        last = NO_PICTURE
+        table = read_table(path, FOLDS)
+        turns: list[FoldTurn] = []
+        last = NO_FRAME
         for t_us, records, record_us, heard_us, frame, *found in zip(
-            *(table[name].tolist() for name in FOLD_COLUMNS), strict=True
+            *(table[name].tolist() for name in FOLDS.columns), strict=True
         ):
             boxes, width, height = (None if math.isnan(number) else int(number) for number in found)
-            turn = Fold(
+            turn = FoldTurn(
                 t_us=int(t_us),
                 records=int(records),
                 record_us=int(record_us),
                 heard_us=int(heard_us),
-                frame=NO_PICTURE if math.isnan(frame) else int(frame),
+                frame=NO_FRAME if math.isnan(frame) else int(frame),
                 boxes=boxes,
                 size=(width, height) if width and height else None,
             )
-            if turn.frame == NO_PICTURE or (turn.frame > last and turn.size):
+            if turn.frame == NO_FRAME or (turn.frame > last and turn.size):
                 last = max(turn.frame, last)
                 turns.append(turn)
         spans = np.empty((0, 2), dtype=np.int64)
         lost = 0
         if segments(unfolded):
-            spare = read_segments(unfolded, UNFOLDED_COLUMNS)
-            spans = np.stack([spare[name].astype(np.int64) for name in UNFOLDED_COLUMNS], axis=1)
+            spare = read_table(unfolded, UNFOLDED)
+            spans = np.stack([spare[name].astype(np.int64) for name in UNFOLDED.columns], axis=1)
             lost = spare.skipped
         return cls(tuple(turns), spans, table.skipped + len(table) - len(turns) + lost)
 
@@ -115,7 +111,7 @@ class Folds:
 
     @property
     def sizes(self) -> set[tuple[int, int]]:
-        """Width and height of all pictures, px."""
+        """Width and height of all images, px."""
         return {turn.size for turn in self.turns if turn.size}
 
     def placed(self, stamped_us: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:

@@ -8,62 +8,21 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Protocol, Self, TextIO
+from typing import Self
 
 from gcs.errors import SessionError
-from gcs.session.segmented import read_segments
-from gcs.session.tables import Table
-from gcs.snapshot import Box, Event, Snapshot
+from gcs.session.line_file import Lines, open_new
+from gcs.session.tables import Table, read_table
+from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
+from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 
-__all__ = ["COLUMNS", "EventLog", "IdentityLog", "Lines", "open_new", "read_identity"]
-
-COLUMNS = (
-    "time_us",
-    "frame",
-    "track_id",
-    "system_id",
-    "confidence",
-    "cx",
-    "cy",
-    "w",
-    "h",
-    "angle",
-    "heading",
-    "lat",
-    "lon",
-)
+__all__ = ["IdentityLog", "json_row", "read_identity"]
 
 _JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
-
-
-class Lines(Protocol):
-    """A text file that takes whole lines."""
-
-    def write(self, text: str, /) -> object:
-        """Append lines."""
-
-    def flush(self) -> None:
-        """Hand them to the system."""
-
-    def close(self) -> None:
-        """Let go of the file."""
-
-
-def open_new(path: Path, header: str = "") -> TextIO:
-    """Open a file for writing that must not exist yet; an error ends who writes, as in a job without a flight."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.open("x", encoding="utf-8", newline="\n")
-        file.write(header)
-        return file
-    except FileExistsError:
-        raise SessionError(f"{path}: exists already and is never overwritten; choose another place") from None
-    except OSError as error:
-        raise SessionError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 class IdentityLog:
@@ -75,9 +34,9 @@ class IdentityLog:
     """
 
     def __init__(self, folder: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
-        self._csv = open_file(folder / "identity.csv", ",".join(COLUMNS) + "\n")
+        self._csv = open_file(folder / IDENTITY.name, IDENTITY.header)
         try:
-            self._jsonl = open_file(folder / "identity.jsonl", "")
+            self._jsonl = open_file(folder / IDENTITY_EVIDENCE, "")
         except SessionError:
             self._csv.close()
             raise
@@ -102,24 +61,6 @@ class IdentityLog:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-class EventLog:
-    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes."""
-
-    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
-        self._file = open_file(path, "")
-
-    def write(self, events: Sequence[Event]) -> None:
-        """Append events, one JSON object a line."""
-        if not events:
-            return
-        self._file.write("".join(event_row(event) + "\n" for event in events))
-        self._file.flush()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
 
 def csv_row(snapshot: Snapshot, box: Box) -> str:
@@ -166,12 +107,6 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
     return _JSON.encode(row)
 
 
-def event_row(event: Event) -> str:
-    """One line of ``events.jsonl``."""
-    row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
-    return _JSON.encode(row | {"text": plain(event.text)})
-
-
 def _number(value: float, digits: int) -> float | None:
     return round(value, digits) + 0.0 if math.isfinite(value) else None
 
@@ -182,5 +117,4 @@ def _text(value: float, digits: int) -> str:
 
 def read_identity(path: Path) -> Table:
     """Read an identity log; ``system_id`` and ``track_id`` are NaN where unknown."""
-    required = ("time_us", "frame", "cx", "cy", "w", "h", "angle")
-    return read_segments(path, required, ("track_id", "system_id", "confidence", "heading", "lat", "lon"))
+    return read_table(path, IDENTITY)

@@ -1,10 +1,14 @@
-"""A text file of a flight: its lines outlive a full or failing disk, and nobody waits for one that hangs."""
+"""Text files written line by line: of a job, which an error ends; and of a flight, which goes on.
+
+A flight's lines outlive a full or failing disk, and nobody waits for one that hangs.
+"""
 
 from __future__ import annotations
 
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol, TextIO
 
 from gcs.errors import SessionError
 from infra.files.append import AppendFile
@@ -12,12 +16,38 @@ from infra.files.disk import OS_DISK, Disk
 from infra.files.record_state import RecordState
 from infra.files.write_buffer import Backlog, Piece
 
-__all__ = ["LineFile"]
+__all__ = ["LineFile", "Lines", "open_new"]
 
 RAM_BYTES = 16 << 20
 """Over a minute of the evidence of twenty boxes at thirty frames a second."""
 HANG_S = 5.0
 """Closing waits so long for a disk that hangs, counted from when it began to."""
+
+
+class Lines(Protocol):
+    """A text file that takes whole lines."""
+
+    def write(self, text: str, /) -> object:
+        """Append lines."""
+
+    def flush(self) -> None:
+        """Hand them to the system."""
+
+    def close(self) -> None:
+        """Let go of the file."""
+
+
+def open_new(path: Path, header: str = "") -> TextIO:
+    """Open a file for writing that must not exist yet; an error ends who writes, as in a job without a flight."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("x", encoding="utf-8", newline="\n")
+        file.write(header)
+        return file
+    except FileExistsError:
+        raise SessionError(f"{path}: exists already and is never overwritten; choose another place") from None
+    except OSError as error:
+        raise SessionError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 class LineFile:

@@ -9,25 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.session.clock_inference import close_leaps, steps_of
-from gcs.session.clock_steps import Steps
-from gcs.session.segmented import read_segments
-from gcs.session.sender_table import Heard
+from gcs.session.clock_steps import ClockSteps, close_leaps, infer_steps
+from gcs.session.sender_table import RecordSenders
+from gcs.session.tables import read_table
 from infra.files.segments import segments
+from infra.session_format import CLOCK, FRAMES, LOG, REFUSED, SENDERS, TableFormat
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.log import Tlog
 
-__all__ = ["RECORDED", "SessionLog"]
+__all__ = ["SessionLog"]
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-RECORDED = "telemetry.tlog"
-"""A log of this name is one that we recorded, and may have segments and tables beside it."""
-
-
-_SILENT = "telemetry.tlog: nothing was received in flight; there is only the video"
+_SILENT = f"{LOG}: nothing was received in flight; there is only the video"
 
 
 class SessionLog:
@@ -43,7 +39,7 @@ class SessionLog:
         path: of the first segment.
         stamped_us: (n,) times as they stand in the log.
         steps: when the wall clock was set.
-        heard: who sent each record.
+        senders: who sent each record.
         warnings: what an analyst should know, one line each.
 
     Raises:
@@ -54,27 +50,28 @@ class SessionLog:
     def __init__(self, path: Path, signers: Callable[[int], bool] = lambda system_id: False) -> None:
         self.path = path
         self._signers = signers
-        recorded = path.name == RECORDED
-        silent = recorded and _any(path, "frames.csv") and any(path.parent.glob("video.*")) and _is_empty(path)
+        recorded = path.name == LOG  # one that we recorded may have segments and tables beside it
+        silent = recorded and _any(path, FRAMES) and any(path.parent.glob("video.*")) and _is_empty(path)
         self._logs, troubles = ([], [_SILENT]) if silent else _open(segments(path) if recorded else [path], path)
         self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
         stamped_us: Ints = np.concatenate([np.empty(0, dtype=np.int64), *self._of_each("t_us")])
-        self._leaps, self._found = 0, not (recorded and _any(path, "clock.csv", "frames.csv"))
+        self._leaps, self._found = 0, not (recorded and _any(path, CLOCK, FRAMES))
         if self._found and len(self._logs) == 1:
-            self.steps = steps_of(self._logs[0])
+            self.steps = infer_steps(self._logs[0])
             self._t_us, self._leaps = close_leaps(self.steps.of_records(stamped_us))
         else:
-            self.steps = Steps.read(path.with_name("clock.csv")) if recorded else Steps.none()
+            self.steps = ClockSteps.read(path.with_name(CLOCK.name)) if recorded else ClockSteps.none()
             self._t_us = self.steps.of_records(stamped_us)
         self.stamped_us = stamped_us
-        refused = path.with_name("refused.csv")
+        refused = path.with_name(REFUSED.name)
         has_refused = recorded and bool(segments(refused))
         nothing = np.zeros(len(stamped_us), dtype=np.uint8), 0
         self._auth, self._unread = _refused(refused, stamped_us) if has_refused else nothing
         system_id = np.concatenate([np.empty(0, dtype=np.uint8), *self._of_each("system_id")])
-        senders = path.with_name("senders.csv")
+        senders = path.with_name(SENDERS.name)
         noted = recorded and bool(segments(senders))
-        self.heard = Heard.read(senders, stamped_us, system_id) if noted else Heard.unknown(len(stamped_us))
+        unknown = RecordSenders.unknown(len(stamped_us))
+        self.senders = RecordSenders.read(senders, stamped_us, system_id) if noted else unknown
         self.warnings = (*troubles, *self._complaints())
 
     def __len__(self) -> int:
@@ -111,7 +108,7 @@ class SessionLog:
         for log, keep in zip(self._logs, self._keep, strict=True):
             stop = start + int(np.count_nonzero(keep))
             kept = (packet for packet, wanted in zip(log.packets(), keep.tolist(), strict=True) if wanted)
-            columns = (times_us, self.heard.link, self.heard.peer, self._auth)
+            columns = (times_us, self.senders.link, self.senders.peer, self._auth)
             rows = zip(*(column[start:stop].tolist() for column in columns), strict=True)
             for packet, (t_us, link, peer, auth) in zip(kept, rows, strict=True):
                 if not auth and packet.signed and self._signers(packet.system_id):
@@ -142,17 +139,17 @@ class SessionLog:
                 size = sum(d.stop - d.start for d in log.index.damage)
                 yield f"{log.path.name}: {len(log.index.damage)} damaged places, {size} bytes skipped"
         if self.refused:
-            yield f"refused.csv: {self.refused} records were not believed in flight and are left out"
-        skipped = {"refused.csv": self._unread, "senders.csv": self.heard.skipped, "clock.csv": self.steps.skipped}
-        for name, rows in skipped.items():
+            yield f"{REFUSED.name}: {self.refused} records were not believed in flight and are left out"
+        skipped = {REFUSED: self._unread, SENDERS: self.senders.skipped, CLOCK: self.steps.skipped}
+        for table, rows in skipped.items():
             if rows:
-                yield f"{name}: {rows} rows cannot be read and are left out"
+                yield f"{table.name}: {rows} rows cannot be read and are left out"
         if len(self.steps):
             times = f"the clock was set {len(self.steps)} times"
             if self._found:
                 yield f"the vehicles' clocks: {times}; all times are those of the first setting"
             else:
-                yield f"clock.csv: {times}; records and pictures keep their order"
+                yield f"{CLOCK.name}: {times}; records and frames keep their order"
         if self._leaps:
             leaps = f"time leaps by half an hour back or a day ahead {self._leaps} times"
             yield f"{self.path.name}: {leaps}, which is closed up"
@@ -177,9 +174,9 @@ def _is_empty(path: Path) -> bool:
     return bool(segments(path)) and not any(part.stat().st_size for part in segments(path))
 
 
-def _any(path: Path, *names: str) -> bool:
+def _any(path: Path, *tables: TableFormat) -> bool:
     """Whether one of these tables stands beside a log."""
-    return any(segments(path.with_name(name)) for name in names)
+    return any(segments(path.with_name(table.name)) for table in tables)
 
 
 def _again(log: Tlog, later: Sequence[Tlog]) -> Flags:
@@ -200,7 +197,7 @@ def _refused(path: Path, t_us: Ints) -> tuple[NDArray[np.uint8], int]:
     A record is found by its number. Where numbers and times do not agree, because records were lost, every record of
     the same time is refused: rather a good one left out than a forged one believed.
     """
-    table = read_segments(path, ("record", "t_us", "auth"))
+    table = read_table(path, REFUSED, without=("link", "peer"))
     number, time_us = table["record"].astype(np.int64), table["t_us"].astype(np.int64)
     said = np.clip(table["auth"], Auth.UNSIGNED, max(Auth)).astype(np.uint8)
     auth = np.zeros(len(t_us), dtype=np.uint8)

@@ -21,11 +21,11 @@ from gcs.session.log import SessionLog
 from gcs.session.session import mission_table
 from infra.files.safe_open import create, open_to_read
 from infra.files.segments import segments
+from infra.session_format import LOG, METADATA
 from mavlink.errors import TlogError
 
 __all__ = ["Interrupted", "SessionFile", "recorded_folders", "seal"]
 
-NAME = "session.toml"
 MOST_COUNTED_BYTES = 8 << 30
 """A day at 100 kB/s; to count the records of more would take minutes."""
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
@@ -44,7 +44,7 @@ class SessionFile:
     """
 
     def __init__(self, folder: Path, mission: Mission, notes: Mapping[str, Any] = MappingProxyType({})) -> None:
-        self._path = folder / NAME
+        self._path = folder / METADATA
         self._mission = mission
         self._notes: dict[str, Any] = {
             "format": 1,
@@ -94,14 +94,14 @@ def _replace(folder: int, text: str) -> int:
         folder: descriptor of the session's folder.
         text: of the file.
     """
-    new = f"{NAME}.{secrets.token_hex(8)}.new"
+    new = f"{METADATA}.{secrets.token_hex(8)}.new"
     fd = create(new, folder=folder)
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         with os.fdopen(fd, "wb", closefd=False) as file:
             file.write(text.encode())
         os.fsync(fd)
-        os.rename(new, NAME, src_dir_fd=folder, dst_dir_fd=folder)
+        os.rename(new, METADATA, src_dir_fd=folder, dst_dir_fd=folder)
     except OSError:
         os.unlink(new, dir_fd=folder)
         os.close(fd)
@@ -131,7 +131,7 @@ class Interrupted:
 
 def recorded_folders(parent: Path) -> list[Path]:
     """The session folders in a folder, the newest first."""
-    return sorted((file.parent for file in parent.glob(f"*/{NAME}")), reverse=True)
+    return sorted((file.parent for file in parent.glob(f"*/{METADATA}")), reverse=True)
 
 
 def seal(folder: Path) -> Interrupted | None:
@@ -148,7 +148,7 @@ def seal(folder: Path) -> Interrupted | None:
     except BlockingIOError:
         return None
     except OSError as error:
-        return Interrupted(folder=folder, trouble=f"{NAME}: {error.strerror}")
+        return Interrupted(folder=folder, trouble=f"{METADATA}: {error.strerror}")
     except (ConfigError, ValueError, TypeError) as error:
         return Interrupted(folder=folder, trouble=str(error))
     finally:
@@ -156,15 +156,15 @@ def seal(folder: Path) -> Interrupted | None:
 
 
 def _seal_locked(folder: Path, at: int) -> Interrupted | None:
-    fd = open_to_read(NAME, links=False, folder=at)
+    fd = open_to_read(METADATA, links=False, folder=at)
     with os.fdopen(fd, "rb") as file:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if os.fstat(fd).st_ino != os.stat(NAME, dir_fd=at, follow_symlinks=False).st_ino:
+        if os.fstat(fd).st_ino != os.stat(METADATA, dir_fd=at, follow_symlinks=False).st_ino:
             return None  # sealed by somebody else a moment ago
         data = file.read(MOST_TOML_BYTES + 1)
         if len(data) > MOST_TOML_BYTES:
-            return Interrupted(folder=folder, trouble=f"{NAME}: larger than {MOST_TOML_BYTES >> 10} KiB")
-        table = parse_toml(data, NAME)
+            return Interrupted(folder=folder, trouble=f"{METADATA}: larger than {MOST_TOML_BYTES >> 10} KiB")
+        table = parse_toml(data, METADATA)
         notes = table.get("session", {})
         return _seal(folder, at, table) if "started" in notes and "ended" not in notes else None
 
@@ -183,7 +183,7 @@ def _seal(folder: Path, at: int, table: dict[str, Any]) -> Interrupted:
 
 
 def _records(folder: Path) -> int | None:
-    path = folder / "telemetry.tlog"
+    path = folder / LOG
     try:
         if sum(part.stat().st_size for part in segments(path)) > MOST_COUNTED_BYTES:
             return None

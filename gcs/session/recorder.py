@@ -10,16 +10,18 @@ import contextlib
 import math
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from gcs.mission.mission import Mission
-from gcs.session.disk_forecast import SpaceForecast
-from gcs.session.fold_order import FOLD_COLUMNS, UNFOLDED_COLUMNS, Fold
-from gcs.session.identity_log import EventLog, IdentityLog
+from gcs.session.event_log import EventLog
+from gcs.session.fold_order import FoldTurn, unfolded_row
+from gcs.session.frame_tables import detection_rows, frame_row
+from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
 from gcs.session.recording_events import RecordWatch
@@ -28,17 +30,18 @@ from gcs.snapshot import Event, Snapshot
 from infra.files.disk import OS_DISK, Disk
 from infra.files.flusher import Caretaker
 from infra.files.record_state import RecordState
+from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, UNFOLDED, TableFormat
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter
 from vision.detect.detections import Detections
 
-__all__ = ["Recorder"]
+__all__ = ["Recorder", "SpaceForecast"]
 
-FRAME_COLUMNS = ("frame", "time_us")
-DETECTION_COLUMNS = ("frame", "cx", "cy", "w", "h", "angle", "score", "heading")
 SYNC_S = 0.5
 SETTLE_S = 0.05
 """A look at the files waits so long, all together, for lines that are just being written."""
+GROWTH_S, SHORTEST_GROWTH_S = 60.0, 5.0
+"""Growth is measured over the last minute, and over five seconds at least."""
 
 
 class Recorder:
@@ -72,7 +75,7 @@ class Recorder:
     ) -> None:
         self.folder = create_folder(parent)
         self.video_path = self.folder / "video.mkv" if video else None
-        self.tlog_path = self.folder / "telemetry.tlog"
+        self.tlog_path = self.folder / LOG
         self.full_in_s = math.inf
         self._files: list[LineFile] = []
         self._frames: LineFile | None = None
@@ -93,16 +96,16 @@ class Recorder:
     def _make_files(self, video: bool, telemetry: bool, disk: Disk) -> None:
         make = partial(self._make, disk)
         self._identity = IdentityLog(self.folder, make)
-        self._events = EventLog(self.folder / "events.jsonl", make)
+        self._events = EventLog(self.folder / EVENTS, make)
         if video:
-            self._frames = self._table(disk, "frames.csv", FRAME_COLUMNS)
-            self._detections = self._table(disk, "detections.csv", DETECTION_COLUMNS)
-            self._folds = self._table(disk, "folds.csv", FOLD_COLUMNS)
-            self._unfolded = self._table(disk, "unfolded.csv", UNFOLDED_COLUMNS, lazy=True)
+            self._frames = self._table(disk, FRAMES)
+            self._detections = self._table(disk, DETECTIONS)
+            self._folds = self._table(disk, FOLDS)
+            self._unfolded = self._table(disk, UNFOLDED, lazy=True)
         self._tlog = TlogWriter(self.tlog_path, disk=disk) if telemetry else None
 
-    def _table(self, disk: Disk, name: str, columns: Sequence[str], *, lazy: bool = False) -> LineFile:
-        return self._make(disk, self.folder / name, ",".join(columns) + "\n", lazy=lazy)
+    def _table(self, disk: Disk, form: TableFormat, *, lazy: bool = False) -> LineFile:
+        return self._make(disk, self.folder / form.name, form.header, lazy=lazy)
 
     def _make(self, disk: Disk, path: Path, header: str, *, lazy: bool = False) -> LineFile:
         file = LineFile(path, header, disk=disk, lazy=lazy)
@@ -117,19 +120,17 @@ class Recorder:
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
         if self._frames:
-            self._frames.write(f"{index},{t_us}\n")
+            self._frames.write(frame_row(index, t_us))
 
     def detections(self, frame: int, detections: Detections) -> None:
         """Append what the detector saw in a frame, to the last digit: a replay folds the very same numbers."""
-        if not self._detections:
-            return
-        cells = [["" if math.isnan(value) else repr(value) for value in box] for box in detections.table.T.tolist()]
-        self._detections.write("".join(f"{frame},{','.join(box)}\n" for box in cells))
+        if self._detections:
+            self._detections.write(detection_rows(frame, detections))
 
-    def fold(self, fold: Fold) -> None:
+    def fold(self, turn: FoldTurn) -> None:
         """Append a turn of the fold."""
         if self._folds:
-            self._folds.write(fold.row)
+            self._folds.write(turn.row)
 
     def unfolded(self, record: int, count: int) -> None:
         """Note records of the log that the fold has not taken in and never will.
@@ -139,7 +140,7 @@ class Recorder:
             count: of them.
         """
         if self._unfolded:
-            self._unfolded.write(f"{record},{count}\n")
+            self._unfolded.write(unfolded_row(record, count))
 
     def snapshot(self, snapshot: Snapshot) -> None:
         """Append a frame's identities and events."""
@@ -204,3 +205,28 @@ class Recorder:
         if not any(state.stalled_s for state in states.values()):  # it would wait, and the next start seals it too
             self._session.close({"packets": log.rows, **notes} | ({"lost": lost} if lost else {}))
         return tuple(f"{name}: {rows} rows lost{states[name].because}" for name, rows in lost.items())
+
+
+class SpaceForecast:
+    """How long the disk will last, by what was free and what was written in the last minute."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, int, int]] = deque()
+
+    def update(self, now_s: float, free_bytes: int, written_bytes: int) -> float:
+        """Take a measurement; seconds until the disk is full if it goes on so, inf while nothing grows.
+
+        Args:
+            now_s: monotonic.
+            free_bytes: left on the disk.
+            written_bytes: of the whole session so far, video included.
+        """
+        self._seen.append((now_s, free_bytes, written_bytes))
+        while self._seen[0][0] < now_s - GROWTH_S:
+            self._seen.popleft()
+        then_s, then_free, then_written = self._seen[0]
+        if now_s - then_s < SHORTEST_GROWTH_S:
+            return math.inf
+        # t = free / rate; others may fill the disk too: the faster of what we write and what goes
+        grown = max(written_bytes - then_written, then_free - free_bytes, 0)
+        return free_bytes * (now_s - then_s) / grown if grown else math.inf

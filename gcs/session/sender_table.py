@@ -15,16 +15,18 @@ from numpy.typing import NDArray
 from infra.files.safe_open import open_to_read
 from infra.files.segments import segments
 from infra.plain_text import from_cell
+from infra.session_format import SENDERS
 
-__all__ = ["Heard"]
+__all__ = ["RecordSenders"]
 
 Ints = NDArray[np.int64]
-_NUMBERS = 5
+_NUMBERS = SENDERS.columns.index("address")
+"""The columns before are numbers, those from there on are words."""
 _BOUND = 1 << 62
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class RecordSenders:
     """How n records came."""
 
     link: Ints
@@ -39,13 +41,13 @@ class Heard:
     """Rows that cannot be read."""
 
     @classmethod
-    def unknown(cls, count: int) -> Heard:
+    def unknown(cls, count: int) -> RecordSenders:
         """Of a log that says nothing of it."""
         link, peer = np.zeros((2, count), dtype=np.int64)
         return cls(link=link, peer=peer, names=(), addresses={}, skipped=0)
 
     @classmethod
-    def read(cls, path: Path, t_us: Ints, system_id: NDArray[np.uint8]) -> Heard:
+    def read(cls, path: Path, t_us: Ints, system_id: NDArray[np.uint8]) -> RecordSenders:
         """Read ``senders.csv`` and its further segments.
 
         A row holds from its record on, for one system id. Where numbers and times do not agree, because records were
@@ -107,7 +109,7 @@ def _rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], in
 def _row(cells: list[str]) -> tuple[tuple[int, ...], tuple[str, str]] | None:
     try:
         numbers = tuple(map(int, cells[:_NUMBERS]))
-        address, name = map(from_cell, cells[_NUMBERS : _NUMBERS + 2])
+        address, name = map(from_cell, cells[_NUMBERS : len(SENDERS.columns)])
     except ValueError:
         return None
     return (numbers, (address, name)) if all(0 <= number < _BOUND for number in numbers) else None

@@ -7,7 +7,7 @@ times the file.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from gcs.errors import SessionError
 from infra.files.safe_open import open_to_read
+from infra.files.segments import segments
+from infra.session_format import TableFormat
 
 __all__ = ["Table", "read_table"]
 
@@ -86,15 +88,35 @@ class Table:
         return len(next(iter(self.columns.values())))
 
 
-def read_table(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> Table:
-    """Read the named columns of a CSV file with a header line; other columns are left alone.
+def read_table(path: Path, form: TableFormat, *, without: Collection[str] = ()) -> Table:
+    """Read the columns of a CSV table with a header line; columns that it should not have are left alone.
+
+    Where the disk failed, ``path`` has further segments: they are read as one, and rows that a failed sync had written
+    again count once.
 
     A row counts as bad when a required cell is empty or no number, an optional one is neither empty nor a number, when
     a number is none that its column can hold, or when its frame has a thousand boxes already.
 
+    Args:
+        path: of the table, or of its first segment.
+        form: the columns it has.
+        without: columns of it that nobody asks for.
+
     Raises:
         SessionError: no such file, no header, or a required column is missing.
     """
+    names = [name for name in form.columns if name not in without]
+    required = [name for name in names if name not in form.optional]
+    optional = [name for name in names if name in form.optional]
+    first, *rest = segments(path) or [path]
+    table = _read_file(first, required, optional)
+    for later in rest:
+        table = _joined(table, _read_file(later, required, optional))
+    return table
+
+
+def _read_file(path: Path, required: Sequence[str], optional: Sequence[str]) -> Table:
+    """One segment of a table."""
     try:
         with os.fdopen(open_to_read(path), encoding="utf-8", errors="replace") as file:
             header = [name.strip(_AROUND) for name in file.readline(MOST_ROW_CHARS).split(",")]
@@ -120,6 +142,15 @@ def read_table(path: Path, required: Sequence[str], optional: Sequence[str] = ()
     columns = {name: array[:, k] for k, name in enumerate(wanted)}
     columns |= {name: np.full(len(array), np.nan) for name in optional if name not in columns}
     return Table(columns=columns, skipped=skipped + len(rows) - len(array))
+
+
+def _joined(table: Table, later: Table) -> Table:
+    names = list(table.columns)
+    ours = np.column_stack([table[name] for name in names])
+    theirs = np.column_stack([later[name] for name in names])
+    again = {row.tobytes() for row in theirs}
+    whole = np.concatenate([ours[[row.tobytes() not in again for row in ours]], theirs])
+    return Table(columns={name: whole[:, k] for k, name in enumerate(names)}, skipped=table.skipped + later.skipped)
 
 
 _AROUND = ' \t\r\n"\ufeff'

@@ -22,18 +22,16 @@ from infra.files.journal import Journal
 from infra.files.journal_writer import Scribe
 from infra.files.record_state import RecordState, overall
 from infra.plain_text import to_cell
+from infra.session_format import CLOCK, REFUSED, SENDERS, TableFormat
 from mavlink.errors import TlogError
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 from mavlink.tlog.clock_watch import ClockWatch
 
-__all__ = ["CLOCK_COLUMNS", "REFUSED_COLUMNS", "SENDERS_COLUMNS", "SYNC_S", "TlogWriter"]
+__all__ = ["SYNC_S", "TlogWriter"]
 
 SYNC_S = 0.15
 """Between syncs: with the sync itself a power cut costs at most 0.2 s on a disk that is well."""
-REFUSED_COLUMNS = ("record", "t_us", "link", "peer", "auth")
-SENDERS_COLUMNS = ("record", "t_us", "system_id", "link", "peer", "address", "name")
-CLOCK_COLUMNS = ("record", "t_us", "offset_us", "step_us")
 _TABLE_RAM_BYTES = 8 << 20
 _TIME = struct.Struct(">Q")
 _LOG, _REFUSED, _CLOCK, _SENDERS = range(4)
@@ -81,8 +79,7 @@ class TlogWriter:
             raise TlogError(f"{self.path}: exists already, and recordings are never overwritten") from None
         except OSError as error:
             raise TlogError(f"{self.path}: cannot be made: {error.strerror}") from error
-        tables = (("refused", REFUSED_COLUMNS), ("clock", CLOCK_COLUMNS), ("senders", SENDERS_COLUMNS))
-        self._files = (self._log, *(_table(self.path.with_name(f"{name}.csv"), row, disk) for name, row in tables))
+        self._files = (self._log, *(_table(self.path, form, disk) for form in (REFUSED, CLOCK, SENDERS)))
         self._clock = clock or ClockWatch()
         self._journal = journal
         self._scribe: Scribe | None = None
@@ -201,9 +198,11 @@ class TlogWriter:
         self.close()
 
 
-def _table(path: Path, columns: tuple[str, ...], disk: Disk) -> AppendFile:
-    header = (",".join(columns) + "\n").encode()
-    return AppendFile(path, header=header, ram_bytes=_TABLE_RAM_BYTES, lazy=True, disk=disk)
+def _table(log: Path, form: TableFormat, disk: Disk) -> AppendFile:
+    """A table beside a log."""
+    return AppendFile(
+        log.with_name(form.name), header=form.header.encode(), ram_bytes=_TABLE_RAM_BYTES, lazy=True, disk=disk
+    )
 
 
 def _places(data: bytes) -> Iterator[int]:

@@ -11,8 +11,8 @@ from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, Vehicle
 from gcs.report.overlay import draw, label_of
 from gcs.report.rollcall import RollCall
-from gcs.session.identity_log import event_row
-from gcs.session.sender_table import Heard
+from gcs.session.event_log import event_row
+from gcs.session.sender_table import RecordSenders
 from gcs.session.session import mission_table
 from gcs.snapshot import Event
 from infra.plain_text import from_cell, plain, to_cell
@@ -128,5 +128,5 @@ def test_senders_are_read_back_as_they_were(name, tmp_path):
     text = (tmp_path / "senders.csv").read_text()
     assert is_plain(text)
     assert ",=" not in text
-    heard = Heard.read(tmp_path / "senders.csv", np.array([1000]), np.array([7], dtype=np.uint8))
+    heard = RecordSenders.read(tmp_path / "senders.csv", np.array([1000]), np.array([7], dtype=np.uint8))
     assert (heard.names, heard.address(0, 0)) == ((plain(name),), plain(name))

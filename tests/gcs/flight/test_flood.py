@@ -10,7 +10,7 @@ import pytest
 from gcs.fold.pipeline import Pipeline
 from gcs.health.event_throttle import Quiet
 from gcs.mission.mission import load_mission
-from gcs.session.identity_log import EventLog
+from gcs.session.event_log import EventLog
 from gcs.snapshot import Event
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog, TlogWriter

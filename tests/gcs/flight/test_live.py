@@ -17,7 +17,8 @@ from bench.process_tree import family
 from gcs.cli.identify import identify_into
 from gcs.fold.detector_factory import fingerprints
 from gcs.mission.mission import DetectorChoice
-from gcs.session.session import open_session, read_times
+from gcs.session.frame_tables import read_times
+from gcs.session.session import open_session
 from mavlink.tlog.log import Tlog
 from sim.live import play
 from sim.world.presets import nominal

@@ -12,7 +12,7 @@ from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
 from gcs.playback.analysis import Analysis
-from gcs.session.fold_order import Folds
+from gcs.session.fold_order import FoldOrder
 from gcs.session.session import open_session
 from sim.world.presets import nominal
 from sim.world.scenario import Ground
@@ -66,7 +66,7 @@ def test_the_troubles_came(flown):
     assert (folder / "refused.csv").exists() == troubles.signed
     assert (folder / "unfolded.csv").exists() == troubles.speaks
     assert len(list(folder.glob("telemetry*.tlog"))) == 1 + len(troubles.killed_s)
-    turns = Folds.read(folder).turns
+    turns = FoldOrder.read(folder).turns
     frames = len(rows(folder / "frames.csv"))
     assert sum(turn.frame >= 0 for turn in turns) < frames, "pictures are skipped"
     half = (CAMERA.width // 2, CAMERA.height // 2)
@@ -82,7 +82,7 @@ def test_every_frame_has_one_snapshot(flown):
     analysis = Analysis(open_session(folder))
     shown = list(analysis.snapshots())
     assert [snapshot.frame for snapshot in shown] == list(range(len(analysis.times_us)))
-    looked = {turn.frame for turn in Folds.read(folder).turns}
+    looked = {turn.frame for turn in FoldOrder.read(folder).turns}
     assert not any(snapshot.boxes for snapshot in shown if snapshot.frame not in looked)
     assert all(len(snapshot.vehicles) == 1 + len(SCENARIO.ugv_ids) for snapshot in shown)
 

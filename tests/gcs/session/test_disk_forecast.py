@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from gcs.session.disk_forecast import SpaceForecast
+from gcs.session.recorder import SpaceForecast
 
 GB, MB = 1_000_000_000, 1_000_000
 

@@ -12,11 +12,13 @@ from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import load_mission
 from gcs.playback.analysis import BARE_PAUSE_US, Analysis
 from gcs.report.score import score_files
-from gcs.session.clock_steps import MOST_STEPS, Steps
+from gcs.session.clock_steps import MOST_STEPS, ClockSteps
+from gcs.session.frame_tables import MOST_MISSING, read_detections, read_times
 from gcs.session.identity_log import read_identity
 from gcs.session.identity_replay import recorded
-from gcs.session.session import MOST_MISSING, open_session, read_detections, read_times
+from gcs.session.session import open_session
 from gcs.session.tables import MOST_BOXES, read_table
+from infra.session_format import TableFormat
 from tests.gcs.cli.test_cli import gcs, session_without
 from tests.gcs.session.test_metadata import MISSION
 from tests.mavlink.tlog.test_writer import packet
@@ -171,7 +173,7 @@ def test_memory_is_some_times_the_file(tmp_path):
 def test_numbers_in_quotation_marks_are_numbers(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text('\ufeff"frame", "cx"\r\n"1","2.5"\r\n"2,3\r\n')
-    table = read_table(path, ("frame", "cx"))
+    table = read_table(path, TableFormat("t.csv", "frame,cx"))
     assert (table["frame"].tolist(), table["cx"].tolist(), table.skipped) == ([1, 2], [2.5, 3], 0)
 
 
@@ -208,7 +210,7 @@ def test_an_identity_log_of_others_is_shown_as_far_as_it_goes(tmp_path):
 
 def test_a_clock_set_without_end_is_followed_so_far(tmp_path):
     (tmp_path / "clock.csv").write_text("record,t_us,offset_us,step_us\n" + f"5,{T0},1,2000000\n" * (3 * MOST_STEPS))
-    assert len(Steps.read(tmp_path / "clock.csv")) == MOST_STEPS
+    assert len(ClockSteps.read(tmp_path / "clock.csv")) == MOST_STEPS
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,11 @@ from gcs.errors import GcsError, SessionError
 from gcs.export import open_export
 from gcs.mission.mission import Mission, Vehicle
 from gcs.report.rollcall import RollCall
-from gcs.session.identity_log import COLUMNS, EventLog, IdentityLog, read_identity
+from gcs.session.event_log import EventLog
+from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.identity_replay import recorded
 from gcs.snapshot import Box, Event, Health, Snapshot, VehicleRow
+from infra.session_format import IDENTITY
 from vision.video.video import VideoFile
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
@@ -46,7 +48,7 @@ def test_rows_have_the_columns_and_unknown_is_empty(tmp_path):
         log.write(snapshot(0, boxes=[box(1, 2, lat_deg=47.5, lon_deg=8.25), box(2, 0, heading=np.nan)]))
         log.write(snapshot(1, boxes=[box(1, 2, coasting=True), box(0, 0)]))
     lines = (tmp_path / "identity.csv").read_text().splitlines()
-    assert lines[0] == ",".join(COLUMNS)
+    assert lines[0] == IDENTITY.heading
     assert lines[1] == ("1795171704000000,0,1,2,0.9800,10.00,20.00,30.00,15.00,0.5000,2.0000,47.5000000,8.2500000")
     assert lines[2] == "1795171704000000,0,2,,0.9800,20.00,20.00,30.00,15.00,0.5000,,,"
     assert lines[3] == "1795171704100000,1,,,0.9800,0.00,20.00,30.00,15.00,0.5000,2.0000,,"

@@ -6,10 +6,11 @@ import pytest
 
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis, discover
-from gcs.session.clock_steps import Steps
+from gcs.session.clock_steps import ClockSteps
 from gcs.session.log import SessionLog
-from gcs.session.segmented import read_segments
 from gcs.session.session import open_session
+from gcs.session.tables import read_table
+from infra.session_format import TableFormat
 from mavlink.errors import TlogError
 from mavlink.protocol.encoder import COPTER, Speaker
 from mavlink.protocol.packet import Auth, Packet
@@ -208,7 +209,7 @@ def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
     log = SessionLog(tmp_path / "telemetry.tlog")
     assert [packet.t_us for packet in log.packets()] == wanted.tolist()
     assert any(f"the clock was set {len(steps_us)} times" in text for text in log.warnings)
-    times = log.steps.of_pictures(np.array([t for _, t in pictures]), log.start_us)
+    times = log.steps.of_frames(np.array([t for _, t in pictures]), log.start_us)
     if 70_000 not in steps_us:
         assert times.tolist() == [first_us + 10_000 * k for k, _ in pictures]
 
@@ -264,21 +265,21 @@ def test_a_computer_whose_clock_was_set_from_1970_in_flight(tmp_path):
     log = SessionLog(tmp_path / "telemetry.tlog")
     wanted = [1_010_000 + 10_000 * k for k in range(300)]
     assert [packet.t_us for packet in log.packets()] == wanted
-    assert log.steps.of_pictures(np.array(pictures), log.start_us).tolist() == wanted
+    assert log.steps.of_frames(np.array(pictures), log.start_us).tolist() == wanted
 
 
-def test_pictures_that_all_came_after_the_step():
+def test_frames_that_all_came_after_the_step():
     for step_us in (HOUR_US, -HOUR_US):
         new_us = T0 + 60_000_000 + step_us
-        steps = Steps(record=np.array([5]), t_us=np.array([new_us]), step_us=np.array([step_us]))
+        steps = ClockSteps(record=np.array([5]), t_us=np.array([new_us]), step_us=np.array([step_us]))
         stamps = new_us + np.arange(1, 5) * 100_000
-        assert (steps.of_pictures(stamps, T0) == stamps - step_us).all()
+        assert (steps.of_frames(stamps, T0) == stamps - step_us).all()
 
 
 def test_a_clock_nobody_set_changes_nothing():
     stamps = np.arange(5)
-    assert (Steps.none().of_records(stamps) == stamps).all()
-    assert (Steps.none().of_pictures(stamps, 0) == stamps).all()
+    assert (ClockSteps.none().of_records(stamps) == stamps).all()
+    assert (ClockSteps.none().of_frames(stamps, 0) == stamps).all()
 
 
 def test_tables_in_segments_count_each_row_once(tmp_path):
@@ -286,12 +287,12 @@ def test_tables_in_segments_count_each_row_once(tmp_path):
     (tmp_path / "t.1.csv").write_text("a,b\n2,5\n3,\nx,y\n")
     (tmp_path / "t.2.csv").write_text("a,b\n3,\n4,7\n")
     (tmp_path / "t.old.csv").write_text("no segment")
-    table = read_segments(tmp_path / "t.csv", ("a",), ("b",))
+    table = read_table(tmp_path / "t.csv", TableFormat("t.csv", "a,b", frozenset("b")))
     assert table["a"].tolist() == [1, 2, 3, 4]
     assert table.skipped == 1
     (tmp_path / "t.3.csv").write_text("b\n")
     with pytest.raises(SessionError, match="column 'a' is missing"):
-        read_segments(tmp_path / "t.csv", ("a",), ("b",))
+        read_table(tmp_path / "t.csv", TableFormat("t.csv", "a,b", frozenset("b")))
 
 
 def test_every_segment_is_a_log_of_its_own(tmp_path):

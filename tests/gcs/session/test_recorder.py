@@ -9,15 +9,17 @@ import pytest
 
 from gcs.errors import SessionError
 from gcs.mission.mission import Mission, Vehicle
-from gcs.session.fold_order import Fold, Folds
+from gcs.session.fold_order import FoldOrder, FoldTurn
+from gcs.session.frame_tables import read_detections, read_times
 from gcs.session.line_file import LineFile
 from gcs.session.recorder import Recorder
 from gcs.session.recording_events import RecordWatch
-from gcs.session.segmented import read_segments
-from gcs.session.session import open_session, read_detections, read_times
+from gcs.session.session import open_session
+from gcs.session.tables import read_table
 from gcs.snapshot import Box, Event, Health, Snapshot
 from infra.files.record_state import RecordState, overall
 from infra.files.segments import segments
+from infra.session_format import IDENTITY
 from mavlink.protocol.packet import Packet
 from tests.mavlink.tlog.test_writer import FRAMES, T0, expected, packet, until
 from tests.support.faulty_disk import FaultyDisk, HangingDisk, delete
@@ -59,7 +61,7 @@ def fly(recorder, frames):
         recorder.frame_time(frame, T0 + 100_000 * frame)
         recorder.detections(frame, boxes(frame))
         recorder.fold(
-            Fold(
+            FoldTurn(
                 frame=frame,
                 t_us=T0 + 100_000 * frame,
                 records=frame + 1,
@@ -79,10 +81,10 @@ def complete(folder, frames):
     assert read_times(folder / "frames.csv").times_us.tolist() == [T0 + 100_000 * k for k in range(frames)]
     seen = read_detections(folder / "detections.csv")
     assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
-    folds = Folds.read(folder)
+    folds = FoldOrder.read(folder)
     assert [turn.frame for turn in folds.turns] == list(range(frames))
     assert not folds.taken_in(frames).any() and folds.taken_in(frames + 1)[frames]
-    table = read_segments(folder / "identity.csv", ("time_us", "frame"))
+    table = read_table(folder / "identity.csv", IDENTITY)
     assert table["frame"].tolist() == list(range(frames))
     for name, key in (("events.jsonl", "text"), ("identity.jsonl", "frame")):
         rows = [json.loads(line) for part in segments(folder / name) for line in part.read_text().splitlines()]

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from gcs.playback.analysis import Analysis
 from gcs.session.log import SessionLog
-from gcs.session.sender_table import Heard
+from gcs.session.sender_table import RecordSenders
 from gcs.session.session import open_session
 from mavlink.ingest.last_senders import LastSenders
 from mavlink.links.batch import Batch
@@ -55,8 +55,8 @@ def test_every_record_is_given_back_with_its_sender(tmp_path):
     packets = crowd(400)
     log = noted(tmp_path, packets)
     assert list(log.packets()) == packets
-    assert log.heard.names == NAMES
-    assert (log.heard.address(0, 2), log.heard.address(1, 2), log.heard.address(7, 7)) == ("10.0.0.2:1", "", "")
+    assert log.senders.names == NAMES
+    assert (log.senders.address(0, 2), log.senders.address(1, 2), log.senders.address(7, 7)) == ("10.0.0.2:1", "", "")
     assert log.warnings == ()
 
 
@@ -94,14 +94,14 @@ def test_no_table_however_torn_keeps_a_log_from_being_read(data):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "senders.csv"
         path.write_bytes(HEAD.encode() + data)
-        heard = Heard.read(path, T0 + np.arange(3), np.array([1, 2, 1], dtype=np.uint8))
+        heard = RecordSenders.read(path, T0 + np.arange(3), np.array([1, 2, 1], dtype=np.uint8))
     assert heard.link.shape == heard.peer.shape == (3,) and heard.link.min() >= 0 <= heard.peer.min()
 
 
 def test_records_before_the_first_row_came_from_nobody_known(tmp_path):
     (tmp_path / "senders.csv").write_text(HEAD + f"2,{T0 + 2},7,1,4,,radio\n")
     t_us, system_id = T0 + np.arange(4), np.array([7, 8, 7, 7], dtype=np.uint8)
-    heard = Heard.read(tmp_path / "senders.csv", t_us, system_id)
+    heard = RecordSenders.read(tmp_path / "senders.csv", t_us, system_id)
     assert heard.peer.tolist() == [0, 0, 4, 4] and heard.link.tolist() == [0, 0, 1, 1]
     assert heard.names == ("link 0", "radio")
 
@@ -109,7 +109,7 @@ def test_records_before_the_first_row_came_from_nobody_known(tmp_path):
 @pytest.mark.parametrize("count", [0, 1])
 def test_a_table_without_rows_or_records_is_no_trouble(tmp_path, count):
     (tmp_path / "senders.csv").write_text(HEAD + f"0,{T0},7,1,4,,radio\n" * count)
-    heard = Heard.read(tmp_path / "senders.csv", np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.uint8))
+    heard = RecordSenders.read(tmp_path / "senders.csv", np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.uint8))
     assert len(heard.link) == 0 and heard.skipped == 0
 
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from gcs.errors import SessionError
-from gcs.session.session import create_folder, open_session, read_detections, read_times
+from gcs.session.frame_tables import read_detections, read_times
+from gcs.session.session import create_folder, open_session
 from gcs.session.tables import read_table
+from infra.session_format import TableFormat
 
 
 def test_a_name_is_never_reused(tmp_path):
@@ -74,6 +76,6 @@ def test_a_missing_column_is_named(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("frame,cx\n1,2\n")
     with pytest.raises(SessionError, match="column 'cy' is missing"):
-        read_table(path, ("frame", "cx", "cy"))
+        read_table(path, TableFormat("t.csv", "frame,cx,cy"))
     with pytest.raises(SessionError, match="no such file"):
-        read_table(tmp_path / "absent.csv", ("frame",))
+        read_table(tmp_path / "absent.csv", TableFormat("absent.csv", "frame"))

@@ -1,0 +1,39 @@
+"""``events.jsonl``: links, alarms, operator actions, identity changes; one JSON object a line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from gcs.session.line_file import Lines, open_new
+from gcs.snapshot import Event
+from infra.plain_text import plain
+
+__all__ = ["EventLog", "event_row"]
+
+_JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
+
+
+class EventLog:
+    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes."""
+
+    def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
+        self._file = open_file(path, "")
+
+    def write(self, events: Sequence[Event]) -> None:
+        """Append events, one JSON object a line."""
+        if not events:
+            return
+        self._file.write("".join(event_row(event) + "\n" for event in events))
+        self._file.flush()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def event_row(event: Event) -> str:
+    """One line of ``events.jsonl``."""
+    row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
+    return _JSON.encode(row | {"text": plain(event.text)})

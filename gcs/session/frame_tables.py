@@ -1,0 +1,136 @@
+"""The tables about frames: when each was taken, what the detector found in it, and what was truly there.
+
+Units and frames: Unix µs by frame index; boxes in pixels, x right and y down, angles clockwise on screen in radians.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import SessionError
+from gcs.session.tables import Table, read_table
+from infra.session_format import DETECTIONS, FRAMES, TRUTH
+from mavlink.tlog.timestamps import times_ok
+from vision.detect.detections import Detections
+
+__all__ = [
+    "FrameDetections",
+    "FrameTimes",
+    "detection_rows",
+    "frame_row",
+    "read_detections",
+    "read_times",
+    "read_truth",
+]
+
+MOST_MISSING, ROOMY = 100_000, 64
+"""A table of n frames may lack so many at once, and be of every 64th: what a frame index asks of memory is bounded."""
+
+
+def frame_row(index: int, t_us: int) -> str:
+    """A line of ``frames.csv``."""
+    return f"{index},{t_us}\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameTimes:
+    """What ``frames.csv`` says."""
+
+    times_us: NDArray[np.int64]
+    """(n,) Unix µs by frame index."""
+    skipped: int
+    """Rows that could not be used."""
+    unordered: int
+    """Rows whose frame is earlier than that of the row before."""
+
+
+def read_times(path: Path) -> FrameTimes:
+    """Read ``frames.csv``.
+
+    A frame whose row is damaged gets the time between its neighbours, so that later frames keep their places. So does
+    one whose time is not between theirs, or in company nowhere: all telemetry up to that time would be taken before it.
+
+    Raises:
+        SessionError: no table, or no row in it that can be used.
+    """
+    table = read_table(path, FRAMES)
+    if not len(table):
+        raise SessionError(f"{path}: no frame in it; delete the file if the video has its own time stamps")
+    unordered = int(np.count_nonzero(np.diff(table["frame"]) < 0))
+    frame, first = np.unique(table["frame"].astype(np.int64), return_index=True)
+    time_us = table["time_us"][first].astype(np.int64)
+    keep = frame < ROOMY * len(frame) + MOST_MISSING
+    frame, time_us = frame[keep], time_us[keep]
+    if not len(frame):
+        raise SessionError(
+            f"{path}: no frame in it that could be; delete the file if the video has its own time stamps"
+        )
+    good = _times_between(time_us) & times_ok(time_us, np.ones(len(time_us), dtype=np.bool_))
+    if good.any():
+        frame, time_us = frame[good], time_us[good]
+    # relative to the first: a Unix time in µs and a fraction are more than a float holds
+    dense = np.interp(np.arange(frame[-1] + 1), frame, time_us - time_us[0])
+    return FrameTimes(
+        times_us=np.round(dense).astype(np.int64) + time_us[0],
+        skipped=table.skipped + len(table) - len(frame),
+        unordered=unordered,
+    )
+
+
+def detection_rows(frame: int, detections: Detections) -> str:
+    """Lines of ``detections.csv``, to the last digit: a replay folds the very same numbers."""
+    cells = [["" if math.isnan(value) else repr(value) for value in box] for box in detections.table.T.tolist()]
+    return "".join(f"{frame},{','.join(box)}\n" for box in cells)
+
+
+class FrameDetections:
+    """The rows of ``detections.csv`` by frame, in the order of the file."""
+
+    def __init__(self, table: Table) -> None:
+        order = np.argsort(table["frame"], kind="stable")
+        self._frame = table["frame"][order].astype(np.int64)
+        self._columns = {k: v[order] for k, v in table.columns.items() if k != "frame"}
+        self.skipped = table.skipped
+
+    def at(self, frame: int) -> Detections:
+        """What was seen in a frame, perhaps nothing."""
+        start, stop = np.searchsorted(self._frame, (frame, frame + 1))
+        return Detections(**{name: column[start:stop] for name, column in self._columns.items()})
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """How far right and down the centres of boxes lie, px; 0 without any."""
+        columns = self._columns
+        return float(columns["cx"].max(initial=0.0)), float(columns["cy"].max(initial=0.0))
+
+    @property
+    def last(self) -> int:
+        """Index of the last frame that saw anything, -1 for none."""
+        return int(self._frame[-1]) if len(self._frame) else -1
+
+
+def read_detections(path: Path) -> FrameDetections:
+    """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown."""
+    return FrameDetections(read_table(path, DETECTIONS))
+
+
+def read_truth(path: Path) -> Table:
+    """Read ``truth.csv``: the true boxes, with system id 0 for what is not one of ours.
+
+    Raises:
+        SessionError: no such file, or no such table.
+    """
+    return read_table(path, TRUTH)
+
+
+def _times_between(time_us: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(n,) which times lie between those before and after; all where those two are not in order themselves."""
+    between = np.ones(len(time_us), dtype=np.bool_)
+    before, here, after = time_us[:-2], time_us[1:-1], time_us[2:]
+    between[1:-1] = (before > after) | ((before <= here) & (here <= after))
+    return between
