@@ -114,10 +114,8 @@ class VehicleRow:
     """Why its positions may be wrong by its own word, empty without doubt."""
     compass_doubted: bool = False
     """Its compass contradicts its filter."""
-    drift_ppm: float = NAN
-    """By how much Unix time runs faster than its clock, NaN unknown."""
-    clock_error_s: float = NAN
-    """Its own idea of Unix time minus ours, NaN unknown."""
+    clock_fault: str = ""
+    """What is wrong with its clocks, empty while nothing is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "SILENT_S",
     "CameraReport",
     "ChannelStatus",
     "FleetState",
@@ -24,6 +25,9 @@ __all__ = [
 
 Array = NDArray[np.float64]
 Level = Literal["info", "warning", "alarm"]
+SILENT_S = 3.5
+"""A vehicle or a link of which nothing was heard for so long is silent: three heartbeats of one a second are missing,
+and what a slow radio holds up is not."""
 PositionState = Literal["ok", "stale", "lost", "never", "refused", "contested"]
 
 
@@ -175,6 +179,8 @@ class VehicleStatus:
     """Of TIMESYNC there and back, the least lately; NaN while nobody asks."""
     clock_error_s: float = math.nan
     """The vehicle's own idea of Unix time minus ours; NaN before it has one. Told, never used."""
+    clock_fault: str = ""
+    """What is wrong with its clocks, in words; empty while nothing is. No position depends on it."""
     doubted_for: str = ""
     """Why its positions may be wrong by its own word, empty without doubt; they are used, with a wide 1σ."""
     compass_doubted: bool = False

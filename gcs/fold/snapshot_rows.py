@@ -158,8 +158,7 @@ def vehicle_rows(
                 refused_for=status.refused_for,
                 doubted_for=status.doubted_for,
                 compass_doubted=status.compass_doubted,
-                drift_ppm=status.drift_ppm,
-                clock_error_s=status.clock_error_s,
+                clock_fault=status.clock_fault,
             )
         )
     return tuple(rows)

@@ -10,11 +10,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
+from mavlink.state import SILENT_S
 
-__all__ = ["LOW_BYTES", "LOW_S", "SILENT_S", "STALLED_S", "Finding", "counted", "findings", "first_of"]
+__all__ = ["LOW_BYTES", "LOW_S", "STALLED_S", "Finding", "counted", "findings", "first_of"]
 
-SILENT_S = 3.5
-"""A vehicle, or a link, from which nothing came for so long is lost."""
 BEATLESS_S = 10.0
 BEATS_S = 1.5
 """One that was heard so lately speaks: what it does not say is missing."""
@@ -30,7 +29,6 @@ BEHIND_S = 2.0
 CLOCK_S, CLOCK_SURE_S = 0.1, 0.1
 """A vehicle at 5 m/s is half a metre elsewhere after a tenth of a second."""
 STEP_S = 0.5
-CLOCK_ERROR_S, DRIFT_PPM = 30.0, 500.0
 MOST_NAMES = 4
 LOW_BYTES, ALMOST_FULL_BYTES = 2_000_000_000, 200_000_000
 LOW_S, ALMOST_FULL_S = 600.0, 120.0
@@ -173,10 +171,11 @@ def _vehicle(row: VehicleRow, conflict: bool) -> Iterator[Finding]:
             text=f"{whose}: its compass contradicts its motion",
             advice="its heading is not used; a magnet, a current or a wrong calibration: do not let it steer by it",
         )  # fmt: skip
-    if abs(row.clock_error_s) > CLOCK_ERROR_S or abs(row.drift_ppm) > DRIFT_PPM:
+    if row.clock_fault:
         yield Finding(
             key=f"clock {i}", level="warning", kind="vehicle", system_id=i, wait_s=10.0,
-            text=f"{whose}: its clock is wrong", advice="positions are dated by arrival instead; check its GPS time",
+            text=f"{whose}: its clock is wrong: {row.clock_fault}",
+            advice="its positions are dated by this computer's clock; check its GPS time, and restart it later",
         )  # fmt: skip
 
 

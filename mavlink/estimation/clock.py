@@ -26,7 +26,12 @@ class ClockParams:
     """How a vehicle's clock may behave."""
 
     max_drift: float = 500e-6
-    """Greatest drift believed; autopilots measure 120–150 ppm. Raise for worse crystals, lower for steadier fits."""
+    """Greatest drift believed of a fit that may be a link's doing. Crystals are within some tens of ppm, autopilots
+    measure 120–150 ppm. Raise for worse crystals, lower for steadier fits."""
+    max_sure_drift: float = 0.05
+    """Greatest drift followed once it is sure. Microcontrollers that run on their RC oscillator are within 1 % at 25 °C
+    and within 4 % from −10 to 85 °C (STM32F427, datasheet DS9405, "HSI oscillator characteristics"): what differs by
+    more is no vehicle's clock, but a simulation that runs at another speed."""
     bin_us: int = 2 * _S
     """The least delay of each such span is kept. Raise for rare messages."""
     bins: int = 60
@@ -187,15 +192,18 @@ class VehicleClock:
 
     @property
     def drift_known(self) -> bool:
-        """Whether the drift was measured: long enough, not of a sender without a clock, nor beyond what is believed."""
-        return self._measured and not self._by_arrival and abs(self._drift) < self.params.max_drift
+        """Whether the drift was measured: long enough, not of a sender without a clock, nor cut to what is believed."""
+        return self._measured and not self._by_arrival and abs(self._drift) != self.params.max_drift
 
     @property
     def drift_sure(self) -> bool:
         """Whether both halves of what is remembered drift alike: a link that became slower looks like a drift too."""
+        return self.drift_known and self._halves_drift_by(self._drift)
+
+    def _halves_drift_by(self, drift: float) -> bool:
         points = list(self._bins)
         halves = points[: len(points) // 2], points[len(points) // 2 :]
-        return self.drift_known and all(abs(_hull_slope(half) - self._drift) <= self.params.sure for half in halves)
+        return all(abs(_hull_slope(half) - drift) <= self.params.sure for half in halves)
 
     @property
     def uncertainty_s(self) -> float:
@@ -237,14 +245,22 @@ class VehicleClock:
         points = list(self._bins)
         span_us = points[-1][0] - points[0][0]
         if span_us >= self.params.fit_after_us:
-            limit = self.params.max_drift
-            self._drift = max(-limit, min(limit, _hull_slope(points)))
             self._measured = span_us >= self.params.known_after_us
+            self._drift = self._believed(_hull_slope(points))
         self._anchor = points[-1][0]
         self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
         if not self._drift:
             # without a drift the old points say less and less: each may be off by the greatest drift since
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
+
+    def _believed(self, slope: float) -> float:
+        """A fitted drift, cut to what is believed of one that is not sure."""
+        params = self.params
+        if params.max_drift < abs(slope) <= params.max_sure_drift and self._measured:
+            followed = abs(self._drift) > params.max_drift and abs(slope - self._drift) <= params.sure
+            if followed or self._halves_drift_by(slope):
+                return slope
+        return max(-params.max_drift, min(params.max_drift, slope))
 
     def _is_late(self, boot_us: int, arrival_us: int, late_us: int) -> bool:
         if arrival_us < self._newest_arrival - self.params.early_us:

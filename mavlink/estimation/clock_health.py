@@ -1,22 +1,21 @@
-"""What a vehicle's clocks are worth: its drift, its idea of Unix time, its distance in time. Told, never relied on."""
+"""Whether a vehicle's clocks run right: their drift and their idea of Unix time. No position depends on it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from mavlink.estimation.clock import VehicleClock
 from mavlink.estimation.timesync import Exchanges
 from mavlink.protocol.messages import SystemTime, TimeSync
-from mavlink.reception.rejections import Told
 
-__all__ = ["Timekeeping"]
+__all__ = ["CLOCK_ERROR_S", "DRIFT_PPM", "Timekeeping"]
 
+CLOCK_ERROR_S = 30.0
+"""A vehicle's Unix time is wrong beyond this: a receiver that has not yet heard of the leap seconds is 18 s off."""
+DRIFT_PPM = 300.0
+"""A vehicle's clock is wrong beyond this: crystals are within some tens of ppm, autopilots measure 120–150 ppm."""
 _WEEK_S = 7 * 86400.0
 _ROLLOVER_WEEKS = 1024  # GPS counts weeks modulo this
-_WRONG_S = 60.0
-_DRIFT_PPM = 300.0  # autopilots measure 120–150 ppm
-_TELL_EVERY_US = 600_000_000
 
 
 class Timekeeping:
@@ -26,7 +25,6 @@ class Timekeeping:
         self.error_s = math.nan
         """The vehicle's Unix time minus ours, NaN before it has one."""
         self._exchanges = Exchanges()
-        self._told = Told(_TELL_EVERY_US)
 
     def restart(self) -> None:
         """The vehicle has rebooted."""
@@ -45,27 +43,21 @@ class Timekeeping:
             return drift * 1e6
         return clock.drift * 1e6 if clock.drift_known else math.nan
 
-    def take(self, sample: SystemTime | TimeSync, clock: VehicleClock) -> Iterator[str]:
-        """One message about time; yields what an operator should know, now and then."""
+    def fault(self, clock: VehicleClock) -> str:
+        """What is wrong with its clocks, in words; empty while nothing is."""
+        drift_ppm, measured = self.drift_ppm(clock), not math.isnan(self._exchanges.drift)
+        if abs(drift_ppm) > DRIFT_PPM and (measured or clock.drift_sure):
+            return f"it runs {abs(drift_ppm):,.0f} ppm {'slow' if drift_ppm > 0 else 'fast'}"
+        if not abs(self.error_s) > CLOCK_ERROR_S:
+            return ""
+        rollovers = round(self.error_s / (_ROLLOVER_WEEKS * _WEEK_S))
+        if rollovers and abs(self.error_s - rollovers * _ROLLOVER_WEEKS * _WEEK_S) < _WEEK_S:
+            return f"its date is {rollovers * _ROLLOVER_WEEKS:+d} weeks off (GPS week number rollover)"
+        return f"its date is {self.error_s:+,.0f} s off"
+
+    def update(self, sample: SystemTime | TimeSync) -> None:
+        """Takes in one message about time."""
         if isinstance(sample, TimeSync):
             self._exchanges.take(sample)
         elif sample.unix_us:
             self.error_s = (sample.unix_us - sample.t_us) * 1e-6
-            yield from self._error_text(sample.t_us)
-        yield from self._drift_text(sample.t_us, clock)
-
-    def _drift_text(self, t_us: int, clock: VehicleClock) -> Iterator[str]:
-        drift_ppm, exchanged = self.drift_ppm(clock), not math.isnan(self._exchanges.drift)
-        if abs(drift_ppm) > _DRIFT_PPM and (exchanged or clock.drift_sure) and self._told.due("drift", t_us):
-            way = "slow" if drift_ppm > 0 else "fast"
-            yield f"its clock runs {abs(drift_ppm):.0f} ppm {way}; its positions are timed with that taken out"
-
-    def _error_text(self, t_us: int) -> Iterator[str]:
-        if abs(self.error_s) < _WRONG_S or not self._told.due("error", t_us):
-            return
-        spans = round(self.error_s / (_ROLLOVER_WEEKS * _WEEK_S))
-        rest_s = self.error_s - spans * _ROLLOVER_WEEKS * _WEEK_S
-        if spans and abs(rest_s) < _WEEK_S:
-            yield f"its date is {spans * _ROLLOVER_WEEKS:+d} weeks off (GPS weeks rolled over): not used"
-        else:
-            yield f"its date is {self.error_s:+.0f} s off: not used"

@@ -179,18 +179,18 @@ class Vehicle:
             level: Level = "alarm" if sample.severity <= 3 else "warning" if sample.severity == 4 else "info"
             yield Notice(t_us=sample.t_us, level=level, kind="text", text=text, system_id=self.system_id)
 
-    def take_times(self, sample: SystemTime | TimeSync) -> Iterator[Notice]:
+    def take_times(self, sample: SystemTime | TimeSync) -> tuple[Notice, ...]:
         """SYSTEM_TIME and TIMESYNC of the autopilot: only ever told, no position depends on them."""
         if self._components.speaking not in (NOBODY, sample.component_id):
-            return  # a companion's
+            return ()  # a companion's
         if self.contested(sample.t_us):
             self._times.restart()  # two clocks together drift like none
+        self._times.update(sample)
         # a late link goes on telling of the count before a reboot
         if isinstance(sample, SystemTime) and sample.unix_us and sample.boot_ms * 1000 > FRESH_US:
             self.senders.booted(sample.t_us, self.reception.speaker, sample.unix_us - sample.boot_ms * 1000)
-            yield from self.contest_notices(sample.t_us)
-        for text in self._times.take(sample, self.clock):
-            yield self._notice(sample.t_us, "warning", f"system {self.system_id}: {text}")
+            return self.contest_notices(sample.t_us)
+        return ()
 
     def take_hardware(self, packet: Packet) -> tuple[Notice, ...]:
         """AUTOPILOT_VERSION."""
@@ -379,6 +379,7 @@ class Vehicle:
             drift_ppm=self._times.drift_ppm(self.clock),
             round_trip_s=self._times.round_trip_s,
             clock_error_s=self._times.error_s,
+            clock_fault="" if self.contested(t_us) else self._times.fault(self.clock),
             hardware=self.senders.hardware_text,
             doubted_for=doubt.reason if doubt is not None else "",
             compass_doubted=self.distress.compass(t_us),

@@ -18,6 +18,7 @@ from mavlink.protocol.dialect import message_name
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.reception.sequence import SequenceLoss
+from mavlink.state import SILENT_S
 from mavlink.transmit.rate_alarm import Trouble
 from mavlink.transmit.rate_requests import (
     ATTITUDE,
@@ -55,7 +56,6 @@ TRIES = 5
 WINDOW_S = 3.0
 ANSWER_S = 1.0
 AGAIN_S = 4.0
-SILENT_S = 3.5
 BEHIND_S = 10.0
 """For so long after a packet that was refused as replayed nothing is said of a link's rates."""
 PAUSE_S = 1.5

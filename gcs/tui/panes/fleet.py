@@ -31,11 +31,12 @@ from gcs.tui.palette import (
     standing_colour,
 )
 from gcs.tui.panes.pane import Pane
+from mavlink.state import SILENT_S
+from mavlink.transmit.message_rates import LOSSY
 
 __all__ = ["FleetPane", "columns_for"]
 
 IDENTITY = "IDENTITY"
-HEARTBEAT_LOST_S = 3.5
 Cell = tuple[str, Rgb]
 
 
@@ -67,7 +68,7 @@ def _fix(row: VehicleRow) -> Cell:
 def _heartbeat(row: VehicleRow) -> Cell:
     if math.isinf(row.heartbeat_age_s):
         return "never", FAINT
-    if row.heartbeat_age_s > HEARTBEAT_LOST_S:
+    if row.heartbeat_age_s > SILENT_S:
         return position("lost", row.heartbeat_age_s), ALARM
     return age(row.heartbeat_age_s), INK
 
@@ -82,7 +83,7 @@ def _view(row: VehicleRow) -> Cell:
 
 
 def _loss(row: VehicleRow) -> Cell:
-    return percent(row.loss), WARN if row.loss > 0.1 else FAINT
+    return percent(row.loss), WARN if row.loss > LOSSY else FAINT
 
 
 def _auth(row: VehicleRow) -> Cell:

@@ -11,13 +11,14 @@ from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.health.alarm_rules import LOW_BYTES, LOW_S, SILENT_S, STALLED_S
+from gcs.health.alarm_rules import LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
 from gcs.snapshot import Health, LinkHealth, Snapshot
 from gcs.tui.draw.format import age, bytes_text, clock, duration, plain
 from gcs.tui.draw.strips import Part, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, WARN, ink
 from gcs.tui.panes.alarms import alarm_counts, count_parts
+from mavlink.state import SILENT_S
 
 __all__ = ["StatusBar"]
 

@@ -62,8 +62,7 @@ def test_nothing_wrong_nothing_said(watch):
         (changed(2, contested=True), "contested 12", "alarm"),
         (changed(2, heartbeat_age_s=math.inf, position_state="never"), "unheard", "warning"),
         (changed(2, position_state="never"), "no position 12", "warning"),
-        (changed(2, clock_error_s=-1024 * 604800.0), "clock 12", "warning"),
-        (changed(2, drift_ppm=900.0), "clock 12", "warning"),
+        (changed(2, clock_fault="x"), "clock 12", "warning"),
         (changed(2, doubted_for="GPS glitch"), "doubted 12", "alarm"),
         (changed(2, compass_doubted=True), "compass 12", "alarm"),
     ],
@@ -153,12 +152,12 @@ def test_each_trouble_of_one_vehicle_comes_and_goes_for_itself(watch):
     watch.see(5, changed(1, position_state="refused", refused_for="jump"))
     watch.see(5, changed(1, heartbeat_age_s=9.0, position_state="lost", refused_for="jump"))
     assert {alarm.key for alarm in watch.active} == {"refused 11 jump", "silent 11"}
-    watch.see(12, changed(1, position_state="lost", drift_ppm=900.0))
+    watch.see(12, changed(1, position_state="lost", clock_fault="x"))
     watch.see(20)
     refused = "its positions cannot be right"
     told = [event.text.removeprefix("UGV-11: ").replace("UGV-11: ", "") for event in watch.events]
     coming = [text for text in told if not text.startswith("over")]
-    assert coming == [f"{refused}: 0/0", f"{refused}: jump", "no heartbeat", "position lost", "its clock is wrong"]
+    assert coming == [f"{refused}: 0/0", f"{refused}: jump", "no heartbeat", "position lost", "its clock is wrong: x"]
     assert sorted(text.partition(" s: ")[2] for text in told if text.startswith("over")) == sorted(coming)
 
 
@@ -321,7 +320,7 @@ def everything_wrong():
     """Snapshots in which, together, every finding is found."""
     rows = (
         replace(ROWS[0], position_state="refused", refusals={"jump": 2}, refused_for="jump"),
-        replace(ROWS[1], contested=True, position_state="stale", bad_signature=3, unsigned=3, drift_ppm=900.0),
+        replace(ROWS[1], contested=True, position_state="stale", bad_signature=3, unsigned=3, clock_fault="x"),
         VehicleRow(system_id=16, name="UGV-16", role="ugv", bad_signature=5, replayed=5, held=9, held_s=700.0),
         replace(ROWS[2], heartbeat_age_s=math.inf),
         VehicleRow(system_id=13, name="UGV-13", role="ugv", heartbeat_age_s=9.0),

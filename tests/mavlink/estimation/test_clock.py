@@ -197,3 +197,17 @@ def test_simulator_at_another_speed_counts_by_arrival(speed):
         if i > 250:
             assert t_us == arrival_us and not clock.stray
     assert clock.reboots == 0
+
+
+@pytest.mark.parametrize("ppm", [-40_000, -2000, -800, 800, 2000, 40_000])
+def test_a_clock_that_no_crystal_has_is_followed_once_it_is_sure(ppm):
+    clock, vehicle = VehicleClock(), Vehicle(3, drift=ppm * 1e-6)
+    run(clock, vehicle, T0, 100)
+    assert clock.drift == pytest.approx(ppm * 1e-6, abs=60e-6) and clock.drift_sure and clock.reboots == 0
+    assert max(map(abs, run(clock, vehicle, T0 + 100 * S, 60))) < 8000
+
+
+def test_a_drift_beyond_any_clock_is_not_followed():
+    clock = VehicleClock()
+    run(clock, Vehicle(3, drift=-0.06), T0, 120)
+    assert not clock.drift_known and abs(clock.drift) <= clock.params.max_drift
