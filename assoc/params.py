@@ -46,13 +46,13 @@ class IdentifierParams:
     unknown_offset_std_s: float = 0.35
     """The same of a stream whose offset nobody knows, and of one that has shown to be farther off than was taken."""
     prior_log_odds: float = 2.5
-    """ln odds, before any evidence, that a vehicle close enough is the one in the picture. Lower → more boxes stay
+    """ln odds, before any evidence, that a vehicle close enough is the one in view. Lower → more boxes stay
     unnamed at first."""
     in_view_log_odds: float = 4.0
-    """What those odds gain for a vehicle that should be in the picture and lose for one that should not: in the picture
+    """What those odds gain for a vehicle that should be in view and lose for one that should not: in view
     its own box would be missing if this were another's. Raise → fewer boxes unnamed, more strangers named."""
     patience: float = 1.2
-    """What each block adds for a vehicle that should be in the picture, nats: receivers wander in ways that no model
+    """What each block adds for a vehicle that should be in view, nats: receivers wander in ways that no model
     has. Raise → names are kept longer under bad GNSS, strangers that drive alike too."""
     increment_max: float = 8.0
     """Most that one block may say for or against a pair, nats."""

@@ -31,7 +31,7 @@ class Sighting:
     t_us: int
     """When the frame was taken, Unix µs."""
     track_id: IntArray
-    """(m,) identity of the track in the picture, unique in a frame."""
+    """(m,) identity of the track in the image, unique in a frame."""
     ray_cam: FloatArray
     """(m, 3) ray through the box centre, camera frame; length does not matter."""
     front_cam: FloatArray
@@ -62,13 +62,13 @@ class CameraState:
     px_rad: float
     """Radians per pixel near the image centre."""
     attitude_known: bool
-    """False: the heading of the picture is not known at all; tilt is taken from ``R_enu_cam`` nevertheless."""
+    """False: the heading of the image is not known at all; tilt is taken from ``R_enu_cam`` nevertheless."""
     position_known: bool
     """False: ``p_enu`` is a guess."""
     stabilized: bool
     """True: a gimbal keeps the horizon; False: the camera tilts with the body, so tilt is known less well."""
     half_view: tuple[float, float] = (np.nan, np.nan)
-    """Tangents of half the angle of view, across and along the picture; NaN unknown."""
+    """Tangents of half the angle of view, across and along the image; NaN unknown."""
 
     def __post_init__(self) -> None:
         _need("R_enu_cam", self.R_enu_cam, (3, 3))
@@ -139,4 +139,4 @@ class Identities:
     fused: FloatArray
     """(m,) both fused by Dempster's rule, likewise."""
     conflict: tuple[int, ...]
-    """System ids whose reports contradict the picture or one another."""
+    """System ids whose reports contradict the video or one another."""

@@ -1,6 +1,6 @@
 """What perception costs, stage by stage, on a recorded video: ``python -m bench.perception [VIDEO] [--model M.onnx]``.
 
-First one picture after the other on one thread, each stage timed; then decoding and looking ahead on as many threads as
+First one frame after the other on one thread, each stage timed; then decoding and looking ahead on as many threads as
 ``gcs identify`` uses, frames a second and the share of the cores. The default video is the bundled one, 1920 × 1080.
 """
 
@@ -79,7 +79,7 @@ def _stages(detector: Detector, watch: _Stopwatch) -> Iterator[None]:
 
 
 def one_by_one(video: VideoFile, detector: Detector, n: int, gsd_m: float) -> dict[str, float]:
-    """Milliseconds per picture of each stage, decoding first, on one thread."""
+    """Milliseconds per frame of each stage, decoding first, on one thread."""
     watch = _Stopwatch()
     frames = islice(video.frames(), n)
     pull = watch.timed("decode", lambda: next(frames, None))
@@ -96,7 +96,7 @@ def one_by_one(video: VideoFile, detector: Detector, n: int, gsd_m: float) -> di
 
 
 def ahead(video: VideoFile, detector: Detector, n: int, gsd_m: float, workers: int) -> tuple[float, float]:
-    """Pictures a second from file to boxes, and processor seconds per second of all cores, 0 to 1."""
+    """Frames a second from file to boxes, and processor seconds per second of all cores, 0 to 1."""
     frames = islice(video.frames(), n + WARM_UP)
     looked = look_ahead(frames, detector, lambda _: gsd_m, workers=workers)
     for _ in range(WARM_UP):
@@ -113,9 +113,9 @@ def report(video: VideoFile, model: Path | None, providers: list[str] | None, n:
     ms = one_by_one(video, detector, n, gsd_m)
     rows = [f"| {stage} | {ms.get(stage, 0.0):.1f} |" for stage in ("decode", "scale", "network", "boxes", "rest")]
     name = model.name if model else "the bundled model"
-    lines = [f"{video.width} × {video.height}, {name}, {n} pictures, {os.cpu_count()} cores", ""]
-    lines += ["| stage, one thread | ms a picture |", "| --- | --- |", *rows, ""]
-    lines += ["| looking ahead, workers | pictures a second | share of the cores |", "| --- | --- | --- |"]
+    lines = [f"{video.width} × {video.height}, {name}, {n} frames, {os.cpu_count()} cores", ""]
+    lines += ["| stage, one thread | ms a frame |", "| --- | --- |", *rows, ""]
+    lines += ["| looking ahead, workers | frames a second | share of the cores |", "| --- | --- | --- |"]
     for workers in (1, 2):
         rate, share = ahead(video, detector, n, gsd_m, workers)
         lines.append(f"| {workers} | {rate:.1f} | {share:.0%} |")
@@ -124,7 +124,7 @@ def report(video: VideoFile, model: Path | None, providers: list[str] | None, n:
 
 def main() -> None:
     """Print the tables and keep them."""
-    parser = argparse.ArgumentParser(description="Stage times, pictures a second and processor share of perception.")
+    parser = argparse.ArgumentParser(description="Stage times, frames a second and processor share of perception.")
     parser.add_argument("video", type=Path, nargs="?", default=BUNDLED)
     parser.add_argument("--model", type=Path, help="an ONNX detector instead of the bundled one")
     parser.add_argument("--provider", action="append", help="onnxruntime execution provider, best first")

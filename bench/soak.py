@@ -181,7 +181,7 @@ def main() -> None:
     table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
     run = soak(chosen.seconds, chosen.rate, chosen.vehicles, chosen.video, chosen.fleet, table)
     drawn = draw(table, table.with_suffix(".png"))
-    text = report(run, chosen, picture=f"{chosen.name}.png" if drawn else "")
+    text = report(run, chosen, plot=f"{chosen.name}.png" if drawn else "")
     page.write_text(text, encoding="utf-8")
     print(text)
 

@@ -50,7 +50,7 @@ class Run:
     """The flight's last line."""
 
 
-def report(run: Run, chosen: argparse.Namespace, *, picture: str) -> str:
+def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
     """The page, in Markdown."""
     sent, lost = _lost(run)
     rows: list[tuple[str, str]] = [
@@ -71,7 +71,7 @@ def report(run: Run, chosen: argparse.Namespace, *, picture: str) -> str:
     lines = ["# Soak", "", f"`python -m bench.soak {_words(chosen)}`", "", "| | |", "|---|---|"]
     lines += [f"| {name} | {value} |" for name, value in rows]
     lines += ["", f"The flight's last words: `{run.said.partition(' recorded in ')[0].rstrip(';')}`"]
-    lines += ["", f"![memory, processor, stalls]({picture})"] if picture else []
+    lines += ["", f"![memory, processor, stalls]({plot})"] if plot else []
     return "\n".join(lines) + "\n"
 
 
@@ -115,7 +115,7 @@ def _growth(t: NDArray[np.float64], held: NDArray[np.float64], warm: NDArray[np.
     return f"{grown}; {per_hour:+.1f} MB an hour in the second half"
 
 
-def draw(table: Path, picture: Path) -> bool:
+def draw(table: Path, out: Path) -> bool:
     """Draw memory, processor and stalls over time; False when matplotlib is missing."""
     plot = pyplot()
     rows = read_rows(table)
@@ -134,6 +134,6 @@ def draw(table: Path, picture: Path) -> bool:
     axes[2].axhline(200.0, color="0.7", linewidth=1)
     axes[2].set(xlabel="minutes")
     figure.tight_layout()
-    figure.savefig(picture, dpi=110)
+    figure.savefig(out, dpi=110)
     plot.close(figure)
     return True

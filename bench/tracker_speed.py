@@ -1,4 +1,4 @@
-"""Our tracker beside its peers on the same pictures: time of an update, switched ids, fragments, IDF1.
+"""Our tracker beside its peers on the same frames: time of an update, switched ids, fragments, IDF1.
 
     python -m bench.tracker_speed
 
@@ -15,18 +15,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bench.tracker.entrants import OURS, WITH_IDENTITIES, WITH_WARP, Entrant, entrants
-from bench.tracker.scene import Picture, film
+from bench.tracker.scene import SimulatedFrame, film
 from bench.tracker.scores import Score
 
 __all__ = ["Line", "compare", "main", "verdict"]
 
 SCENES = ((7, 6, 300), (50, 2, 250), (200, 1, 150))
-"""Vehicles, seeds and pictures of each."""
+"""Vehicles, seeds and frames of each."""
 AIMS_MS = {7: 0.15, 50: 0.5, 200: 3.0}
 ROUNDS = 3
 """Times that each scene is played; the quickest of each update counts, for shared machines slow now this, now that."""
 TURN = 25
-"""Pictures that a tracker takes before the next one has its turn; the time of a scene's first turn does not count."""
+"""Frames that a tracker takes before the next one has its turn; the time of a scene's first turn does not count."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -54,12 +54,12 @@ class Line:
         return f"| {self.tracker} | {self.boxes} | {numbers} |"
 
 
-def compare(n: int, seeds: int, pictures: int) -> tuple[list[Line], list[str]]:
+def compare(n: int, seeds: int, frames: int) -> tuple[list[Line], list[str]]:
     """All trackers on scenes of n vehicles, and a line for each that cannot run here."""
     lines: dict[str, Line] = {}
     skipped: list[str] = []
     for seed in range(seeds):
-        scene = film(n, seed, pictures)
+        scene = film(n, seed, frames)
         rounds = []
         for _ in range(ROUNDS):
             made, skipped = entrants()
@@ -71,16 +71,18 @@ def compare(n: int, seeds: int, pictures: int) -> tuple[list[Line], list[str]]:
     return list(lines.values()), skipped
 
 
-def _play(scene: Sequence[Picture], made: Mapping[str, Entrant]) -> tuple[dict[str, list[float]], dict[str, Score]]:
+def _play(
+    scene: Sequence[SimulatedFrame], made: Mapping[str, Entrant]
+) -> tuple[dict[str, list[float]], dict[str, Score]]:
     """Times of each tracker, ms, and its score."""
     times: dict[str, list[float]] = {name: [] for name in made}
     scores = {name: Score() for name in made}
     for start in range(0, len(scene), TURN):
         for name, entrant in made.items():
-            for picture in scene[start : start + TURN]:
-                track, ms = entrant.step(picture)
+            for frame in scene[start : start + TURN]:
+                track, ms = entrant.step(frame)
                 times[name].append(ms)
-                scores[name].see(picture.vehicle, track)
+                scores[name].see(frame.vehicle, track)
     return times, scores
 
 

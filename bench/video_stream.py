@@ -3,8 +3,8 @@
     python -m bench.video_stream [seconds per case]
 
 1080p30 H.264 at 6 Mb/s as MPEG-TS over UDP on the loopback, sent by another process, recorded and decoded. The consumer
-takes every picture, or one every 100 ms as a detector does; "busy" is a station whose Python is busy besides. Processor
-time is that of the station and its video process together; lag runs from sending a picture to having its image.
+takes every frame, or one every 100 ms as a detector does; "busy" is a station whose Python is busy besides. Processor
+time is that of the station and its video process together; lag runs from sending a frame to having its image.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ class Threaded:
         taken = self._reader.newest.take(timeout_s)
         if taken is None:
             return None
-        index, t_us, picture = taken
-        return Frame(index=index, t_us=t_us, image=bgr(picture, picture.width, picture.height))
+        index, t_us, frame = taken
+        return Frame(index=index, t_us=t_us, image=bgr(frame, frame.width, frame.height))
 
     def cpu_s(self) -> float:
         return time.process_time()
@@ -83,7 +83,7 @@ class Own(VideoStream):
 
 
 def coded(n: int) -> list[list[bytes]]:
-    """Datagrams of each of n pictures: a scene that drifts under noise."""
+    """Datagrams of each of n frames: a scene that drifts under noise."""
     sink, frames = io.BytesIO(), []
     scene = np.random.default_rng(0).integers(0, 255, (HEIGHT // 8 + 40, WIDTH // 8 + 40, 3), dtype=np.uint8)
     scene = scene.repeat(8, 0).repeat(8, 1)
@@ -104,7 +104,7 @@ def coded(n: int) -> list[list[bytes]]:
 
 
 def send(port: int, frames: list[list[bytes]], begin_s: float) -> None:
-    """In a process of its own: picture k at ``begin_s + k / FPS`` Unix time."""
+    """In a process of its own: frame k at ``begin_s + k / FPS`` Unix time."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
         for k, pieces in enumerate(frames):
             time.sleep(max(begin_s + k / FPS - time.time(), 0.0))
@@ -113,7 +113,7 @@ def send(port: int, frames: list[list[bytes]], begin_s: float) -> None:
 
 
 def case(kind: type[Own] | type[Threaded], frames: list[list[bytes]], every_s: float, busy: bool) -> list[float]:
-    """CPU ms a picture sent, median and 95 % lag ms, pictures shown, pictures recorded."""
+    """CPU ms a frame sent, median and 95 % lag ms, frames shown, frames recorded."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -161,16 +161,16 @@ def main() -> None:
     lines = [
         "# Live video in a process of its own",
         "",
-        f"`python -m bench.video_stream {seconds:g}`: {len(frames)} pictures of {WIDTH}×{HEIGHT} at {FPS} a second,",
+        f"`python -m bench.video_stream {seconds:g}`: {len(frames)} frames of {WIDTH}×{HEIGHT} at {FPS} a second,",
         f"{rate:.1f} Mb/s, MPEG-TS over UDP on the loopback; {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}.",
         "Processor time is that of the station and of its video process. In the busy case the thread that is busy",
-        "is part of it, so there is no ratio. Recorded with every case; a slow consumer sees the newest picture.",
+        "is part of it, so there is no ratio. Recorded with every case; a slow consumer sees the newest frame.",
         "",
-        "| consumer | where | CPU ms a picture | lag ms, median | 95 % | pictures shown | recorded |",
+        "| consumer | where | CPU ms a frame | lag ms, median | 95 % | frames shown | recorded |",
         "|---|---|--:|--:|--:|--:|--:|",
     ]
     kinds: list[tuple[str, type[Own] | type[Threaded]]] = [("thread", Threaded), ("own process", Own)]
-    cases = (("every picture", 0.0, False), ("100 ms each", 0.1, False), ("100 ms each, busy", 0.1, True))
+    cases = (("every frame", 0.0, False), ("100 ms each", 0.1, False), ("100 ms each, busy", 0.1, True))
     for name, every_s, busy in cases:
         cost: dict[str, float] = {}
         for where, kind in kinds:

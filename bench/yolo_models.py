@@ -1,6 +1,6 @@
 """YOLO-OBB models with random weights that nevertheless see things, exported in every layout that Ultralytics writes.
 
-Needs ultralytics, torch and onnx. No weights are downloaded: a seed makes them, the batch norms are set on the pictures
+Needs ultralytics, torch and onnx. No weights are downloaded: a seed makes them, the batch norms are set on the images
 given, and the heads are scaled so that a few dozen boxes of many sizes and angles pass a score of 0.25.
 """
 
@@ -36,7 +36,7 @@ DOTA = (
     "swimming pool",
 )
 CANDIDATES = 120
-"""Anchors of one picture that pass a score of 0.25."""
+"""Anchors of one image that pass a score of 0.25."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,13 +71,13 @@ LAYOUTS = (
 )
 
 
-def random_model(family: str, names: Sequence[str], pictures: Sequence[NDArray[np.uint8]], seed: int) -> Any:  # noqa: ANN401
+def random_model(family: str, names: Sequence[str], images: Sequence[NDArray[np.uint8]], seed: int) -> Any:  # noqa: ANN401
     """A model of Ultralytics' own class.
 
     Args:
         family: name of a configuration that the package holds, such as ``yolo11n-obb``.
         names: of its classes.
-        pictures: (640, 640, 3) BGR, to set it up on.
+        images: (640, 640, 3) BGR, to set it up on.
         seed: of the weights.
     """
     torch, ultralytics = importlib.import_module("torch"), importlib.import_module("ultralytics")
@@ -86,7 +86,7 @@ def random_model(family: str, names: Sequence[str], pictures: Sequence[NDArray[n
     plain = model.model
     model.model = type(plain)(f"{family}.yaml", nc=len(names), verbose=False)
     model.model.args, model.model.task, model.model.names = plain.args, plain.task, dict(enumerate(names))
-    batch = torch.from_numpy(np.stack(pictures)[..., ::-1].transpose(0, 3, 1, 2).astype(np.float32) / 255.0)
+    batch = torch.from_numpy(np.stack(images)[..., ::-1].transpose(0, 3, 1, 2).astype(np.float32) / 255.0)
     with torch.no_grad():
         _set_norms(model.model, batch)
         head = model.model.model[-1]
@@ -151,7 +151,7 @@ def _set_head(network: Any, head: Any, prefix: str, batch: Any) -> None:  # noqa
 
 
 def _spread(network: Any, batch: Any, layers: Sequence[Any], mean: float, deviation: float) -> None:  # noqa: ANN401
-    """Every channel of the layers' outputs with this mean and deviation over the pictures."""
+    """Every channel of the layers' outputs with this mean and deviation over the images."""
     for layer, out in zip(layers, _outputs(network, batch, layers), strict=True):
         gain = deviation / out.std((0, 2, 3)).clamp(min=1e-6)
         layer.weight *= gain[:, None, None, None]

@@ -3,11 +3,11 @@
     python -m bench.yolo_parity [--out FILE] [--pictures FOLDER] [--trained MODEL.onnx --boxes REFERENCE.json]
 
 Needs ``pip install ultralytics torch torchvision onnx onnxslim`` beside the project, in an environment of its own. The
-models are of random weights (``bench.yolo_models``), the pictures are made here; ``--pictures`` adds a folder's. A
+models are of random weights (``bench.yolo_models``), the images are made here; ``--pictures`` adds a folder's. A
 trained export and the boxes that the predictor gave for it are compared with ``--trained`` and ``--boxes``.
 
-Both sides run the same file on the same picture. A pair counts as the same box when no number differs by more than half
-a pixel or a tenth of a degree. Left out on both sides are boxes that we never tell: those centred off the picture and
+Both sides run the same file on the same image. A pair counts as the same box when no number differs by more than half
+a pixel or a tenth of a degree. Left out on both sides are boxes that we never tell: those centred off the image and
 those with a side of zero or less. In float16 many scores are equal, and which of two equal boxes stays is left to how
 each side sorts.
 """
@@ -49,11 +49,11 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """One model on one picture."""
+    """One model on one image."""
 
     model: str
     layout: str
-    picture: str
+    image: str
     theirs: int
     ours: int
     same: int
@@ -68,10 +68,10 @@ class Line:
 
     def __str__(self) -> str:
         numbers = f"{self.theirs} | {self.ours} | {self.same} | {self.worst_px:.3f} | {self.worst_deg:.3f}"
-        return f"| {self.model} | {self.layout} | {self.picture} | {numbers} |"
+        return f"| {self.model} | {self.layout} | {self.image} | {numbers} |"
 
 
-def compared(model: str, layout: str, picture: str, theirs: Floats, ours: Floats) -> Line:
+def compared(model: str, layout: str, image: str, theirs: Floats, ours: Floats) -> Line:
     """Pair two sets of boxes (m, 5) and (k, 5), cx cy w h angle."""
     px, degrees = _differences(theirs, ours)
     i, j = linear_sum_assignment(np.minimum(px, 8.0) + np.minimum(degrees, 8.0))
@@ -80,7 +80,7 @@ def compared(model: str, layout: str, picture: str, theirs: Floats, ours: Floats
     return Line(
         model=model,
         layout=layout,
-        picture=picture,
+        image=image,
         theirs=len(theirs),
         ours=len(ours),
         same=int(((px <= SAME_PX) & (degrees <= SAME_DEG)).sum()),
@@ -111,7 +111,7 @@ def _told(boxes: Floats, image: Image) -> Floats:
     return np.asarray(boxes[inside & (w > 0) & (h > 0)])
 
 
-def drawn_picture(width: int, height: int, seed: int) -> Image:
+def drawn_image(width: int, height: int, seed: int) -> Image:
     """Ground with soft spots, and boxes of any colour and angle on it; on the canvas all sizes look alike."""
     rng = np.random.default_rng(seed)
     unit = max(width, height) / SIDE
@@ -128,7 +128,7 @@ def drawn_picture(width: int, height: int, seed: int) -> Image:
 def _photograph(path: Path) -> Image:
     image = cv2.imread(str(path))
     if image is None:
-        sys.exit(f"{path}: no picture that can be read")
+        sys.exit(f"{path}: no image that can be read")
     return np.asarray(image, dtype=np.uint8)
 
 
@@ -139,10 +139,10 @@ def _predicted(predictor: Any, image: Image, batch: int, *, agnostic: bool) -> F
     return np.asarray(first.obb.xywhr.cpu().numpy(), dtype=np.float64).reshape(-1, 5)
 
 
-def random_lines(names: Sequence[str], family: str, pictures: Mapping[str, Image], folder: Path) -> Iterator[Line]:
-    """A family in all its layouts on all pictures; the raw layout also with one box for each vehicle."""
+def random_lines(names: Sequence[str], family: str, images: Mapping[str, Image], folder: Path) -> Iterator[Line]:
+    """A family in all its layouts on all images; the raw layout also with one box for each vehicle."""
     ultralytics = importlib.import_module("ultralytics")
-    canvases = [letterbox(image, (SIDE, SIDE))[0] for image in pictures.values()]
+    canvases = [letterbox(image, (SIDE, SIDE))[0] for image in images.values()]
     model = random_model(family, names, canvases, seed=7)
     plain = export(model, LAYOUTS[0], folder / "plain.onnx", SIDE)
     title = f"{family}, {len(names)} classes"
@@ -154,7 +154,7 @@ def random_lines(names: Sequence[str], family: str, pictures: Mapping[str, Image
             detector = open_detector(path, score=SCORE, classes=names, per_class=not agnostic, imgsz=SIDE, threads=2)
             # their predictor cannot read a turned output: the plain file stands for it
             predictor = ultralytics.YOLO(str(plain if layout.turned else path), task="obb")
-            for name, image in pictures.items():
+            for name, image in images.items():
                 theirs = _told(_predicted(predictor, image, _batch(layout), agnostic=agnostic), image)
                 ours = detector.detect(image).boxes
                 yield compared(title, layout.name + ", agnostic" * agnostic, name, theirs, ours)
@@ -164,11 +164,11 @@ def _batch(layout: Layout) -> int:
     return 2 if layout.options.get("batch") == 2 and "dynamic" not in layout.options else 1
 
 
-def trained_lines(model: Path, reference: Path, pictures: Path) -> Iterator[Line]:
+def trained_lines(model: Path, reference: Path, images: Path) -> Iterator[Line]:
     """A trained export against boxes recorded from their predictor."""
     detector = open_detector(model, score=SCORE)
     for name, told in json.loads(reference.read_text())["images"].items():
-        image = _photograph(pictures / name)
+        image = _photograph(images / name)
         theirs = np.array([box["xywhr"] for box in told["dets"]]).reshape(-1, 5)
         yield compared(model.name, "raw, recorded boxes", name, theirs, detector.detect(image).boxes)
 
@@ -193,7 +193,7 @@ def report(lines: Sequence[Line]) -> str:
             f"With ultralytics {version} the boxes are the same in {whole} of {len(lines)} comparisons, and {same} of "
             f"{boxes} boxes; where all are the same the worst is {max(px):.3f} px, {max(degrees):.3f}°.",
             "",
-            "| model | layout | picture | theirs | ours | same | worst px | worst deg |",
+            "| model | layout | image | theirs | ours | same | worst px | worst deg |",
             "|---" * 8 + "|",
             *map(str, lines),
             "",
@@ -215,15 +215,15 @@ def main() -> int:
             importlib.import_module(name)
     except ImportError as error:
         sys.exit(f"{error}; install with: pip install ultralytics torch torchvision onnx onnxslim")
-    pictures = {f"drawn {w}x{h}": drawn_picture(w, h, 10 + k) for k, (w, h) in enumerate(SIZES)}
+    images = {f"drawn {w}x{h}": drawn_image(w, h, 10 + k) for k, (w, h) in enumerate(SIZES)}
     lines: list[Line] = []
     if chosen.trained and chosen.boxes and chosen.pictures:
         lines += trained_lines(chosen.trained, chosen.boxes, chosen.pictures)
-        pictures |= {path.name: _photograph(path) for path in sorted(chosen.pictures.glob("Site?_*.jpg"))}
+        images |= {path.name: _photograph(path) for path in sorted(chosen.pictures.glob("Site?_*.jpg"))}
     with tempfile.TemporaryDirectory() as folder:
         for family in chosen.families:
             for names in (DOTA, ("van", "lorry")):
-                for line in random_lines(names, family, pictures, Path(folder)):
+                for line in random_lines(names, family, images, Path(folder)):
                     print(line, flush=True)
                     lines.append(line)
     chosen.out.write_text(report(lines))

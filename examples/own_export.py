@@ -1,4 +1,4 @@
-"""Your own export: one line for each second and vehicle, with who it is and where the picture saw it.
+"""Your own export: one line for each second and vehicle, with who it is and where the video showed it.
 
 python examples/own_export.py sitl_logs/ardupilot-swarm seen.txt
 """

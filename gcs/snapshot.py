@@ -84,7 +84,7 @@ class VehicleRow:
     """Clockwise from north, NaN unknown."""
     std_m: float = NAN
     in_view: bool | None = None
-    """Whether the reported position lies in the picture; None when the camera's pose is unknown."""
+    """Whether the reported position is in view; None when the camera's pose is unknown."""
     standing: Standing = "no position"
     track_id: int = 0
     """Track that carries this identity, 0 none."""
@@ -120,7 +120,7 @@ class VehicleRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """One tracked vehicle in the picture."""
+    """One tracked vehicle in the frame."""
 
     track_id: int
     """0 for a detection that no track took."""
@@ -183,13 +183,13 @@ class Health:
 
     fps: float = 0.0
     lag_s: float = 0.0
-    """How far the picture on screen is behind the newest one."""
+    """How far the frame on screen is behind the newest one."""
     behind_s: float = 0.0
     """How far the telemetry that was taken in is behind: a computer that cannot keep up. Ages are told without it."""
     frames: int = 0
     skipped_frames: int = 0
     video: str = "none"
-    """``waiting`` for the first picture, ``ok``, ``stalled``, ``ended``, ``none``."""
+    """``waiting`` for the first frame, ``ok``, ``stalled``, ``ended``, ``none``."""
     links: tuple[LinkHealth, ...] = ()
     recorded_bytes: int = 0
     recording: bool = False
@@ -201,7 +201,7 @@ class Health:
     """Estimated error of the camera's reported heading, radians clockwise, and its 1σ; NaN unknown."""
     yaw_offset_std: float = math.nan
     undecoded: int = 0
-    """Pictures that came and could not be decoded."""
+    """Frames that came and could not be decoded."""
     keys: int | None = None
     """Signing keys in use, 0 when nothing that is heard can be authenticated; None where nobody listens."""
     full_in_s: float = NEVER
@@ -238,12 +238,12 @@ class Snapshot:
     width: int
     height: int
     image: NDArray[np.uint8] | None
-    """(height, width, 3) BGR, None when there is no picture."""
+    """(height, width, 3) BGR, None when there is no image."""
     vehicles: tuple[VehicleRow, ...]
     """UAV first."""
     boxes: tuple[Box, ...]
     footprint_enu: NDArray[np.float64] | None
-    """(4, 2) corners of the picture on the ground, image order from top left clockwise."""
+    """(4, 2) corners of the image on the ground, image order from top left clockwise."""
     uav_enu: NDArray[np.float64]
     """(3,), NaN unknown."""
     uav_heading: float
@@ -255,7 +255,7 @@ class Snapshot:
     origin: LocalFrame | None = None
     """Of the ENU metres here, None while no place is known; it moves when the UAV turns out to be elsewhere."""
     conflicts: frozenset[int] = frozenset()
-    """System ids whose reports contradict the picture."""
+    """System ids whose reports contradict the video."""
     alarms: tuple[Alarm, ...] = ()
     """What is wrong now, the worst and newest first."""
 

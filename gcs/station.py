@@ -51,7 +51,7 @@ class Timeline(Protocol):
         """Let time run."""
 
     def pause(self) -> None:
-        """Stop time; the picture stays."""
+        """Stop time; the frame stays."""
 
     def seek(self, t_us: int) -> None:
         """Go to the frame at or before ``t_us``, clamped to the recording."""

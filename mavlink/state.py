@@ -49,15 +49,15 @@ class CameraReport:
     """A camera as the UAV describes it; at least one of its angles is known."""
 
     width: int
-    """Of the picture, px; 0 unknown."""
+    """Of the image, px; 0 unknown."""
     height: int
     hfov: float
-    """Rad across the picture, NaN unknown."""
+    """Rad across the image, NaN unknown."""
     vfov: float
     source: str
     """Name of the message that tells the field of view."""
     rotation_deg: int = 0
-    """By which the picture is turned, clockwise: 0, 90, 180 or 270."""
+    """By which the image is turned, clockwise: 0, 90, 180 or 270."""
     zoom_percent: float = math.nan
     """Of the camera's whole range of zoom, NaN unknown."""
     model: str = ""

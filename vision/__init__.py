@@ -1,6 +1,6 @@
 """From video to tracks: frames, camera geometry, oriented detection, tracking.
 
-Pixels (x right, y down, from the picture's edge), radians, ENU metres, Unix µs (``t_us``). Box angle: image +x to the
+Pixels (x right, y down, from the image's edge), radians, ENU metres, Unix µs (``t_us``). Box angle: image +x to the
 width axis, clockwise on screen; image heading: clockwise from image up. Camera frame: x right, y down, z forward.
 """
 

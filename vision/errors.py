@@ -4,7 +4,7 @@ VisionError
 ├── VideoError    a file, stream or recording that cannot be opened, read or written
 ├── ModelError    a detector model that is missing or has inputs or outputs we cannot use
 ├── CameraError   intrinsics or a mount that describe no camera
-└── LabelError    a folder of labelled pictures, or a line of its labels, that cannot be used
+└── LabelError    a folder of labelled images, or a line of its labels, that cannot be used
 """
 
 from __future__ import annotations
@@ -29,4 +29,4 @@ class CameraError(VisionError):
 
 
 class LabelError(VisionError):
-    """Labelled pictures cannot be used: the message names the file and the line."""
+    """Labelled images cannot be used: the message names the file and the line."""

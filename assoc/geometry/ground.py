@@ -1,7 +1,7 @@
 """Rays on the ground under a correction of the camera's pose.
 
 The correction θ = (yaw, yaw rate, pitch, roll, E, N, H, δ): radians, rad/s, radians, radians, metres ×3, seconds.
-Yaw is clockwise, about the vertical; its rate counts from the newest frame; pitch turns about the picture's horizontal
+Yaw is clockwise, about the vertical; its rate counts from the newest frame; pitch turns about the image's horizontal
 right axis, roll about its horizontal forward axis; δ is video time minus telemetry time.
 """
 
@@ -84,7 +84,7 @@ def _camera_at(history: TrackHistory, rows: slice, delta_s: float) -> tuple[Floa
 
 
 def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Horizontal right and forward axes of the picture, each (F, 3)."""
+    """Horizontal right and forward axes of the image, each (F, 3)."""
     right = R[:, :, 0] * np.array([1.0, 1.0, 0.0])
     right /= np.maximum(np.linalg.norm(right, axis=1), 1e-9)[:, None]
     # forward = up × right

@@ -39,7 +39,7 @@ def mixed_marginals(
         share: Their weights.
         bias_std: σ_b, metres.
         chance: Prior chance that a track is a stranger driving like one of ours.
-        in_view: (n,) part of the scores that speaks for a vehicle because it should be in the picture.
+        in_view: (n,) part of the scores that speaks for a vehicle because it should be in view.
         log_free: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
 
     Returns:

@@ -70,9 +70,9 @@ class Scene:
     claim: FloatArray
     """(m, n) what is added to them because the track was somebody before it broke off."""
     view: FloatArray
-    """(n,) how likely each vehicle is in the picture."""
+    """(n,) how likely each vehicle is in view."""
     in_view: FloatArray
-    """(n,) what is added to them because the vehicle should be in the picture."""
+    """(n,) what is added to them because the vehicle should be in view."""
     fold: int
     """Blocks that leave the window with this update."""
 
@@ -222,7 +222,7 @@ def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | N
 
 
 def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:
-    """Starts that move the whole picture so that one track falls on another vehicle: formations 'shifted by one'."""
+    """Starts that move the whole image so that one track falls on another vehicle: formations 'shifted by one'."""
     residual = (
         best.blocks.mean[:, : scene.live].sum(axis=0)
         / np.maximum((best.blocks.count[:, : scene.live] > 0).sum(axis=0), 1)[..., None]

@@ -1,4 +1,4 @@
-"""Reports that contradict the picture or one another."""
+"""Reports that contradict the video or one another."""
 
 from __future__ import annotations
 
@@ -126,6 +126,6 @@ class ConflictWatch:
             elif key in self._was and p[row, -1] > _SURE and age[self._was[key]] < _HEARD_S and scene.gap_s[row] <= 0.0:
                 found.add(self._was[key])
         self._was = {key: vehicle for key, vehicle in self._was.items() if key in ids}
-        # occluded or out of the picture is no contradiction, and a moment of doubt none either
+        # occluded or out of the image is no contradiction, and a moment of doubt none either
         self._gone_since = {v: self._gone_since.get(v, t) for v in found - set(choice.tolist())}
         return {v for v, since in self._gone_since.items() if t - since >= _LASTING_S}

@@ -38,10 +38,10 @@ _STRAINED, _STRAINED_S = 1.5, 3.0
 """Standard deviations of its prior that the clocks' offset may be off, while all is sure, and for how long."""
 _STRANGE_S, _STRANGER_S = 2.5, 30.0
 _SPARE = 0.5
-"""So many tracks more than the vehicles expected in the picture are no strangers yet."""
+"""So many tracks more than the vehicles expected in view are no strangers yet."""
 _NOISE_EVERY_S = 3.0
 _ANYWHERE = 0.5
-"""How likely a vehicle is in the picture whose reports do not tell."""
+"""How likely a vehicle is in view whose reports do not tell."""
 _HEADING_STD = np.deg2rad(9.0)
 
 
@@ -227,7 +227,7 @@ class Estimator:
         return ground_now(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
 
     def _in_view(self, t: float, camera: CameraState) -> FloatArray:
-        """(n,) how likely each vehicle is in the picture."""
+        """(n,) how likely each vehicle is in view."""
         p, age = self._log.extrapolated(t - self.time_offset_s)
         chance = chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
         return np.where(self._log.useless, _ANYWHERE, chance)

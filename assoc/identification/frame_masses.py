@@ -53,7 +53,7 @@ def _topology(sighting: Sighting, camera: CameraState, p: FloatArray, heading: F
     front = _right_up(sighting.front_cam) - centre
     image = topology_angles(centre, np.arctan2(front[:, 0], front[:, 1]))
     right = camera.R_enu_cam[:2, 0]
-    # the picture's right axis is level; up in the picture is a quarter turn to its left
+    # the image's right axis is level; up in the image is a quarter turn to its left
     up = float(np.arctan2(-right[1], right[0]))
     return topology_cost(image, topology_angles(p - camera.p_enu[:2], heading, up))
 

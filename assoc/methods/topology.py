@@ -1,10 +1,10 @@
-"""Topology-based association of one frame: bearing and aspect of every target, in the world and in the picture.
+"""Topology-based association of one frame: bearing and aspect of every target, in the world and in the image.
 
 Reference: Chen, Du, Wu, Drones 2025, 9(9), 612, section 3.3, doi:10.3390/drones9090612.
 
 World: v₀ is the UAV's heading, v₀ᵢ leads from the UAV to vehicle i, vᵢ is vehicle i's heading; α = ∠(v₀ᵢ, v₀),
-β = ∠(v₀ᵢ, vᵢ). Picture: v₀ is straight up, v₀ⱼ leads from the image centre to box j, vⱼ is its front. All vectors are
-given here as (right, forward): east and north in the world, +u and −v in the picture.
+β = ∠(v₀ᵢ, vᵢ). Image: v₀ is straight up, v₀ⱼ leads from the image centre to box j, vⱼ is its front. All vectors are
+given here as (right, forward): east and north in the world, +u and −v in the image.
 
 As printed, angles come from the law of cosines and lie in [0, π], so left and right are lost; the signed variant keeps
 them and is named so.
@@ -42,7 +42,7 @@ def topology_angles(offset: FloatArray, heading: FloatArray, reference: float = 
     Args:
         offset: (n, 2) vector to the target, (right, forward): from the UAV in metres, or from the image centre.
         heading: (n,) of the target, clockwise from forward, radians; NaN unknown.
-        reference: Heading of v₀: the UAV's in the world, 0 in the picture.
+        reference: Heading of v₀: the UAV's in the world, 0 in the image.
 
     Returns:
         (n, 2) in [0, π]; β is NaN where the heading is unknown.
@@ -66,7 +66,7 @@ def topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
     """c_ji = ‖(α_j, β_j) − (α_i, β_i)‖₂.
 
     Args:
-        image: (m, 2) angles in the picture.
+        image: (m, 2) angles in the image.
         world: (n, 2) angles in the world.
 
     Returns:

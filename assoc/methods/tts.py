@@ -18,7 +18,7 @@ alignment of the shorter sequence with the longer one, bounded by 1, or ``"pairs
 affine map is fitted to the better half of the first step's pairs, and everybody is assigned again by distance under it.
 
 Angles do not change under rotation, translation and scale, but a mirrored view has its sequences the wrong way round:
-points are therefore (right, forward) as for :mod:`assoc.methods.topology`, +u and −v in the picture.
+points are therefore (right, forward) as for :mod:`assoc.methods.topology`, +u and −v in the image.
 
 Two points, points on a line and coinciding points have no triangles. Such a view has no similarity to anything, and
 nobody is associated.

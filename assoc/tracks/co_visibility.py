@@ -1,4 +1,4 @@
-"""Who was seen beside whom: two boxes in one picture are two vehicles, also after one of them is lost.
+"""Who was seen beside whom: two boxes in one image are two vehicles, also after one of them is lost.
 
 While both tracks are seen the matching holds that. Once one of them is lost, what was believed of it goes on speaking
 against those that were seen beside it; one that began only since may be its vehicle.

@@ -50,10 +50,10 @@ S = 1_000_000
 TOGETHER_US = 4_000
 """Datagrams so close are one batch."""
 IDLE_US = 200_000
-"""Without a picture for so long the fold looks at the fleet alone."""
+"""Without a frame for so long the fold looks at the fleet alone."""
 CAMERA = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
 DESCRIBED = 3
-"""The mission's camera is described for pictures so many times as large."""
+"""The mission's camera is described for frames so many times as large."""
 IMPOSTOR_M = 120.0
 BOOTED_MS = 1500
 """Of a vehicle that was just switched on, at its first word."""
@@ -62,16 +62,16 @@ SECRET = bytes(range(32))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Troubles:
-    """What goes wrong, and when, in seconds since the first picture; None or 0: never."""
+    """What goes wrong, and when, in seconds since the first frame; None or 0: never."""
 
     restart: tuple[float, float] | None = None
     """The fleet is switched off and on again at these times."""
     blind: tuple[float, float] | None = None
-    """No picture comes."""
+    """No frame comes."""
     deaf: tuple[float, float] | None = None
     """No telemetry comes."""
     late_stamp_s: float = 0.0
-    """Pictures are stamped so much later than they are taken."""
+    """Frames are stamped so much later than they are taken."""
     step: tuple[float, float] | None = None
     """When the wall clock is set, and by how much."""
     second_link_s: float = 0.0
@@ -224,7 +224,7 @@ def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
         newest: Frame | None = None
         idle_us = flight.t_us + IDLE_US
         while coming is not None and coming[0] <= idle_us and newest is None:
-            # the newest picture that is there when the fold asks, the earlier ones are only listed
+            # the newest frame that is there when the fold asks, the earlier ones are only listed
             ready_us = max(coming[0], flight.t_us)
             while coming is not None and coming[0] <= ready_us:
                 newest, flight.detector.boxes, flight.detector.fails = coming[1], coming[2], coming[3]
@@ -265,7 +265,7 @@ def _worlds(scenario: Scenario, troubles: Troubles) -> list[tuple[World, float, 
     if troubles.restart is None:
         return [(World(scenario), TALK_FROM_S, scenario.duration_s)]
     off_s, on_s = troubles.restart
-    # telemetry begins before the first picture
+    # telemetry begins before the first frame
     second = World(replace(scenario, start_us=scenario.start_us + round((on_s - TALK_FROM_S) * S)))
     return [(World(scenario), TALK_FROM_S, off_s), (second, on_s, scenario.duration_s)]
 
@@ -357,7 +357,7 @@ def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
 def _frames(
     worlds: list[tuple[World, float, float]], flight: _Flight, rng: np.random.Generator
 ) -> Iterator[tuple[int, Frame, Detections, bool]]:
-    """When each picture is there, the picture, what is seen in it, and whether looking at it fails."""
+    """When each frame is there, the frame, what is seen in it, and whether looking at it fails."""
     troubles, index, last_us = flight.troubles, 0, 0
     images = [np.zeros((CAMERA.height // k, CAMERA.width // k, 3), dtype=np.uint8) for k in (1, 2)]
     for world, start_s, stop_s in worlds:

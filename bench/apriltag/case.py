@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.apriltag.flight import SIDES_M, scenario_of, tags_of, write_flight
-from bench.apriltag.tags import read_picture, read_tags
+from bench.apriltag.tags import read_image, read_tags
 from bench.field.product import identify
 from gcs.session.frame_tables import read_truth
 from gcs.session.tables import Table
@@ -43,7 +43,7 @@ class TagCount:
     side_m: float
     boxes: int
     plain: int
-    """With the right number, in the whole picture, with OpenCV's own settings."""
+    """With the right number, in the whole image, with OpenCV's own settings."""
     read: int
     """With the right number, in a crop about the vehicle."""
     known: int
@@ -88,7 +88,7 @@ def play(case: Case) -> Outcome:
         tags=tags,
         boxes=int(ours.sum()),
         right=int(right.sum()),
-        # boxes that are less than half in the picture have no truth to be held against
+        # boxes that are less than half in the image have no truth to be held against
         named=int(((matched.named > 0) & (matched.truth >= 0)).sum()),
         late_boxes=int(late.sum()),
         late_right=int((right & late).sum()),
@@ -105,7 +105,7 @@ def count_tags(scenario: Scenario, video: Path, truth: Table) -> tuple[TagCount,
         for frame in film.frames():
             mine = np.flatnonzero((truth["frame"] == frame.index) & (truth["system_id"] > 0))
             places = np.stack([truth[key][mine] for key in ("cx", "cy", "w", "h")], axis=-1)
-            everywhere = read_picture(frame.image)
+            everywhere = read_image(frame.image)
             numbers = truth["system_id"][mine].astype(int).tolist()
             for number, seen in zip(numbers, read_tags(frame.image, places), strict=True):
                 size = side[number]

@@ -13,7 +13,7 @@ __all__ = ["MISSING", "draw_heights"]
 TAG_COLORS = ("#d95f02", "#7570b3")
 
 
-def draw_heights(table: Path, picture: Path) -> bool:
+def draw_heights(table: Path, out: Path) -> bool:
     """One panel a camera; False when matplotlib is missing."""
     plot = pyplot()
     if plot is None:
@@ -28,7 +28,7 @@ def draw_heights(table: Path, picture: Path) -> bool:
     panels[0].set(ylabel="vehicles in view identified, %")
     figure.legend(*panels[0].get_legend_handles_labels(), fontsize=8, loc="lower center", ncols=4)
     figure.tight_layout(rect=(0.0, 0.1, 1.0, 1.0))
-    figure.savefig(picture, dpi=110)
+    figure.savefig(out, dpi=110)
     plot.close(figure)
     return True
 

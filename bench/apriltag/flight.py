@@ -86,7 +86,7 @@ def filmed(world: World, renderer: Renderer, t: float, index: int) -> Image:
 
 
 def _blur(world: World, t: float) -> tuple[float, float]:
-    """How far, px, and in which direction our vehicles move over the picture while the shutter is open: the median."""
+    """How far, px, and in which direction our vehicles move over the image while the shutter is open: the median."""
     places = []
     for moment in (t - 0.5 * SHUTTER_S, t + 0.5 * SHUTTER_S):
         at = world.at(moment).xy[: world.scenario.fleet_size]

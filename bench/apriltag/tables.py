@@ -59,7 +59,7 @@ shutter 1/{1.0 / SHUTTER_S:.0f} s, sensor noise, H.264 at CRF {CRF}. Positions a
 gimbal by 0.7° and 0.5°.
 
 tag: AprilTag 36h11 with a black square of that side, level and clean on the roof; every other vehicle has the larger
-one. A tag that the picture's edge cuts cannot be read. plain: read in the whole picture by OpenCV's ArUco detector as
+one. A tag that the image's edge cuts cannot be read. plain: read in the whole image by OpenCV's ArUco detector as
 it comes. Without that word: in a crop about every vehicle's true place, enlarged, with settings for small squares:
 the most that tags can give. remembered: the same in
 this frame or in an earlier one, as if a tracker never lost anybody. product: the bundled detector, the tracker and the

@@ -1,4 +1,4 @@
-"""Printed AprilTags on roofs: drawn into a rendered picture, and read out of one by OpenCV.
+"""Printed AprilTags on roofs: drawn into a rendered image, and read out of one by OpenCV.
 
 A tag is a level plate at a vehicle's full height, its upper edge towards the front: the black square of the stated
 side, and a white rim of an eighth of that side around it, as the family 36h11 wants it (10 × 10 modules in all).
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sim.world.view import Bodies, CameraView, project
 
-__all__ = ["Tag", "read_picture", "read_tags", "stick_tags", "tag_corners"]
+__all__ = ["Tag", "read_image", "read_tags", "stick_tags", "tag_corners"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -28,7 +28,7 @@ MODULES, RIM = 8, 1
 """Across the black square; of the white rim on each side."""
 INK, PAPER = 25.0, 235.0
 FINER = 4
-"""Tags are drawn so many times finer than the picture and averaged down, as a sensor's pixel does."""
+"""Tags are drawn so many times finer than the image and averaged down, as a sensor's pixel does."""
 CROP = 0.75
 """Half side of a crop, lengths of the vehicle's box."""
 LEAST_OUTLINE = 0.15
@@ -61,7 +61,7 @@ def tag_corners(bodies: Bodies, tag: Tag, side_m: float) -> FloatArray:
 
 
 def stick_tags(image: Image, view: CameraView, bodies: Bodies, tags: Sequence[Tag]) -> Image:
-    """A picture with tags on it, a new array.
+    """An image with tags on it, a new array.
 
     Args:
         image: (H, W, 3) BGR, before the camera's blur and noise.
@@ -87,7 +87,7 @@ def _stick(image: Image, plate: FloatArray, number: int) -> None:
     side = float(np.linalg.norm(plate[1] - plate[0]))
     paint = _painted(number, max(round(side * FINER / (MODULES + 2 * RIM)), 1))
     n = len(paint)
-    # pixel k of a row has its middle at k + ½ on the sheet and in the finer picture
+    # pixel k of a row has its middle at k + ½ on the sheet and in the finer image
     sheet = np.array([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]]) - 0.5
     turn = cv2.getPerspectiveTransform(sheet.astype(np.float32), ((plate - low) * FINER - 0.5).astype(np.float32))
     size = (part.shape[1] * FINER, part.shape[0] * FINER)
@@ -117,8 +117,8 @@ def _detector(least_outline: float | None) -> cv2.aruco.ArucoDetector:
     return cv2.aruco.ArucoDetector(_family(), settings)
 
 
-def read_picture(image: Image) -> frozenset[int]:
-    """Numbers of the tags that are read in a whole picture (H, W, 3) BGR with OpenCV's own settings."""
+def read_image(image: Image) -> frozenset[int]:
+    """Numbers of the tags that are read in a whole image (H, W, 3) BGR with OpenCV's own settings."""
     return _search(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), None)
 
 
@@ -126,7 +126,7 @@ def read_tags(image: Image, boxes: FloatArray) -> list[frozenset[int]]:
     """Numbers of the tags that can be read on each of some vehicles.
 
     Every vehicle is searched in a crop about its true place, enlarged where need be: more help than a tag reader that
-    looks at the whole picture ever gets.
+    looks at the whole image ever gets.
 
     Args:
         image: (H, W, 3) BGR.

@@ -9,7 +9,7 @@ from bench.drawing import MISSING, pyplot, read_rows
 __all__ = ["MISSING", "draw_reliability"]
 
 
-def draw_reliability(table: Path, picture: Path) -> bool:
+def draw_reliability(table: Path, out: Path) -> bool:
     """Draw share right over confidence, the number of boxes below; False when matplotlib is missing."""
     plot = pyplot()
     if plot is None:
@@ -26,6 +26,6 @@ def draw_reliability(table: Path, picture: Path) -> bool:
     upper.legend()
     lower.set(xlabel="confidence said", ylabel="boxes", yscale="log")
     figure.tight_layout()
-    figure.savefig(picture, dpi=110)
+    figure.savefig(out, dpi=110)
     plot.close(figure)
     return True

@@ -30,7 +30,7 @@ class Played:
     cpu_ms: NDArray[np.float64]
     """(frames,) the same in processor time, which other programs on the machine do not add to."""
     accused: frozenset[int]
-    """System ids whose reports were said to contradict the picture."""
+    """System ids whose reports were said to contradict the video."""
 
 
 def identify(folder: Path, out: Path) -> Played:

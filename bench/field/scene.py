@@ -63,7 +63,7 @@ class Scene:
     """(n,) system ids of the vehicles."""
     fps: float
     center_px: FloatArray
-    """(2,) middle of the picture."""
+    """(2,) middle of the image."""
     looks: tuple[Look, ...]
 
 

@@ -111,7 +111,7 @@ def occlusion(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def in_out(k: int, rng: np.random.Generator) -> Scenario:
-    """The UAV roams about the fleet, or the fleet drives about a field wider than the picture."""
+    """The UAV roams about the fleet, or the fleet drives about a field wider than the frame."""
     flight = Flight() if k % 3 == 2 else Flight(roam_m=26.0)
     return session(ground=road(k, area_m=(90.0, 50.0)), flight=flight, gnss=gnss(rng), attitude=slight(rng))
 

@@ -37,10 +37,10 @@ def report(outcomes: Sequence[Outcome], title: str) -> str:
 
 _WORDS = """\
 Shares in percent of all boxes. precision: right names of names given. right: rightly named of our boxes. coverage:
-named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in the picture before a right
+named of our boxes. FPER: boxes of false targets left unnamed. first: seconds a vehicle is in view before a right
 name that then holds for a second; again: the same after two seconds unseen. wrong ≥ 0.9: vehicle-seconds with a wrong
 name at confidence 0.9 or more. swaps: times a track went over from one target to another. slandered: vehicles said to
-contradict the picture with nothing wrong in their telemetry. Milliseconds are processor time of one thread for
+contradict the video with nothing wrong in their telemetry. Milliseconds are processor time of one thread for
 everything that is done for a frame.
 
 The others have perfect tracks. projection, topology, fused (Chen, Du, Wu 2025, doi:10.3390/drones9090612) and TTS (Li

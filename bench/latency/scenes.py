@@ -67,7 +67,7 @@ def snap(n: int, m: int, seed: int) -> Snap:
 
 
 def crowd(n: int, seconds: float) -> Scenario:
-    """n vehicles on a winding road, all in the picture, ten frames a second."""
+    """n vehicles on a winding road, all in view, ten frames a second."""
     rows = n / 4.0
     return Scenario(
         name=f"crowd-{n}",

@@ -42,7 +42,7 @@ class _Track:
 
 
 class ByteTrack:
-    """Follows boxes from picture to picture by overlap."""
+    """Follows boxes from frame to frame by overlap."""
 
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
@@ -50,7 +50,7 @@ class ByteTrack:
         self._frame = 0
 
     def update(self, detections: Detections, stitch: Stitch | None = None) -> Tracks:
-        """Take in one picture.
+        """Take in one frame.
 
         Args:
             detections: Its boxes.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.telemetry.sensors import Sensors
-from sim.world.boxes import in_picture, true_boxes
+from sim.world.boxes import in_image, true_boxes
 from sim.world.scenario import Attitude, Camera, Detector, Flight, Gnss, Ground, Scenario, Targets
 from sim.world.world import World
 
@@ -43,7 +43,7 @@ class Film:
     length_px: FloatArray
     """(F, B) length of the box."""
     seen: BoolArray
-    """(F, B) in the picture."""
+    """(F, B) in view."""
     vehicle: IntArray
     """(B,) index of the vehicle, −1 for what is not ours."""
     p_enu: FloatArray
@@ -61,7 +61,7 @@ class Film:
 
 
 def paper_road(road: str, yaw_deg: float, seed: int) -> Scenario:
-    """Six vehicles in the picture and one outside, more than 1 m/s, lane changes."""
+    """Six vehicles in view and one outside, more than 1 m/s, lane changes."""
     rng = np.random.default_rng([seed, 612])
     return Scenario(
         name=f"paper-{road}",
@@ -152,11 +152,11 @@ def film(scenario: Scenario) -> Film:
 def _boxes(
     world: World, t: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-    """Measured centres, fronts, lengths and what is in the picture."""
+    """Measured centres, fronts, lengths and what is in view."""
     detector = world.scenario.detector
     views = [world.view(float(now)) for now in t]
     boxes = [true_boxes(view, world.bodies(float(now))) for view, now in zip(views, t, strict=True)]
-    seen = np.stack([in_picture(view, box) for view, box in zip(views, boxes, strict=True)])
+    seen = np.stack([in_image(view, box) for view, box in zip(views, boxes, strict=True)])
     uv = np.stack([np.stack([box.cx, box.cy], axis=-1) for box in boxes])
     uv = uv + rng.normal(0.0, detector.pixel_noise, uv.shape)
     # heading = angle + π/2

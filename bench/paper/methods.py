@@ -89,7 +89,7 @@ def projection(window: Window, noise: Noise) -> Answer:
 
 
 def _topology_views(window: Window, noise: Noise) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Offsets and headings of the last frame, in the picture and in the world; v₀ of the world."""
+    """Offsets and headings of the last frame, in the image and in the world; v₀ of the world."""
     away = window.uv[-1] - _CENTRE
     offset = (window.positions(noise.topology, second=True)[-1] - window.uav_enu[-1])[:, :2]
     return (away * (1.0, -1.0), window.front[-1]), (offset, window.headings(noise.topology)[-1])

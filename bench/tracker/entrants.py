@@ -1,4 +1,4 @@
-"""All trackers of a comparison behind one call: a picture in, the track of each box and the time it took out."""
+"""All trackers of a comparison behind one call: a frame in, the track of each box and the time it took out."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bench.paper.bytetrack import ByteTrack
 from bench.tracker.libraries import PUBLISHED, Absent, Published
 from bench.tracker.named import Named
-from bench.tracker.scene import Picture
+from bench.tracker.scene import SimulatedFrame
 from bench.tracker.sort import OcSort, Sort
 from vision.track.tracker import Tracker
 from vision.track.tracks import Tracks
@@ -30,7 +30,7 @@ CONFIRMED = 2
 class Entrant(Protocol):
     """A tracker in a comparison."""
 
-    def step(self, picture: Picture) -> tuple[IntArray, float]:
+    def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
         """The track of each box (m,), -1 none, and the processor time of the update, ms."""
         ...
 
@@ -39,44 +39,44 @@ class _Ours:
     def __init__(self, told: bool) -> None:
         self._tracker, self._told = Tracker(), told
 
-    def step(self, picture: Picture) -> tuple[IntArray, float]:
-        warp = picture.warp if self._told else None
+    def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
+        warp = frame.warp if self._told else None
         began = time.thread_time()
-        tracks = self._tracker.update(picture.boxes, picture.t_us, warp=warp)
+        tracks = self._tracker.update(frame.boxes, frame.t_us, warp=warp)
         took = time.thread_time() - began
-        return _said(tracks, len(picture.boxes)), 1e3 * took
+        return _said(tracks, len(frame.boxes)), 1e3 * took
 
 
 class _Identified:
     def __init__(self) -> None:
         self._named = Named()
 
-    def step(self, picture: Picture) -> tuple[IntArray, float]:
+    def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
         began = time.thread_time()
-        tracks = self._named.update(picture)
+        tracks = self._named.update(frame)
         took = time.thread_time() - began
-        self._named.learn(picture, tracks)
-        return _said(tracks, len(picture.boxes)), 1e3 * took
+        self._named.learn(frame, tracks)
+        return _said(tracks, len(frame.boxes)), 1e3 * took
 
 
 class _ByteTrack:
     def __init__(self) -> None:
         self._tracker = ByteTrack()
 
-    def step(self, picture: Picture) -> tuple[IntArray, float]:
+    def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
         began = time.thread_time()
-        tracks = self._tracker.update(picture.boxes)
+        tracks = self._tracker.update(frame.boxes)
         took = time.thread_time() - began
-        return _said(tracks, len(picture.boxes), 1), 1e3 * took
+        return _said(tracks, len(frame.boxes), 1), 1e3 * took
 
 
 class _Sort:
     def __init__(self, tracker: Sort) -> None:
         self._tracker = tracker
 
-    def step(self, picture: Picture) -> tuple[IntArray, float]:
+    def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
         began = time.thread_time()
-        said = self._tracker.update(picture.boxes)
+        said = self._tracker.update(frame.boxes)
         return said, 1e3 * (time.thread_time() - began)
 
 
@@ -84,12 +84,12 @@ class _Published:
     def __init__(self, name: str) -> None:
         self._tracker = Published(name)
 
-    def step(self, picture: Picture) -> tuple[IntArray, float]:
-        boxes = self._tracker.prepare(picture)
+    def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
+        boxes = self._tracker.prepare(frame)
         began = time.thread_time()
         found = self._tracker.update(boxes)
         took = time.thread_time() - began
-        return self._tracker.said(found, len(picture.boxes)), 1e3 * took
+        return self._tracker.said(found, len(frame.boxes)), 1e3 * took
 
 
 def entrants() -> tuple[dict[str, Entrant], list[str]]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.tracker.scene import Picture
+from bench.tracker.scene import SimulatedFrame
 from bench.tracker.upright import upright
 
 __all__ = ["PUBLISHED", "Absent", "Published"]
@@ -62,9 +62,9 @@ class Published:
                 raise Absent(f"{package} {version(package)} has it not as expected: {error}") from error
         self._update = getattr(self._tracker, "update_with_detections", None) or self._tracker.update
 
-    def prepare(self, picture: Picture) -> Any:  # noqa: ANN401 - the package's own type
-        """The picture's boxes in the package's form."""
-        boxes = picture.boxes
+    def prepare(self, frame: SimulatedFrame) -> Any:  # noqa: ANN401 - the package's own type
+        """The frame's boxes in the package's form."""
+        boxes = frame.boxes
         return self._boxes(
             xyxy=upright(boxes),
             confidence=boxes.score.copy(),
@@ -73,7 +73,7 @@ class Published:
         )
 
     def update(self, boxes: Any) -> Any:  # noqa: ANN401 - the package's own type
-        """Take in one picture."""
+        """Take in one frame."""
         return self._update(boxes)
 
     @staticmethod

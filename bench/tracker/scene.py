@@ -1,9 +1,9 @@
 """Traffic seen by a camera that drifts and yaws: what a detector reports of it, and what vehicles and camera tell.
 
 Vehicles drive on a plane, turn now and then and turn back at its edges; they do not mind each other, so that paths
-cross and boxes overlap. The camera looks straight down on 1920 × 1080 pixels, 30 pictures a second; more than fifty
+cross and boxes overlap. The camera looks straight down on 1920 × 1080 pixels, 30 frames a second; more than fifty
 vehicles are seen from higher up, so that all lengths below shrink and the crowd is as dense as fifty. The detector's
-centres are off by 1.5 px; 4 % of the boxes are missed, each vehicle is hidden for 3 to 20 pictures about every four
+centres are off by 1.5 px; 4 % of the boxes are missed, each vehicle is hidden for 3 to 20 frames about every four
 seconds, whatever is under a passing shade for 15 to 40, and of two that meet one is often lost. A tenth of the boxes
 have a low score, and 1 % are of nothing.
 """
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from vision.detect.detections import Detections
 
-__all__ = ["SIZE", "STEP_US", "Picture", "film"]
+__all__ = ["SIZE", "STEP_US", "SimulatedFrame", "film"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,40 +29,40 @@ STEP_US = 33_333
 EDGE = np.array([780.0, 400.0])
 """Half the sides of the ground on which vehicles stay, px."""
 TURN, TURN_BACK = 0.02, 0.05
-"""Curves and the turn at an edge, rad a picture."""
-YAW, YAW_PICTURES = np.radians(10.0), 180.0
-DRIFT, DRIFT_PICTURES = np.array([80.0, 50.0]), np.array([240.0, 200.0])
+"""Curves and the turn at an edge, rad a frame."""
+YAW, YAW_FRAMES = np.radians(10.0), 180.0
+DRIFT, DRIFT_FRAMES = np.array([80.0, 50.0]), np.array([240.0, 200.0])
 WARP_SHIFT, WARP_TURN = 0.5, 0.0005
-"""Errors of the camera's motion as telemetry has it, px and rad a picture."""
-REPORT, REPORT_BIAS, BIAS_PICTURES = 3.0, 8.0, 900.0
+"""Errors of the camera's motion as telemetry has it, px and rad a frame."""
+REPORT, REPORT_BIAS, BIAS_FRAMES = 3.0, 8.0, 900.0
 """Errors of a vehicle's reported place: white, and constant for about half a minute, px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
-    """One picture and what is known of it."""
+class SimulatedFrame:
+    """One frame and what is known of it."""
 
     t_us: int
     boxes: Detections
     vehicle: IntArray
     """(m,) the truth, -1 for a box of nothing."""
     scale: float
-    """Lengths in this picture, 1 for up to fifty vehicles."""
+    """Lengths in this frame, 1 for up to fifty vehicles."""
     warp: FloatArray
-    """(3, 3) homography from the picture before, a little wrong."""
+    """(3, 3) homography from the frame before, a little wrong."""
     reported: FloatArray
     """(n, 2) px where each vehicle says it is."""
 
 
-def film(n: int, seed: int, pictures: int) -> list[Picture]:
-    """The same pictures for the same seed."""
+def film(n: int, seed: int, frames: int) -> list[SimulatedFrame]:
+    """The same frames for the same seed."""
     rng = np.random.default_rng([seed, n])
     scale = min(1.0, float(np.sqrt(50 / n)))
     side = scale * np.stack([rng.uniform(52, 68, n), rng.uniform(24, 32, n)], axis=1)
     hidden, bias = np.zeros(n, np.int64), rng.normal(0, REPORT_BIAS, (n, 2))
-    keep = np.exp(-1.0 / BIAS_PICTURES)
+    keep = np.exp(-1.0 / BIAS_FRAMES)
     before, out = _camera(0), []
-    for k, (place, course) in zip(range(pictures), _drive(n, scale, rng), strict=False):
+    for k, (place, course) in zip(range(frames), _drive(n, scale, rng), strict=False):
         A, yaw = _camera(k), _yaw(k)
         hidden = _hide(hidden, place, scale, k, rng)
         bias = keep * bias + np.sqrt(1 - keep**2) * rng.normal(0, REPORT_BIAS, (n, 2))
@@ -70,13 +70,15 @@ def film(n: int, seed: int, pictures: int) -> list[Picture]:
         boxes, vehicle = _detect(at, course + yaw, side, hidden > 0, scale, rng)
         warp = _slip(rng) @ A @ np.linalg.inv(before)
         reported = at + scale * (bias + rng.normal(0, REPORT, (n, 2)))
-        out.append(Picture(t_us=k * STEP_US, boxes=boxes, vehicle=vehicle, scale=scale, warp=warp, reported=reported))
+        out.append(
+            SimulatedFrame(t_us=k * STEP_US, boxes=boxes, vehicle=vehicle, scale=scale, warp=warp, reported=reported)
+        )
         before = A
     return out
 
 
 def _drive(n: int, scale: float, rng: np.random.Generator) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Places (n, 2) px on the ground and courses (n,) rad, picture by picture."""
+    """Places (n, 2) px on the ground and courses (n,) rad, frame by frame."""
     place, course = rng.uniform(-EDGE, EDGE, (n, 2)), rng.uniform(-np.pi, np.pi, n)
     speed, turn = scale * rng.uniform(1.5, 6.0, n), np.zeros(n)
     while True:
@@ -89,7 +91,7 @@ def _drive(n: int, scale: float, rng: np.random.Generator) -> Iterator[tuple[Flo
 
 
 def _yaw(k: int) -> float:
-    return float(YAW * np.sin(2 * np.pi * k / YAW_PICTURES))
+    return float(YAW * np.sin(2 * np.pi * k / YAW_FRAMES))
 
 
 def _camera(k: int) -> FloatArray:
@@ -97,12 +99,12 @@ def _camera(k: int) -> FloatArray:
     c, s = np.cos(_yaw(k)), np.sin(_yaw(k))
     R = np.array([[c, -s], [s, c]])
     A = np.eye(3)
-    A[:2, :2], A[:2, 2] = R, SIZE / 2 - R @ (DRIFT * np.sin(2 * np.pi * k / DRIFT_PICTURES))
+    A[:2, :2], A[:2, 2] = R, SIZE / 2 - R @ (DRIFT * np.sin(2 * np.pi * k / DRIFT_FRAMES))
     return A
 
 
 def _slip(rng: np.random.Generator) -> FloatArray:
-    """(3, 3) by how much telemetry misjudges one step of the camera, about the picture's middle."""
+    """(3, 3) by how much telemetry misjudges one step of the camera, about the frame's middle."""
     turn = rng.normal(0, WARP_TURN)
     shift = rng.normal(0, WARP_SHIFT, 2)
     R = np.array([[1.0, -turn], [turn, 1.0]])
@@ -112,7 +114,7 @@ def _slip(rng: np.random.Generator) -> FloatArray:
 
 
 def _hide(hidden: IntArray, place: FloatArray, scale: float, k: int, rng: np.random.Generator) -> IntArray:
-    """Pictures (n,) for which each vehicle stays hidden."""
+    """Frames (n,) for which each vehicle stays hidden."""
     n = len(hidden)
     hidden = np.where(hidden > 0, hidden - 1, np.where(rng.random(n) < 1 / 120, rng.integers(3, 21, n), 0))
     if k % 90 == 60:

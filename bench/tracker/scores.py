@@ -20,7 +20,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(slots=True)
 class Score:
-    """Fed with one picture after the other."""
+    """Fed with one frame after the other."""
 
     switches: int = 0
     """Times a vehicle's track was another than its last."""
@@ -29,12 +29,12 @@ class Score:
     true: int = 0
     said: int = 0
     together: Counter[tuple[int, int]] = field(default_factory=Counter)
-    """Pictures in which a vehicle had a track, by both."""
+    """Frames in which a vehicle had a track, by both."""
     last: dict[int, int] = field(default_factory=dict)
     tracked: dict[int, bool] = field(default_factory=dict)
 
     def see(self, vehicle: IntArray, track: IntArray) -> None:
-        """Take in one picture.
+        """Take in one frame.
 
         Args:
             vehicle: (m,) of each box, -1 none.

@@ -6,7 +6,7 @@ References:
     arXiv:2203.14360, section 4: re-update over a virtual trajectory (ORU), the direction of motion in the cost (OCM),
     recovery by the last observation (OCR).
 
-Both keep lost tracks for thirty pictures, count time in pictures and name a track from its third sighting on. SORT's
+Both keep lost tracks for thirty frames, count time in frames and name a track from its third sighting on. SORT's
 release forgets a track after one; that would only count gaps of the detector. Neither looks at doubtful boxes, so that
 each of these is a fragment.
 """
@@ -27,7 +27,7 @@ IntArray = NDArray[np.int64]
 
 SCORE, OVERLAP, BUFFER, HITS = 0.5, 0.3, 30, 3
 DIRECTION, SPAN = 0.2, 3
-"""Weight λ of the direction in OC-SORT's cost, and the pictures Δt over which it is taken."""
+"""Weight λ of the direction in OC-SORT's cost, and the frames Δt over which it is taken."""
 
 
 class Sort:
@@ -39,7 +39,7 @@ class Sort:
         self._next = 1
 
     def update(self, detections: Detections) -> IntArray:
-        """Take in one picture; the track of each box (m,), -1 none."""
+        """Take in one frame; the track of each box (m,), -1 none."""
         index = np.flatnonzero(detections.score >= SCORE)
         edges = upright(detections)[index]
         self._x, self._P = predict(self._x, self._P)
@@ -81,7 +81,7 @@ class OcSort(Sort):
     def __init__(self) -> None:
         super().__init__()
         self._past = np.empty((0, SPAN + 1, 4))
-        """(k, Δt + 1, 4) edges when last seen, newest first, and at the pictures before."""
+        """(k, Δt + 1, 4) edges when last seen, newest first, and at the frames before."""
         self._then = (self._x, self._P)
         """Filter after the last sighting."""
 

@@ -1,6 +1,6 @@
 """SORT's filter of upright boxes, for all tracks at once, and their overlap: the ground that SORT and OC-SORT share.
 
-State x = (u, v, s, r, u', v', s'): centre px, area px², aspect w / h, and the changes of the first three in a picture.
+State x = (u, v, s, r, u', v', s'): centre px, area px², aspect w / h, and the changes of the first three in a frame.
 
 Reference: A. Bewley et al., "Simple Online and Realtime Tracking", ICIP 2016, arXiv:1602.00763, section 3.2; the noises
 are those of the authors' release.
@@ -50,7 +50,7 @@ def born(z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def predict(x: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """One picture on; an area never shrinks below nothing."""
+    """One frame on; an area never shrinks below nothing."""
     x = x.copy()
     x[x[:, 2] + x[:, 6] <= 0, 6] = 0.0
     # x ← F x,  P ← F P Fᵀ + Q

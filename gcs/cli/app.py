@@ -28,7 +28,7 @@ _COMMANDS: dict[str, str] = {
     "tlog": "Look into telemetry logs; check, repair and cut them.",
     "keys": "Make, list and check the keys that vehicles sign with.",
     "calibrate": "Measure a camera: focal length, centre, lens distortion.",
-    "eval-detector": "Measure a detector on labelled pictures.",
+    "eval-detector": "Measure a detector on labelled images.",
     "sim": "Simulate a flight with truth, as a session or live.",
     "doctor": "Say what this machine has for a flight, and what to mend.",
     "demo": "Replay the bundled recording.",

@@ -20,7 +20,7 @@ __all__ = ["calibrate", "calibration_lines"]
 
 
 def calibrate(
-    video: Annotated[Path, typer.Argument(help="Video of a chessboard that moves all over the picture.")],
+    video: Annotated[Path, typer.Argument(help="Video of a chessboard that moves all over the image.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Lens file to write, for [camera] lens in the mission.")],
     board: Annotated[str, typer.Option(help="Inner corners of the board, where four squares meet.")] = "9x6",
     square: Annotated[float, typer.Option(help="Side of a square, metres.")] = 0.025,
@@ -56,7 +56,7 @@ def calibration_lines(calibration: Calibration) -> list[str]:
         )
     ]
     head = f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS"
-    rim = f"board seen in {calibration.coverage:.0%} of the picture, ±{calibration.pixel_px:.2f} px in its corners"
+    rim = f"board seen in {calibration.coverage:.0%} of the image, ±{calibration.pixel_px:.2f} px in its corners"
     return [head, rim, *rows]
 
 

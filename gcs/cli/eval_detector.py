@@ -1,4 +1,4 @@
-"""``gcs eval-detector``: how good a detector is on labelled pictures."""
+"""``gcs eval-detector``: how good a detector is on labelled images."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from vision.detect.detections import Detections
     from vision.detect.detector import Detector
-    from vision.evaluation import Picture
+    from vision.evaluation import LabelledImage
 
 __all__ = ["eval_detector"]
 
@@ -31,7 +31,7 @@ FLOOR = 0.01
 
 
 def eval_detector(
-    folder: Annotated[Path, typer.Argument(help="Labelled pictures: YOLO-OBB, DOTA, VisDrone-DET, or our own shards.")],
+    folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO-OBB, DOTA, VisDrone-DET, or our own shards.")],
     model: Annotated[Path | None, typer.Option(help="ONNX detector; the bundled one if left out.")] = None,
     front: Annotated[Path | None, typer.Option(help="ONNX classifier of fronts, for boxes without.")] = None,
     gsd: Annotated[float | None, typer.Option(help="Metres on the ground per pixel; overrides the labels'.")] = None,
@@ -45,7 +45,7 @@ def eval_detector(
     ] = False,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for eval.json, eval.md, worst.png.")] = None,
 ) -> None:
-    """Measure a detector on a folder of labelled pictures."""
+    """Measure a detector on a folder of labelled images."""
     from vision.evaluation import evaluate, open_folder
     from vision.evaluation.report import as_json, as_markdown
 
@@ -55,26 +55,26 @@ def eval_detector(
         raise GcsError(f"--score {score}: wanted {FLOOR} to 1")
     opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
     if opened.unlabelled:
-        note(f"{opened.unlabelled} pictures have no label file and are not judged")
-    pictures = _chosen(opened.pictures, _split(classes), _split(ignore))
+        note(f"{opened.unlabelled} images have no label file and are not judged")
+    images = _chosen(opened.images, _split(classes), _split(ignore))
     detector, native = _open(model, front)
-    found, took = _look(pictures, detector, gsd, native)
-    result = evaluate(found, [p.truth for p in pictures], score=score, floor=FLOOR)
+    found, took = _look(images, detector, gsd, native)
+    result = evaluate(found, [p.truth for p in images], score=score, floor=FLOOR)
     about = {
         "pictures": folder.name,
         "labels": opened.format,
-        "judged by": "upright boxes" if any(p.truth.upright for p in pictures) else "oriented boxes",
+        "judged by": "upright boxes" if any(p.truth.upright for p in images) else "oriented boxes",
         "model": model.name if model else "bundled",
         "fronts": front.name if front else "the model's own",
         "ground resolution": f"{gsd:g} m per px" if gsd else "as the labels tell",
-        "time a picture, ms": f"{1e3 * took / max(len(pictures), 1):.0f}",
+        "time a picture, ms": f"{1e3 * took / max(len(images), 1):.0f}",
     }
     result = replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
     about = {what: plain(which) for what, which in about.items()}
     text = as_markdown(result, about)
     say(*text.rstrip("\n").split("\n"))
     if out is not None:
-        _write(out, as_json(result, about), text, pictures, found, score)
+        _write(out, as_json(result, about), text, images, found, score)
 
 
 def _split(text: str | None) -> list[str] | None:
@@ -89,18 +89,20 @@ def _format(form: str | None) -> Any:  # noqa: ANN401  (one of FORMATS from here
     return form
 
 
-def _chosen(pictures: tuple[Picture, ...], wanted: list[str] | None, neither: list[str] | None) -> list[Picture]:
+def _chosen(
+    images: tuple[LabelledImage, ...], wanted: list[str] | None, neither: list[str] | None
+) -> list[LabelledImage]:
     from vision.evaluation import choose
     from vision.evaluation.truth import choose_classes
 
-    every = {str(name) for p in pictures for name in p.truth.name}
+    every = {str(name) for p in images for name in p.truth.name}
     choice = choose_classes(every, wanted, neither)
     note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
-    return [replace(p, truth=choose(p.truth, choice)) for p in pictures]
+    return [replace(p, truth=choose(p.truth, choice)) for p in images]
 
 
 def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | None]:
-    """The detector, and the ground resolution at which it looks at pictures as they are, if it is Rollcall's own."""
+    """The detector, and the ground resolution at which it looks at images as they are, if it is Rollcall's own."""
     from vision.detect.detector import BUNDLED, open_detector
     from vision.detect.onnx_model import metadata, open_session
 
@@ -116,29 +118,31 @@ def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | Non
 
 
 def _look(
-    pictures: list[Picture], detector: Detector, gsd: float | None, native: float | None
+    images: list[LabelledImage], detector: Detector, gsd: float | None, native: float | None
 ) -> tuple[list[Detections], float]:
-    """Detections of each picture, and the seconds that all of them took."""
+    """Detections of each image, and the seconds that all of them took."""
     found, took, blind = [], 0.0, 0
-    for picture in pictures:
-        told = picture.gsd_m if math.isfinite(picture.gsd_m) else (native if picture.as_seen else None)
+    for labelled in images:
+        told = labelled.gsd_m if math.isfinite(labelled.gsd_m) else (native if labelled.as_seen else None)
         used = gsd or told
         blind += used is None
-        image: NDArray[np.uint8] = picture.read()
+        image: NDArray[np.uint8] = labelled.read()
         began = time.perf_counter()
         found.append(detector.detect(image, gsd_m=used))
         took += time.perf_counter() - began
     if blind and native is not None:
-        note(f"{blind} pictures of unknown ground resolution: the model sees them at half their size; give --gsd")
+        note(f"{blind} images of unknown ground resolution: the model sees them at half their size; give --gsd")
     return found, took
 
 
-def _write(out: Path, as_json: str, text: str, pictures: list[Picture], found: list[Detections], score: float) -> None:
+def _write(
+    out: Path, as_json: str, text: str, images: list[LabelledImage], found: list[Detections], score: float
+) -> None:
     import cv2
 
     from vision.evaluation.sheet import worst_sheet
 
-    sheet = cv2.imencode(".png", worst_sheet(pictures, found, score))[1].tobytes()
+    sheet = cv2.imencode(".png", worst_sheet(images, found, score))[1].tobytes()
     words = text + "\n![worst frames](worst.png)\n"
     try:
         out.mkdir(parents=True, exist_ok=True)

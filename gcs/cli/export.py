@@ -33,14 +33,14 @@ def export(
     form = form or out.suffix.lstrip(".")
     size = frame_size_of(frame_size)
     analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size))
-    pictures = form == "mp4"
-    if pictures and analysis.video is None:
+    images = form == "mp4"
+    if images and analysis.video is None:
         analysis.close()
         raise GcsError(f"{session}: no video in it to draw on; choose csv or jsonl")
     written = 0
     try:
         sink = open_export(form, out)
-        for snapshot in _snapshots(analysis, identity, pictures):
+        for snapshot in _snapshots(analysis, identity, images):
             sink.write(snapshot)
             written += 1
         sink.close()
@@ -49,8 +49,8 @@ def export(
     note(f"{written} frames written to {out}")
 
 
-def _snapshots(analysis: Analysis, identity: Path | None, pictures: bool) -> Iterator[Snapshot]:
+def _snapshots(analysis: Analysis, identity: Path | None, images: bool) -> Iterator[Snapshot]:
     """What a log says, or else what the analysis finds."""
     if identity is not None:
-        return recorded(identity, analysis.mission, analysis.video if pictures else None, note)
-    return analysis.snapshots(images=pictures)
+        return recorded(identity, analysis.mission, analysis.video if images else None, note)
+    return analysis.snapshots(images=images)

@@ -11,7 +11,7 @@ __all__ = ["Look", "Verdict"]
 Verdict = Literal["not yet", "done", "not moved", "unknown"]
 
 THERE_RAD = math.radians(15.0)
-"""So near to its goal the camera has it in the picture: most see 30° to either side, and gimbals lag behind."""
+"""So near to its goal the camera has it in view: most see 30° to either side, and gimbals lag behind."""
 PROGRESS_RAD = math.radians(2.0)
 """A gimbal that turns at all turns so far within the patience."""
 

@@ -46,7 +46,7 @@ ORDERS: Final = (
     _of_uav("neutral", "Turn the gimbal of {uav} to neutral", "camera"),
     _of_uav("take", "Take control of the gimbal of {uav}"),
     _of_uav("release", "Give up control of the gimbal of {uav}"),
-    _of_uav("photo", "Take a picture with the camera of {uav}"),
+    _of_uav("photo", "Take a photo with the camera of {uav}"),
     _of_uav("record", "Start recording on board of {uav}"),
     _of_uav("record_stop", "Stop recording on board of {uav}"),
 )

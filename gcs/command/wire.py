@@ -190,10 +190,10 @@ def orbit(place: Place, alt_m: float, radius_m: float, speed_mps: float) -> Comm
 
 
 def photo(number: int, component: int = AUTOPILOT) -> Command:
-    """One picture.
+    """One photo.
 
     Args:
-        number: counts up from 1, so that a repeated command takes no second picture.
+        number: counts up from 1, so that a repeated command takes no second photo.
         component: of the camera.
     """
     return Command(number=_PHOTO, params=(0, 0, 1, number), component=component)

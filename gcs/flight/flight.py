@@ -48,7 +48,7 @@ IDLE_S = 0.2
 CARE_S = 0.5
 FAULT_PAUSE_S = 0.1
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
-"""Of the detector: the newest picture is looked at alone, and soon."""
+"""Of the detector: the newest frame is looked at alone, and soon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

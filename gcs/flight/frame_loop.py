@@ -1,4 +1,4 @@
-"""The fold of a flight: packets that wait, the newest picture and what there is to be told become snapshots."""
+"""The fold of a flight: packets that wait, the newest frame and what there is to be told become snapshots."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ PACE_FRAMES, PACE_S = 20, 2.0
 
 
 class FlightFold:
-    """Looks at one picture after the other; only ``turn`` works, the rest may be called from any thread.
+    """Looks at one frame after the other; only ``turn`` works, the rest may be called from any thread.
 
     Args:
-        pipeline: what packets and pictures are folded in.
+        pipeline: what packets and frames are folded in.
         detector: finds vehicles; None: without a camera.
         recorder: keeps what was found.
         faults: told of what fails on the way.
-        on_snapshot: called with each picture that was looked at.
+        on_snapshot: called with each frame that was looked at.
         now_us: the wall clock, Unix µs.
 
     Attributes:
@@ -94,7 +94,7 @@ class FlightFold:
         return Pace(frames=self._frames, fps=fps, pushed_out=self._pushed_out)
 
     def turn(self, frame: Frame | None) -> None:
-        """Fold in what waits and one picture, if there is a new one."""
+        """Fold in what waits and one frame, if there is a new one."""
         heard_us = self._heard_us
         while self._waiting:
             self._feed(self._waiting.popleft())
@@ -113,7 +113,7 @@ class FlightFold:
             self._count(packet)
         try:
             self._pipeline.feed(packet)
-        except Exception as error:  # noqa: BLE001 - one packet must not cost a picture
+        except Exception as error:  # noqa: BLE001 - one packet must not cost a frame
             self._faults.take(f"packet of system {packet.system_id}", error)
 
     def _count(self, packet: Packet) -> None:
@@ -123,7 +123,7 @@ class FlightFold:
         self._records, self._record_us = packet.record + 1, packet.t_us
 
     def _look(self, frame: Frame, heard_us: int) -> Snapshot:
-        """A new picture: detect, fold, record."""
+        """A new frame: detect, fold, record."""
         boxes = self._detect(frame)
         self._frames += 1
         self._frame_ends.append(time.monotonic())
@@ -145,7 +145,7 @@ class FlightFold:
         boxes: Detections | None = None,
         size: tuple[int, int] | None = None,
     ) -> None:
-        """Keep what this turn was made of; size: width and height of the picture, px."""
+        """Keep what this turn was made of; size: width and height of the frame, px."""
         turn = FoldTurn(
             t_us=t_us,
             records=self._records,
@@ -170,7 +170,7 @@ class FlightFold:
         return boxes
 
     def _wait(self, heard_us: int) -> Snapshot:
-        """No new picture: the fleet goes on, the last picture stays."""
+        """No new frame: the fleet goes on, the last frame stays."""
         t_us = self._now_us()
         health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
         snapshot = self._pipeline.frame(NO_FRAME, t_us, health=health, heard_us=heard_us)

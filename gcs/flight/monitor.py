@@ -27,9 +27,9 @@ class Pace:
     """How the fold gets on."""
 
     frames: int
-    """Pictures looked at so far."""
+    """Frames looked at so far."""
     fps: float
-    """Pictures looked at a second."""
+    """Frames looked at a second."""
     pushed_out: int
     """Packets that waited too long for it."""
 

@@ -39,7 +39,7 @@ class FlightVideo:
 
     Args:
         wanted: source; empty: none; ``auto``: what the UAV offers, once it does.
-        recorder: keeps the stream and the times of its pictures.
+        recorder: keeps the stream and the times of its frames.
     """
 
     def __init__(self, wanted: str, recorder: Recorder) -> None:
@@ -53,7 +53,7 @@ class FlightVideo:
             self._open(wanted)
 
     def latest(self, timeout_s: float) -> Frame | None:
-        """The newest picture, waited for; None without one, at once without a stream."""
+        """The newest frame, waited for; None without one, at once without a stream."""
         return self.stream.latest(timeout_s) if self.stream else None
 
     @property
@@ -108,7 +108,7 @@ class FlightVideo:
         how = stream.exposure
         if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated:
             self._dated = kind
-            yield _event("warning" if "not used" in how else "info", "video", f"pictures are dated {how}")
+            yield _event("warning" if "not used" in how else "info", "video", f"frames are dated {how}")
         before, self._told = self._told, now
         if now[0] and now[0] != before[0]:
             yield _event("warning", "video", f"video: {now[0]}")

@@ -1,4 +1,4 @@
-"""What finds vehicles in a picture, as the mission file chooses it.
+"""What finds vehicles in an image, as the mission file chooses it.
 
 By default one network finds boxes and their fronts; with ``[detector] front`` a second one tells the fronts of boxes
 that come without, as a YOLO-OBB export's do.
@@ -23,7 +23,7 @@ def open_perception(choice: DetectorChoice, *, threads: int = 1) -> Detector:
 
     Args:
         choice: which.
-        threads: CPU threads of one picture: as many as there are cores where pictures are looked at one by one.
+        threads: CPU threads of one image: as many as there are cores where images are looked at one by one.
 
     Raises:
         ModelError: a file is missing or is no such model.

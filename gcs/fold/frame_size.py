@@ -1,7 +1,7 @@
 """How large the frames of a recording were that does not say: the size at which its boxes lie where vehicles report.
 
-With W the width of a frame, in units of that of the picture that the camera is described for, a box at pixel x is at
-x / W. Its density is a mixture: near one of the n reported places u in the picture, or anywhere in it,
+With W the width of a frame, in units of that of the image that the camera is described for, a box at pixel x is at
+x / W. Its density is a mixture: near one of the n reported places u in the image, or anywhere in it,
     p(x) = 1/W² · [ (1 − ε)/n Σ N(x/W; u, σ²I) + ε / area ],
 with 1/W² for the change of variables. The sizes that streams have are compared by the mean of ln p over the boxes of a
 frame, summed over frames two seconds apart.
@@ -48,7 +48,7 @@ ALIKE = 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSize:
-    """What is known of the size of frames without a picture."""
+    """What is known of the size of frames without an image."""
 
     size: tuple[int, int] | None = None
     """Width and height, px; None: of the size that the camera is described for."""
@@ -60,14 +60,14 @@ class FrameSize:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
-    """One frame, in units of the described picture's width."""
+    """One frame, in units of the described image's width."""
 
     size: tuple[int, int]
-    """Of the described picture, px."""
+    """Of the described image, px."""
     boxes: FloatArray
     """(m, 2) their centres, as if the frame had that size."""
     places: FloatArray
-    """(n, 2) of the vehicles in the picture, by their reports."""
+    """(n, 2) of the vehicles in the image, by their reports."""
 
 
 def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes: FrameDetections) -> FrameSize:
@@ -81,7 +81,7 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
     """
     looks = list(_looks(mission, log, times_us, boxes))
     if not looks:
-        return _unknown("no box was seen while vehicles reported places in the picture")
+        return _unknown("no box was seen while vehicles reported places in the image")
     width, height = looks[0].size
     widths = np.array(sorted({width, *WIDTHS_PX}))
     widths = widths[[holds((each, each * height / width), boxes) for each in widths.tolist()]]
@@ -134,7 +134,7 @@ def _looks(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes
 
 
 def _fit(look: _Look, scale: float) -> float:
-    """Mean of ln p over the boxes of a frame, for a frame so many times as wide as the described picture."""
+    """Mean of ln p over the boxes of a frame, for a frame so many times as wide as the described image."""
     gap = look.boxes[:, None] / scale - look.places[None]
     near = np.exp(-0.5 * (gap**2).sum(axis=2) / STD**2).mean(axis=1) / (2.0 * np.pi * STD**2)
     area = look.size[1] / look.size[0]

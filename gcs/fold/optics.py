@@ -1,4 +1,4 @@
-"""Which intrinsics the picture has now: the mission's or those the UAV reports, for this size of picture, zoomed.
+"""Which intrinsics the image has now: the mission's or those the UAV reports, for this size of image, zoomed.
 
 By order of preference: the mission's numbers or lens file; else CAMERA_FOV_STATUS, VIDEO_STREAM_INFORMATION or
 CAMERA_INFORMATION, as ``mavlink.estimation.camera_report`` ranks them. Zoom:
@@ -32,14 +32,14 @@ class Optics:
 
     Args:
         camera: the mission's, None: as the UAV reports it.
-        sized: whether a picture of which nothing tells the size has the size that the camera is described for.
+        sized: whether an image of which nothing tells the size has the size that the camera is described for.
     """
 
     def __init__(self, camera: Camera | None, *, sized: bool = True) -> None:
         self._camera = camera or Camera()
         self._sized = sized
         self._base = self._camera.intrinsics
-        self._picture: tuple[int, int] | None = None
+        self._size: tuple[int, int] | None = None
         self._first_fov = math.nan
         self._told = ""
         self._told_focal = math.nan
@@ -48,27 +48,27 @@ class Optics:
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Width and height of the picture, px: as seen, else as the mission has it; None while nothing tells."""
-        return self._picture or ((self._base.width, self._base.height) if self._base else None)
+        """Width and height of the image, px: as seen, else as the mission has it; None while nothing tells."""
+        return self._size or ((self._base.width, self._base.height) if self._base else None)
 
     def take_events(self) -> list[Event]:
         """What is new since the last call: the camera used, its zoom, why there is none."""
         events, self._events = self._events, []
         return events
 
-    def look(self, t_us: int, report: CameraReport | None, picture: tuple[int, int] | None) -> Intrinsics | None:
-        """Intrinsics of a picture.
+    def look(self, t_us: int, report: CameraReport | None, size: tuple[int, int] | None) -> Intrinsics | None:
+        """Intrinsics of an image.
 
         Args:
             t_us: its time, for events.
             report: what the UAV says of its camera, None nothing.
-            picture: width and height, px; None: as the last one.
+            size: of the image, width and height, px; None: as the last one.
 
         Returns:
-            None while no camera is known, or the one that is cannot have taken the picture.
+            None while no camera is known, or the one that is cannot have taken the image.
         """
-        self._picture = picture or self._picture
-        if self._picture is None and not self._sized:
+        self._size = size or self._size
+        if self._size is None and not self._sized:
             if self._refused != _SIZELESS:
                 self._refused = _SIZELESS
                 self._add(t_us, "alarm", _SIZELESS)
@@ -98,7 +98,7 @@ class Optics:
             return None
 
     def _zoom(self, report: CameraReport | None) -> float:
-        """Magnification of the picture against the camera as described."""
+        """Magnification of the image against the camera as described."""
         if report is None:
             return self._camera.zoom
         if self._camera.zoom_max > 1.0:

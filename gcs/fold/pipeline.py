@@ -40,7 +40,7 @@ FloatArray = NDArray[np.float64]
 APART_M, APART_US = 8.0, 1_000_000
 """Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
 MOST_BOXES = 300
-"""Of a picture: more vehicles than system ids, and at most 0.2 s of work in a picture that is full of them."""
+"""Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 MOUNT_DOUBT = np.deg2rad(20.0)
 TURNED_US = 5_000_000
 """For a gimbal's reports to come that were asked for when an order turned the camera."""
@@ -53,7 +53,7 @@ class Pipeline:
         mission: who flies.
         links: names of the links by index.
         address: of a link's index and a sender's number, in words; empty where it is not known.
-        sized: whether pictures of which nothing tells the size are of the size that the camera is described for.
+        sized: whether frames of which nothing tells the size are of the size that the camera is described for.
     """
 
     def __init__(
@@ -112,15 +112,15 @@ class Pipeline:
         self._events.append(event)
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
-        """Ground metres a pixel at the centre of a picture (H, W, 3), None while the camera's pose is unknown."""
+        """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
         view = self._look(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
         return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
 
     def expected(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
-        """Where the vehicles' reports put them in the picture at a time of the video's clock.
+        """Where the vehicles' reports put them in the frame at a time of the video's clock.
 
         Returns:
-            Width and height of the picture that is meant, and pixels (k, 2) of those that can be placed; None while
+            Width and height of that frame, and pixels (k, 2) of those that can be placed; None while
             the camera's pose is unknown.
         """
         state = self.fleet.at(self._telemetry_time(t_us))
@@ -147,7 +147,7 @@ class Pipeline:
             index: Place in the video.
             t_us: When it was taken, Unix µs on the video's clock.
             image: (H, W, 3) BGR, only passed on.
-            size: Width and height, px, of a picture that is not there; None: as the last one.
+            size: Width and height, px, of a frame that is not there; None: as the last one.
             detections: Boxes found; None: nobody looked, and tracks are left as they are.
             health: How the program is doing, passed on.
             heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
@@ -165,20 +165,20 @@ class Pipeline:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
         warp = _warp(self._view, view)
         if self._tracker is None:
-            self._tracker = Tracker(TrackerParams(picture=self._optics.size))
+            self._tracker = Tracker(TrackerParams(frame_size=self._optics.size))
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
         found = doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
         identities = quarantined(found, state)
         self._tell(t_us, identities)
-        self._conflict |= self._apart_from_picture(t_us, identities, state)
+        self._conflict |= self._apart_from_video(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
     def _tell_crowd(self, t_us: int, boxes: int) -> None:
         if not self._crowded:
             text = (
-                f"{boxes} boxes in a picture, of which the {MOST_BOXES} best count: the detector sees what is not there"
+                f"{boxes} boxes in a frame, of which the {MOST_BOXES} best count: the detector sees what is not there"
             )
             self.note(Event(t_us=t_us, level="warning", kind="video", text=text))
         self._crowded = True
@@ -196,7 +196,7 @@ class Pipeline:
         self._view = None
 
     def _follow_steps(self, state: FleetState) -> None:
-        """Take out steps of the UAV's position that the picture does not show, or begin the names anew after one."""
+        """Take out steps of the UAV's position that the video does not show, or begin the names anew after one."""
         if not state.uav.position_valid:
             return
         before = self._steady.shift_enu
@@ -205,7 +205,7 @@ class Pipeline:
         if anew_m:
             self._begin_anew()
         if anew_m or taken_m:
-            then = "names begin anew" if anew_m else "the picture goes on from where it was"
+            then = "names begin anew" if anew_m else "the camera goes on from where it was"
             text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
             uav = self.mission.uav.system_id
             self._events.append(Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=uav))
@@ -213,10 +213,10 @@ class Pipeline:
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
 
-    def _look(self, state: FleetState, picture: tuple[int, int] | None) -> View | None:
+    def _look(self, state: FleetState, size: tuple[int, int] | None) -> View | None:
         """Camera pose from the UAV's report, None without a position or a camera."""
         uav = state.uav
-        intrinsics = self._optics.look(state.t_us, uav.camera, picture)
+        intrinsics = self._optics.look(state.t_us, uav.camera, size)
         self._events += self._optics.take_events()
         if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None
@@ -225,7 +225,7 @@ class Pipeline:
         self._compare_mount(state.t_us, uav, R_enu_gimbal)
         mount = self._mount
         if self.mission.camera is None and uav.camera is not None:
-            # a picture turned clockwise is that of a camera rolled the other way
+            # an image turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
         p_enu = uav.p_enu + self._steady.shift_enu
         pose = camera_pose(mount, p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
@@ -303,7 +303,7 @@ class Pipeline:
         return camera_of(view, self._mount.kind == "stabilized")
 
     def _tell(self, t_us: int, identities: Identities | None) -> None:
-        """Events for names that came, went or changed, and for vehicles whose reports contradict the picture."""
+        """Events for names that came, went or changed, and for vehicles whose reports contradict the video."""
         if identities is None:
             self._name_of_track, self._conflict = {}, frozenset()
             return
@@ -322,7 +322,7 @@ class Pipeline:
                 self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._name_of_track, self._conflict = named, frozenset(identities.conflict)
 
-    def _apart_from_picture(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
+    def _apart_from_video(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
         """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
         before, self._apart_since_us = self._apart_since_us, {}
         if identities is not None:
@@ -396,7 +396,7 @@ def _on_ground(p_enu: FloatArray, ground_z: float) -> FloatArray:
 
 
 def _warp(before: View | None, now: View | None) -> FloatArray | None:
-    """How the ground moved in the picture, known where both poses are."""
+    """How the ground moved in the image, known where both poses are."""
     if before is None or now is None or not (before.attitude_known and now.attitude_known):
         return None
     return image_warp(before.intrinsics, before.pose, now.pose, now.ground_z, intrinsics_to=now.intrinsics)

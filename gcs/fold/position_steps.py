@@ -1,7 +1,7 @@
-"""A camera does not leap: steps in the UAV's reported position that no aircraft can do are taken out of the picture's
+"""A camera does not leap: steps in the UAV's reported position that no aircraft can do are taken out of the image's
 pose while names are sure, and put back as soon as they are not.
 
-A receiver that glitches moves the reported camera and not the picture. To go on from where the picture was keeps names
+A receiver that glitches moves the reported camera and not the image. To go on from where the image was keeps names
 right through a glitch and its end. Where names are not sure the new place is as good as the old, and they begin anew.
 """
 
@@ -72,7 +72,7 @@ class SteadyCamera:
         return self._begin_anew(t_us, p_enu, step - self.shift_enu)
 
     def _begin_anew(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
-        """From the reported place on; how far in metres that is from where the picture was taken to be."""
+        """From the reported place on; how far in metres that is from where the image was taken to be."""
         self._go_on_from(t_us, p_enu)
         self.shift_enu, self._unsure_us = np.zeros(3), 0
         return float(np.hypot(step[0], step[1]))

@@ -85,7 +85,7 @@ class Camera:
     """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body; ``gimbal``: turned in
     flight, as the gimbal reports, and as ``stabilized`` until it does."""
     roll_deg: float = 0.0
-    """With a gimbal: by which the picture is turned against it."""
+    """With a gimbal: by which the image is turned against it."""
     pitch_deg: float = -90.0
     """-90 looks straight down."""
     yaw_deg: float = 0.0

@@ -121,7 +121,7 @@ class Analysis:
         return _bare_times(self._log.times_us)
 
     def _frame_size(self) -> FrameSize:
-        """Size of frames of which no picture is at hand, as far as anything tells."""
+        """Size of frames of which no image is at hand, as far as anything tells."""
         recorded = self._turns.sizes if self._turns else set()
         if self.video is not None:
             recorded = recorded | {(self.video.width, self.video.height)}
@@ -150,7 +150,7 @@ class Analysis:
             yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
         yield from self._complaints_of_times()
         if self.video is not None and self.video.missing:
-            yield f"{self.video.missing} pictures were seen in flight and are not in the recorded video"
+            yield f"{self.video.missing} frames were seen in flight and are not in the recorded video"
         if self.mission.camera is None or self.mission.camera.intrinsics is None:
             yield "no [camera] in the mission: boxes are named only once the UAV reports its camera"
         if self._size.doubt:
@@ -182,7 +182,7 @@ class Analysis:
         A flight is folded as it was flown, where it kept the order; else telemetry and frames go by their times.
 
         Args:
-            images: Put each frame's picture into its snapshot; frames of a video that cannot be decoded are left out.
+            images: Put each frame's image into its snapshot; frames of a video that cannot be decoded are left out.
         """
         senders = self._log.senders
         pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
@@ -193,7 +193,7 @@ class Analysis:
             return
         for snapshot in self._by_turns(pipeline, self._turns, images):
             if snapshot.image is not None or not images or self.video is None:
-                yield snapshot  # a film has no frames without a picture
+                yield snapshot  # a video has no frames without an image
 
     def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
         packets = _Ahead(self._log.packets())
@@ -208,7 +208,7 @@ class Analysis:
     def _by_turns(self, pipeline: Pipeline, recorded: RecordedTurns, images: bool) -> Iterator[Snapshot]:
         """Each turn of the fold as it was made; frames that the flight did not look at show the fleet as it was.
 
-        What a moment without a picture brings to tell goes to the snapshot before it.
+        Events of a moment without a frame go to the snapshot before it.
         """
         places = self._places(images)
         latest: Snapshot | None = None
@@ -244,12 +244,12 @@ class Analysis:
                 yield _unseen(latest, index, t_us, image)
 
     def _places(self, images: bool) -> Iterator[tuple[int, int, Image | None]]:
-        """Index, time and, where somebody asks for it, picture of every frame."""
-        pictures = self.video.frames() if self.video is not None and images else iter(())
-        frame = next(pictures, None)
+        """Index, time and, where asked for, image of every frame."""
+        frames = self.video.frames() if self.video is not None and images else iter(())
+        frame = next(frames, None)
         for index, t_us in enumerate(self.times_us.tolist()):
             while frame is not None and frame.index < index:
-                frame = next(pictures, None)
+                frame = next(frames, None)
             yield index, t_us, frame.image if frame is not None and frame.index == index else None
 
     def _feed(self, pipeline: Pipeline, packet: Packet) -> None:
@@ -266,7 +266,7 @@ class Analysis:
         return Health(frames=index + 1, video="ok" if self.video else "none")
 
     def _looked(self, images: bool) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
-        """Index, time, picture and boxes of every frame; the pictures only where somebody asks for them."""
+        """Index, time, image and boxes of every frame; the images only where asked for."""
         detector = self.detector()
         if detector is not None and self.video is not None:
             from vision.video.prefetch import look_ahead
@@ -294,7 +294,7 @@ class Analysis:
 
 
 def _bare_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Moments to show a log at that has no pictures: five a second, in pauses for a minute only."""
+    """Moments to show a log at that has no frames: five a second, in pauses for a minute only."""
     t_us = np.unique(t_us)
     step_us = int(1e6 / BARE_FPS)
     ends = np.flatnonzero(np.diff(t_us, append=t_us[-1] + BARE_PAUSE_US + 1) > BARE_PAUSE_US)

@@ -28,7 +28,7 @@ class RecordedTurns:
     """The turns of a flight's fold over its telemetry and boxes.
 
     Attributes:
-        sizes: width and height of its pictures, px.
+        sizes: width and height of its frames, px.
         warnings: what an analyst should know, one line each.
     """
 
@@ -40,7 +40,7 @@ class RecordedTurns:
 
     @classmethod
     def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> RecordedTurns | None:
-        """From ``folds.csv``; None where no picture was ever looked at.
+        """From ``folds.csv``; None where no frame was ever looked at.
 
         Raises:
             SessionError: the file is no such table.
@@ -126,7 +126,7 @@ def _other_models(session: Session) -> Iterator[str]:
 
     now = fingerprints(session.mission.detector) if session.mission else {}
     if not session.notes.models:
-        yield "which networks looked at the pictures in flight is not recorded; these may be others"
+        yield "which networks looked at the frames in flight is not recorded; these may be others"
     for name, digest in session.notes.models.items():
         if now.get(name) != digest:
             yield f"the network for {name} is another than in flight"

@@ -1,7 +1,7 @@
 """A recording on the screens: analysed once from the start in one thread, shown at any place and speed by another.
 
 What is shown at a moment is the very snapshot that ``gcs identify`` computes for it. A place that the analysis has not
-reached yet shows the picture alone, and playing waits there.
+reached yet shows the frame alone, and playing waits there.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Replay:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
         """
         self._analysis = Analysis(session, redetect=redetect)
-        self._picture = _Pictures(session, self._analysis.video)
+        self._frame = _DecodedFrames(session, self._analysis.video)
         self._times = self._analysis.times_us
         self._done: list[Snapshot] = []
         self._events: list[Event] = []
@@ -111,7 +111,7 @@ class Replay:
             self._playing = True
 
     def pause(self) -> None:
-        """Stop time; the picture stays."""
+        """Stop time; the frame stays."""
         self._playing = False
 
     def seek(self, t_us: int) -> None:
@@ -142,7 +142,7 @@ class Replay:
         for thread in self._threads:
             thread.join(timeout=5)
         self._analysis.close()
-        self._picture.close()
+        self._frame.close()
 
     def _guard(self, work: Callable[[], None]) -> None:
         """Run a thread's work; what ends it is kept for the screen to tell."""
@@ -189,13 +189,13 @@ class Replay:
         with self._lock:
             done = self._done[place] if place < len(self._done) else None
             last = self._done[-1] if self._done else None
-        frame = self._picture.at(place)
+        frame = self._frame.at(place)
         base = done or (replace(last, boxes=(), events=(), t_us=int(self._times[place]), frame=place) if last else None)
         if base is not None:
             self._latest = replace(base, image=frame.image if frame else None)
 
 
-class _Pictures:
+class _DecodedFrames:
     """Decoded frames by place, by decoding on where that is near and seeking where it is not."""
 
     def __init__(self, session: Session, video: VideoFile | None) -> None:

@@ -1,4 +1,4 @@
-"""Draw a snapshot on its picture: oriented boxes, front marks, names, a header. Pure.
+"""Draw a snapshot on its image: oriented boxes, front marks, names, a header. Pure.
 
 Units and frames: image pixels, x right, y down; angles clockwise on screen in radians; colours are red, green, blue
 here and turned to OpenCV's order only where OpenCV draws.
@@ -166,11 +166,11 @@ def _overlaps(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArray[np.uint8]:
-    """The picture with boxes, front ticks, names and a header with time and fleet summary.
+    """The image with boxes, front ticks, names and a header with time and fleet summary.
 
     Args:
         snapshot: Its image is left as it is; without one the canvas is dark.
-        scale: Size of the result against the picture, above 0.
+        scale: Size of the result against the image, above 0.
         selected: System id to stress, 0 none.
 
     Returns:

@@ -19,7 +19,7 @@ __all__ = ["recorded"]
 def recorded(
     identity: Path, mission: Mission, video: VideoFile | None, tell: Callable[[str], None] = lambda text: None
 ) -> Iterator[Snapshot]:
-    """Go through an identity log frame by frame, with pictures where there is a video; ``tell`` is given what lacks."""
+    """Go through an identity log frame by frame, with images where there is a video; ``tell`` is given what lacks."""
     table = read_identity(identity)
     if table.skipped:
         tell(f"{identity}: {table.skipped} rows could not be used")

@@ -33,7 +33,7 @@ class SessionLog:
         path: of the first segment.
         signers: whether a system signed with a key that the flight knew: what was not refused of it was verified.
 
-    A flight with pictures during which nothing was received is a recording too, without a record.
+    A flight with frames during which nothing was received is a recording too, without a record.
 
     Attributes:
         path: of the first segment.

@@ -43,7 +43,7 @@ class Session:
     frames: Path | None = None
     detections: Path | None = None
     folds: Path | None = None
-    """In which order the flight took in telemetry and pictures."""
+    """In which order the flight took in telemetry and frames."""
     frame_size: tuple[int, int] | None = None
     """Width and height of the frames, px, as somebody says who knows; None: what the recording says."""
     notes: FlightNotes = field(default_factory=FlightNotes)

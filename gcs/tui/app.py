@@ -124,7 +124,7 @@ class RollcallApp(App[None]):
         self.set_interval(POLL_S, self._poll)
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Without the palette filter: every colour here is true colour, and it costs more than the picture itself."""
+        """Without the palette filter: every colour here is true colour, and it costs more than the video itself."""
         return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
 
     def _poll(self) -> None:

@@ -67,7 +67,7 @@ class Deck(Widget):
             self._show()
 
     def fit_to(self, snapshot: Snapshot) -> None:
-        """Follow the number of vehicles, whether there is a camera, and the shape of its picture."""
+        """Follow the number of vehicles, whether there is a camera, and the shape of its frame."""
         aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.wish.aspect
         alarm_rows = max(1, ROWS_EACH * len(alike(snapshot.alarms)))
         fleet_rows = max(1, len(snapshot.vehicles))

@@ -1,4 +1,4 @@
-"""What a UAV says about its camera: how wide it sees, how large its picture is, how far it has zoomed.
+"""What a UAV says about its camera: how wide it sees, how large its image is, how far it has zoomed.
 
 The field of view, by order of preference:
 
@@ -6,7 +6,7 @@ The field of view, by order of preference:
     VIDEO_STREAM_INFORMATION   that of the stream, in whole degrees
     CAMERA_INFORMATION         2 atan(sensor size / 2 focal length)
 
-The size of the picture is the stream's, else the camera's; a picture that was seen knows better. Numbers that no camera
+The size of the image is the stream's, else the camera's; an image that was seen knows better. Numbers that no camera
 has are refused, and it is said once why.
 """
 
@@ -128,7 +128,7 @@ class _Camera:
         if all(SIZES_PX[0] <= side <= SIZES_PX[1] for side in size):
             self.size[name] = size
         elif all(size):
-            refused.append(f"a picture of {size[0]}×{size[1]}")
+            refused.append(f"an image of {size[0]}×{size[1]}")
 
     def _take_rotation(self, rotation_deg: int, refused: list[str]) -> None:
         if rotation_deg in (0, 90, 180, 270):

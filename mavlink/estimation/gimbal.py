@@ -192,7 +192,7 @@ class Gimbals:
         return quaternion_from_euler(*angles), "vehicle" if relative else "earth"
 
     def _camera_attitude(self, sample: CameraFov, body_yaw: float) -> tuple[Quaternion, Frame] | str | None:
-        """By CAMERA_FOV_STATUS, whose definition names no frame: the place of the picture's middle tells.
+        """By CAMERA_FOV_STATUS, whose definition names no frame: the place of the image's middle tells.
 
         ArduPilot up to 4.5 counts yaw from the nose, later versions count from north.
         """
@@ -209,7 +209,7 @@ class Gimbals:
             elif abs(wrap_pi(turn - body_yaw)) < AGREES:
                 self._fov_frame = "vehicle"
             elif math.isfinite(body_yaw):
-                return "its attitude does not look at the place that it gives for the picture's middle"
+                return "its attitude does not look at the place that it gives for the image's middle"
         return sample.q, self._fov_frame
 
 

@@ -152,7 +152,7 @@ class Speaker:
     def camera_information(
         self, boot_ms: int, model: str, focal_length_mm: float, sensor_mm: Sequence[float], size_px: Sequence[int]
     ) -> bytes:
-        """CAMERA_INFORMATION; sensor and picture as (width, height)."""
+        """CAMERA_INFORMATION; sensor and image as (width, height)."""
         name = list(model.encode()[:32].ljust(32, b"\0"))
         return self.pack(
             ardupilotmega.MAVLink_camera_information_message(

@@ -231,7 +231,7 @@ class CameraFov(_Sample):
     camera: tuple[float, float]
     """Latitude and longitude of the camera in degrees, NaN unknown."""
     middle: tuple[float, float]
-    """Of the ground at the middle of the picture."""
+    """Of the ground at the middle of the image."""
     device_id: int
 
 
@@ -248,7 +248,7 @@ class VideoStreamInformation(_Sample):
     hfov: float
     """NaN unknown."""
     rotation_deg: int
-    """By which the picture is turned, clockwise."""
+    """By which the image is turned, clockwise."""
     device_id: int
     type: int = 0
     """VIDEO_STREAM_TYPE: 0 RTSP, 1 RTP over UDP, 2 MPEG over TCP, 3 MPEG-TS over UDP."""

@@ -45,7 +45,7 @@ UAV_RATES: Mapping[int, float] = {
     GPS_RAW_INT: 1.0,
     SYSTEM_TIME: 1.0,
 }
-"""message id → Hz that naming vehicles in a picture needs of the UAV."""
+"""message id → Hz that naming vehicles in a frame needs of the UAV."""
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
 """The same for a ground vehicle."""
 

@@ -1,1 +1,1 @@
-"""Pictures of the world: a view in, images and films out."""
+"""Images of the world: a view in, images and films out."""

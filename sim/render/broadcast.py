@@ -34,8 +34,8 @@ class VideoSender:
         self._truth_path = truth_path
         self._truth: IO[str] | None = None
         self._film = Film(world)
-        # the first picture of a scene takes longest; it is drawn once before it counts
-        self._film.picture(0.0, 0)
+        # the first image of a scene takes longest; it is drawn once before it counts
+        self._film.image(0.0, 0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sim-video", daemon=True)
         self._failure: BaseException | None = None
@@ -86,7 +86,7 @@ class VideoSender:
             t = index / scenario.fps
             if self._stop.wait(max(0.0, t - self._now())):
                 return
-            image = self._film.picture(t, index)
+            image = self._film.image(t, index)
             send(image, round(t / TIME_BASE))
             self.sent += 1
             self._write_truth(t)

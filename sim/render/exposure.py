@@ -36,7 +36,7 @@ class Exposure:
 
 
 def expose(image: Image, exposure: Exposure, rng: np.random.Generator) -> Image:
-    """The picture the camera makes of a scene.
+    """The image the camera makes of a scene.
 
     Args:
         image: (H, W, 3) BGR.

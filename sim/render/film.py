@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 
 class Film:
-    """Pictures of a world, in the scenery that its scenario asks for."""
+    """Images of a world, in the scenery that its scenario asks for."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -29,7 +29,7 @@ class Film:
         style = self._dressing.style if self._dressing else None
         self._renderer = Renderer(world.scene, style, seed=world.scenario.seed)
 
-    def picture(self, t: float, index: int) -> NDArray[np.uint8]:
+    def image(self, t: float, index: int) -> NDArray[np.uint8]:
         """The frame exposed at time t: (height, width, 3) BGR."""
         bodies = self._world.bodies(t)
         if self._dressing:
@@ -61,7 +61,7 @@ def write_video(world: World, t: FloatArray, path: Path) -> None:
 
 def _frames(film: Film, t: FloatArray) -> Iterator[Any]:
     for index, now in enumerate(t.tolist()):
-        frame = av.VideoFrame.from_ndarray(film.picture(now, index), format="bgr24")
+        frame = av.VideoFrame.from_ndarray(film.image(now, index), format="bgr24")
         frame.pts = round((now - float(t[0])) * 90_000)
         frame.time_base = Fraction(1, 90_000)
         yield frame

@@ -1,4 +1,4 @@
-"""What happens to a picture between the lens and the screen: haze, grading, rescaling, sharpening, compression."""
+"""What happens to an image between the lens and the screen: haze, grading, rescaling, sharpening, compression."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Image = NDArray[np.uint8]
 
 
 def as_footage(image: Image, rng: np.random.Generator) -> Image:
-    """A picture as recorded footage shows it, the treatment drawn at random.
+    """An image as recorded footage shows it, the treatment drawn at random.
 
     Args:
         image: (H, W, 3) BGR, H and W even.
@@ -35,7 +35,7 @@ def as_footage(image: Image, rng: np.random.Generator) -> Image:
 
 
 def _under_shadows(image: Image, rng: np.random.Generator) -> Image:
-    """Shadows of roofs, poles and crowns that stand beyond the picture."""
+    """Shadows of roofs, poles and crowns that stand beyond the image."""
     height, width = image.shape[:2]
     mask = np.zeros((height, width), np.uint8)
     for _ in range(int(rng.integers(1, 5))):

@@ -1,6 +1,6 @@
 """The ground: grass, soil, gravel, asphalt roads with marks and repairs, painted in windows about what the camera sees.
 
-Open ground is one picture that repeats without a seam; a window is that picture, shifted to its place in the world,
+Open ground is one image that repeats without a seam; a window is that image, shifted to its place in the world,
 with the roads drawn on it. So ground looks the same whenever and from wherever it is seen, and the world may be of any
 size. A window's rows run south, its columns east.
 """
@@ -115,7 +115,7 @@ class Ground:
         side = self.style.side_px
         half = side // 2
         west, north = (column - 1) * half * m_per_px, (row + 1) * half * m_per_px
-        # windows lie at whole halves of the repeating picture
+        # windows lie at whole halves of the repeating image
         shift = (half * (row % 2), half * (column % 2))
         image = np.roll(self._open, shift, axis=(0, 1))
         road, mask = self._draw_roads(m_per_px, west, north)
@@ -141,7 +141,7 @@ class Ground:
 
 
 def halvings(image: Image) -> tuple[Image, ...]:
-    """A picture, and its halvings down to 128 px or so."""
+    """An image, and its halvings down to 128 px or so."""
     levels = [image]
     while levels[-1].shape[0] >= 256:
         levels.append(np.asarray(cv2.resize(levels[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8))
@@ -160,7 +160,7 @@ def tile_noise(side: int, cells: int, rng: np.random.Generator) -> NDArray[np.fl
 
 
 def _open_ground(style: GroundStyle, rng: np.random.Generator) -> tuple[Image, Image]:
-    """The repeating picture (side, side, 3), and the grain of paved ground (side, side) in 1/128."""
+    """The repeating image (side, side, 3), and the grain of paved ground (side, side) in 1/128."""
     side = style.side_px
     small = side // 8
     roughness = tile_noise(small, 5, rng) + 0.35 * tile_noise(small, small // 8, rng)

@@ -24,7 +24,7 @@ def near(color: Color, spread: float, rng: np.random.Generator) -> Color:
 
 
 class Sheet:
-    """The picture while it is painted, and how rough the ground is at each place."""
+    """The image while it is painted, and how rough the ground is at each place."""
 
     def __init__(self, side_px: int, m_per_px: float, color: Color, rough: float) -> None:
         self.side_px, self.m_per_px = side_px, m_per_px

@@ -1,7 +1,7 @@
 """Video frames of a simulated scene: textured ground, shaded vehicles and persons with shadows, trees over them.
 
 The ground is one warp of a painted texture; bodies are stacks of blocks drawn far to near; trees come last and hide
-what is below them. Pixel coordinates are continuous: the picture spans 0..width and 0..height, and the first pixel's
+what is below them. Pixel coordinates are continuous: the image spans 0..width and 0..height, and the first pixel's
 middle is at 0.5.
 """
 
@@ -163,7 +163,7 @@ def _footprint(view: CameraView) -> tuple[float, float, float]:
 
 
 def _ground_gsd(view: CameraView) -> float:
-    """Metres per pixel at the ground below the middle of the picture's lower half."""
+    """Metres per pixel at the ground below the middle of the image's lower half."""
     at = ray_ground(view, [view.cx, 0.5 * (view.cy + view.height)])
     distance = np.linalg.norm(at - view.p_enu) if np.isfinite(at).all() else view.p_enu[2]
     return float(distance / view.fx)
@@ -202,7 +202,7 @@ def _far_to_near(view: CameraView, bodies: Bodies) -> list[int]:
     reach = np.hypot(bodies.length, bodies.width) + bodies.height
     p_cam = (base - view.p_enu) @ view.R_enu_cam
     ahead = np.maximum(p_cam[:, 2], 0.1)
-    # from the optical axis to the picture's middle, half its diagonal, and the body's reach with its shadow
+    # from the optical axis to the image's middle, half its diagonal, and the body's reach with its shadow
     aside = np.hypot((0.5 * view.width - view.cx) / view.fx, (0.5 * view.height - view.cy) / view.fy)
     field_m = (aside + 0.7 * np.hypot(view.width / view.fx, view.height / view.fy)) * ahead + 4.0 * reach
     seen = (p_cam[:, 2] > 0.5 * reach) & (np.hypot(p_cam[:, 0], p_cam[:, 1]) < field_m)
@@ -221,7 +221,7 @@ def _tree(bodies: Bodies, i: int) -> Tree:
 
 
 def body_outline(view: CameraView, bodies: Bodies, i: int) -> NDArray[np.float32] | None:
-    """(p, 2) convex outline of a body's box in the picture; None where it is not imaged."""
+    """(p, 2) convex outline of a body's box in the image; None where it is not imaged."""
     uv, ok = project(view, _world_corners(bodies, i, _UNIT_BOX).reshape(-1, 3))
     return np.asarray(cv2.convexHull(uv.astype(np.float32)).reshape(-1, 2), np.float32) if ok.all() else None
 

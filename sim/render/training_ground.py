@@ -1,6 +1,6 @@
 """Ground to train on: a random yard of lawns, fields, streets, car parks and squares, with all that is painted there.
 
-It is one picture that repeats without end. Places where vehicles stand or drive in order, bays and lanes, are told as
+It is one image that repeats without end. Places where vehicles stand or drive in order, bays and lanes, are told as
 slots, so that parked rows and queues come about as they do in towns.
 """
 
@@ -61,7 +61,7 @@ class Yard:
         return np.asarray(self.window.levels[-1].mean(axis=(0, 1)), dtype=np.float64)
 
     def around(self, _x: float, _y: float, _radius: float) -> Window:
-        """The picture, from which what lies beyond follows by repeating it."""
+        """The image, from which what lies beyond follows by repeating it."""
         return self.window
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.telemetry.merging import merged_boxes
-from sim.world.boxes import Boxes, in_picture, true_boxes, visible_share
+from sim.world.boxes import Boxes, in_image, true_boxes, visible_share
 from sim.world.scenario import Scenario
 from sim.world.view import OCCLUDER
 from sim.world.world import World, random_stream
@@ -50,7 +50,7 @@ class DetectorModel:
         n = len(bodies.kind)
         noise = rng.normal(0.0, 1.0, (5, n))
         luck = rng.random((3, n))
-        seen = in_picture(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
+        seen = in_image(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
         seen &= (luck[0] >= settings.miss) & ~self._hidden(t, n)
         clutter = self._clutter(int(rng.poisson(settings.clutter)))
         if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
@@ -104,7 +104,7 @@ def seen_truth(world: World, t: float) -> tuple[Boxes, NDArray[np.int64], NDArra
     """What is visible at time t: boxes of all n bodies, the k rows of those seen, their system ids (k,)."""
     view, bodies = world.view(t), world.bodies(t)
     boxes = true_boxes(view, bodies)
-    seen = in_picture(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
+    seen = in_image(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
     rows = np.flatnonzero(seen)
     return boxes, rows, world.roles.system_id[rows]
 

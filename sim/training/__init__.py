@@ -1,1 +1,1 @@
-"""Pictures to train detectors on: a seed in, shards of labelled crops out."""
+"""Images to train detectors on: a seed in, shards of labelled crops out."""

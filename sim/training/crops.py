@@ -1,4 +1,4 @@
-"""Pictures to train a detector on: small random scenes, every vehicle's oriented box, and much that is no vehicle.
+"""Images to train a detector on: small random scenes, every vehicle's oriented box, and much that is no vehicle.
 
 ``python -m sim.training.crops --out .train/pool --shards 12 --per-shard 250 --seed 0`` writes shards of crops; one
 seed, one shard, so that shards can be made in any order and by several processes.
@@ -29,7 +29,7 @@ Image = NDArray[np.uint8]
 SIDE = 384
 MAX_BOXES = 80
 OVER = (0.55, 0.75, 1.0, 1.25, 1.6)
-"""Pictures are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
+"""Images are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
 PER_YARD, PER_CAST = 15, 5
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crop:
-    """One picture and what is on it."""
+    """One image and what is on it."""
 
     image: Image
     """(SIDE, SIDE, 3) BGR."""
@@ -75,7 +75,7 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
 
 
 def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
-    """One random picture of a yard with a cast."""
+    """One random image of a yard with a cast."""
     over = float(rng.choice(OVER))
     view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))
     bodies = random_bodies(view, yard, cast, rng)
@@ -127,7 +127,7 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
 
 
 def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
-    """A camera whose picture shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
+    """A camera whose image shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
     gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
     height = float(np.exp(rng.uniform(np.log(15.0), np.log(250.0))))
     tilt = (abs(rng.normal(0.0, 0.1)), rng.uniform(0.0, 0.5), rng.uniform(0.5, 1.08), rng.uniform(1.08, 1.34))[
@@ -138,7 +138,7 @@ def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
     focal = distance / gsd
     forward = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
     right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
-    # the crop is a part of a wider picture: its principal point lies off the crop by up to a frame
+    # the crop is a part of a wider image: its principal point lies off the crop by up to a frame
     cx, cy = 0.5 * side + rng.uniform(-1.0, 1.0, 2) * np.array([1.0, 0.6]) * 0.35 * focal
     aim = (0.5 * side - cx) / focal * right + (0.5 * side - cy) / focal * np.cross(forward, right) + forward
     p_enu = _aim_point(yard, gsd * side, rng) - aim * (height / max(-aim[2], 0.3))
@@ -167,7 +167,7 @@ def _aim_point(yard: Yard, reach_m: float, rng: np.random.Generator) -> FloatArr
 
 
 def _visible(view: CameraView, bodies: Bodies, step: int = 2) -> FloatArray:
-    """(n,) share of each body's outline that neither the picture's edge nor a nearer body hides."""
+    """(n,) share of each body's outline that neither the image's edge nor a nearer body hides."""
     rows, columns = view.height // step, view.width // step
     top = np.full((rows, columns), -1, np.int16)
     area = np.zeros(len(bodies.x))
@@ -191,7 +191,7 @@ def _visible(view: CameraView, bodies: Bodies, step: int = 2) -> FloatArray:
 def main() -> None:
     """Write shards; those that exist are left as they are."""
     write_missing(
-        "Render training pictures for the oriented detector.",
+        "Render training images for the oriented detector.",
         "crops",
         write_shard,
         out=Path(".train/pool"),

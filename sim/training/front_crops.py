@@ -1,4 +1,4 @@
-"""Pictures to learn fronts from: one vehicle in the middle of each, its oriented box and heading exactly known.
+"""Images to learn fronts from: one vehicle in the middle of each, its oriented box and heading exactly known.
 
 ``python -m sim.training.front_crops --out .train/fronts/pool --shards 24 --seed 0`` writes shards; one seed, one shard,
 so that shards can be made in any order and by several processes.
@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrontCrop:
-    """One picture and the vehicle in its middle."""
+    """One image and the vehicle in its middle."""
 
     image: Image
     """(SIDE, SIDE, 3) BGR."""
@@ -81,9 +81,9 @@ def _random_length_px(rng: np.random.Generator) -> float:
 
 
 def _random_view(rng: np.random.Generator, side: int, gsd_m: float) -> CameraView:
-    """A small picture, ``side`` px square, with so many metres per pixel in its middle, mostly seen from above."""
+    """A small image, ``side`` px square, with so many metres per pixel in its middle, mostly seen from above."""
     height, yaw = float(rng.uniform(15.0, 120.0)), float(rng.uniform(0.0, 2.0 * np.pi))
-    # a vehicle at the edge of a wide picture is seen aslant too
+    # a vehicle at the edge of a wide image is seen aslant too
     pitch = -np.pi / 2.0 + min(abs(float(rng.normal(0.0, 0.18 if rng.random() < 0.8 else 0.45))), 1.0)
     forward = np.array([np.cos(pitch) * np.sin(yaw), np.cos(pitch) * np.cos(yaw), np.sin(pitch)])
     right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
@@ -131,7 +131,7 @@ def _random_bodies(view: CameraView, kind: int, length_m: float, rng: np.random.
 
 
 def _ground(view: CameraView, share: FloatArray) -> FloatArray:
-    """(3,) ground under a place of the picture, given as shares of its sides."""
+    """(3,) ground under a place of the image, given as shares of its sides."""
     return np.asarray(ray_ground(view, share * (view.width, view.height)))
 
 
@@ -159,7 +159,7 @@ def _compressed(image: Image, rng: np.random.Generator) -> Image:
 def main() -> None:
     """Write shards; those that exist are left as they are."""
     write_missing(
-        "Render training pictures for the front classifier.",
+        "Render training images for the front classifier.",
         "fronts",
         write_shard,
         out=Path(".train/fronts/pool"),

@@ -1,4 +1,4 @@
-"""Where things stand on a training picture: vehicles in bays and lanes or anywhere, clutter and trees between them."""
+"""Where things stand on a training image: vehicles in bays and lanes or anywhere, clutter and trees between them."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def _buildings(placed: _Placed, view: CameraView, yard: Yard, cast: tuple[Sort, 
 
 
 def _slots_in_view(view: CameraView, yard: Yard) -> FloatArray:
-    """(n, 4) x, y, heading, length of slots that the picture shows, the yard repeating."""
+    """(n, 4) x, y, heading, length of slots that the image shows, the yard repeating."""
     step = yard.period_m
     at = np.array([_corner(view, u, v) for u in (0.0, 0.5, 1.0) for v in (0.0, 0.5, 1.0)])
     low, high = np.floor(at.min(axis=0) / step), np.floor(at.max(axis=0) / step)

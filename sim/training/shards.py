@@ -1,4 +1,4 @@
-"""Training pictures from the command line, in shards: one seed, one file."""
+"""Training images from the command line, in shards: one seed, one file."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def write_missing(
     Args:
         description: of the command.
         name: of the files, before an underscore and the seed.
-        write: writes one: folder, seed, pictures.
+        write: writes one: folder, seed, images.
         out: folder, unless the command line names one; so too what follows.
         shards: how many.
-        per_shard: pictures in each.
+        per_shard: images in each.
     """
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--out", type=Path, default=out)

@@ -95,7 +95,7 @@ def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Cast:
 
 
 def reach_m(scenario: Scenario) -> float:
-    """A distance from the picture's middle that the picture does not reach, metres on the ground."""
+    """A distance from the image's middle that the image does not reach, metres on the ground."""
     camera, flight = scenario.camera, scenario.flight
     height = flight.height_m + max(0.0, flight.climb_mps) * scenario.duration_s
     half = 0.5 * np.hypot(camera.width / camera.fx, camera.height / camera.fy)
@@ -118,7 +118,7 @@ def _road_width(scenario: Scenario) -> float:
 
 
 def _stations(scenario: Scenario, inside: int) -> FloatArray:
-    """(outside,) metres along the road of the vehicles beyond the picture, alternately behind and ahead."""
+    """(outside,) metres along the road of the vehicles beyond the image, alternately behind and ahead."""
     i = np.arange(scenario.ground.outside)
     rows = np.ceil(inside / scenario.ground.lanes)
     away = 0.5 * rows * scenario.ground.spacing_m + 1.8 * reach_m(scenario) + (i // 2) * scenario.ground.spacing_m

@@ -1,4 +1,4 @@
-"""True boxes in the picture, and how much of each body is hidden."""
+"""True boxes in the image, and how much of each body is hidden."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sim.world.view import OCCLUDER, Bodies, CameraView, project
 
-__all__ = ["Boxes", "in_picture", "true_boxes", "visible_share"]
+__all__ = ["Boxes", "in_image", "true_boxes", "visible_share"]
 
 FloatArray = NDArray[np.float64]
 
@@ -46,15 +46,15 @@ def true_boxes(view: CameraView, bodies: Bodies) -> Boxes:
     return Boxes(cx=values[0], cy=values[1], w=values[2], h=values[3], angle=values[4])
 
 
-def in_picture(view: CameraView, boxes: Boxes) -> NDArray[np.bool_]:
-    """(n,) True where the box's centre is in the picture."""
+def in_image(view: CameraView, boxes: Boxes) -> NDArray[np.bool_]:
+    """(n,) True where the box's centre is in the image."""
     with np.errstate(invalid="ignore"):
         inside = (boxes.cx >= 0.0) & (boxes.cx < view.width) & (boxes.cy >= 0.0) & (boxes.cy < view.height)
     return np.asarray(inside)
 
 
 def visible_share(view: CameraView, bodies: Bodies) -> FloatArray:
-    """(n,) share of each body's roof that is in the picture and not below an occluder; 1 for occluders themselves."""
+    """(n,) share of each body's roof that is in the image and not below an occluder; 1 for occluders themselves."""
     points = _points(bodies, _ROOF)
     uv, front = project(view, points)
     with np.errstate(invalid="ignore"):

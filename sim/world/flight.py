@@ -48,7 +48,7 @@ class UavMotion:
 
 
 def fly(t: FloatArray, filmed_xy: FloatArray, flight: Flight, camera: Camera, rng: np.random.Generator) -> UavMotion:
-    """Fly so that the filmed ground stays in the picture.
+    """Fly so that the filmed ground stays in view.
 
     Args:
         t: (T,) seconds.

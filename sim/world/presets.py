@@ -22,7 +22,7 @@ def nominal(seed: int = 1) -> Scenario:
 
 
 def curved_road(seed: int = 2) -> Scenario:
-    """Six of ours on a winding road, a seventh out of the picture, a canopy at a turn, a look-alike at the roadside."""
+    """Six of ours on a winding road, a seventh out of view, a canopy at a turn, a look-alike at the roadside."""
     return Scenario(
         name="curved-road",
         seed=seed,

@@ -44,14 +44,14 @@ class Ground:
     vehicles: int = 6
     """Vehicles that the UAV films."""
     outside: int = 0
-    """Further vehicles that report but drive beyond the picture."""
+    """Further vehicles that report but drive beyond the image."""
     speed_mps: float = 3.5
     spacing_m: float = 9.0
     """Between neighbours: along the lane, in the formation, at least between parked vehicles."""
     lanes: int = 2
     lane_width_m: float = 3.5
     road_deg: float = 90.0
-    """Mean direction of the road, clockwise from north: 90 runs along the picture's width while the UAV looks north."""
+    """Mean direction of the road, clockwise from north: 90 runs along the image's width while the UAV looks north."""
     bend_deg: float = 50.0
     """How far a curved road turns to either side of its mean direction."""
     bend_length_m: float = 120.0
@@ -60,8 +60,8 @@ class Ground:
     stops_per_min: float = 0.3
     """Of each vehicle."""
     area_m: tuple[float, float] = (44.0, 24.0)
-    """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the picture; wider than the
-    picture makes them leave and re-enter."""
+    """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the image; wider than the
+    image makes them leave and re-enter."""
     slope_deg: float = 0.0
     """How far the ground rises towards ``uphill_deg``; telemetry's heights follow it, the UAV's do not."""
     uphill_deg: float = 0.0
@@ -76,7 +76,7 @@ class Flight:
 
     height_m: float = 40.0
     follow: bool = True
-    """Keep the filmed vehicles' middle in the picture; otherwise hover over where they began."""
+    """Keep the filmed vehicles' middle in view; otherwise hover over where they began."""
     sway_m: float = 1.0
     """Amplitude of the wind's sway."""
     tilt_sway_deg: float = 1.5
@@ -86,7 +86,7 @@ class Flight:
     """Turning round the filmed point: with an oblique camera this is an orbit."""
     drift_mps: float = 0.0
     roam_m: float = 0.0
-    """Amplitude of a slow wandering of the filmed point, across and along the picture's mean direction."""
+    """Amplitude of a slow wandering of the filmed point, across and along the image's mean direction."""
     roam_s: float = 24.0
     """Its period."""
     climb_mps: float = 0.0
@@ -176,7 +176,7 @@ class Timing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detector:
-    """What an oriented detector makes of the picture."""
+    """What an oriented detector makes of the image."""
 
     pixel_noise: float = 1.0
     angle_noise_deg: float = 2.0

@@ -100,7 +100,7 @@ def project(view: CameraView, p_enu: ArrayLike) -> tuple[FloatArray, NDArray[np.
 
     Returns:
         uv (..., 2) pixels, NaN where not imaged; in_front (...,), True for points before the camera and within the
-        field where the distortion is one to one (beyond it, strong distortion folds far points back into the picture).
+        field where the distortion is one to one (beyond it, strong distortion folds far points back into the image).
     """
     # p_cam = R_enu_camᵀ (p − c)
     p_cam = (np.asarray(p_enu, dtype=np.float64) - view.p_enu) @ view.R_enu_cam

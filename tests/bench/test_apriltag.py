@@ -13,10 +13,10 @@ from bench.apriltag.case import Case, Outcome, TagCount
 from bench.apriltag.flight import CAMERAS, DIAGONAL_DEG, SIDES_M, camera_of, filmed, scenario_of, tags_of
 from bench.apriltag.suite import cases
 from bench.apriltag.tables import METHODS, report, shares, write_csv
-from bench.apriltag.tags import Tag, read_picture, read_tags, stick_tags, tag_corners
+from bench.apriltag.tags import Tag, read_image, read_tags, stick_tags, tag_corners
 from sim.render.ground import GroundStyle
 from sim.render.render import Renderer, Style
-from sim.world.boxes import in_picture, true_boxes
+from sim.world.boxes import in_image, true_boxes
 from sim.world.view import UGV, Bodies, CameraView, project
 from sim.world.world import World
 
@@ -75,7 +75,7 @@ def test_a_tag_covers_its_plate_and_nothing_else():
     assert np.hypot(u + 0.5 - middle[0], v + 0.5 - middle[1]).max() <= side / np.sqrt(2) + 1.5
 
 
-def test_a_tag_that_is_not_wholly_in_the_picture_is_left_out():
+def test_a_tag_that_is_not_wholly_in_the_image_is_left_out():
     view = straight_down(9.0)
     before = np.full((480, 640, 3), 110, np.uint8)
     after = stick_tags(before, view, one_rover(x=2.15, y=0.0), [Tag(body=0, number=5, side_m=0.5)])
@@ -84,7 +84,7 @@ def test_a_tag_that_is_not_wholly_in_the_picture_is_left_out():
 
 @pytest.fixture(scope="module")
 def looks():
-    """Tags in view, what is read of each and in the whole picture, by height; one moment, JPEG for H.264."""
+    """Tags in view, what is read of each and in the whole image, by height; one moment, JPEG for H.264."""
     rows = {}
     for height_m in (10.0, 120.0):
         scenario = scenario_of("1080p", height_m, 1.0, 2.0)
@@ -96,10 +96,10 @@ def looks():
         view, bodies = world.view(0.5), world.bodies(0.5)
         boxes = true_boxes(view, bodies)
         table = np.column_stack([boxes.cx, boxes.cy, boxes.w, boxes.h])
-        whole = in_picture(view, boxes) & (np.minimum(boxes.cx, view.width - boxes.cx) > boxes.w / 2)
+        whole = in_image(view, boxes) & (np.minimum(boxes.cx, view.width - boxes.cx) > boxes.w / 2)
         whole &= np.minimum(boxes.cy, view.height - boxes.cy) > boxes.w / 2
         tags = [tag for tag in tags_of(scenario) if whole[tag.body]]
-        rows[height_m] = (tags, read_tags(image, table[[tag.body for tag in tags]]), read_picture(image))
+        rows[height_m] = (tags, read_tags(image, table[[tag.body for tag in tags]]), read_image(image))
     return rows
 
 

@@ -60,10 +60,10 @@ def test_reports_have_no_error_but_the_one_that_is_asked_for():
     assert np.abs(film(short(field(1))).report_error).mean() > 0.3
 
 
-def test_turning_the_view_turns_the_picture():
+def test_turning_the_view_turns_the_image():
     plain, turned = (film(short(paper_road("curved", yaw, 1))) for yaw in (0.0, 90.0))
     away = [f.uv[0, :6] - f.uv[0, :6].mean(axis=0) for f in (plain, turned)]
-    # the UAV turns clockwise by 90°, the picture anticlockwise: (u, v) → (v, −u)
+    # the UAV turns clockwise by 90°, the image anticlockwise: (u, v) → (v, −u)
     np.testing.assert_allclose(away[1], away[0][:, ::-1] * [1.0, -1.0], atol=25.0)
 
 
@@ -315,5 +315,5 @@ def test_times_are_of_single_calls():
     assert timing.cpu_median_ms == pytest.approx(2.0) and timing.wall_p95_ms == pytest.approx(100.0)
 
 
-def test_a_crowd_is_wholly_in_the_picture():
+def test_a_crowd_is_wholly_in_the_image():
     assert film(crowd(20, 1.0)).seen.all()

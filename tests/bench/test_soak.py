@@ -82,6 +82,6 @@ def test_the_page_says_what_is_missing():
     chosen = argparse.Namespace(
         seconds=1000.0, rate=100.0, vehicles=2, video=Path("a.mp4"), fleet=["--flood", "5"], out=Path(), name="soak"
     )
-    page = report(run, chosen, picture="")
+    page = report(run, chosen, image="")
     assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
     assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page

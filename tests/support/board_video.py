@@ -34,7 +34,7 @@ class BoardCamera:
         self.board = flat_board()
 
     def draw(self, R, t, rng):
-        """Picture (h, w, 3) of the board at this pose; t is where its middle is."""
+        """Image (h, w, 3) of the board at this pose; t is where its middle is."""
         middle = np.array([(COLUMNS - 1) / 2, (ROWS - 1) / 2]) * SQUARE_M
         # the ray meets the plane where R₃ᵀ (s·ray − t) = 0
         s = (R[:, 2] @ t) / (self.rays @ R[:, 2])
@@ -58,7 +58,7 @@ def poses(n, rng, K, lens, size, *, tilt=0.6):
 
 
 def _whole(rng, K, lens, size, tilt):
-    """A pose at which the picture shows all squares, and where their corners are."""
+    """A pose at which the image shows all squares, and where their corners are."""
     x, y = np.meshgrid((-1.3, COLUMNS + 0.3), (-1.3, ROWS + 0.3))
     rim = (np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3) - ((COLUMNS - 1) / 2, (ROWS - 1) / 2, 0)) * SQUARE_M
     while True:

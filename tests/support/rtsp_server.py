@@ -13,7 +13,7 @@ from functools import lru_cache
 import av
 
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, GOP, picture
+from tests.support.video_sender import FPS, GOP, image
 
 PATH = "/main"
 _SDP = (
@@ -30,7 +30,7 @@ class _Datagrams(list):
 
 @lru_cache
 def packed(n):
-    """RTP datagrams of each of n numbered pictures; every key picture brings its parameters."""
+    """RTP datagrams of each of n numbered frames; every key frame brings its parameters."""
     sink, frames = _Datagrams(), []
     with av.open(sink, "w", format="rtp", options={"packetsize": "1200"}) as container:
         options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
@@ -38,7 +38,7 @@ def packed(n):
         stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
         stream.codec_context.gop_size = GOP
         for number in range(n):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, FPS)
             container.mux(stream.encode(frame))
             frames.append([data for data in sink if data[1] & 0x7F == 96])  # without the sender's reports
@@ -50,13 +50,13 @@ class RtspServer:
     """Serves ``frames`` from its start on, over and over for whoever plays, until closed.
 
     Args:
-        frames: datagrams by picture.
+        frames: datagrams by frame.
         port: any free one unless given.
 
     Attributes:
         hold: while set, connections stay open and nothing is sent.
         plays: how often PLAY was asked for.
-        sent: pictures sent.
+        sent: frames sent.
     """
 
     def __init__(self, frames, port=None):
@@ -119,7 +119,7 @@ class RtspServer:
             threading.Thread(target=self._play, args=(client,), daemon=True).start()
 
     def _play(self, client):
-        first = round((time.monotonic() - self._begin_s) * FPS) // GOP * GOP  # a key picture
+        first = round((time.monotonic() - self._begin_s) * FPS) // GOP * GOP  # a key frame
         with contextlib.suppress(OSError):
             for number in range(first, len(self.frames)):
                 time.sleep(max(self._begin_s + number / FPS - time.monotonic(), 0))

@@ -9,7 +9,7 @@ from vision.detect.detections import Detections
 __all__ = ["STEP", "boxes"]
 
 STEP = 100_000
-"""Microseconds between two pictures."""
+"""Microseconds between two frames."""
 
 
 def boxes(centre, angle=0.0, score=0.9, heading=np.nan, w=40.0, h=20.0):

@@ -1,4 +1,4 @@
-"""A camera for tests: numbered pictures, coded once, sent as MPEG-TS datagrams in real time by a thread."""
+"""A camera for tests: numbered frames, coded once, sent as MPEG-TS datagrams in real time by a thread."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FPS, GOP, BITS = 25, 10, 10
 PIECE = 7 * 188
 
 
-def picture(number):
+def image(number):
     """Ten bars, light for 1."""
     image = np.zeros((96, 160, 3), dtype=np.uint8)
     for bit in range(BITS):
@@ -39,7 +39,7 @@ class _Sink:
 
 @lru_cache
 def coded(n, times_ms=None):
-    """Datagrams of each of n pictures; ``times_ms`` instead of an even pace."""
+    """Datagrams of each of n frames; ``times_ms`` instead of an even pace."""
     sink, frames = _Sink(), []
     with av.open(sink, "w", format="mpegts", options={"flush_packets": "1", "pat_period": "0.1"}) as container:
         options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
@@ -48,7 +48,7 @@ def coded(n, times_ms=None):
         stream.codec_context.gop_size = GOP
         stream.codec_context.time_base = Fraction(1, 1000)
         for number in range(n):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts = times_ms[number] if times_ms else number * 1000 // FPS
             frame.time_base = Fraction(1, 1000)
             container.mux(stream.encode(frame))
@@ -58,7 +58,7 @@ def coded(n, times_ms=None):
 
 
 class Sender(threading.Thread):
-    """Sends pictures to a port of this machine; ``spoil`` turns each datagram into those that arrive."""
+    """Sends frames to a port of this machine; ``spoil`` turns each datagram into those that arrive."""
 
     def __init__(self, port, frames, *, times_ms=None, spoil=lambda data: [data]):
         super().__init__(daemon=True)

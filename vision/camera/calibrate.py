@@ -28,7 +28,7 @@ FEWEST_VIEWS, MOST_VIEWS = 12, 60
 OUTLIER = 2.5
 """A view whose error is so many times the middle one's was disturbed: the board bent, or moved while it was taken."""
 WORST_RMS = 1.0 / 1920
-"""As a share of the picture's longer side."""
+"""As a share of the image's longer side."""
 WORST_PIXEL = 3.0 / 1920
 """1σ of the pixel of a ray, as the same share."""
 LEAST_COVERAGE = 0.6
@@ -54,17 +54,17 @@ class Calibration:
     rms_px: float
     """Root mean square distance of a corner from where the camera would show it."""
     pixel_px: float
-    """1σ of the pixel of a ray where it is least sure, which is a corner of the picture."""
+    """1σ of the pixel of a ray where it is least sure, which is a corner of the image."""
     tilt: float
-    """Angle between board and picture that a quarter of the views reach, rad."""
+    """Angle between board and image that a quarter of the views reach, rad."""
     views: tuple[View, ...]
     """Those that were used."""
     covered: NDArray[np.bool_]
-    """(rows, columns) cells of the picture in which a board was seen."""
+    """(rows, columns) cells of the image in which a board was seen."""
 
     @property
     def coverage(self) -> float:
-        """Share of the picture in which a board was seen."""
+        """Share of the image in which a board was seen."""
         return float(self.covered.mean())
 
 
@@ -74,7 +74,7 @@ def calibrate(views: Sequence[View], board: Board, size: tuple[int, int]) -> Cal
     Args:
         views: of the board, different from each other.
         board: what was filmed.
-        size: width and height of the picture, px.
+        size: width and height of the image, px.
 
     Raises:
         CameraError: too few views to fit anything.
@@ -113,7 +113,7 @@ def doubts(calibration: Calibration) -> Iterator[str]:
         yield f"only {len(calibration.views)} different sharp views of the whole board fit; {_more_views()}"
     if calibration.coverage < LEAST_COVERAGE:
         yield (
-            f"the board was seen in {calibration.coverage:.0%} of the picture, {LEAST_COVERAGE:.0%} are needed: "
+            f"the board was seen in {calibration.coverage:.0%} of the image, {LEAST_COVERAGE:.0%} are needed: "
             f"hold it also {_emptiest(calibration.covered)}, and nearer"
         )
     if calibration.rms_px > WORST_RMS * max(camera.width, camera.height):
@@ -126,11 +126,11 @@ def doubts(calibration: Calibration) -> Iterator[str]:
         yield "the focal length is unsure: tilt the board by 30° to 45° to all sides"
     if calibration.pixel_px > WORST_PIXEL * max(camera.width, camera.height):
         yield (
-            f"pixels are unsure by {calibration.pixel_px:.2f} px in the picture's corners: "
+            f"pixels are unsure by {calibration.pixel_px:.2f} px in the image's corners: "
             f"show the board there and along the sides"
         )
     if not np.isfinite(camera.rays(camera.corners)).all():
-        yield "the lens model breaks down in the picture's corners: show the board there; a fisheye does not fit it"
+        yield "the lens model breaks down in the image's corners: show the board there; a fisheye does not fit it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,7 +181,7 @@ def _covariance(fit: _Fit, views: Sequence[View], board: Board) -> Floats:
 
 
 def _pixel_std(camera: Intrinsics, fit: _Fit, covariance: Floats) -> float:
-    """1σ of a ray's pixel, the largest over the picture; inf where the lens shows no ray."""
+    """1σ of a ray's pixel, the largest over the image; inf where the lens shows no ray."""
     u, v = np.meshgrid(np.linspace(0, camera.width, 17), np.linspace(0, camera.height, 10))
     rays = camera.rays(np.stack([u, v], axis=-1)).reshape(-1, 3)
     if not np.isfinite(rays).all():
@@ -199,7 +199,7 @@ def _project(points: Floats, turn: Floats, place: Floats, fit: _Fit) -> tuple[Fl
 
 
 def _covered(views: Sequence[View], board: Board, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Cells of the picture that lie on a board, which is seen half a square beyond its corners."""
+    """Cells of the image that lie on a board, which is seen half a square beyond its corners."""
     seen = np.zeros((CELLS[1], CELLS[0]), np.uint8)
     scale = np.array(CELLS) / size
     for view in views:
@@ -212,7 +212,7 @@ def _covered(views: Sequence[View], board: Board, size: tuple[int, int]) -> NDAr
 
 
 def _emptiest(covered: NDArray[np.bool_]) -> str:
-    """Which ninth of the picture saw least of the board."""
+    """Which ninth of the image saw least of the board."""
     rows, columns = covered.shape
     ninths = covered.reshape(3, rows // 3, 3, columns // 3).mean(axis=(1, 3))
     row, column = np.unravel_index(np.argmin(ninths), ninths.shape)

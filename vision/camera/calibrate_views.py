@@ -1,6 +1,6 @@
 """Views of a chessboard in a video: found, sharp, and different from each other.
 
-Corners are found in a small picture and refined in the full one; pixels here are OpenCV's, counted from the middle of
+Corners are found in a small image and refined in the full one; pixels here are OpenCV's, counted from the middle of
 the first one.
 """
 
@@ -23,9 +23,9 @@ Floats = NDArray[np.float64]
 LOOKS = 400
 """Frames of a video that are looked at, spread evenly: finding a board takes much longer than decoding."""
 SMALL_PX = 800
-"""Longer side of the picture in which boards are found."""
+"""Longer side of the image in which boards are found."""
 BLURRED_PX = 4.0
-"""Width of an edge beyond which a view is not used, px of the small picture."""
+"""Width of an edge beyond which a view is not used, px of the small image."""
 APART = 0.06
 """Least difference between two views, as :func:`_difference` counts it."""
 
@@ -63,9 +63,9 @@ class View:
     corners: NDArray[np.float32]
     """(columns · rows, 2) px, in the order of :attr:`Board.points`."""
     blur_px: float
-    """Width of the squares' edges, px of the small picture."""
+    """Width of the squares' edges, px of the small image."""
     pose: Floats
-    """(5,) place, size and slant in the picture, as shares of it: what makes views different."""
+    """(5,) place, size and slant in the image, as shares of it: what makes views different."""
 
 
 def find_views(video: VideoFile, board: Board) -> tuple[list[View], int]:

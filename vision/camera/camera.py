@@ -81,7 +81,7 @@ def camera_pose(mount: Mount, p_enu: ArrayLike, R_enu_body: ArrayLike, R_enu_gim
         p_enu: (3,) m, the vehicle; the lever arm to the camera is neglected.
         R_enu_body: (3, 3) the vehicle's attitude (FRD).
         R_enu_gimbal: (3, 3) attitude that a gimbal reports; a stabilized mount believes it more than its own angles,
-            but for its roll: by that the picture is turned against the gimbal.
+            but for its roll: by that the image is turned against the gimbal.
     """
     position = np.array(p_enu, dtype=np.float64)
     if R_enu_gimbal is not None and mount.kind == "stabilized":
@@ -103,7 +103,7 @@ def project(intrinsics: Intrinsics, pose: Pose, p_enu: ArrayLike) -> tuple[Float
         p_enu: (..., 3) m.
 
     Returns:
-        uv (..., 2) px, NaN where not in front; in_front (...,) bool. A point in front may lie outside the picture.
+        uv (..., 2) px, NaN where not in front; in_front (...,) bool. A point in front may lie outside the image.
     """
     # p_cam = Rᵀ (p − c)
     p_cam = (np.asarray(p_enu, dtype=np.float64) - pose.p_enu) @ pose.R_enu_cam
@@ -125,13 +125,13 @@ def ground(intrinsics: Intrinsics, pose: Pose, uv: ArrayLike, z: ArrayLike) -> F
 
 
 def footprint(intrinsics: Intrinsics, pose: Pose, z: float) -> Floats | None:
-    """Corners of the picture on the ground (4, 2) east, north m, top left first; None when one is above the horizon."""
+    """Corners of the image on the ground (4, 2) east, north m, top left first; None when one is above the horizon."""
     border = ground(intrinsics, pose, intrinsics.corners, z)[:, :2]
     return border if np.isfinite(border).all() else None
 
 
 def ground_sampling(intrinsics: Intrinsics, pose: Pose, z: float) -> float:
-    """Ground metres per pixel across the line of sight at the middle of the picture; NaN above the horizon."""
+    """Ground metres per pixel across the line of sight at the middle of the image; NaN above the horizon."""
     middle = ground(intrinsics, pose, np.array([intrinsics.width / 2, intrinsics.height / 2]), z)
     return float(np.linalg.norm(middle - pose.p_enu) / np.sqrt(intrinsics.fx * intrinsics.fy))
 
@@ -139,13 +139,13 @@ def ground_sampling(intrinsics: Intrinsics, pose: Pose, z: float) -> float:
 def image_warp(
     intrinsics: Intrinsics, pose_from: Pose, pose_to: Pose, z: float, *, intrinsics_to: Intrinsics | None = None
 ) -> Floats:
-    """Homography (3, 3) that carries pixels of the ground at height z from one picture to another.
+    """Homography (3, 3) that carries pixels of the ground at height z from one image to another.
 
-    Exact without distortion; with it, the best homography over the part of the picture that shows ground. The
-    identity where the camera is not above the ground, because there the pictures say nothing about each other.
+    Exact without distortion; with it, the best homography over the part of the image that shows ground. The
+    identity where the camera is not above the ground, because there the images say nothing about each other.
 
     Args:
-        intrinsics: of the first picture.
+        intrinsics: of the first image.
         pose_from: where it was taken.
         pose_to: where the other was.
         z: m.

@@ -22,14 +22,14 @@ Floats = NDArray[np.float64]
 SAME_ASPECT = 0.01
 """Share by which aspects may differ: codecs round sides to even numbers, some to whole blocks of 16."""
 SQUARE = 0.1
-"""Share by which pixels may be wider than high before the two fields of view cannot belong to one picture."""
+"""Share by which pixels may be wider than high before the two fields of view cannot belong to one image."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Intrinsics:
     """A pinhole camera with a radial-tangential lens.
 
-    Pixels are continuous: (0, 0) is the picture's upper left corner, so the middle of the first pixel is at (0.5, 0.5)
+    Pixels are continuous: (0, 0) is the image's upper left corner, so the middle of the first pixel is at (0.5, 0.5)
     and ``cx``, ``cy`` are half a pixel more than OpenCV's.
 
     Raises:
@@ -68,7 +68,7 @@ class Intrinsics:
 
     @property
     def corners(self) -> Floats:
-        """Corners of the picture (4, 2) px, top left first, clockwise."""
+        """Corners of the image (4, 2) px, top left first, clockwise."""
         w, h = float(self.width), float(self.height)
         return np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
 
@@ -83,7 +83,7 @@ class Intrinsics:
     def pixels(self, p_cam: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
         """Pixels (..., 2) of points (..., 3) in the camera frame, and whether each can be seen (...,).
 
-        NaN for points behind the camera or so far aside that the lens model folds back into the picture.
+        NaN for points behind the camera or so far aside that the lens model folds back into the image.
         """
         p = np.asarray(p_cam, dtype=np.float64)
         ahead = p[..., 2] > 1e-9
@@ -95,23 +95,23 @@ class Intrinsics:
 
     @property
     def hfov(self) -> float:
-        """Field of view across the picture without the lens's distortion, rad."""
+        """Field of view across the image without the lens's distortion, rad."""
         return float(np.arctan(self.cx / self.fx) + np.arctan((self.width - self.cx) / self.fx))
 
 
 def resized(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
-    """The same camera delivering a picture of another size.
+    """The same camera delivering an image of another size.
 
     Raises:
-        CameraError: the picture has another aspect, so it shows another part of the sensor; which one is not known.
+        CameraError: the image has another aspect, so it shows another part of the sensor; which one is not known.
     """
     if (width, height) == (intrinsics.width, intrinsics.height):
         return intrinsics
     kx, ky = width / intrinsics.width, height / intrinsics.height
     if abs(kx / ky - 1.0) > SAME_ASPECT:
         raise CameraError(
-            f"the camera is described for pictures of {intrinsics.width}×{intrinsics.height}, these are "
-            f"{width}×{height}: another aspect shows another part of the sensor; calibrate on such pictures"
+            f"the camera is described for images of {intrinsics.width}×{intrinsics.height}, these are "
+            f"{width}×{height}: another aspect shows another part of the sensor; calibrate on such images"
         )
     return replace(
         intrinsics,
@@ -125,7 +125,7 @@ def resized(intrinsics: Intrinsics, width: int, height: int) -> Intrinsics:
 
 
 def zoomed(intrinsics: Intrinsics, factor: float) -> Intrinsics:
-    """The same camera with its picture magnified about the middle, as digital zoom does.
+    """The same camera with its image magnified about the middle, as digital zoom does.
 
     The lens's coefficients belong to rays, so they stay. An optical zoom bends in its own way: calibrate it where it is
     used.
@@ -147,7 +147,7 @@ def from_field_of_view(width: int, height: int, hfov: float, vfov: float) -> tup
 
     Returns:
         The camera, and whether both angles were used. Where they would make pixels that are not square they belong to a
-        picture of another aspect, and the horizontal one counts: cameras cut their pictures above and below.
+        image of another aspect, and the horizontal one counts: cameras cut their images above and below.
     """
     # f = (w / 2) / tan(fov / 2)
     fx, fy = width / 2.0 / np.tan(hfov / 2.0), height / 2.0 / np.tan(vfov / 2.0)

@@ -1,7 +1,7 @@
 """Oriented boxes: overlap, suppression, conversions. Pure functions on rows ``cx cy w h angle``.
 
 Pixels: x right, y down; ``angle`` (rad) turns image +x into the width axis, clockwise on screen. Coordinates are
-continuous: the picture spans 0..width and 0..height, a pixel's centre is at + 0.5.
+continuous: the image spans 0..width and 0..height, a pixel's centre is at + 0.5.
 
 References:
     J. Murrugarra-Llerena, L. N. Kirsten, C. R. Jung, "Gaussian Bounding Boxes and Probabilistic

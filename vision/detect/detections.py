@@ -1,4 +1,4 @@
-"""Oriented boxes found in one picture, as a struct of arrays.
+"""Oriented boxes found in one image, as a struct of arrays.
 
 Pixels: x right, y down. ``angle`` turns image +x into the box's width axis, clockwise on screen. A box whose front is
 known has its width along the vehicle and pointing to the front, so ``heading = angle + π/2`` (mod 2π), clockwise from
@@ -21,7 +21,7 @@ FIELDS = ("cx", "cy", "w", "h", "angle", "score", "heading")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Detections:
-    """The m detections of one picture; every array is float64, of shape (m,) and read-only.
+    """The m detections of one image; every array is float64, of shape (m,) and read-only.
 
     Raises:
         ValueError: arrays of unequal length or not one-dimensional, or a box that is not finite.

@@ -21,17 +21,17 @@ BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 
 
 class Detector(Protocol):
-    """Finds vehicles in one picture; may be asked from several threads at once."""
+    """Finds vehicles in one image; may be asked from several threads at once."""
 
     def detect(self, image: NDArray[np.uint8], *, gsd_m: float | None = None) -> Detections:
-        """Vehicles in a picture.
+        """Vehicles in an image.
 
         Args:
             image: (H, W, 3) BGR.
-            gsd_m: metres on the ground per pixel at the picture's middle, when the camera's pose is known.
+            gsd_m: metres on the ground per pixel at the image's middle, when the camera's pose is known.
 
         Returns:
-            Detections in continuous pixels of this picture, best first; heading NaN where the front is unknown.
+            Detections in continuous pixels of this image, best first; heading NaN where the front is unknown.
         """
 
 
@@ -56,7 +56,7 @@ def open_detector(
         classes: names of a YOLO model's classes that count; None = those that sound like vehicles.
         imgsz: longest side of the canvas, px, of a YOLO model that takes any; None = as its notes say, else 1024.
         per_class: True keeps a box for each class of a YOLO model that claims a vehicle; False one for each vehicle.
-        tiled: a YOLO model looks at large pictures in tiles when the vehicles would be shrunk away; needs ``gsd_m``.
+        tiled: a YOLO model looks at large images in tiles when the vehicles would be shrunk away; needs ``gsd_m``.
 
     Raises:
         ModelError: no such file, not an ONNX model, not a shape that is known, or a provider that is not installed.

@@ -55,7 +55,7 @@ class FrontClassifier:
         self._contract = read_contract(session, where)
 
     def tell(self, image: Image, boxes: ArrayLike) -> Fronts:
-        """Fronts of boxes in a picture.
+        """Fronts of boxes in an image.
 
         Args:
             image: (H, W, 3) BGR.
@@ -80,7 +80,7 @@ class FrontClassifier:
         return Fronts(heading=np.where(confidence >= self._sure, heading, np.nan), confidence=confidence)
 
     def _logits(self, image: Image, rows: Floats) -> Floats:
-        """(n, classes) of boxes (n, 5) in a picture."""
+        """(n, classes) of boxes (n, 5) in an image."""
         contract, fixed = self._contract, self._contract.batch
         # z = (rgb / 255 − mean) / std
         gain, bias = 1.0 / (255.0 * contract.std), contract.mean / contract.std

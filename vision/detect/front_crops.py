@@ -1,4 +1,4 @@
-"""Crops of oriented boxes, rectified: every box becomes an upright square picture with its width axis to the right."""
+"""Crops of oriented boxes, rectified: every box becomes an upright square image with its width axis to the right."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ MOST_FINER = 8
 
 
 def rectify(image: Image, boxes: ArrayLike, side: int, margin: float = 0.0) -> Image:
-    """Cut boxes out of a picture and stretch each onto a square.
+    """Cut boxes out of an image and stretch each onto a square.
 
-    A box that is larger than the crop is sampled finer and averaged, so that nothing is skipped. Outside the picture
+    A box that is larger than the crop is sampled finer and averaged, so that nothing is skipped. Outside the image
     its edge is repeated.
 
     Args:
@@ -39,7 +39,7 @@ def _rectified(image: Image, row: NDArray[np.float64], side: int, margin: float)
     seen = np.maximum(row[2:4], 1.0) * (1.0 + margin)
     finer = np.clip(np.ceil(seen / side), 1, MOST_FINER).astype(int)
     size = side * finer
-    # picture = c + R(angle) · diag(seen / size) · (crop − size / 2)
+    # image = c + R(angle) · diag(seen / size) · (crop − size / 2)
     c, s = np.cos(row[4]), np.sin(row[4])
     linear = np.array([[c, -s], [s, c]]) * (seen / size)
     # OpenCV counts from the middle of the first pixel: both sides move by a half

@@ -1,4 +1,4 @@
-"""The bundled detector: it knows fronts, and the picture is scaled so that a vehicle has the length that it knows best.
+"""The bundled detector: it knows fronts, and the image is scaled so that a vehicle has the length that it knows best.
 
 The model's contract (``vision/training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
 of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
@@ -28,13 +28,13 @@ Image = NDArray[np.uint8]
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
 
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
-"""How the model sees pictures of unknown ground resolution: scaled by so much, but not made narrower than so many px,
+"""How the model sees images of unknown ground resolution: scaled by so much, but not made narrower than so many px,
 nor enlarged."""
 SIDE_STEP = 32
 LEAST_SIDE, MOST_SIDE = 64, 4096
 """Of a canvas, px. Larger ones are looked at in tiles, which bounds the memory."""
 MOST_SCALE = 2.0
-"""Enlarging a picture further adds no detail."""
+"""Enlarging an image further adds no detail."""
 OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicles of the length that the model knows best: lorries are twice as long."""
 
@@ -78,9 +78,7 @@ class HeatmapDetector:
         try:
             (cells,) = self._session.run(None, {"image": canvas[None]})
         except RUN_ERRORS as error:
-            raise ModelError(
-                f"{self._where}: cannot be run on a {fit.width} × {fit.height} picture: {error}"
-            ) from error
+            raise ModelError(f"{self._where}: cannot be run on a {fit.width} × {fit.height} image: {error}") from error
         wanted = (1, decode_heatmap.CHANNELS, fit.height // self._stride, fit.width // self._stride)
         if cells.shape != wanted:
             raise ModelError(f"{self._where}: gave a map {list(cells.shape)}, wanted {list(wanted)}; {ACCEPTED}")
@@ -118,6 +116,6 @@ def _canvas(width: int, height: int, scale: float) -> tuple[int, int]:
     wide = max(width, height)
     scale = max(min(scale, MOST_SIDE / wide), LEAST_SIDE / wide)
     columns = max(round(width * scale / SIDE_STEP), 1)
-    # the height follows from the width that was chosen, rounded up: the picture fills the width
+    # the height follows from the width that was chosen, rounded up: the image fills the width
     rows = max(int(np.ceil(height * columns / width - 1e-9)), 1)
     return columns * SIDE_STEP, rows * SIDE_STEP

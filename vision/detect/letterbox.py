@@ -1,4 +1,4 @@
-"""Fit a picture into a model's canvas and bring its boxes back, to sub-pixel. Continuous pixel coordinates."""
+"""Fit an image into a model's canvas and bring its boxes back, to sub-pixel. Continuous pixel coordinates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ GREY = 114
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Letterbox:
-    """Picture → canvas: ``x' = x · scale_x + left``, ``y' = y · scale_y + top``, both from the picture's edge.
+    """Image → canvas: ``x' = x · scale_x + left``, ``y' = y · scale_y + top``, both from the image's edge.
 
     The two scales differ by less than a pixel over the side, as a scaled side is rounded to whole pixels.
     """
@@ -35,20 +35,20 @@ class Letterbox:
 
     @classmethod
     def fit(
-        cls, picture: tuple[int, int], canvas: tuple[int, int], *, grow: bool = True, step: int | None = None
+        cls, image: tuple[int, int], canvas: tuple[int, int], *, grow: bool = True, step: int | None = None
     ) -> Letterbox:
-        """Centre a picture on a canvas.
+        """Centre an image on a canvas.
 
         Args:
-            picture: (width, height) px.
+            image: (width, height) px.
             canvas: (width, height) px.
             grow: False never enlarges it.
             step: leave out margins by whole steps of so many px: the smallest canvas for a model that takes any
                 multiple of its stride; None keeps the canvas.
         """
-        (w, h), (width, height) = picture, canvas
+        (w, h), (width, height) = image, canvas
         if min(w, h, width, height) < 1:
-            raise ValueError(f"a letterbox needs sides of 1 px or more, got {picture} on {canvas}")
+            raise ValueError(f"a letterbox needs sides of 1 px or more, got {image} on {canvas}")
         scale = min(width / w, height / h)
         if not grow:
             scale = min(scale, 1.0)
@@ -59,22 +59,22 @@ class Letterbox:
         return cls(width=width, height=height, scale_x=inner_w / w, scale_y=inner_h / h, left=left, top=top)
 
     def points(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Picture points (..., 2) on the canvas."""
+        """Image points (..., 2) on the canvas."""
         return np.asarray(xy, dtype=np.float64) * (self.scale_x, self.scale_y) + (self.left, self.top)
 
     def undo_points(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Canvas points (..., 2) in the picture."""
+        """Canvas points (..., 2) in the image."""
         return (np.asarray(xy, dtype=np.float64) - (self.left, self.top)) / (self.scale_x, self.scale_y)
 
     def boxes(self, boxes: ArrayLike) -> NDArray[np.float64]:
-        """Picture boxes (..., 5) ``cx cy w h angle`` on the canvas."""
+        """Image boxes (..., 5) ``cx cy w h angle`` on the canvas."""
         rows = np.array(boxes, dtype=np.float64)
         rows[..., :2] = self.points(rows[..., :2])
         rows[..., 2:4] *= self._scale
         return rows
 
     def undo_boxes(self, boxes: ArrayLike) -> NDArray[np.float64]:
-        """Canvas boxes (..., 5) in the picture."""
+        """Canvas boxes (..., 5) in the image."""
         rows = np.array(boxes, dtype=np.float64)
         rows[..., :2] = self.undo_points(rows[..., :2])
         rows[..., 2:4] /= self._scale
@@ -86,7 +86,7 @@ class Letterbox:
 
 
 def letterbox(image: NDArray[np.uint8], canvas: tuple[int, int]) -> tuple[NDArray[np.uint8], Letterbox]:
-    """Scale a picture (H, W, 3) onto a grey canvas (width, height), keeping its shape.
+    """Scale an image (H, W, 3) onto a grey canvas (width, height), keeping its shape.
 
     Returns:
         The canvas (height, width, 3) and the map that brings boxes back.
@@ -96,12 +96,12 @@ def letterbox(image: NDArray[np.uint8], canvas: tuple[int, int]) -> tuple[NDArra
 
 
 def draw(image: NDArray[np.uint8], fit: Letterbox, *, average: bool) -> NDArray[np.uint8]:
-    """A picture (H, W, 3) on its grey canvas (height, width, 3).
+    """An image (H, W, 3) on its grey canvas (height, width, 3).
 
     Args:
-        image: the picture that ``fit`` was made for.
+        image: the image that ``fit`` was made for.
         fit: where it goes.
-        average: a pixel is the mean of those it covers, which keeps what is small when a picture is shrunk far; else it
+        average: a pixel is the mean of those it covers, which keeps what is small when an image is shrunk far; else it
             is interpolated between four, as YOLO models are trained.
     """
     size = (round(image.shape[1] * fit.scale_x), round(image.shape[0] * fit.scale_y))
@@ -114,9 +114,9 @@ def draw(image: NDArray[np.uint8], fit: Letterbox, *, average: bool) -> NDArray[
 
 
 def undo(found: Detections, fit: Letterbox, image: NDArray[np.uint8]) -> Detections:
-    """From the canvas to the picture (H, W, 3); boxes centred on the margins are dropped."""
+    """From the canvas to the image (H, W, 3); boxes centred on the margins are dropped."""
     height, width = image.shape[:2]
     boxes = fit.undo_boxes(found.boxes)
     cx, cy, w, h, _ = boxes.T
-    in_picture = replace(found, cx=cx, cy=cy, w=w, h=h, angle=wrap(found.angle))
-    return in_picture.take((cx >= 0.0) & (cx <= width) & (cy >= 0.0) & (cy <= height))
+    in_image = replace(found, cx=cx, cy=cy, w=w, h=h, angle=wrap(found.angle))
+    return in_image.take((cx >= 0.0) & (cx <= width) & (cy >= 0.0) & (cy <= height))

@@ -53,7 +53,7 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
     options = ort.SessionOptions()
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
-    # between pictures its threads would wait by spinning: twice the processor time, taken from who receives telemetry
+    # between images its threads would wait by spinning: twice the processor time, taken from who receives telemetry
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
     if path.stat().st_size > MOST_BYTES:

@@ -1,4 +1,4 @@
-"""A large picture looked at in overlapping tiles: small vehicles are not shrunk away and memory stays bounded."""
+"""A large image looked at in overlapping tiles: small vehicles are not shrunk away and memory stays bounded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_COMPARED = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """A part of a picture, px: what is looked at, and where the centre of a box must lie to be believed."""
+    """A part of an image, px: what is looked at, and where the centre of a box must lie to be believed."""
 
     left: int
     top: int
@@ -31,17 +31,17 @@ class Tile:
     """x0, y0, x1, y1: half of the overlap with each neighbour, and a little more lest a vehicle falls between two."""
 
 
-def tile_grid(picture: tuple[int, int], tile: tuple[int, int], overlap: float) -> tuple[Tile, ...]:
-    """The fewest tiles that cover a picture, of one size, no larger than needed.
+def tile_grid(image: tuple[int, int], tile: tuple[int, int], overlap: float) -> tuple[Tile, ...]:
+    """The fewest tiles that cover an image, of one size, no larger than needed.
 
     A vehicle at a seam is whole in one of the tiles that believe in it, if half the overlap is as long as the vehicle.
 
     Args:
-        picture: (width, height) px.
+        image: (width, height) px.
         tile: (width, height) px, largest size of a tile.
         overlap: of neighbours, px; at most half a tile is taken.
     """
-    columns, rows = (_spans(length, side, overlap) for length, side in zip(picture, tile, strict=True))
+    columns, rows = (_spans(length, side, overlap) for length, side in zip(image, tile, strict=True))
     return tuple(
         Tile(left=x0, top=y0, right=x1, bottom=y1, believed=(bx0, by0, bx1, by1))
         for y0, y1, by0, by1 in rows
@@ -54,10 +54,10 @@ def look_at_tiles(
     tiles: Sequence[Tile],
     look: Callable[[Sequence[NDArray[np.uint8]]], Sequence[Detections]],
 ) -> Detections:
-    """Vehicles of all tiles, in pixels of the picture, best first; one that two tiles saw counts once.
+    """Vehicles of all tiles, in pixels of the image, best first; one that two tiles saw counts once.
 
     Args:
-        image: (H, W, 3) the picture.
+        image: (H, W, 3) the image.
         tiles: its parts.
         look: what finds vehicles in parts; a list of parts gives as many answers.
     """

@@ -25,11 +25,11 @@ Image = NDArray[np.uint8]
 VEHICLE_M = 2.5
 """Length of the smallest vehicle that matters."""
 LEAST_LENGTH_PX, GOOD_LENGTH_PX = 12.0, 16.0
-"""A picture is tiled when such a vehicle would be shorter on the canvas than the first, so that it has the second."""
+"""An image is tiled when such a vehicle would be shorter on the canvas than the first, so that it has the second."""
 OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicles: lorries are twice as long."""
 MOST_TILES = 16
-"""Of one picture; bounds the time."""
+"""Of one image; bounds the time."""
 UNNAMED = 1000
 """Classes that a model without names may number its boxes with."""
 
@@ -44,7 +44,7 @@ class YoloDetector:
         classes: names of the classes that count; None: those that sound like vehicles.
         imgsz: longest side of the canvas, px, for a model that takes any.
         per_class: keep a box for each class that claims a vehicle, as Ultralytics' predictor does by itself.
-        tiled: look at a picture in tiles when its ground resolution is known and vehicles would be shrunk away.
+        tiled: look at an image in tiles when its ground resolution is known and vehicles would be shrunk away.
 
     Raises:
         ModelError: the model is none of the accepted, or none of its classes counts.
@@ -87,7 +87,7 @@ class YoloDetector:
         return look_at_tiles(image, tile_grid((image.shape[1], image.shape[0]), size, overlap), self._look)
 
     def _tile(self, image: Image, gsd_m: float | None) -> tuple[tuple[int, int], float] | None:
-        """(width, height) and overlap, px of the picture, of the tiles that keep vehicles visible; None: no need."""
+        """(width, height) and overlap, px of the image, of the tiles that keep vehicles visible; None: no need."""
         if not self._tiled or gsd_m is None or not np.isfinite(gsd_m) or gsd_m <= 0.0:
             return None
         height, width = image.shape[:2]
@@ -105,7 +105,7 @@ class YoloDetector:
         return None
 
     def _look(self, images: Sequence[Image]) -> list[Detections]:
-        """Vehicles of pictures, each fitted into the canvas, in its own pixels."""
+        """Vehicles of images, each fitted into the canvas, in its own pixels."""
         need, found = self._input, []
         step = need.stride if need.height is None and need.width is None else None
         count = need.batch or 1
@@ -127,14 +127,14 @@ class YoloDetector:
             (out,) = self._session.run(None, {need.name: batch})
         except RUN_ERRORS as error:
             size = " × ".join(str(n) for n in batch.shape)
-            raise ModelError(f"{self._where}: cannot be run on a {size} picture: {error}") from error
+            raise ModelError(f"{self._where}: cannot be run on a {size} image: {error}") from error
         try:
             check_size(out.shape)
         except ValueError as error:
             raise ModelError(f"{self._where}: {error}") from error
         if out.ndim != 3 or len(out) < len(canvases):
             raise ModelError(
-                f"{self._where}: gave an output {list(out.shape)} for {len(canvases)} pictures; accepted are {ACCEPTED}"
+                f"{self._where}: gave an output {list(out.shape)} for {len(canvases)} images; accepted are {ACCEPTED}"
             )
         return list(out[: len(canvases)])
 

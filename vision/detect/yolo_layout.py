@@ -51,19 +51,19 @@ _KINDS: dict[str, np.dtype[np.float32] | np.dtype[np.float16]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YoloInput:
-    """The pictures that a model takes."""
+    """The images that a model takes."""
 
     name: str
     kind: np.dtype[np.float32] | np.dtype[np.float16]
     """float32 or float16."""
     batch: int | None
-    """Pictures in one run; None: any number."""
+    """Images in one run; None: any number."""
     height: int | None
     """px; None: any multiple of the stride."""
     width: int | None
     stride: int
     imgsz: tuple[int, int]
-    """(height, width) px of the canvas that a picture is fitted into."""
+    """(height, width) px of the canvas that an image is fitted into."""
     names: Mapping[int, str]
     """Of the classes; empty when unknown."""
     suppressed: bool
@@ -85,7 +85,7 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
     if task != "obb":
         raise ValueError(f"its notes say that it is made for the task {task!r}; oriented boxes are the task 'obb'")
     inputs, outputs = session.get_inputs(), session.get_outputs()
-    if len(inputs) != 1 or len(outputs) != 1 or not _takes_pictures(inputs[0]) or len(outputs[0].shape) != 3:
+    if len(inputs) != 1 or len(outputs) != 1 or not _takes_images(inputs[0]) or len(outputs[0].shape) != 3:
         raise ValueError(f"not a detector of a known shape: {described(session)}")
     batch, _, height, width = (n if isinstance(n, int) and n > 0 else None for n in inputs[0].shape)
     stride = _number(notes.get("stride", ""), STRIDE)
@@ -139,7 +139,7 @@ def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: froze
 
 
 def _bound(batch: int, canvas: tuple[int, int], stride: int, output: Sequence[object]) -> None:
-    """Refuse what no picture needs, before any memory is asked for.
+    """Refuse what no image needs, before any memory is asked for.
 
     Raises:
         ValueError: says what is too much.
@@ -176,7 +176,7 @@ def _misfit(shape: tuple[int, ...], classes: int) -> str:
     return told
 
 
-def _takes_pictures(image: ort.NodeArg) -> bool:
+def _takes_images(image: ort.NodeArg) -> bool:
     return (
         image.type in _KINDS and len(image.shape) == 4 and (image.shape[1] == 3 or not isinstance(image.shape[1], int))
     )
@@ -212,5 +212,5 @@ def _nms_inside(notes: Mapping[str, str]) -> bool:
 def _number(text: str, default: int) -> int:
     if not (text.isdecimal() and text.isascii()):
         return default
-    # more digits are no side of a picture, whatever they are
+    # more digits are no side of an image, whatever they are
     return int(text[:_DIGITS]) or default

@@ -1,4 +1,4 @@
-"""How good a detector is on labelled pictures: average precision, precision and recall, headings, recall by size.
+"""How good a detector is on labelled images: average precision, precision and recall, headings, recall by size.
 
 Boxes are rows ``cx cy w h angle`` of ``vision.detect.boxes``, pixels; headings clockwise from image up, rad, NaN
 unknown. An object that does not *count* (difficult, mostly hidden, a region that nobody labelled) helps nobody and
@@ -10,15 +10,15 @@ from vision.evaluation.matching import THRESHOLDS, Matches, match
 from vision.evaluation.measures import Evaluation, evaluate
 from vision.evaluation.precision import average_precision
 from vision.evaluation.shards import shard_truth
-from vision.evaluation.truth import Choice, Picture, Truth, choose
+from vision.evaluation.truth import Choice, LabelledImage, Truth, choose
 
 __all__ = [
     "THRESHOLDS",
     "Choice",
     "Evaluation",
     "Folder",
+    "LabelledImage",
     "Matches",
-    "Picture",
     "Truth",
     "average_precision",
     "choose",

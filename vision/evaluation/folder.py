@@ -1,7 +1,7 @@
-"""A folder of labelled pictures in any of the known layouts.
+"""A folder of labelled images in any of the known layouts.
 
-Labels lie beside the pictures, or in ``labels``, ``labelTxt`` or ``annotations`` where the pictures lie in ``images``.
-An empty label file says that nothing is there; a picture without one is not judged and is counted.
+Labels lie beside the images, or in ``labels``, ``labelTxt`` or ``annotations`` where the images lie in ``images``.
+An empty label file says that nothing is there; an image without one is not judged and is counted.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from vision.errors import LabelError
 from vision.evaluation.labels import LabelFile, read_dota, read_visdrone, read_yolo
 from vision.evaluation.shards import read_shard
-from vision.evaluation.truth import Picture
+from vision.evaluation.truth import LabelledImage
 
 __all__ = ["FORMATS", "Folder", "Format", "open_folder"]
 
 Image = NDArray[np.uint8]
 Format = Literal["yolo", "dota", "visdrone", "shards"]
 FORMATS: tuple[Format, ...] = get_args(Format)
-PICTURES = frozenset((".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"))
+IMAGES = frozenset((".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"))
 LABEL_FOLDERS = ("labels", "labelTxt", "annotations")
 NAME_FILES = ("data.yaml", "dataset.yaml", "classes.txt", "obj.names")
 
@@ -37,10 +37,10 @@ class Folder:
     """What was found."""
 
     format: Format
-    pictures: tuple[Picture, ...]
+    images: tuple[LabelledImage, ...]
     """In the order of their names."""
     unlabelled: int
-    """Pictures without a label file."""
+    """Images without a label file."""
 
 
 def open_folder(
@@ -62,28 +62,28 @@ def open_folder(
         LabelError: no such folder, nothing in it that is labelled, or labels that make no sense.
     """
     if not path.exists():
-        raise LabelError(f"{path}: no such folder; give one with pictures and their labels")
+        raise LabelError(f"{path}: no such folder; give one with images and their labels")
     shards = [path] if path.is_file() else sorted(path.glob("crops_*.npz"))
     if format == "shards" or (format is None and shards):
         if not shards:
             raise LabelError(f"{path}: no crops_*.npz in it; make some with python -m sim.training.crops --out {path}")
-        return Folder(format="shards", pictures=tuple(p for s in shards for p in read_shard(s)), unlabelled=0)
-    images = sorted(p for p in path.rglob("*") if p.suffix.lower() in PICTURES)
-    pairs = [(image, label) for image in images if (label := _label_of(image)) is not None]
+        return Folder(format="shards", images=tuple(p for s in shards for p in read_shard(s)), unlabelled=0)
+    paths = sorted(p for p in path.rglob("*") if p.suffix.lower() in IMAGES)
+    pairs = [(image, label) for image in paths if (label := _label_of(image)) is not None]
     if not pairs:
         raise LabelError(
-            f"{path}: {len(images)} pictures, none with labels; wanted NAME.txt beside NAME.jpg, or in one of "
+            f"{path}: {len(paths)} images, none with labels; wanted NAME.txt beside NAME.jpg, or in one of "
             f"{', '.join(LABEL_FOLDERS)} beside images"
         )
     kind = format or _told_format([label for _, label in pairs])
     called = dict(enumerate(names)) if names is not None else _class_names(path)
     read = partial(_read, kind=kind, names=called, corners_tell_front=corners_tell_front)
-    pictures = []
+    images = []
     for image, label in pairs:
         said = read(image, label)
         name = str(image.relative_to(path))
-        pictures.append(Picture(name=name, read=partial(_pixels, image), truth=said.truth, gsd_m=said.gsd_m))
-    return Folder(format=kind, pictures=tuple(pictures), unlabelled=len(images) - len(pairs))
+        images.append(LabelledImage(name=name, read=partial(_pixels, image), truth=said.truth, gsd_m=said.gsd_m))
+    return Folder(format=kind, images=tuple(images), unlabelled=len(paths) - len(pairs))
 
 
 def _read(image: Path, label: Path, *, kind: Format, names: Mapping[int, str], corners_tell_front: bool) -> LabelFile:
@@ -162,5 +162,5 @@ def _yaml_names(text: str, path: Path) -> dict[int, str]:
 def _pixels(path: Path) -> Image:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
-        raise LabelError(f"{path}: cannot be read as a picture; remove it or mend it")
+        raise LabelError(f"{path}: cannot be read as an image; remove it or mend it")
     return np.asarray(image, np.uint8)

@@ -1,6 +1,6 @@
-"""Label files of one picture: YOLO (oriented or upright), DOTA, VisDrone-DET.
+"""Label files of one image: YOLO (oriented or upright), DOTA, VisDrone-DET.
 
-    YOLO       class x1 y1 x2 y2 x3 y3 x4 y4, or class cx cy w h (upright); shares of the picture's sides
+    YOLO       class x1 y1 x2 y2 x3 y3 x4 y4, or class cx cy w h (upright); shares of the image's sides
     DOTA       x1 y1 x2 y2 x3 y3 x4 y4 category difficult, px; header lines ``imagesource:…`` and ``gsd:…``
     VisDrone   left,top,width,height,score,category,truncation,occlusion, px
 
@@ -46,7 +46,7 @@ VISDRONE = (
 )
 """Category names, in order."""
 BEYOND = 0.5
-"""How far beyond the picture a corner of a normalised label may lie, shares of its sides."""
+"""How far beyond the image a corner of a normalised label may lie, shares of its sides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def read_yolo(path: Path, size: tuple[int, int], names: Mapping[int, str], corne
 
     Args:
         path: the file.
-        size: width and height of the picture, px.
+        size: width and height of the image, px.
         names: of the classes; a class without one is called by its number.
         corners_tell_front: the first two corners are those of the front.
 

@@ -1,4 +1,4 @@
-"""Which detection is which labelled object, at every threshold of overlap: greedy by score, picture by picture.
+"""Which detection is which labelled object, at every threshold of overlap: greedy by score, image by image.
 
 A detection takes, of the objects that count and that no better detection has taken, the one it overlaps most, if that
 is enough. One that finds none is no false alarm where it lies on something that does not count: overlap enough with
@@ -29,7 +29,7 @@ MOSTLY = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Matches:
-    """The m detections of one picture, each threshold for itself."""
+    """The m detections of one image, each threshold for itself."""
 
     truth: NDArray[np.int64]
     """(thresholds, m) number of the object, FALSE_ALARM or ASIDE."""

@@ -1,4 +1,4 @@
-"""Figures over all pictures.
+"""Figures over all images.
 
 AP      area under precision over recall, precision being the best at this recall or more (all-point
         interpolation, as PASCAL VOC from 2010 on and DOTA have it; COCO takes 101 points of the same curve)
@@ -44,7 +44,7 @@ class Directions:
 class Evaluation:
     """How good detections are; shares are NaN where there is nothing to take a share of."""
 
-    pictures: int
+    images: int
     objects: int
     """That count."""
     aside: int
@@ -73,11 +73,11 @@ class Evaluation:
 def evaluate(
     found: Sequence[Detections], truth: Sequence[Truth], *, score: float = 0.3, floor: float = 0.0
 ) -> Evaluation:
-    """Judge detections, picture by picture.
+    """Judge detections, image by image.
 
     Args:
-        found: of each picture.
-        truth: of each picture.
+        found: of each image.
+        truth: of each image.
         score: operating score of precision, recall, errors and shares.
         floor: the smallest score that the detector told, for the record.
     """
@@ -90,7 +90,7 @@ def evaluate(
     hits, false = int((number[0, strong] >= 0).sum()), int((number[0, strong] == FALSE_ALARM).sum())
     seen = [_seen(d, t, m, score) for d, t, m in zip(found, truth, matches, strict=True)]
     return Evaluation(
-        pictures=len(truth),
+        images=len(truth),
         objects=objects,
         aside=sum(int((~t.counts).sum()) for t in truth),
         detections=hits + false,
@@ -122,7 +122,7 @@ def _seen(found: Detections, truth: Truth, matches: Matches, score: float) -> ND
 def _pairs(
     found: Sequence[Detections], truth: Sequence[Truth], seen: Sequence[NDArray[np.int64]]
 ) -> list[tuple[Detections, Truth]]:
-    """Of each picture, the counted objects that were found, row by row with their detections."""
+    """Of each image, the counted objects that were found, row by row with their detections."""
     kept = [(by >= 0) & t.counts for t, by in zip(truth, seen, strict=True)]
     return [(d.take(by[k]), t.take(k)) for d, t, by, k in zip(found, truth, seen, kept, strict=True)]
 

@@ -21,7 +21,9 @@ def as_json(result: Evaluation, about: Mapping[str, Any]) -> str:
         result: the figures.
         about: what was judged on what.
     """
-    return json.dumps(_plain({"about": dict(about), **asdict(result)}), indent=2, ensure_ascii=False) + "\n"
+    figures = asdict(result)
+    figures = {"pictures": figures.pop("images"), **figures}  # the key of earlier files
+    return json.dumps(_plain({"about": dict(about), **figures}), indent=2, ensure_ascii=False) + "\n"
 
 
 def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
@@ -31,7 +33,7 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
         result: the figures.
         about: what was judged on what.
     """
-    parts = ["# Detector on labelled pictures", _table(("what", "which"), [(k, str(v)) for k, v in about.items()])]
+    parts = ["# Detector on labelled images", _table(("what", "which"), [(k, str(v)) for k, v in about.items()])]
     parts += [_table(("figure", "value"), _figures(result))]
     for title, shares, with_ap in (
         ("class", result.classes, True),
@@ -45,14 +47,14 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
 
 _WORDS = """\
 AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
-Detections are matched picture by picture, best score first, each object once. The detector tells no classes: AP50 of a
+Detections are matched image by image, best score first, each object once. The detector tells no classes: AP50 of a
 class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones."""
 
 
 def _figures(r: Evaluation) -> list[tuple[str, str]]:
     d = r.directions
     rows = [
-        ("pictures", str(r.pictures)),
+        ("images", str(r.images)),
         ("objects that count", str(r.objects)),
         ("objects set aside", str(r.aside)),
         (f"detections at score {r.score:g}", str(r.detections)),

@@ -1,4 +1,4 @@
-"""Shards of rendered training crops, ``crops_*.npz`` of ``python -m sim.training.crops``, as labelled pictures."""
+"""Shards of rendered training crops, ``crops_*.npz`` of ``python -m sim.training.crops``, as labelled images."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import LabelError
-from vision.evaluation.truth import Picture, Truth
+from vision.evaluation.truth import LabelledImage, Truth
 
 __all__ = ["VEHICLE", "read_shard", "shard_truth"]
 
@@ -39,7 +39,7 @@ def shard_truth(rows: ArrayLike) -> Truth:
     )
 
 
-def read_shard(path: Path) -> list[Picture]:
+def read_shard(path: Path) -> list[LabelledImage]:
     """All crops of a shard.
 
     Raises:
@@ -54,7 +54,7 @@ def read_shard(path: Path) -> list[Picture]:
     if not fits or not len(images) == len(boxes) == len(n) or (len(n) and n.max() > boxes.shape[1]):
         raise LabelError(f"{path}: images {images.shape}, boxes {boxes.shape} and n {n.shape} do not belong together")
     return [
-        Picture(name=f"{path.stem} {i}", read=_reader(image), truth=shard_truth(rows[:k]), as_seen=True)
+        LabelledImage(name=f"{path.stem} {i}", read=_reader(image), truth=shard_truth(rows[:k]), as_seen=True)
         for i, (image, rows, k) in enumerate(zip(images, boxes, n.tolist(), strict=True))
     ]
 

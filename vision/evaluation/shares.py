@@ -17,7 +17,7 @@ __all__ = ["SIZES_PX", "Share", "by_class", "by_hiding", "by_size"]
 
 Floats = NDArray[np.float64]
 Seen = Sequence[NDArray[np.int64]]
-"""Of each picture (n,): the detection that found each object at the operating score, −1 none."""
+"""Of each image (n,): the detection that found each object at the operating score, −1 none."""
 
 SIZES_PX = (0.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0, 96.0, np.inf)
 """Edges of the classes by length, px."""
@@ -38,10 +38,10 @@ def by_class(score: Floats, matches: Sequence[Matches], truth: Sequence[Truth], 
     """Recall and AP50 of each class that counts.
 
     Args:
-        score: (k,) of the detections of all pictures.
-        matches: of each picture.
-        truth: of each picture.
-        seen: of each picture.
+        score: (k,) of the detections of all images.
+        matches: of each image.
+        truth: of each image.
+        seen: of each image.
     """
     number = np.concatenate([np.empty(0, np.int64), *(m.truth[0] for m in matches)])
     hit_name = np.concatenate([np.empty(0, np.str_), *(_hit_names(m, t) for m, t in zip(matches, truth, strict=True))])

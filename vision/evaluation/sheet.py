@@ -1,4 +1,4 @@
-"""A picture of the frames that went worst: misses red, false alarms yellow, hits green, what does not count grey."""
+"""An image of the frames that went worst: misses red, false alarms yellow, hits green, what does not count grey."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.detect.boxes import corners, hull
 from vision.detect.detections import Detections
 from vision.evaluation.matching import FALSE_ALARM, match
-from vision.evaluation.truth import Picture
+from vision.evaluation.truth import LabelledImage
 
 __all__ = ["worst", "worst_sheet"]
 
@@ -27,31 +27,31 @@ READABLE_PX = 24.0
 
 
 def worst(
-    pictures: Sequence[Picture], found: Sequence[Detections], score: float, most: int = 4
+    images: Sequence[LabelledImage], found: Sequence[Detections], score: float, most: int = 4
 ) -> list[tuple[int, int, int]]:
     """Frames with the most misses and false alarms, worst first: (index, misses, false alarms)."""
     counts = []
-    for i, (picture, one) in enumerate(zip(pictures, found, strict=True)):
-        truth = match(one, picture.truth).truth[0]
+    for i, (image, one) in enumerate(zip(images, found, strict=True)):
+        truth = match(one, image.truth).truth[0]
         hit = truth[(truth >= 0) & (one.score >= score)]
-        misses = int(picture.truth.counts.sum()) - len(hit)
+        misses = int(image.truth.counts.sum()) - len(hit)
         counts.append((i, misses, int(((truth == FALSE_ALARM) & (one.score >= score)).sum())))
     counts.sort(key=lambda c: (-(c[1] + c[2]), c[0]))
     return [c for c in counts[:most] if c[1] + c[2]] or counts[:1]
 
 
-def worst_sheet(pictures: Sequence[Picture], found: Sequence[Detections], score: float, most: int = 4) -> Image:
+def worst_sheet(images: Sequence[LabelledImage], found: Sequence[Detections], score: float, most: int = 4) -> Image:
     """Tiles of the worst frames in two columns, (H, W, 3) BGR.
 
     Args:
-        pictures: judged ones, at least one.
+        images: judged ones, at least one.
         found: detections of each.
         score: operating score.
         most: frames shown.
     """
     tiles = [
-        _tile(pictures[i], found[i], score, f"{pictures[i].name}: {misses} missed, {false} false alarms")
-        for i, misses, false in worst(pictures, found, score, most)
+        _tile(images[i], found[i], score, f"{images[i].name}: {misses} missed, {false} false alarms")
+        for i, misses, false in worst(images, found, score, most)
     ]
     if len(tiles) == 1:
         return tiles[0]
@@ -66,19 +66,19 @@ def _beside(tiles: Sequence[Image]) -> Image:
     return row
 
 
-def _tile(picture: Picture, found: Detections, score: float, title: str) -> Image:
+def _tile(labelled: LabelledImage, found: Detections, score: float, title: str) -> Image:
     strong = found.take(found.score >= score)
-    number = match(strong, picture.truth).truth[0]
-    missed = picture.truth.counts.copy()
+    number = match(strong, labelled.truth).truth[0]
+    missed = labelled.truth.counts.copy()
     missed[number[number >= 0]] = False
-    objects, boxes = picture.truth.boxes, strong.boxes
-    if picture.truth.upright:
+    objects, boxes = labelled.truth.boxes, strong.boxes
+    if labelled.truth.upright:
         boxes = _hulls(boxes)
-    marks = [(objects[~picture.truth.counts], GREY), (boxes[number >= 0], GREEN)]
+    marks = [(objects[~labelled.truth.counts], GREY), (boxes[number >= 0], GREEN)]
     marks += [(objects[missed], RED), (boxes[number == FALSE_ALARM], YELLOW)]
-    image = picture.read()
+    image = labelled.read()
     wrong = np.concatenate([objects[missed], boxes[number == FALSE_ALARM]])[:, :2]
-    scale, corner = _frame(image, objects[picture.truth.counts], wrong)
+    scale, corner = _frame(image, objects[labelled.truth.counts], wrong)
     turn = np.array([[scale, 0.0, -scale * corner[0]], [0.0, scale, -scale * corner[1]]])
     canvas = _cut(image, scale, corner)
     for rows, color in marks:
@@ -91,7 +91,7 @@ def _tile(picture: Picture, found: Detections, score: float, title: str) -> Imag
 
 
 def _cut(image: Image, scale: float, corner: Floats) -> Image:
-    """The part of a picture that a tile shows, TILE_PX wide and as high as there is picture."""
+    """The part of an image that a tile shows, TILE_PX wide and as high as there is image."""
     high, wide = (min(TILE_PX, max(round(n * scale), 1)) for n in image.shape[:2])
     x, y = (int(c) for c in corner)
     part = image[y : y + int(np.ceil(high / scale)), x : x + int(np.ceil(wide / scale))]
@@ -108,7 +108,7 @@ def _hulls(boxes: Floats) -> Floats:
 
 
 def _frame(image: Image, objects: Floats, wrong: Floats) -> tuple[float, Floats]:
-    """Scale and upper left corner, px of the picture, of what a tile shows: all, or the part with most mistakes."""
+    """Scale and upper left corner, px of the image, of what a tile shows: all, or the part with most mistakes."""
     height, width = image.shape[:2]
     scale = TILE_PX / max(height, width)
     if len(objects):

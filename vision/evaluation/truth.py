@@ -1,4 +1,4 @@
-"""What is really on a picture, and which of it counts."""
+"""What is really on an image, and which of it counts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.detect.yolo_classes import vehicle_classes
 from vision.errors import LabelError
 
-__all__ = ["HIDDEN", "NEITHER", "REGION", "Choice", "Picture", "Truth", "choose", "choose_classes"]
+__all__ = ["HIDDEN", "NEITHER", "REGION", "Choice", "LabelledImage", "Truth", "choose", "choose_classes"]
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
@@ -28,7 +28,7 @@ NEITHER = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Truth:
-    """The n labelled objects of one picture."""
+    """The n labelled objects of one image."""
 
     boxes: Floats
     """(n, 5) cx, cy, w, h px, angle rad."""
@@ -60,8 +60,8 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """One labelled picture; its pixels are read when they are wanted."""
+class LabelledImage:
+    """One labelled image; its pixels are read when they are wanted."""
 
     name: str
     """Path below the folder, or shard and number."""
@@ -69,7 +69,7 @@ class Picture:
     """(H, W, 3) BGR.
 
     Raises:
-        LabelError: the file is no picture.
+        LabelError: the file is no image.
     """
     truth: Truth
     gsd_m: float = np.nan

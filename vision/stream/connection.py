@@ -32,16 +32,16 @@ __all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "listen", "
 OPEN_TIMEOUT_S = 3.0
 READ_TIMEOUT_S = 2.0
 SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
-"""For key pictures that are far apart; a stream that tells its size at once is opened at once."""
+"""For key frames that are far apart; a stream that tells its size at once is opened at once."""
 READ_BYTES = 32768
 PATIENCE_S = 6.0
-"""For a first picture in RTP, before it is told that none can be had."""
+"""For a first frame in RTP, before it is told that none can be had."""
 GUESS_S = 2.0
-"""For the first picture of a codec that was guessed, before it is guessed anew."""
+"""For the first frame of a codec that was guessed, before it is guessed anew."""
 _PRODUCER_TIME = struct.Struct("=qi")
 """FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2
-"""Pictures that a stream with B-frames holds back, where no decoding times tell."""
+"""Frames that a stream with B-frames holds back, where no decoding times tell."""
 
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
@@ -62,7 +62,7 @@ class Input:
     drains: bool = False
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
-    """What the stream says of when its pictures were taken."""
+    """What the stream says of when its frames were taken."""
 
 
 def open_input(source: Source) -> Input:
@@ -108,7 +108,7 @@ def _open(source: Source) -> InputContainer:
     timeout = (OPEN_TIMEOUT_S, READ_TIMEOUT_S)
     container: InputContainer
     if source.kind == "camera":
-        # what the camera compresses itself is recorded as it is; raw pictures only where it offers nothing else
+        # what the camera compresses itself is recorded as it is; raw frames only where it offers nothing else
         formats = [source.options] if "input_format" in source.options else []
         formats = formats or [dict(source.options) | {"input_format": name} for name in ("h264", "mjpeg", "yuyv422")]
         for last, options in enumerate(formats, 1 - len(formats)):
@@ -137,7 +137,7 @@ def _input(source: Source, container: InputContainer) -> Input:
         container.close()
         raise VideoError(f"video {source.text}: no video stream in it")
     stream = container.streams.video[0]
-    # slices only: threads over frames would hold pictures back
+    # slices only: threads over frames would hold frames back
     stream.thread_type = "SLICE"
     tick_s = float(stream.time_base or 1e-6)
     drains = source.kind == "datagrams"
@@ -157,7 +157,7 @@ def _told(opened: Input, container: InputContainer) -> Packets:
 
 
 def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None:
-    """What a packet of the video says of when its picture was taken: its time stamp, and what the RTSP server reported.
+    """What a packet of the video says of when its frame was taken: its time stamp, and what the RTSP server reported.
 
     Args:
         opened: the connection.
@@ -209,7 +209,7 @@ def _mpegts(source: Source, file: _Bytes) -> Input:
 
 
 def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
-    """Open at the first picture that decoding can begin with."""
+    """Open at the first frame that decoding can begin with."""
     depacketizer, decided, exposures = Depacketizer(source.codec), threading.Event(), Exposures()
     units = _units(port, depacketizer, decided, exposures, guess=source.codec == "")
     heard = False
@@ -231,8 +231,8 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         return None
     if heard:
         raise VideoError(
-            f"video {source.text}: RTP comes, but no picture yet that decoding can begin with; let the sender repeat "
-            "its SPS and PPS with every key picture, or name its .sdp file instead"
+            f"video {source.text}: RTP comes, but no frame yet that decoding can begin with; let the sender repeat "
+            "its SPS and PPS with every key frame, or name its .sdp file instead"
         )
     raise VideoError(
         f"video {source.text}: what comes is neither MPEG-TS nor RTP with H.264 or H.265 that can be decoded"
@@ -261,7 +261,7 @@ def _units(
 
 
 def _packets(first: Unit, units: Iterator[Unit], reordered: bool) -> Packets:
-    """Access units as FFmpeg's packets; RTP tells when a picture is shown, not when it is decoded."""
+    """Access units as FFmpeg's packets; RTP tells when a frame is shown, not when it is decoded."""
     shown: list[int] = []
     yield _packet(first, shown, reordered)
     for unit in units:

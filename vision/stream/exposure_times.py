@@ -1,6 +1,6 @@
-"""When pictures were taken, where the stream itself says so.
+"""When frames were taken, where the stream itself says so.
 
-Three ways: the MISP time stamp in a picture's SEI (MISB ST 0604), the precision time stamp of KLV metadata in an MPEG
+Three ways: the MISP time stamp in a frame's SEI (MISB ST 0604), the precision time stamp of KLV metadata in an MPEG
 transport stream (MISB ST 0601, tag 2, in packets that have a presentation time), and RTCP sender reports (RFC 3550).
 All are the sender's clock, which is believed only where it agrees with when things arrive here.
 """
@@ -20,7 +20,7 @@ _TIME_TAG = 2
 _NTP_TO_UNIX_S = 2_208_988_800
 _SENDER_REPORT = 200
 EARLY_S, LATE_S = 0.05, 3.0
-"""A picture comes after it was taken, and not later than this; what says otherwise is a clock that is not set."""
+"""A frame comes after it was taken, and not later than this; what says otherwise is a clock that is not set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +33,10 @@ class SenderReport:
     """90 kHz, 32 bits."""
 
 
-def sei_time_s(picture: bytes) -> float | None:
-    """Unix time of a coded picture by its MISP time stamp, None without one."""
-    at = picture.find(_SEI_KEY) + len(_SEI_KEY)
-    field = picture[at : at + _SEI_BYTES]
+def sei_time_s(frame: bytes) -> float | None:
+    """Unix time of a coded frame by its MISP time stamp, None without one."""
+    at = frame.find(_SEI_KEY) + len(_SEI_KEY)
+    field = frame[at : at + _SEI_BYTES]
     if at < len(_SEI_KEY) or len(field) < _SEI_BYTES or field[3::3] != b"\xff\xff\xff":
         return None
     return int.from_bytes(field[1:3] + field[4:6] + field[7:9] + field[10:12], "big") * 1e-6

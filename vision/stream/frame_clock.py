@@ -1,6 +1,6 @@
-"""When a live picture was taken: the stream's even time stamps, set on Unix time by when packets arrive.
+"""When a live frame was taken: the stream's even time stamps, set on Unix time by when packets arrive.
 
-A network only ever delays. So Unix time of a picture = its time stamp + the least (arrival − time stamp) seen: the
+A network only ever delays. So Unix time of a frame = its time stamp + the least (arrival − time stamp) seen: the
 packet that came through fastest tells the offset, and the jitter of the others is gone. What remains is that least
 delay itself (encoder, air, buffers), which ``offset_s`` of the stream takes out.
 

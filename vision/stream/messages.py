@@ -1,4 +1,4 @@
-"""What a video stream and its process tell each other: small JSON texts, one picture at a time in shared memory.
+"""What a video stream and its process tell each other: small JSON texts, one frame at a time in shared memory.
 
 Nothing that comes from the process is more than numbers and text, so a process that a hostile stream took over can tell
 lies about video and nothing else.
@@ -14,12 +14,12 @@ from dataclasses import asdict, dataclass, replace
 from typing import TypeVar
 
 __all__ = [
-    *("Picture", "Progress", "Report", "Request", "Settings", "decode", "encode"),
+    *("FrameReply", "Progress", "Report", "Request", "Settings", "decode", "encode"),
     *("SLOT_BYTES", "make_slot", "map_slot"),
 ]
 
 SLOT_BYTES = 7680 * 4320 * 3
-"""The largest picture that is handed over; memory is used only for what is written."""
+"""The largest frame that is handed over; memory is used only for what is written."""
 
 
 class Message:
@@ -40,7 +40,7 @@ class Settings(Message):
     segment: int = -1
     """Last file that exists."""
     received: int = 0
-    """Pictures listed so far."""
+    """Frames listed so far."""
     last_us: int = 0
     """Time of the last of them."""
     offset_s: float = 0.0
@@ -48,15 +48,15 @@ class Settings(Message):
 
 @dataclass(slots=True, kw_only=True)
 class Request(Message):
-    """Parent to process: the newest picture, please, or what comes within ``wait_s``."""
+    """Parent to process: the newest frame, please, or what comes within ``wait_s``."""
 
     number: int
     wait_s: float
 
 
 @dataclass(slots=True, kw_only=True)
-class Picture(Report):
-    """Process to parent: the answer; ``index`` is -1 when there was none, else the picture is in the slot."""
+class FrameReply(Report):
+    """Process to parent: the answer; ``index`` is -1 when there was none, else the frame is in the slot."""
 
     number: int
     index: int = -1
@@ -72,7 +72,7 @@ class Progress(Report):
     patience_s: float
     """Until the next sign of life at the latest."""
     rows: list[list[int]]
-    """Index and Unix µs of pictures listed since the last."""
+    """Index and Unix µs of frames listed since the last."""
     connected: bool = False
     ended: bool = False
     connections: int = 0
@@ -81,7 +81,7 @@ class Progress(Report):
     damaged: int = 0
     strangers: int = 0
     told_by: str = ""
-    """How the stream tells when its pictures were taken, empty where it does not."""
+    """How the stream tells when its frames were taken, empty where it does not."""
     told_delay_s: float = 0.0
     told_error_s: float = 0.0
     segment: int = -1
@@ -100,7 +100,7 @@ class Progress(Report):
         )
 
 
-_KINDS: dict[str, type[Message]] = {kind.__name__: kind for kind in (Settings, Request, Picture, Progress)}
+_KINDS: dict[str, type[Message]] = {kind.__name__: kind for kind in (Settings, Request, FrameReply, Progress)}
 _Kind = TypeVar("_Kind", bound=Message)
 
 
@@ -126,9 +126,9 @@ def decode(data: bytes, kind: type[_Kind]) -> _Kind:
 
 
 def make_slot() -> int:
-    """A file descriptor of memory for one picture, with no name that could be left behind."""
+    """A file descriptor of memory for one frame, with no name that could be left behind."""
     if hasattr(os, "memfd_create"):
-        fd = os.memfd_create("picture")
+        fd = os.memfd_create("frame")
     else:
         with tempfile.TemporaryFile() as file:
             fd = os.dup(file.fileno())

@@ -1,4 +1,4 @@
-"""The newest picture, handed from who decodes to who shows."""
+"""The newest frame, handed from who decodes to who shows."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ __all__ = ["Newest"]
 
 
 class Newest:
-    """The newest decoded picture until somebody takes it."""
+    """The newest decoded frame until somebody takes it."""
 
     def __init__(self) -> None:
         self.skipped = 0
         self.over = False
         self._fresh = threading.Condition()
-        self._picture: tuple[int, int, VideoFrame] | None = None
+        self._frame: tuple[int, int, VideoFrame] | None = None
 
-    def put(self, index: int, t_us: int, picture: VideoFrame) -> None:
-        """A picture was decoded; one that nobody took is counted."""
+    def put(self, index: int, t_us: int, frame: VideoFrame) -> None:
+        """A frame was decoded; one that nobody took is counted."""
         with self._fresh:
-            self.skipped += self._picture is not None
-            self._picture = index, t_us, picture
+            self.skipped += self._frame is not None
+            self._frame = index, t_us, frame
             self._fresh.notify_all()
 
     def take(self, timeout_s: float) -> tuple[int, int, VideoFrame] | None:
-        """The picture with index and time, None when none comes in time."""
+        """The frame with index and time, None when none comes in time."""
         with self._fresh:
-            self._fresh.wait_for(lambda: self._picture is not None or self.over, timeout_s)
-            picture, self._picture = self._picture, None
-            return picture
+            self._fresh.wait_for(lambda: self._frame is not None or self.over, timeout_s)
+            frame, self._frame = self._frame, None
+            return frame
 
     def end(self) -> None:
         """No more will come."""

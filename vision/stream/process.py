@@ -42,7 +42,7 @@ class Process:
             stderr=self._words,
             pass_fds=[fd for fd in fds if fd >= 0],
             start_new_session=True,
-            # numpy only carries pictures there: threads for algebra would take memory for nothing
+            # numpy only carries frames there: threads for algebra would take memory for nothing
             env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths)), "OPENBLAS_NUM_THREADS": "1"},
         )
         theirs_in.close()
@@ -56,7 +56,7 @@ class Process:
         return self._child.pid
 
     def ask(self, number: int, wait_s: float) -> None:
-        """Ask for the newest picture."""
+        """Ask for the newest frame."""
         self._send(encode(Request(number=number, wait_s=wait_s)))
 
     def hear(self, timeout_s: float) -> Report | None:
@@ -74,7 +74,7 @@ class Process:
             raise EOFError from error
 
     def image(self, width: int, height: int) -> NDArray[np.uint8] | None:
-        """A copy (height, width, 3) of the picture that was handed over last, None if it cannot be of that size."""
+        """A copy (height, width, 3) of the frame that was handed over last, None if it cannot be of that size."""
         size = width * height * 3
         if not 0 < size <= SLOT_BYTES or width <= 0:
             return None

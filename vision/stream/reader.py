@@ -1,6 +1,6 @@
 """Packets of a live stream: numbered, timed, recorded, decoded. Runs in the stream's own process.
 
-Every picture from the first key picture on has an index and a time, whether it can be decoded or not. Of the decoded
+Every frame from the first key frame on has an index and a time, whether it can be decoded or not. Of the decoded
 ones only the newest waits for whoever asks.
 """
 
@@ -19,19 +19,19 @@ from vision.stream.frame_clock import ArrivalClock
 from vision.stream.messages import Progress, Settings
 from vision.stream.newest import Newest
 from vision.stream.stamps import Coded, Stamps
-from vision.video.recording import PictureOrder, Recording
+from vision.video.recording import DisplayOrder, Recording
 
 __all__ = ["Reader"]
 
 BEHIND_S = 0.4
-"""Decoding has fallen behind when no packet had to be waited for this long; then none is up to the next key picture."""
+"""Decoding has fallen behind when no packet had to be waited for this long; then none is up to the next key frame."""
 WAITED_S = 0.003
 """A packet that one had to wait this long for was not buffered."""
 PROBED = 600
 """Most packets held back while those buffered at opening are drained."""
 READING_PATIENCE_S = READ_TIMEOUT_S + 1.5
 REMEMBERED = 256
-"""Places of pictures that may still come out of the decoder."""
+"""Places of frames that may still come out of the decoder."""
 
 
 class Reader:
@@ -46,7 +46,7 @@ class Reader:
     def __init__(self, settings: Settings, go_on: Callable[[], bool], tell: Callable[[Progress], None]) -> None:
         self.newest = Newest()
         self.progress = Progress(patience_s=READING_PATIENCE_S, rows=[], segment=settings.segment)
-        self.order = PictureOrder(settings.received)
+        self.order = DisplayOrder(settings.received)
         self.last_us = settings.last_us
         self.offset_s = settings.offset_s
         self.recording = Recording(Path(settings.record), settings.segment) if settings.record else None
@@ -191,13 +191,13 @@ class _Connection:
                 self._decode(packet)
 
     def _renew(self) -> None:
-        """From here on only a key picture begins."""
+        """From here on only a key frame begins."""
         self.list(self._reader.order.flush())
         self._placed.clear()
         self._key_pts = None
 
     def _take(self, packet: Coded) -> bool:
-        """Record, number and time one packet, from the first key picture on; False for what has no place."""
+        """Record, number and time one packet, from the first key frame on; False for what has no place."""
         reader, order, pts = self._reader, self._reader.order, packet.pts or 0
         taken_s = self._taken_s(pts)
         recording = reader.recording
@@ -206,7 +206,7 @@ class _Connection:
             recording.begin(self._stream, order.count, taken_s)
         if self._key_pts is None and packet.is_keyframe:
             self._key_pts = pts
-        # pictures shown before the first key picture have nothing to be decoded from
+        # frames shown before the first key frame have nothing to be decoded from
         if self._key_pts is None or pts < self._key_pts or order.repeats(pts):
             return False
         if recording is not None:
@@ -216,13 +216,13 @@ class _Connection:
         return True
 
     def _taken_s(self, pts: int) -> float:
-        """Unix time at which a picture was taken: by the stream's own word, else by when it came."""
+        """Unix time at which a frame was taken: by the stream's own word, else by when it came."""
         stamp_s = pts * self._tick_s
         told_s = self._source.exposures.unix_s(stamp_s)
         return self._clock.unix_s(stamp_s) - self._reader.offset_s if told_s is None else told_s
 
     def list(self, released: list[tuple[int, int]]) -> None:
-        """Give pictures whose place is certain their time, and tell it."""
+        """Give frames whose place is certain their time, and tell it."""
         reader = self._reader
         for index, pts in released:
             t_us = round(self._taken_s(pts) * 1e6)
@@ -246,19 +246,19 @@ class _Connection:
             self._reader.progress.undecoded += 1
 
     def _show(self, packet: Coded | None) -> None:
-        """Decode; the last picture that comes out is the newest."""
+        """Decode; the last frame that comes out is the newest."""
         reader = self._reader
         try:
-            pictures: list[Any] = self._stream.codec_context.decode(packet)
+            frames: list[Any] = self._stream.codec_context.decode(packet)
         except (av.FFmpegError, ValueError):
             reader.progress.undecoded += packet is not None
             return
-        for picture in pictures:
-            pts = picture.pts
+        for frame in frames:
+            pts = frame.pts
             if pts is None:
                 continue
-            reader.progress.damaged += picture.is_corrupt
+            reader.progress.damaged += frame.is_corrupt
             place = self._placed.get(pts)
             if place is None:
                 place = reader.order.place(pts), round(self._taken_s(pts) * 1e6)
-            reader.newest.put(*place, picture)
+            reader.newest.put(*place, frame)

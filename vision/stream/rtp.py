@@ -1,8 +1,8 @@
-"""Pictures out of RTP datagrams: H.264 (RFC 6184) and H.265 (RFC 7798).
+"""Frames out of RTP datagrams: H.264 (RFC 6184) and H.265 (RFC 7798).
 
 Done here and not by FFmpeg, whose RTP opens only ports of its own, anew with every connection, and gives up on a sender
-whose next key picture takes longer than its search. Datagrams that come in the wrong order are put right; what a lost
-one leaves of a picture is handed on as far as it can be decoded and marked.
+whose next key frame takes longer than its search. Datagrams that come in the wrong order are put right; what a lost
+one leaves of a frame is handed on as far as it can be decoded and marked.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["TICK_HZ", "Datagram", "Depacketizer", "Unit", "guess_codec", "parse"
 TICK_HZ = 90_000
 START = b"\0\0\0\1"
 MOST_WAITING = 64
-"""Datagrams held back for one that is missing; two whole pictures of them are enough, too."""
+"""Datagrams held back for one that is missing; two whole frames of them are enough, too."""
 AHEAD, BACK = 3000, 100
 """A sequence number this far off is a new sender's, once its next one follows (RFC 3550, appendix A.1)."""
 LARGEST_UNIT = 32 << 20
@@ -34,7 +34,7 @@ class Datagram:
     """90 kHz, 32 bits."""
     source: int
     marker: bool
-    """Last of its picture."""
+    """Last of its frame."""
     kind: int
     """Payload type."""
     payload: bytes
@@ -42,7 +42,7 @@ class Datagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unit:
-    """One picture's access unit."""
+    """One frame's access unit."""
 
     data: bytes
     """NAL units with start codes (Annex B)."""
@@ -250,7 +250,7 @@ class Depacketizer:
             self._fragment = None
 
     def _finish(self) -> list[Unit]:
-        """The unit that the packets so far make up, if they make up a picture."""
+        """The unit that the packets so far make up, if they make up a frame."""
         if self._fragment is not None:
             self._end_fragment()
             self._whole = False
@@ -265,7 +265,7 @@ class Depacketizer:
         slices, keys = ((1, 2, 5), (5, 7)) if avc else (range(32), (*range(16, 22), 33))
         key = self._prefix_key or any(kind in keys for kind in kinds)
         if not any(kind in slices for kind in kinds):
-            # parameter sets on their own belong to the picture that follows; those of a lost picture do not
+            # parameter sets on their own belong to the frame that follows; those of a lost frame do not
             self._prefix, self._prefix_key = (data, key) if whole and len(data) < LARGEST_UNIT else (b"", False)
             self._whole = whole
             return []

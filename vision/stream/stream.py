@@ -1,7 +1,7 @@
-"""Live video: the newest picture for whoever asks, every packet into a file, a time for every picture.
+"""Live video: the newest frame for whoever asks, every packet into a file, a time for every frame.
 
 A process of its own reads, records and decodes (``vision.stream.stream_worker``): when FFmpeg crashes or hangs there it
-is killed and started again, and the flight goes on. Who asks too seldom gets the newest picture only; the others are
+is killed and started again, and the flight goes on. Who asks too seldom gets the newest frame only; the others are
 counted and still listed, since the recording has them. ``vision.stream.source`` says what can be a source; a file plays
 as if live.
 """
@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 from vision.errors import VideoError
-from vision.stream.messages import Picture, Progress, Settings, make_slot
+from vision.stream.messages import FrameReply, Progress, Settings, make_slot
 from vision.stream.port import bind
 from vision.stream.process import Process
 from vision.stream.secrets import conceal_in
@@ -32,13 +32,13 @@ _TOLD = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender re
 
 STALL_S = 1.0
 AWAKE = 2
-"""Pictures that end a stall."""
+"""Frames that end a stall."""
 START_PATIENCE_S = 20.0
 """For a process to say its first word."""
 LOOK_S = 0.2
 CLOSE_S = 2.0
 ANSWER_S = 0.5
-"""For an answer beyond the time that the picture was waited for."""
+"""For an answer beyond the time that the frame was waited for."""
 PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
 """Before the process is started again; the last repeats."""
 STEADY_S = 10.0
@@ -51,13 +51,13 @@ class VideoStream:
     Args:
         url: see ``vision.stream.source``.
         record_path: .mkv to be created, None to record nothing. Further files are named video.1.mkv, video.2.mkv, …
-        offset_s: video time minus telemetry time, s; taken from every picture's time.
-        on_frame: called from the listening thread with index and Unix µs of every picture, in order.
-        stall_s: without a picture for so long the stream is stalled.
+        offset_s: video time minus telemetry time, s; taken from every frame's time.
+        on_frame: called from the listening thread with index and Unix µs of every frame, in order.
+        stall_s: without a frame for so long the stream is stalled.
 
     Attributes:
         url: the source as it may be shown.
-        received: pictures listed so far, in all files of the recording.
+        received: frames listed so far, in all files of the recording.
         restarts: how often the video's process was started again.
 
     Raises:
@@ -92,7 +92,7 @@ class VideoStream:
         self._waking = 0
         self._stop = threading.Event()
         self._answered = threading.Condition()
-        self._answer: Picture | None = None
+        self._answer: FrameReply | None = None
         self._asked = 0
         self._asking = threading.Lock()
         self._slot_fd = make_slot()
@@ -113,12 +113,12 @@ class VideoStream:
 
     @property
     def stalled(self) -> bool:
-        """Whether no picture has come for a second."""
+        """Whether no frame has come for a second."""
         return not self.ended and time.monotonic() - self._heard_s > self._stall_s
 
     @property
     def skipped(self) -> int:
-        """Pictures that were decoded and that nobody asked for in time."""
+        """Frames that were decoded and that nobody asked for in time."""
         return self._progress.skipped + self._late
 
     @property
@@ -128,7 +128,7 @@ class VideoStream:
 
     @property
     def damaged(self) -> int:
-        """Packets and pictures of which the decoder or the transport say that parts are missing or wrong."""
+        """Packets and frames of which the decoder or the transport say that parts are missing or wrong."""
         return self._progress.damaged
 
     @property
@@ -138,7 +138,7 @@ class VideoStream:
 
     @property
     def exposure(self) -> str:
-        """How it is known when pictures were taken, in words; empty while that is told by when they come."""
+        """How it is known when frames were taken, in words; empty while that is told by when they come."""
         progress = self._progress
         if progress.told_by:
             word, delay_s = _TOLD.get(progress.told_by, "word"), progress.told_delay_s
@@ -168,7 +168,7 @@ class VideoStream:
         return self._process.pid
 
     def latest(self, timeout_s: float) -> Frame | None:
-        """The newest picture that was not given out yet; None when none comes within ``timeout_s``."""
+        """The newest frame that was not given out yet; None when none comes within ``timeout_s``."""
         with self._asking:
             deadline_s = time.monotonic() + timeout_s
             while not self._stop.is_set():
@@ -201,7 +201,7 @@ class VideoStream:
     def _is_answered(self, process: Process) -> bool:
         return self._answer is not None or self._stop.is_set() or process is not self._process
 
-    def _frame(self, process: Process, answer: Picture) -> Frame | None:
+    def _frame(self, process: Process, answer: FrameReply) -> Frame | None:
         image = process.image(answer.width, answer.height) if answer.index >= 0 else None
         return None if image is None else Frame(index=answer.index, t_us=answer.t_us, image=image)
 
@@ -238,7 +238,7 @@ class VideoStream:
             if isinstance(message, Progress):
                 patience_s, heard_s = message.patience_s, now_s
                 self._take(message)
-            elif isinstance(message, Picture):
+            elif isinstance(message, FrameReply):
                 self._hand_over(message)
             if self._stop.is_set():
                 patience_s = min(patience_s, CLOSE_S)
@@ -249,7 +249,7 @@ class VideoStream:
                 hung = True
 
     def _take(self, progress: Progress) -> None:
-        """Pictures listed and numbers counted."""
+        """Frames listed and numbers counted."""
         if progress.rows and progress.connected:
             self._hear(len(progress.rows))
         for index, t_us in progress.rows:
@@ -259,10 +259,10 @@ class VideoStream:
         if progress.ended:
             self._notify(None)
 
-    def _hear(self, pictures: int) -> None:
-        """A lone picture ends no stall: transports hold the last one back until they give up."""
-        if self.stalled and self._waking + pictures < AWAKE:
-            self._waking += pictures
+    def _hear(self, frames: int) -> None:
+        """A lone frame ends no stall: transports hold the last one back until they give up."""
+        if self.stalled and self._waking + frames < AWAKE:
+            self._waking += frames
         else:
             self._waking, self._heard_s = 0, time.monotonic()
 
@@ -275,13 +275,13 @@ class VideoStream:
         except (OSError, ValueError) as error:
             self._rows_error = f"video {self.url}: frame times are not kept, {error}"
 
-    def _hand_over(self, answer: Picture) -> None:
+    def _hand_over(self, answer: FrameReply) -> None:
         if answer.number == self._asked:
             self._notify(answer)
         else:
             self._late += answer.index >= 0
 
-    def _notify(self, answer: Picture | None) -> None:
+    def _notify(self, answer: FrameReply | None) -> None:
         with self._answered:
             self._answer = answer or self._answer
             self._answered.notify_all()

@@ -1,6 +1,6 @@
 """The video's own process: connects, reads, records and decodes, so that a crash or hang of the decoder stays here.
 
-Started by ``vision.stream.process``. Two pipes, one picture's memory and the bound port come as file descriptors. The
+Started by ``vision.stream.process``. Two pipes, one frame's memory and the bound port come as file descriptors. The
 end of the requests' pipe means stop: also when the station was killed, the recording is sealed.
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
-from vision.stream.messages import SLOT_BYTES, Picture, Progress, Request, Settings, decode, encode, map_slot
+from vision.stream.messages import SLOT_BYTES, FrameReply, Progress, Request, Settings, decode, encode, map_slot
 from vision.stream.port import Port, bind
 from vision.stream.reader import Reader
 from vision.stream.source import parse_source
@@ -66,7 +66,7 @@ class Child:
         finally:
             self._reader.newest.end()
             self._finish()
-        # pictures that wait can still be asked for
+        # frames that wait can still be asked for
         self._stop.wait()
 
     def _go_on(self) -> bool:
@@ -144,7 +144,7 @@ class Child:
     def _tell(self, progress: Progress) -> None:
         self._send(progress)
 
-    def _send(self, message: Progress | Picture) -> None:
+    def _send(self, message: Progress | FrameReply) -> None:
         try:
             with self._reports_lock:
                 self._reports.send_bytes(encode(message))
@@ -153,7 +153,7 @@ class Child:
             self._stop.set()
 
     def _answer(self) -> None:
-        """Hand out the newest picture whenever it is asked for; the pipe's end means stop."""
+        """Hand out the newest frame whenever it is asked for; the pipe's end means stop."""
         try:
             while True:
                 request = decode(self._requests.recv_bytes(), Request)
@@ -164,22 +164,22 @@ class Child:
         self._finish()
         os._exit(0)
 
-    def _fetch(self, request: Request) -> Picture:
+    def _fetch(self, request: Request) -> FrameReply:
         taken = self._reader.newest.take(request.wait_s)
         if taken is None:
-            return Picture(number=request.number)
+            return FrameReply(number=request.number)
         index, t_us, frame = taken
         try:
             image = frame.to_ndarray(format="bgr24")
         except (av.FFmpegError, ValueError, MemoryError):
-            return Picture(number=request.number)
+            return FrameReply(number=request.number)
         if image.size > SLOT_BYTES:
             self._reader.progress.error = (
-                f"video {self._source.text}: pictures of {frame.width}×{frame.height} are too large"
+                f"video {self._source.text}: frames of {frame.width}×{frame.height} are too large"
             )
-            return Picture(number=request.number)
+            return FrameReply(number=request.number)
         self._slot[: image.size].reshape(image.shape)[:] = image
-        return Picture(number=request.number, index=index, t_us=t_us, width=frame.width, height=frame.height)
+        return FrameReply(number=request.number, index=index, t_us=t_us, width=frame.width, height=frame.height)
 
 
 def main() -> None:

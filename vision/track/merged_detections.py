@@ -27,9 +27,9 @@ def take_together(state: TrackState, params: TrackerParams, boxes: Detections, a
     told, and the wrong one would give its name away when they part.
 
     Args:
-        state: The tracks, moved on to this picture; those held together are moved.
+        state: The tracks, moved on to this frame; those held together are moved.
         params: Which tracks count as followed, and within which distance a box is one's own.
-        boxes: Of this picture.
+        boxes: Of this frame.
         apart: (k, m) squared distances of tracks and boxes, px².
 
     Returns:

@@ -42,8 +42,8 @@ class TrackState:
 
     The rows of its table (31, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
     √(w h) px, at least one; votes for the front along the axis (positive) or against (0: never known); score; seconds
-    since first and since last seen; in whole numbers the id, the index into this picture's detections (-1 unseen) and
-    the pictures in which it was seen; the covariance of the first four.
+    since first and since last seen; in whole numbers the id, the index into this frame's detections (-1 unseen) and
+    the frames in which it was seen; the covariance of the first four.
     """
 
     __slots__ = ("table",)
@@ -100,12 +100,12 @@ class TrackState:
 
     @property
     def hits(self) -> Floats:
-        """(k,) pictures in which it was seen."""
+        """(k,) frames in which it was seen."""
         return self.table[HITS, :]
 
     @property
     def unseen(self) -> Flags:
-        """(k,) no detection of this picture is its."""
+        """(k,) no detection of this frame is its."""
         return self.table[DETECTION, :] < 0.0
 
     @property
@@ -115,7 +115,7 @@ class TrackState:
 
     @property
     def detection(self) -> Indices:
-        """(k,) index into this picture's detections, -1 unseen."""
+        """(k,) index into this frame's detections, -1 unseen."""
         return self.table[DETECTION, :].astype(np.intp)
 
     @property
@@ -150,7 +150,7 @@ class TrackState:
         self.table[DETECTION] = -1.0
 
     def warp(self, H: Floats) -> None:
-        """Follow the camera: H (3, 3) leads from the picture before to this one."""
+        """Follow the camera: H (3, 3) leads from the frame before to this one."""
         table = self.table
         x, P, J = kalman.warp(self.x, self.P, H)
         _move(table, x, P)

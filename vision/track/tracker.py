@@ -5,7 +5,7 @@ Pixels, seconds, radians; ids start at 1 in each tracker and are never used twic
 Reference:
     Y. Zhang et al., "ByteTrack: Multi-Object Tracking by Associating Every Detection Box", ECCV 2022,
     arXiv:2110.06864, section 3. Here the cost is the log-likelihood of the centre with an overlap term instead of
-    overlap alone, since small fast boxes may not overlap from one picture to the next.
+    overlap alone, since small fast boxes may not overlap from one frame to the next.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SETTLED_HITS = 4
 
 
 class Tracker:
-    """Follows boxes from picture to picture.
+    """Follows boxes from frame to frame.
 
     Example:
         >>> box = Detections(cx=[10.0], cy=[20.0], w=[8.0], h=[4.0], angle=[0.0], score=[0.9], heading=[np.nan])
@@ -64,19 +64,19 @@ class Tracker:
         stitch: Stitch | None = None,
         known: Collection[int] = (),
     ) -> Tracks:
-        """Take in one picture.
+        """Take in one frame.
 
         Args:
             detections: its boxes, in any order.
-            t_us: when it was taken. Pictures may be missing; a time that does not advance counts as no time passed.
-            warp: (3, 3) homography from the previous picture given here to this one, from the camera's motion.
+            t_us: when it was taken. Frames may be missing; a time that does not advance counts as no time passed.
+            warp: (3, 3) homography from the previous frame given here to this one, from the camera's motion.
             stitch: asked once which lost tracks the boxes continue that nothing else explains.
             known: ids of tracks whose owner is known. Once they have been out of sight for a while, ``stitch`` alone
                 continues them: where the owner says it is tells more than where the track was heading.
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
-        # nobody is out of sight while no picture comes
+        # nobody is out of sight while no frame comes
         self._recent_s = max(self.params.known_s, dt)
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
@@ -124,7 +124,7 @@ class Tracker:
         """Take out what all tracks are off by alike: the camera turned in a way that the warp did not know.
 
         Args:
-            boxes: of this picture.
+            boxes: of this frame.
             chosen: (m,) those that count.
             apart: (k, m) squared distances of tracks and boxes, px².
 
@@ -218,9 +218,9 @@ class Tracker:
             return
         patience = np.minimum(np.maximum(state.age_s - gap, params.short_s), params.coast_s)
         brief = state.hits < params.confirm_hits
-        if params.picture is not None:
+        if params.frame_size is not None:
             centre = state.x[:, :2]
-            brief |= ((centre < 0) | (centre > params.picture)).any(axis=1)
+            brief |= ((centre < 0) | (centre > params.frame_size)).any(axis=1)
         alive = gap <= np.where(brief, params.tentative_s, patience)
         if np.count_nonzero(alive) < len(alive):
             self._state = state.take(np.flatnonzero(alive))

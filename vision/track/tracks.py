@@ -1,4 +1,4 @@
-"""What a tracker may be told, and what it says at each picture."""
+"""What a tracker may be told, and what it says at each frame."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class TrackerParams:
     """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
     known_s: float = 0.45
     """A track whose owner is known and that was out of sight for longer is continued by the owner's report only."""
-    picture: tuple[int, int] | None = None
-    """Width and height, px, when known: a track that has coasted out of the picture ends after ``tentative_s``, so that
+    frame_size: tuple[int, int] | None = None
+    """Width and height, px, when known: a track that has coasted out of the frame ends after ``tentative_s``, so that
     the next vehicle to come in there does not inherit its id."""
     double: float = 0.5
     """Overlap with a matched box above which another box begins no track. Raise → dense parking; lower → no doubles."""
@@ -64,12 +64,12 @@ class TrackerParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracks:
-    """The k tracks at one picture, in order of their ids, those that coast unseen included. Arrays (k,), read-only."""
+    """The k tracks at one frame, in order of their ids, those that coast unseen included. Arrays (k,), read-only."""
 
     track_id: Ints
     """From 1."""
     detection: Indices
-    """Index into this picture's detections, -1 while coasting."""
+    """Index into this frame's detections, -1 while coasting."""
     cx: Floats
     """Filtered centre, px."""
     cy: Floats
@@ -83,7 +83,7 @@ class Tracks:
     score: Floats
     """Of the last detection."""
     hits: Ints
-    """Pictures in which it was seen."""
+    """Frames in which it was seen."""
     age_s: Floats
     """Since first seen."""
     gap_s: Floats

@@ -1,7 +1,7 @@
-"""How good a model file is, by size, tilt, ground, light and cover, on pictures that it has not seen.
+"""How good a model file is, by size, tilt, ground, light and cover, on images that it has not seen.
 
 ``python -m vision.training.conditions --model vision/models/rollcall-obb-s.onnx --pictures .train/test`` prints a
-table; the pictures are those of ``python -m sim.training.crops``. No torch is needed.
+table; the images are those of ``python -m sim.training.crops``. No torch is needed.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from vision.detect.detections import Detections
 from vision.detect.onnx_model import metadata, open_session
 from vision.training.quality import Quality, measure
 
-__all__ = ["Pictures", "by_condition", "look", "read_pictures"]
+__all__ = ["HeldOut", "by_condition", "look", "read_held_out"]
 
 FloatArray = NDArray[np.float64]
 SIZES = ((10.0, 16.0), (16.0, 24.0), (24.0, 48.0), (48.0, 120.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pictures:
-    """Held-out pictures."""
+class HeldOut:
+    """Held-out images."""
 
     images: NDArray[np.uint8]
     """(c, S, S, 3) BGR."""
@@ -39,7 +39,7 @@ class Pictures:
     """(c, 5) tilt, height, shadow, gain, streets; see ``sim.training.crops.Crop``."""
 
 
-def read_pictures(folder: Path) -> Pictures:
+def read_held_out(folder: Path) -> HeldOut:
     """All shards of a folder.
 
     Raises:
@@ -54,27 +54,27 @@ def read_pictures(folder: Path) -> Pictures:
             images.append(shard["images"])
             about.append(shard["about"])
             truth += [b[:n].astype(np.float64) for b, n in zip(shard["boxes"], shard["n"], strict=True)]
-    return Pictures(images=np.concatenate(images), truth=truth, about=np.concatenate(about))
+    return HeldOut(images=np.concatenate(images), truth=truth, about=np.concatenate(about))
 
 
-def look(model: Path, pictures: Pictures, score: float = 0.05) -> list[Detections]:
-    """What a model finds on each picture."""
+def look(model: Path, held_out: HeldOut, score: float = 0.05) -> list[Detections]:
+    """What a model finds on each image."""
     session = open_session(model, ("CPUExecutionProvider",), 1)
     stride = int(metadata(session)["stride"])
-    return [decode(session.run(None, {"image": image[None]})[0][0], stride, score) for image in pictures.images]
+    return [decode(session.run(None, {"image": image[None]})[0][0], stride, score) for image in held_out.images]
 
 
-def by_condition(found: list[Detections], pictures: Pictures, least_px: float = 10.0) -> Iterator[tuple[str, Quality]]:
+def by_condition(found: list[Detections], held_out: HeldOut, least_px: float = 10.0) -> Iterator[tuple[str, Quality]]:
     """Figures for each condition; vehicles shorter than ``least_px`` count neither way but under their own size."""
-    tilt, _, shadow, gain, streets = pictures.about.T
-    whole = [_limited(f, t, (least_px, np.inf)) for f, t in zip(found, pictures.truth, strict=True)]
+    tilt, _, shadow, gain, streets = held_out.about.T
+    whole = [_limited(f, t, (least_px, np.inf)) for f, t in zip(found, held_out.truth, strict=True)]
 
     def over(chosen: NDArray[np.bool_]) -> Quality:
         return measure([whole[i][0] for i in np.flatnonzero(chosen)], [whole[i][1] for i in np.flatnonzero(chosen)])
 
     yield "all", over(np.ones(len(found), dtype=bool))
     for span in SIZES:
-        parts = [_limited(f, t, span) for f, t in zip(found, pictures.truth, strict=True)]
+        parts = [_limited(f, t, span) for f, t in zip(found, held_out.truth, strict=True)]
         yield f"length {span[0]:.0f} to {span[1]:.0f} px", measure([f for f, _ in parts], [t for _, t in parts])
     degrees = np.degrees(tilt)
     yield "tilt below 10°", over(degrees < 10.0)
@@ -111,9 +111,9 @@ def main() -> None:
     parser.add_argument("--model", type=Path, required=True)
     parser.add_argument("--pictures", type=Path, default=Path(".train/test"))
     args = parser.parse_args()
-    pictures = read_pictures(args.pictures)
+    held_out = read_held_out(args.pictures)
     rows = ["| on | AP50 | recall | precision | centre | heading | turned about |", "|---|---|---|---|---|---|---|"]
-    for name, q in by_condition(look(args.model, pictures), pictures):
+    for name, q in by_condition(look(args.model, held_out), held_out):
         rows.append(
             f"| {name} | {q.ap50:.3f} | {q.recall:.3f} | {q.precision:.3f} | {q.centre_px:.1f} px "
             f"| {q.heading_deg:.1f}° | {100.0 * q.flips:.1f} % |"

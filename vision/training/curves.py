@@ -1,4 +1,4 @@
-"""Learning curves as a picture: the loss by step, and the figures on the held-out pictures."""
+"""Learning curves as an image: the loss by step, and the figures on the held-out images."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def draw_curves(folder: Path) -> Path:
     loss, quality = read_columns(folder / "loss.csv"), read_columns(folder / "quality.csv")
     left = plot("loss", loss["step"], {"total": _smooth(loss["total"])}, (0.0, float(loss["total"][:3].max())))
     shown = {name: quality[name] for name in ("ap50", "recall", "precision")}
-    right = plot("held-out pictures", quality["step"], shown, (0.5, 1.0))
+    right = plot("held-out images", quality["step"], shown, (0.5, 1.0))
     path = folder / "curves.png"
     cv2.imwrite(str(path), np.hstack([left, right]))
     return path
@@ -41,7 +41,7 @@ def _smooth(values: FloatArray, window: int = 9) -> FloatArray:
 
 
 def plot(title: str, x: FloatArray, lines: dict[str, FloatArray], span: tuple[float, float]) -> NDArray[np.uint8]:
-    """A picture (HEIGHT, WIDTH, 3) of up to three lines over x, from span's low to its high."""
+    """An image (HEIGHT, WIDTH, 3) of up to three lines over x, from span's low to its high."""
     image = np.full((HEIGHT, WIDTH, 3), 255, np.uint8)
     low, high = span
 

@@ -1,4 +1,4 @@
-"""The pool of training pictures, and batches out of it: turned, scaled, mirrored, in other light, in worse quality.
+"""The pool of training images, and batches out of it: turned, scaled, mirrored, in other light, in worse quality.
 
 The pool is made by ``python -m sim.training.crops``, a process of its own: shards ``crops_*.npz`` with images (c, S, S,
 3) uint8 BGR, boxes (c, N, 6) float32 (cx, cy, length, width px, heading clockwise from image up, share in sight), n
@@ -19,7 +19,7 @@ from torch import Tensor
 __all__ = ["Batch", "Pool"]
 
 SIDE = 256
-"""Side of the pictures that training sees, cut from larger ones."""
+"""Side of the images that training sees, cut from larger ones."""
 SCALES = (0.68, 1.6)
 LEAST_LENGTH_PX, LEAST_WIDTH_PX = 8.0, 3.0
 """Smaller vehicles count neither way."""
@@ -49,7 +49,7 @@ class Pool:
     about: list[NDArray[np.float32]] = field(default_factory=list)
 
     def refresh(self) -> int:
-        """Take in shards that have come since; returns the number of pictures in all."""
+        """Take in shards that have come since; returns the number of images in all."""
         for path in sorted(self.folder.glob("crops_*.npz")):
             if path.name not in self.seen:
                 with np.load(path) as shard:
@@ -61,7 +61,7 @@ class Pool:
         return sum(len(n) for n in self.n)
 
     def batch(self, rng: np.random.Generator, size: int) -> Batch:
-        """A random, augmented batch of (SIDE, SIDE) pictures."""
+        """A random, augmented batch of (SIDE, SIDE) images."""
         made = []
         for _ in range(size):
             s = int(rng.integers(len(self.n)))
@@ -77,7 +77,7 @@ class Pool:
         return Batch(images=_light(images, rng), boxes=torch.from_numpy(boxes), real=torch.from_numpy(real))
 
     def all(self) -> Batch:
-        """Every picture as it is, uint8, for evaluation."""
+        """Every image as it is, uint8, for evaluation."""
         images, boxes, n = np.concatenate(self.images), np.concatenate(self.boxes), np.concatenate(self.n)
         real = np.arange(boxes.shape[1]) < n[:, None]
         tensor = torch.from_numpy(images).permute(0, 3, 1, 2)
@@ -87,7 +87,7 @@ class Pool:
 def _cut(
     image: NDArray[np.uint8], boxes: NDArray[np.float32], rng: np.random.Generator
 ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """A part of a picture, turned by any angle, scaled, and mirrored half of the time."""
+    """A part of an image, turned by any angle, scaled, and mirrored half of the time."""
     scale, turn = float(np.exp(rng.uniform(*np.log(SCALES)))), float(rng.uniform(0.0, 2.0 * np.pi))
     mirror = bool(rng.random() < 0.5)
     side = image.shape[0]
@@ -113,7 +113,7 @@ def _cut(
 
 
 def _share_inside(boxes: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(n,) share of each box within the picture."""
+    """(n,) share of each box within the image."""
     a, c = np.meshgrid(np.linspace(-0.45, 0.45, 7), np.linspace(-0.4, 0.4, 3))
     cx, cy, length, width, heading = boxes[:, :5].T[..., None, None]
     u = cx + a * length * np.sin(heading) + c * width * np.cos(heading)
@@ -140,7 +140,7 @@ def _worse(image: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[np.uin
 
 
 def _light(images: Tensor, rng: np.random.Generator) -> Tensor:
-    """Another brightness, contrast and colour balance for each picture, another order of colours for some."""
+    """Another brightness, contrast and colour balance for each image, another order of colours for some."""
     size = len(images)
     gain = torch.from_numpy(rng.normal(1.0, 0.06, (size, 3, 1, 1)) * rng.normal(1.0, 0.18, (size, 1, 1, 1))).float()
     bias = torch.from_numpy(rng.normal(0.0, 0.06, (size, 1, 1, 1))).float()

@@ -1,4 +1,4 @@
-"""How good a network is on pictures that it has not seen."""
+"""How good a network is on images that it has not seen."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def evaluate(net: Net, batch: Batch) -> Quality:
 
 
 def look(net: Net, batch: Batch, chunk: int = 32) -> tuple[list[Detections], list[NDArray[np.float64]]]:
-    """What a network finds on each picture of a batch, and what is there."""
+    """What a network finds on each image of a batch, and what is there."""
     net.eval()
     found: list[Detections] = []
     with torch.no_grad():

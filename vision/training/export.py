@@ -26,7 +26,7 @@ OPSET = 17
 NOMINAL_LENGTH_PX = 29.0
 SCORE, PRECISION = 0.3, 0.85
 """Scores of a file that is written are shifted so that from here on this share of detections is right on held-out
-pictures: a false alarm costs an operator more than a vehicle found a frame later."""
+images: a false alarm costs an operator more than a vehicle found a frame later."""
 
 
 class _Graph:
@@ -119,7 +119,7 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
         checkpoint: of ``vision.training.train``.
         out: the file to write.
         version: written into the metadata.
-        score: from which on ``PRECISION`` of the detections are right on held-out pictures; the file tells it as
+        score: from which on ``PRECISION`` of the detections are right on held-out images; the file tells it as
             ``SCORE``.
     """
     net = Net()

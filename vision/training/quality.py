@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quality:
-    """Figures over all pictures; a vehicle that is mostly hidden neither helps nor hurts."""
+    """Figures over all images; a vehicle that is mostly hidden neither helps nor hurts."""
 
     ap50: float
     """Average precision at rotated IoU 0.5, all-point interpolation."""
@@ -36,7 +36,7 @@ class Quality:
 
 
 def measure(found: list[Detections], truth: list[FloatArray], score: float = 0.3) -> Quality:
-    """Compare detections with the truth, picture by picture.
+    """Compare detections with the truth, image by image.
 
     Args:
         found: detections, best first.

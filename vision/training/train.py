@@ -1,8 +1,8 @@
-"""Train the bundled detector on rendered pictures.
+"""Train the bundled detector on rendered images.
 
 ``python -m vision.training.train --seed 0 --steps 12000 --out .train/``
 
-Pictures come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
+Images come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
 sim.training.crops`` is run for them, and training starts with the first shard. A run that was stopped goes on from its
 checkpoint; ``--steps`` counts over all runs. Writes checkpoint.pt, loss.csv, quality.csv, curves.png and model.onnx
 into the folder.
@@ -136,7 +136,7 @@ def run(
     cv2.setNumThreads(1)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     pool, held_out = Pool(folder=out / "pool"), Pool(folder=out / "held_out")
-    makers = _make_pictures(out, crops, seed)
+    makers = _render_crops(out, crops, seed)
     checkpoint = out / "checkpoint.pt"
     trainer = Trainer(seed, device, rate)
     if start is not None:
@@ -147,7 +147,7 @@ def run(
     while pool.refresh() == 0 or held_out.refresh() == 0:
         if any(maker.poll() not in (None, 0) for maker in makers):
             raise RuntimeError(
-                f"{out}: no pictures were made; run python -m sim.training.crops --out {out / 'pool'} to see why"
+                f"{out}: no images were made; run python -m sim.training.crops --out {out / 'pool'} to see why"
             )
         time.sleep(1.0)
     tick = time.monotonic()
@@ -179,15 +179,15 @@ def _batches(pool: Pool, rng: np.random.Generator, count: int) -> Iterator[Batch
             yield batch
 
 
-def _check(trainer: Trainer, held_out: Pool, out: Path, pictures: int) -> None:
+def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
     trainer.save(out / "checkpoint.pt")
     quality = asdict(evaluate(trainer.averaged(), held_out.all()))
     _append(out / "quality.csv", {"step": trainer.step_count, "minutes": trainer.spent_s / 60.0, **quality})
     told = " ".join(f"{name} {value:.4f}" for name, value in quality.items())
-    log.info("%.1f min, step %d, %d pictures: %s", trainer.spent_s / 60.0, trainer.step_count, pictures, told)
+    log.info("%.1f min, step %d, %d images: %s", trainer.spent_s / 60.0, trainer.step_count, images, told)
 
 
-def _make_pictures(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
+def _render_crops(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:
     """Render what is missing beside the training, in a process of its own."""
     command = [sys.executable, "-m", "sim.training.crops"]
     jobs, shards = [], crops // PER_SHARD
@@ -223,8 +223,8 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=3e-3, help="highest learning rate")
     parser.add_argument("--start", type=Path, help="checkpoint of another run whose weights to begin with")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--crops", type=int, default=8000, help="pictures to render")
-    parser.add_argument("--check-every", type=int, default=1000, help="steps between looks at the held-out pictures")
+    parser.add_argument("--crops", type=int, default=8000, help="images to render")
+    parser.add_argument("--check-every", type=int, default=1000, help="steps between looks at the held-out images")
     args = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
     run(

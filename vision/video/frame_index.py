@@ -1,4 +1,4 @@
-"""The index of a video file's pictures, and a decoder that goes to any of them.
+"""The index of a video file's frames, and a decoder that goes to any of them.
 
 Ticks are the stream's own unit of time. The index is made without decoding.
 """
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from vision.errors import VideoError
 
-__all__ = ["ONE_FILE", "PictureIndex", "PictureReader", "bgr", "open_video", "read_index", "reason"]
+__all__ = ["ONE_FILE", "FrameIndex", "FrameReader", "bgr", "open_video", "read_index", "reason"]
 
 
 ONE_FILE = (
@@ -34,8 +34,8 @@ ONE_FILE = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PictureIndex:
-    """Every picture's time stamp."""
+class FrameIndex:
+    """Every frame's time stamp."""
 
     width: int
     height: int
@@ -44,11 +44,11 @@ class PictureIndex:
     order: dict[int, int]
     """pts → index."""
     key_pts: NDArray[np.int64]
-    """Pictures that decoding can begin at, ascending."""
+    """Frames that decoding can begin at, ascending."""
     tick_us: float
 
 
-def read_index(path: Path) -> PictureIndex:
+def read_index(path: Path) -> FrameIndex:
     """Read a file through without decoding."""
     with closing(open_video(path)) as container:
         stream = container.streams.video[0]
@@ -60,14 +60,14 @@ def read_index(path: Path) -> PictureIndex:
                 continue
             if packet.is_keyframe:
                 keys.append(pts)
-            # pictures ahead of the first key picture have nothing to be decoded from
+            # frames ahead of the first key frame have nothing to be decoded from
             if keys and pts >= keys[0]:
                 stamps.append(pts)
         shown = sorted(set(stamps))
         width, height = stream.codec_context.width, stream.codec_context.height
         if not shown or not width:
-            raise VideoError(f"video {path}: no picture with a time stamp in it; remux it, for example to .mkv")
-        return PictureIndex(
+            raise VideoError(f"video {path}: no frame with a time stamp in it; remux it, for example to .mkv")
+        return FrameIndex(
             width=width,
             height=height,
             pts=shown,
@@ -77,29 +77,29 @@ def read_index(path: Path) -> PictureIndex:
         )
 
 
-class PictureReader:
+class FrameReader:
     """One decoder at one place in the file."""
 
-    def __init__(self, path: Path, index: PictureIndex) -> None:
+    def __init__(self, path: Path, index: FrameIndex) -> None:
         self._path = path
         self._index = index
         self._open()
 
     def close(self) -> None:
         """Release the file."""
-        self._pictures.close()
+        self._frames.close()
         self._container.close()
 
-    def pictures(self) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Index and image of the pictures from the one that ``go`` went to."""
-        for index, frame in self._pictures:
+    def frames(self) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Index and image of the frames from the one that ``go`` went to."""
+        for index, frame in self._frames:
             yield index, self._image(frame)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """That picture, None when it does not decode."""
+        """That frame, None when it does not decode."""
         if not self._ahead(index):
             self.go(index)
-        for found, frame in self._pictures:
+        for found, frame in self._frames:
             self._next = found + 1
             if found >= index:
                 return self._image(frame) if found == index else None
@@ -107,7 +107,7 @@ class PictureReader:
         return None
 
     def go(self, index: int) -> None:
-        """Make ``index`` the next picture: begin to decode at a key picture before it."""
+        """Make ``index`` the next frame: begin to decode at a key frame before it."""
         target = self._index.pts[index]
         before = int(np.searchsorted(self._index.key_pts, target, side="right")) - 1
         step = 1
@@ -118,8 +118,8 @@ class PictureReader:
             self._rewind(index)
 
     def _land(self, key: int, target: int, index: int) -> bool:
-        """Seek to a key picture; whether decoding then begins at or before the target."""
-        self._pictures.close()
+        """Seek to a key frame; whether decoding then begins at or before the target."""
+        self._frames.close()
         try:
             self._container.seek(key, stream=self._stream, backward=True)
         except av.FFmpegError:
@@ -142,17 +142,17 @@ class PictureReader:
     def _open(self, index: int = 0) -> None:
         self._container = open_video(self._path)
         self._stream = self._container.streams.video[0]
-        # frame threads can wait for each other for ever when a decoder is given up in the middle of a picture
+        # frame threads can wait for each other for ever when a decoder is given up in the middle of a frame
         self._stream.thread_type = "SLICE"
         self._start(_packets(self._container, self._stream), index)
 
     def _start(self, packets: Iterable[Packet[VideoStream]], index: int) -> None:
-        """Decode these packets from now on and show the pictures from ``index`` on."""
-        self._pictures = self._decode(packets, index)
+        """Decode these packets from now on and show the frames from ``index`` on."""
+        self._frames = self._decode(packets, index)
         self._next = index
 
     def _ahead(self, index: int) -> bool:
-        """Whether decoding on is the shortest way: no key picture lies between here and there."""
+        """Whether decoding on is the shortest way: no key frame lies between here and there."""
         if index < self._next or self._next >= len(self._index.pts):
             return False
         keys, pts = self._index.key_pts, self._index.pts

@@ -1,4 +1,4 @@
-"""Pictures looked at ahead of who asks for them, several at once.
+"""Frames looked at ahead of who asks for them, several at once.
 
 Decoding, scaling and the networks run without Python's lock, so that threads use all cores; what comes out is the same
 and in the same order as one by one.
@@ -22,20 +22,20 @@ def look_ahead(
 ) -> Generator[tuple[Frame, Detections], None, None]:
     """Frames with what is seen in them, in order.
 
-    Closing the iterator ends the threads after the pictures that they are at.
+    Closing the iterator ends the threads after the frames that they are at.
 
     Args:
         frames: decoded as they are asked for.
         detector: may be asked from several threads at once.
         gsd_m: metres on the ground per pixel of a frame, None unknown; asked once for each, in order.
-        workers: pictures looked at at once.
+        workers: frames looked at at once.
     """
     waiting: deque[tuple[Frame, Future[Detections]]] = deque()
     with ThreadPoolExecutor(workers, thread_name_prefix="detect") as pool:
         try:
             for frame in frames:
                 waiting.append((frame, pool.submit(detector.detect, frame.image, gsd_m=gsd_m(frame))))
-                # one picture more than is looked at, so that nobody waits for the decoder
+                # one frame more than is looked at, so that nobody waits for the decoder
                 if len(waiting) > workers + 1:
                     yield _first(waiting)
             while waiting:

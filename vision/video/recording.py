@@ -1,9 +1,9 @@
 """Untouched video packets into Matroska files that can be played at every moment, also after the process was killed.
 
-Every picture is a cluster of its own and handed to the system at once, so at most the last one is lost. A recording is
+Every frame is a cluster of its own and handed to the system at once, so at most the last one is lost. A recording is
 a row of files, ``video.mkv``, ``video.1.mkv``, …: the next begins where the stream cannot go on in the last one
-(another codec or size, a disk that failed for a while, a process that died), always at a key picture. Each says in its
-header which picture of the recording its first one is (``FIRST_FRAME``) and when that was taken (``START_US``).
+(another codec or size, a disk that failed for a while, a process that died), always at a key frame. Each says in its
+header which frame of the recording its first one is (``FIRST_FRAME``) and when that was taken (``START_US``).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from av.video.stream import VideoStream as CodedStream
 from infra.files.restorable_file import KeptFile
 from vision.errors import VideoError
 
-__all__ = ["FIRST_FRAME", "START_US", "PictureOrder", "Recording", "require_new", "segment_path"]
+__all__ = ["FIRST_FRAME", "START_US", "DisplayOrder", "Recording", "require_new", "segment_path"]
 
 FIRST_FRAME, START_US = "FIRST_FRAME", "START_US"
 OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"}
@@ -79,13 +79,13 @@ class Recording:
         return self._error or (self._put_back.error if self._put_back else "")
 
     def wants_segment(self, stream: CodedStream, unix_s: float) -> bool:
-        """Whether a key picture of ``stream`` has to begin a new file."""
+        """Whether a key frame of ``stream`` has to begin a new file."""
         if self._container is None:
             return unix_s >= self._retry_s
         return self._format != _format(stream)
 
     def begin(self, stream: CodedStream, first_frame: int, unix_s: float) -> None:
-        """Start the next file with the picture ``first_frame`` taken at ``unix_s``."""
+        """Start the next file with the frame ``first_frame`` taken at ``unix_s``."""
         self._end()
         try:
             container = self._create(first_frame, unix_s)
@@ -97,7 +97,7 @@ class Recording:
         self._format, self._start_s, self._last_dts = _format(stream), unix_s, -1
 
     def write(self, packet: Packet[CodedStream], unix_s: float) -> None:
-        """Append a packet whose picture was taken at ``unix_s``; a failure ends the file and is told in ``error``."""
+        """Append a packet whose frame was taken at ``unix_s``; a failure ends the file and is told in ``error``."""
         if self._container is None or self._stream is None or packet.pts is None:
             return
         before = packet.pts, packet.dts, packet.time_base
@@ -169,23 +169,23 @@ def _format(stream: CodedStream) -> tuple[str, int, int]:
     return context.name, context.width, context.height
 
 
-class PictureOrder:
-    """Display order of pictures whose packets come in decoding order.
+class DisplayOrder:
+    """Display order of frames whose packets come in decoding order.
 
     Example:
-        >>> order = PictureOrder()
+        >>> order = DisplayOrder()
         >>> [order.add(pts, dts) for pts, dts in ((0, 0), (3, 1), (2, 2), (4, 3))]
         [[(0, 0)], [], [(1, 2)], [(2, 3)]]
     """
 
     def __init__(self, count: int = 0) -> None:
         self.count = count
-        """Pictures given out so far, and so the index of the next."""
+        """Frames given out so far, and so the index of the next."""
         self._waiting: list[int] = []
         self._last = -(1 << 62)
 
     def add(self, pts: int, dts: int) -> list[tuple[int, int]]:
-        """Take in a packet; index and pts of the pictures whose place is now certain."""
+        """Take in a packet; index and pts of the frames whose place is now certain."""
         heapq.heappush(self._waiting, pts)
         # nothing that comes later is shown before its own decoding time
         return self._release(dts)
@@ -195,11 +195,11 @@ class PictureOrder:
         return pts <= self._last or pts in self._waiting
 
     def place(self, pts: int) -> int:
-        """Index of a picture that is still waiting, judged by those that wait with it."""
+        """Index of a frame that is still waiting, judged by those that wait with it."""
         return self.count + sum(other < pts for other in self._waiting)
 
     def flush(self) -> list[tuple[int, int]]:
-        """The pictures that still wait; time stamps may start anew afterwards."""
+        """The frames that still wait; time stamps may start anew afterwards."""
         released = self._release(1 << 62)
         self._last = -(1 << 62)
         return released

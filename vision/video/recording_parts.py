@@ -1,4 +1,4 @@
-"""The files of one recording, and which of its pictures each has."""
+"""The files of one recording, and which of its frames each has."""
 
 from __future__ import annotations
 
@@ -12,51 +12,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.errors import VideoError
-from vision.video.frame_index import PictureIndex, PictureReader, open_video, read_index
+from vision.video.frame_index import FrameIndex, FrameReader, open_video, read_index
 from vision.video.recording import FIRST_FRAME, START_US
 
 __all__ = ["Part", "read_parts"]
 
 MOST_BETWEEN = 1_000_000
-"""Pictures between two files, nine hours of them: a file that goes on later than that has somebody else's number."""
+"""Frames between two files, nine hours of them: a file that goes on later than that has somebody else's number."""
 _FAR_US = 1 << 60
 _DIGITS = 18
 """Of a number that 64 bits hold."""
 
 
 class Part:
-    """A file with the pictures ``first`` to ``end`` − 1 of a recording.
+    """A file with the frames ``first`` to ``end`` − 1 of a recording.
 
     Attributes:
-        n: pictures of it that count; a process that died may have recorded one more than it told.
-        start_us: Unix µs of its first picture, 0 when the file does not say.
+        n: frames of it that count; a process that died may have recorded one more than it told.
+        start_us: Unix µs of its first frame, 0 when the file does not say.
     """
 
-    def __init__(self, path: Path, index: PictureIndex, first: int = 0, start_us: int = 0) -> None:
+    def __init__(self, path: Path, index: FrameIndex, first: int = 0, start_us: int = 0) -> None:
         self.path = path
         self.index = index
         self.first = first
         self.start_us = start_us
         self.n = len(index.pts)
-        self._reader: PictureReader | None = None
+        self._reader: FrameReader | None = None
 
     @property
     def end(self) -> int:
-        """Index after its last picture."""
+        """Index after its last frame."""
         return self.first + self.n
 
     def elapsed_us(self) -> NDArray[np.int64]:
-        """(n,) time of each picture after the first."""
+        """(n,) time of each frame after the first."""
         pts = self.index.pts
         elapsed = [round((stamp - pts[0]) * self.index.tick_us) for stamp in pts[: self.n]]
         return np.array([min(max(us, -_FAR_US), _FAR_US) for us in elapsed], dtype=np.int64)
 
-    def reader(self) -> PictureReader:
+    def reader(self) -> FrameReader:
         """A decoder of its own."""
-        return PictureReader(self.path, self.index)
+        return FrameReader(self.path, self.index)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """Its ``index``-th picture, None when it is damaged."""
+        """Its ``index``-th frame, None when it is damaged."""
         if self._reader is None:
             self._reader = self.reader()
         return self._reader.read(index)
@@ -72,13 +72,13 @@ def read_parts(path: Path) -> tuple[Part, ...]:
     """A video file and those that go on with it, in order.
 
     Raises:
-        VideoError: no such file, not a video, no picture in it, nor in one that goes on with it.
+        VideoError: no such file, not a video, no frame in it, nor in one that goes on with it.
     """
     try:
         index, (first, start_us) = read_index(path), _place(path)
         parts = [Part(path, index, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
     except VideoError:
-        # a first file without a picture is no reason to do without the others
+        # a first file without a frame is no reason to do without the others
         parts = list(_following(path))
         if not parts:
             raise
@@ -93,7 +93,7 @@ def read_parts(path: Path) -> tuple[Part, ...]:
         part.n = min(part.n, following.first - part.first)
     width, height = parts[0].index.width, parts[0].index.height
     for part in parts:
-        # one video has one size: pictures of another are scaled to it
+        # one video has one size: frames of another are scaled to it
         part.index = replace(part.index, width=width, height=height)
     return tuple(part for part in parts if part.n > 0)
 
@@ -106,7 +106,7 @@ def _following(path: Path) -> list[Part]:
             if first >= 0:
                 parts.append(Part(further, read_index(further), first, start_us))
         except VideoError:
-            # broken off before its first picture
+            # broken off before its first frame
             continue
     return parts
 
@@ -119,7 +119,7 @@ def _numbered(path: Path) -> list[Path]:
 
 
 def _place(path: Path) -> tuple[int, int]:
-    """First picture and its time from the file's header, -1 when it does not say."""
+    """First frame and its time from the file's header, -1 when it does not say."""
     with closing(open_video(path)) as container:
         tags = {name.upper(): value for name, value in container.metadata.items()}
     first, start_us = (_number(tags.get(name, "")) for name in (FIRST_FRAME, START_US))

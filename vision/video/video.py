@@ -1,8 +1,8 @@
-"""Recorded video, frame by frame: which picture is the i-th shown, when it was taken, and exactly that one on demand.
+"""Recorded video, frame by frame: which frame is the i-th shown, when it was taken, and exactly that one on demand.
 
-A file is read through once at opening, without decoding, for the time stamp of every picture; after that index and time
-are known of each, also when the frame rate varies. Times are Unix microseconds, pictures BGR. A recording that was
-broken off and went on in further files (``vision.video.recording``) is one video: what lies between them are pictures
+A file is read through once at opening, without decoding, for the time stamp of every frame; after that index and time
+are known of each, also when the frame rate varies. Times are Unix microseconds, frames BGR. A recording that was
+broken off and went on in further files (``vision.video.recording``) is one video: what lies between them are frames
 that have an index and a time, and no image.
 """
 
@@ -25,7 +25,7 @@ __all__ = ["Frame", "VideoFile"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """One picture."""
+    """One frame."""
 
     index: int
     """Position in the video in display order, from 0."""
@@ -40,13 +40,13 @@ class VideoFile:
 
     Attributes:
         path: the file, the first when there are several.
-        n: pictures that have a time, up to the last one with an image.
+        n: frames that have a time, up to the last one with an image.
         width: px.
         height: px.
-        fps: mean pictures per second, NaN for a single picture.
-        times_us: (n,) int64 Unix µs of each picture in display order, read-only.
-        mismatch: how many more times were given than there are pictures; negative when fewer, 0 when they agree.
-        missing: pictures between two files of which there is no image.
+        fps: mean frames per second, NaN for a single frame.
+        times_us: (n,) int64 Unix µs of each frame in display order, read-only.
+        mismatch: how many more times were given than there are frames; negative when fewer, 0 when they agree.
+        missing: frames between two files of which there is no image.
     """
 
     def __init__(self, path: Path, parts: tuple[Part, ...], times_us: NDArray[np.int64], mismatch: int) -> None:
@@ -62,15 +62,15 @@ class VideoFile:
 
     @classmethod
     def open(cls, path: Path | str, times_us: ArrayLike | None = None, *, start_us: int = 0) -> VideoFile:
-        """Open a file, and those in which its recording went on, and learn the time stamp of every picture.
+        """Open a file, and those in which its recording went on, and learn the time stamp of every frame.
 
         Args:
             path: any container and codec that FFmpeg reads; a file that ends early plays what is there.
-            times_us: (k,) Unix µs of each picture in display order; the shorter of file and times counts.
-            start_us: without ``times_us``: Unix µs of the first picture, the file's own time stamps say the rest.
+            times_us: (k,) Unix µs of each frame in display order; the shorter of file and times counts.
+            start_us: without ``times_us``: Unix µs of the first frame, the file's own time stamps say the rest.
 
         Raises:
-            VideoError: no such file, not a video, no picture in it.
+            VideoError: no such file, not a video, no frame in it.
         """
         path = Path(path)
         parts = read_parts(path)
@@ -85,7 +85,7 @@ class VideoFile:
         return cls(path, parts, times, mismatch)
 
     def frames(self, start: int = 0) -> Iterator[Frame]:
-        """Pictures in display order from ``start`` on; a picture that cannot be decoded is left out.
+        """Frames in display order from ``start`` on; a frame that cannot be decoded is left out.
 
         Closing the iterator releases the file. Several iterators may run at once.
         """
@@ -94,17 +94,17 @@ class VideoFile:
                 continue
             with closing(part.reader()) as reader:
                 reader.go(max(start - part.first, 0))
-                for index, image in reader.pictures():
+                for index, image in reader.frames():
                     if index >= part.n or part.first + index >= self.n:
                         break
                     yield self._frame(part.first + index, image)
 
     def read(self, index: int) -> Frame:
-        """Exactly the ``index``-th picture.
+        """Exactly the ``index``-th frame.
 
         Raises:
             IndexError: outside 0..n-1.
-            VideoError: the picture is damaged or was never recorded.
+            VideoError: the frame is damaged or was never recorded.
         """
         if not 0 <= index < self.n:
             raise IndexError(f"video {self.path}: no frame {index}, it has 0 to {self.n - 1}")
@@ -132,7 +132,7 @@ class VideoFile:
 
 
 def _elapsed_us(parts: tuple[Part, ...]) -> NDArray[np.int64]:
-    """Time of every picture after the first, by the files' own time stamps; what is missing lies evenly between."""
+    """Time of every frame after the first, by the files' own time stamps; what is missing lies evenly between."""
     begin_us = parts[0].start_us
     known = np.concatenate([np.arange(part.first, part.end) for part in parts])
     elapsed = np.concatenate([part.start_us - begin_us + part.elapsed_us() for part in parts])

@@ -35,7 +35,7 @@ class Cells:
         self.ink: NDArray[np.int64] = np.full((rows, columns), paper, dtype=np.int64)
         self.paper: NDArray[np.int64] = np.full((rows, columns), paper, dtype=np.int64)
 
-    def picture(self, pixels: NDArray[np.int64], left: int, top: int) -> None:
+    def image(self, pixels: NDArray[np.int64], left: int, top: int) -> None:
         """Put (2·rows, columns) packed pixels as half blocks, two above each other in a cell."""
         rows, columns = pixels.shape[0] // 2, pixels.shape[1]
         window = np.s_[top : top + rows, left : left + columns]
@@ -48,7 +48,7 @@ class Cells:
         at = dots.bits > 0
         under = at & (self.letter == HALF)
         mean = _mean(self.ink[under], self.paper[under])
-        # half as bright as the picture, so that the line stands out on busy ground
+        # half as bright as the image, so that the line stands out on busy ground
         self.paper[under] = _mean(mean, np.zeros_like(mean))
         self.letter[at] = 0x2800 + dots.bits[at]
         self.ink[at] = dots.ink[at]

@@ -1,4 +1,4 @@
-"""A camera picture as half-block pixels: fitted, shrunk, and reduced to few colours so that styles can be reused."""
+"""A camera image as half-block pixels: fitted, shrunk, and reduced to few colours so that styles can be reused."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ CHROMA_STEP = 12
 
 
 def fit(width: int, height: int, columns: int, rows: int) -> tuple[int, int, int, int]:
-    """Where a picture goes in a field of cells that are twice as high as wide.
+    """Where an image goes in a field of cells that are twice as high as wide.
 
     Args:
-        width: Of the picture, px, above 0.
-        height: Of the picture, px, above 0.
+        width: Of the image, px, above 0.
+        height: Of the image, px, above 0.
         columns: Of the field, cells.
         rows: Of the field, cells.
 
     Returns:
-        Left, top, columns, rows of the largest centred picture that keeps its shape; at least one cell.
+        Left, top, columns, rows of the largest centred image that keeps its shape; at least one cell.
     """
     scale = min(columns / width, 2 * rows / height)
     used_columns = min(columns, max(1, round(width * scale)))
@@ -31,7 +31,7 @@ def fit(width: int, height: int, columns: int, rows: int) -> tuple[int, int, int
 
 
 def shrink(image: NDArray[np.uint8], columns: int, rows: int) -> NDArray[np.int64]:
-    """Picture to packed pixels.
+    """Image to packed pixels.
 
     Args:
         image: (H, W, 3) uint8 BGR.

@@ -36,7 +36,7 @@ class Wish:
     fleet_rows: int = 8
     alarm_rows: int = 1
     aspect: float = 16 / 9
-    """Of the picture, width over height."""
+    """Of the frame, width over height."""
 
     def shown(self, width: int, height: int) -> frozenset[str]:
         """Panes wanted in a field of this size."""
@@ -93,7 +93,7 @@ def _beside(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[
     table = wish.fleet_rows + 1
     spare = EVENT_ROWS + 3 if height >= ROOMY[1] else 0
     view_width = (width - len(views) + 1) // len(views)
-    top = max(CHART_ROWS, min(_picture_rows(view_width, wish), height - table - spare))
+    top = max(CHART_ROWS, min(_video_rows(view_width, wish), height - table - spare))
     rects: dict[str, Rect] = {}
     for index, pane in enumerate(views):
         left = index * (view_width + 1)
@@ -134,7 +134,7 @@ def _heights(panes: list[str], width: int, height: int, wish: Wish) -> dict[str,
     for spare in ("identity", "events", "map", "video"):
         if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
             panes.remove(spare)
-    natural = {**least, "video": _picture_rows(width, wish), "fleet": wish.fleet_rows + 1, "identity": IDENTITY_ROWS}
+    natural = {**least, "video": _video_rows(width, wish), "fleet": wish.fleet_rows + 1, "identity": IDENTITY_ROWS}
     natural["alarms"] = wish.alarm_rows + 1
     rows = {pane: least[pane] for pane in panes}
     for pane in ("fleet", "alarms", "video", "identity"):
@@ -149,5 +149,5 @@ def _heights(panes: list[str], width: int, height: int, wish: Wish) -> dict[str,
     return rows
 
 
-def _picture_rows(width: int, wish: Wish) -> int:
+def _video_rows(width: int, wish: Wish) -> int:
     return max(1, round(width / wish.aspect / 2)) + 1

@@ -31,8 +31,8 @@ class Pixels:
     cell_height: int
     """px"""
 
-    def picture(self, image: NDArray[np.uint8]) -> Any:  # noqa: ANN401  Pillow is textual-image's business
-        """(H, W, 3) BGR to what the widget takes."""
+    def to_widget(self, image: NDArray[np.uint8]) -> Any:  # noqa: ANN401  Pillow is textual-image's business
+        """(H, W, 3) BGR as the image that the widget takes."""
         from PIL import Image
 
         return Image.fromarray(np.ascontiguousarray(image[..., ::-1]))
@@ -41,7 +41,7 @@ class Pixels:
 def pixel_images(graphics: Graphics) -> Pixels | None:
     """Pixels if they are wanted and the terminal says that it can, else None.
 
-    ``auto`` keeps to half blocks over SSH: a picture is some 0.7 MB, a field of half blocks some 0.05 MB.
+    ``auto`` keeps to half blocks over SSH: an image is some 0.7 MB, a field of half blocks some 0.05 MB.
     """
     if graphics == "blocks" or not has_terminal() or (graphics == "auto" and "SSH_CONNECTION" in os.environ):
         return None

@@ -1,4 +1,4 @@
-"""The picture pane in cells: half-block picture, braille outlines of the boxes, names as text. Pure."""
+"""The video pane in cells: the image as half blocks, braille outlines of the boxes, names as text. Pure."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from gcs.tui.draw.format import plain
 from gcs.tui.draw.halfblock import fit, shrink
 from gcs.tui.palette import BRIGHT, FAINT, PANEL, standing_colour
 
-__all__ = ["box_at", "picture_cells"]
+__all__ = ["box_at", "video_cells"]
 
 SMALLEST_DOTS = 5.0
 """A box is drawn at least this long, else it is a speck on a small screen."""
 
 
-def picture_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> Cells:
+def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> Cells:
     """Draw one snapshot in a field of cells.
 
     Args:
@@ -33,13 +33,13 @@ def picture_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) ->
     """
     cells = Cells(columns, rows, pack(PANEL))
     if snapshot.width <= 0 or snapshot.height <= 0:
-        cells.text(max(0, columns // 2 - 5), rows // 2, "no picture", pack(FAINT))
+        cells.text(max(0, columns // 2 - 4), rows // 2, "no video", pack(FAINT))
         return cells
     left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
     if snapshot.image is not None:
-        cells.picture(shrink(snapshot.image, used_columns, used_rows), left, top)
+        cells.image(shrink(snapshot.image, used_columns, used_rows), left, top)
     else:
-        cells.text(left + max(0, used_columns // 2 - 5), top + used_rows // 2, "no picture", pack(FAINT))
+        cells.text(left + max(0, used_columns // 2 - 4), top + used_rows // 2, "no video", pack(FAINT))
     boxes = sorted(
         filter(drawable, snapshot.boxes), key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy)
     )

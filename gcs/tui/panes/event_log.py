@@ -51,7 +51,7 @@ def _rank(level: str) -> int:
 
 
 class EventPane(Pane):
-    """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the picture."""
+    """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the frame."""
 
     label: ClassVar[str] = "EVENTS"
     BINDINGS: ClassVar[list[BindingType]] = [

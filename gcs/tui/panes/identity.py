@@ -98,7 +98,7 @@ def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
         said = f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip()
         facts.append(("standing", said, standing_colour(row.standing)))
         box = next((box for box in snapshot.boxes if box.system_id == row.system_id), None)
-        facts += _evidence(snapshot, box) if box else [("box", "none in this picture", FAINT)]
+        facts += _evidence(snapshot, box) if box else [("box", "none in this frame", FAINT)]
     facts += _doubts(row, keyed=bool(snapshot.health.keys))
     where = position(row.position_state, row.position_age_s)
     spread = f" ±{metres(row.std_m)}" if math.isfinite(row.std_m) else ""

@@ -1,4 +1,4 @@
-"""The video pane: the picture in half blocks, or real pixels where the terminal can show them."""
+"""The video pane: the frame in half blocks, or real pixels where the terminal can show them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gcs.snapshot import Snapshot
 from gcs.tui.draw.format import plain
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
-from gcs.tui.draw.video_canvas import box_at, picture_cells
+from gcs.tui.draw.video_canvas import box_at, video_cells
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
@@ -29,7 +29,7 @@ IMAGE_ID = "pixels"
 
 
 class VideoPane(Pane):
-    """The picture with boxes and names."""
+    """The frame with boxes and names."""
 
     label: ClassVar[str] = "VIDEO"
 
@@ -60,7 +60,7 @@ class VideoPane(Pane):
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The picture, or a word on what is awaited."""
+        """The frame, or a word on what is awaited."""
         if self.snapshot is None:
             return [line([(" waiting for the first frame …", ink(FAINT))], width)]
         if height <= 0:
@@ -68,7 +68,7 @@ class VideoPane(Pane):
         if self._pixels is not None:
             self._send(self._pixels, self.snapshot, width, height)
             return []
-        return picture_cells(self.snapshot, self.selected, width, height).strips()
+        return video_cells(self.snapshot, self.selected, width, height).strips()
 
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()
@@ -83,7 +83,7 @@ class VideoPane(Pane):
         child.styles.width = max(1, min(width, int(wide * scale / pixels.cell_width)))
         child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
         child.styles.margin = (1, 0, 0, 0)
-        child.image = pixels.picture(draw(snapshot, scale=scale, selected=self.selected))  # type: ignore[attr-defined]
+        child.image = pixels.to_widget(draw(snapshot, scale=scale, selected=self.selected))  # type: ignore[attr-defined]
         self.call_after_refresh(self._rest, now)
 
     def _rest(self, began: float) -> None:
@@ -91,7 +91,7 @@ class VideoPane(Pane):
         self._rest_until = now + max(PIXELS_EVERY_S, now - began)
 
     def _catch_up(self, wait_s: float) -> None:
-        """The newest picture comes once the rest is over, even if no newer one follows."""
+        """The newest frame comes once the rest is over, even if no newer one follows."""
         if not self._late:
             self._late = True
             self.set_timer(wait_s + 0.01, self._catch_up_now)

@@ -1,4 +1,4 @@
-"""The help screen: every key in a word, and what the signs on the picture mean."""
+"""The help screen: every key in a word, and what the signs on the video mean."""
 
 from __future__ import annotations
 
@@ -57,10 +57,10 @@ class HelpScreen(ModalScreen[None]):
                 shown = binding.key_display or binding.key.split(",")[0]
                 text.append(f"  {shown:<8}", ink(BRIGHT))
                 text.append(f" {binding.tooltip}\n", ink(INK))
-        text.append("On the picture\n", ink(ACCENT, bold=True))
+        text.append("On the video\n", ink(ACCENT, bold=True))
         for sign, standing, said in SIGNS:
             text.append(f"  {sign:<11}", ink(standing_colour(standing)))  # type: ignore[arg-type]
             text.append(f"{said}\n", ink(INK))
         text.append("  The tick on a box is its front. On the map: ◆ UAV, arrows are headings,\n", ink(FAINT))
-        text.append("  circles are 1σ, dots are the picture's footprint, ? a box without a name.", ink(FAINT))
+        text.append("  circles are 1σ, dots are the image's footprint, ? a box without a name.", ink(FAINT))
         return text

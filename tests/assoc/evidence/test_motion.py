@@ -1,4 +1,4 @@
-"""What the vehicles' reports say of themselves, without any picture."""
+"""What the vehicles' reports say of themselves, without any image."""
 
 from dataclasses import replace
 

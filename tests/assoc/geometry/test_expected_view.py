@@ -34,7 +34,7 @@ def test_places_and_rays_are_each_others_inverse(yaw, pitch, roll, north):
     np.testing.assert_allclose(back[:, :2] / back[:, 2:], rays[:, :2], atol=2e-3)
 
 
-def test_chance_falls_at_the_edge_of_the_picture():
+def test_chance_falls_at_the_edge_of_the_image():
     view = seen_by(camera())
     east = np.array([0.0, 30.0, 32.0, 34.0, 60.0])  # the edge is at 0.8 · 40 m
     places = np.column_stack([east, np.zeros(5)])

@@ -180,7 +180,7 @@ def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
 
 @pytest.mark.parametrize("seed", range(1, 4))
 @pytest.mark.parametrize("gone_s", [1.0, 2.0])
-def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_picture(gone_s, seed):
+def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_image(gone_s, seed):
     identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0, seed=seed)
     rng, heard = np.random.default_rng(5), -0.1
     aside = np.array([-6.0 / 40.0, 0.0, 0.0])

@@ -64,7 +64,7 @@ def test_gram_form_equals_literal_form(n_rl, n_im, seed):
 @pytest.mark.parametrize(
     ("n_rl", "n_im"),
     [
-        (7, 6),  # the paper's own case: one vehicle outside the picture
+        (7, 6),  # the paper's own case: one vehicle outside the image
         (6, 7),  # one false detection
         (5, 5),
         (3, 1),  # one track, several vehicles

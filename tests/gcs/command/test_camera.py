@@ -161,7 +161,7 @@ def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds
 
 
 EAST_M = 40.0 * math.tan(math.radians(30.0))
-"""Where the middle of the picture is, 40 m above ground; its corners are further away on one side than on the other."""
+"""Where the middle of the frame is, 40 m above ground; its corners are further away on one side than on the other."""
 
 
 @pytest.mark.parametrize("command", [195, 197, 198, 205, 1000])

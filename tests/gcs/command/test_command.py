@@ -138,7 +138,7 @@ def test_hold_return_camera_and_gimbal(air):
         assert (said.get_type(), said.target_system, said.target_component) == ("COMMAND_LONG", 1, 1)
     air.order("photo", 0, "accepted")
     numbers = list(dict.fromkeys(said.param4 for said in air.uav.commands(2000)))
-    assert numbers == [1.0, 2.0], "no second picture for a repeated command"
+    assert numbers == [1.0, 2.0], "no second photo for a repeated command"
 
 
 def test_neutral_falls_back_to_the_older_command(air):

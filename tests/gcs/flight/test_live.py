@@ -41,7 +41,7 @@ fy = 800.0
 cx = 640.0
 cy = 360.0
 """
-"""Described for pictures twice as large as the stream's."""
+"""Described for frames twice as large as the stream's."""
 
 
 class Field:
@@ -96,7 +96,7 @@ def field(tmp_path):
 
 
 def newest_us(session):
-    """Times of the newest packet and of the newest picture recorded, 0 before the first."""
+    """Times of the newest packet and of the newest frame recorded, 0 before the first."""
     log, rows = session / "telemetry.tlog", (session / "frames.csv").read_text().splitlines()[1:]
     packets_us = Tlog.open(log).index.t_us if log.stat().st_size else []
     return max(packets_us, default=0), int(rows[-1].split(",")[1]) if rows else 0
@@ -184,7 +184,7 @@ def test_a_kill_loses_at_most_the_last_second(field, after_s):
         time.sleep(after_s)
         # it is killed while it keeps up: a machine that is held up records later
         assert until(lambda: min(newest_us(field.session)) > time.time_ns() // 1000 - 1_000_000, 40.0)
-        packet_us, picture_us = newest_us(field.session)
+        packet_us, frame_us = newest_us(field.session)
         field.process.kill()
     finally:
         stop.set()
@@ -198,7 +198,7 @@ def test_a_kill_loses_at_most_the_last_second(field, after_s):
     film = VideoFile.open(field.session / "video.mkv")
     times = read_times(field.session / "frames.csv").times_us
     assert sum(1 for _ in film.frames()) >= 1
-    assert times[min(film.n, len(times)) - 1] > picture_us - 2_500_000
+    assert times[min(film.n, len(times)) - 1] > frame_us - 2_500_000
     film.close()
     live, again = looked_again(field.session, field.folder / "again")
     assert again[: len(live)] == live, "what was said before the kill is said again"

@@ -1,4 +1,4 @@
-"""A vehicle whose position jumps: what its autopilot and the picture say of it, and what becomes of the names."""
+"""A vehicle whose position jumps: what its autopilot and the frame say of it, and what becomes of the names."""
 
 import math
 import struct
@@ -75,7 +75,7 @@ def well():
         (15.0, (RECEIVER,), 0.0, f"doubted {WHO}"),
         (15.0, (POSITION, RECEIVER), 0.0, f"conflict {WHO}"),
     ],
-    ids=["111 m, told by its filter", "15 m of the receiver", "15 m that only the picture contradicts"],
+    ids=["111 m, told by its filter", "15 m of the receiver", "15 m that only the frame contradicts"],
 )
 def test_a_wrong_position_is_an_alarm_while_it_lasts_and_costs_no_other_name(
     tmp_path, well, east_m, messages, ratio, key

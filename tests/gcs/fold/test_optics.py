@@ -41,7 +41,7 @@ def test_mission_counts_before_what_is_reported():
     assert texts(optics) == []
 
 
-def test_reported_camera_takes_the_size_of_the_picture():
+def test_reported_camera_takes_the_size_of_the_image():
     optics = Optics(None)
     assert optics.look(0, None, (1280, 720)) is None
     camera = optics.look(1, report(width=4000, height=3000, vfov_deg=47.0, model="Cam"), None)
@@ -54,18 +54,18 @@ def test_reported_camera_takes_the_size_of_the_picture():
     )
 
 
-def test_reported_size_serves_without_pictures():
+def test_reported_size_serves_without_images():
     optics = Optics(None)
     assert optics.look(0, report(), None) is None
     assert optics.look(0, report(width=640, height=480), None).width == 640
 
 
-def test_picture_of_another_aspect_is_an_alarm_and_no_camera():
+def test_image_of_another_aspect_is_an_alarm_and_no_camera():
     optics = Optics(Camera(**NUMBERS))
     for t_us in range(3):
         assert optics.look(t_us, None, (1440, 1080)) is None
     (alarm,) = optics.take_events()
-    assert alarm.level == "alarm" and "described for pictures of 1920×1080, these are 1440×1080" in alarm.text
+    assert alarm.level == "alarm" and "described for images of 1920×1080, these are 1440×1080" in alarm.text
     assert optics.look(4, None, (960, 540)).fx == 650.0
 
 
@@ -188,7 +188,7 @@ def stream(rotation):
     return Speaker(1).pack(message)
 
 
-def test_fold_uses_the_reported_field_of_view_at_the_size_of_the_picture():
+def test_fold_uses_the_reported_field_of_view_at_the_size_of_the_image():
     pipeline, t_us = flown({}, fov_status(90.0))
     snapshot = pipeline.frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
     # 90° from 40 m: 80 m wide, and north is up
@@ -200,7 +200,7 @@ def test_fold_uses_the_reported_field_of_view_at_the_size_of_the_picture():
     assert [e.text for e in snapshot.events] == ["camera zoomed 2.00 times: 53.1° across 640 px"]
 
 
-def test_fold_turns_a_picture_that_its_stream_says_is_turned():
+def test_fold_turns_an_image_that_its_stream_says_is_turned():
     pipeline, t_us = flown({}, fov_status(90.0), stream(180))
     snapshot = pipeline.frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
     np.testing.assert_allclose(snapshot.footprint_enu[0], [40, -22.5], atol=0.01)
@@ -210,7 +210,7 @@ def test_fold_turns_a_picture_that_its_stream_says_is_turned():
     np.testing.assert_allclose(snapshot.footprint_enu[0], [-22.5, -40], atol=0.01)
 
 
-def test_fold_names_nothing_in_a_picture_of_another_aspect():
+def test_fold_names_nothing_in_an_image_of_another_aspect():
     pipeline, t_us = flown({"camera": NUMBERS})
     snapshot = pipeline.frame(0, t_us, image=np.zeros((480, 640, 3), np.uint8))
     assert snapshot.pose == "unknown" and snapshot.footprint_enu is None

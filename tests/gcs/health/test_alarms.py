@@ -135,7 +135,7 @@ def test_unsigned_packets_without_keys_are_only_told_as_such(watch):
     assert set(watch.see(9, changed(1, unsigned=2), replace(WELL, keys=0))) == {"no keys"}
 
 
-def test_conflict_with_the_picture(watch):
+def test_conflict_with_the_frame(watch):
     assert watch.see(1, conflicts=frozenset({12}))["conflict 12"].system_id == 12
     assert set(Watch().see(5, conflicts=frozenset({12}), pose="no attitude")) == {"attitude"}
 

@@ -1,4 +1,4 @@
-"""A fault of the program costs one packet or one picture, is told and kept, and ends no flight."""
+"""A fault of the program costs one packet or one frame, is told and kept, and ends no flight."""
 
 import socket
 import time
@@ -54,7 +54,7 @@ def fold(tmp_path):
     recorder.close()
 
 
-def picture(index):
+def frame(index):
     return Frame(index=index, t_us=time.time_ns() // 1000, image=np.zeros((8, 8, 3), np.uint8))
 
 
@@ -62,7 +62,7 @@ def test_the_fleet_goes_on_without_its_detector(fold):
     for index in range(LASTING):
         now_us = time.time_ns() // 1000
         fold.take([packet(11, now_us)], now_us)
-        fold.turn(picture(index))
+        fold.turn(frame(index))
     assert len(fold.seen) == LASTING and fold.latest.frame == LASTING - 1
     assert fold.latest.vehicles[1].heartbeat_age_s < 5
     assert fold._faults.lasting == "detecting: ValueError: no device"

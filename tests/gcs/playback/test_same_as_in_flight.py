@@ -23,7 +23,7 @@ FLIGHTS = {
     "another size, a second link, an impostor, processes killed": Troubles(
         resized_s=6.0, second_link_s=1.2, impostor=(4.0, 7.0), killed_s=(3.0, 8.0)
     ),
-    "switched off and on, no pictures, late stamps, nothing seen": Troubles(
+    "switched off and on, no frames, late stamps, nothing seen": Troubles(
         restart=(3.0, 5.5), blind=(3.5, 6.5), late_stamp_s=0.361, empty=(8.5, 9.2)
     ),
     "signed and forged, the clock set ahead, no telemetry, a broken detector": Troubles(
@@ -68,7 +68,7 @@ def test_the_troubles_came(flown):
     assert len(list(folder.glob("telemetry*.tlog"))) == 1 + len(troubles.killed_s)
     turns = FoldOrder.read(folder).turns
     frames = len(rows(folder / "frames.csv"))
-    assert sum(turn.frame >= 0 for turn in turns) < frames, "pictures are skipped"
+    assert sum(turn.frame >= 0 for turn in turns) < frames, "frames are skipped"
     half = (CAMERA.width // 2, CAMERA.height // 2)
     assert (half in {turn.size for turn in turns}) == (troubles.resized_s is not None)
     said = (folder / "events.jsonl").read_text()

@@ -32,7 +32,7 @@ def overlap(a, b):
     )
 
 
-def test_picture_is_copied_not_drawn_upon():
+def test_image_is_copied_not_drawn_upon():
     before = SNAPSHOT.image.copy()
     drawn = draw(SNAPSHOT)
     assert drawn.shape == SNAPSHOT.image.shape and drawn.dtype == np.uint8
@@ -53,11 +53,11 @@ def test_no_image_gives_a_dark_canvas_with_boxes():
     assert (drawn == np.array(STANDING_RGB["coasting"][::-1])).all(axis=2).any()
 
 
-def test_no_picture_size_at_all_still_draws():
+def test_no_image_size_at_all_still_draws():
     assert draw(replace(SNAPSHOT, image=None, width=0, height=0, boxes=())).shape == (720, 1280, 3)
 
 
-def test_every_standing_has_its_colour_on_the_picture():
+def test_every_standing_has_its_colour_on_the_image():
     drawn = draw(replace(SNAPSHOT, image=None))
     for standing in ("confirmed", "tentative", "coasting", "unidentified"):
         assert (drawn == np.array(STANDING_RGB[standing][::-1])).all(axis=2).sum() > 10, standing
@@ -121,7 +121,7 @@ def test_crowded_labels_do_not_cover_each_other():
     assert all(overlap(a, b) == 0 for a, b in combinations(places, 2))
 
 
-def test_labels_stay_in_the_picture():
+def test_labels_stay_in_the_image():
     anchors = [(-20.0, -20.0, 30.0, 30.0), (390.0, 290.0, 30.0, 30.0)]
     for x, y, w, h in place_labels(anchors, [(60.0, 12.0)] * 2, (0, 0, 400, 300)):
         assert x >= 0 and x + w <= 400 and y >= 0 and y + h <= 300
@@ -133,7 +133,7 @@ def test_hostile_names_are_drawn(text):
     assert draw(replace(SNAPSHOT, vehicles=rows), scale=0.5).shape == (360, 640, 3)
 
 
-def test_boxes_far_outside_the_picture_do_no_harm():
+def test_boxes_far_outside_the_image_do_no_harm():
     far = replace(BOX, cx=-5000.0, cy=9000.0)
     assert draw(replace(SNAPSHOT, boxes=(far,))).shape == (720, 1280, 3)
 

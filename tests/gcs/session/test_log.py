@@ -84,7 +84,7 @@ def test_a_segment_that_cannot_be_read_is_said(tmp_path):
         SessionLog(tmp_path / "telemetry.tlog")
 
 
-def test_a_flight_with_pictures_and_a_dead_radio_is_a_recording_too(tmp_path):
+def test_a_flight_with_frames_and_a_dead_radio_is_a_recording_too(tmp_path):
     (tmp_path / "session.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
     (tmp_path / "frames.csv").write_text("frame,time_us\n" + "".join(f"{k},{T0 + k * 40_000}\n" for k in range(10)))
     with pytest.raises(TlogError, match="empty file"):
@@ -190,7 +190,7 @@ class Clocks:
 @pytest.mark.parametrize("hole", [False, True])
 def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
     clocks = Clocks()
-    pictures = []
+    frames = []
     with TlogWriter(tmp_path / "telemetry.tlog", clock=clocks.watch()) as writer:
         for k, packet in enumerate(PACKETS):
             if k and k % 70 == 0 and k // 70 <= len(steps_us):
@@ -198,7 +198,7 @@ def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
             clocks.mono_us += 10_000
             writer.write(replace(packet, t_us=clocks.mono_us + clocks.offset_us))
             if k % 10 == 5:
-                pictures.append((k, clocks.mono_us + clocks.offset_us))
+                frames.append((k, clocks.mono_us + clocks.offset_us))
     first_us = T0 + 10_000
     wanted = np.arange(300) * 10_000 + first_us
     if hole and 70_000 not in steps_us:  # small steps are found by record number alone
@@ -209,9 +209,9 @@ def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
     log = SessionLog(tmp_path / "telemetry.tlog")
     assert [packet.t_us for packet in log.packets()] == wanted.tolist()
     assert any(f"the clock was set {len(steps_us)} times" in text for text in log.warnings)
-    times = log.steps.of_frames(np.array([t for _, t in pictures]), log.start_us)
+    times = log.steps.of_frames(np.array([t for _, t in frames]), log.start_us)
     if 70_000 not in steps_us:
-        assert times.tolist() == [first_us + 10_000 * k for k, _ in pictures]
+        assert times.tolist() == [first_us + 10_000 * k for k, _ in frames]
 
 
 def boots(packets_us):
@@ -254,18 +254,18 @@ def test_a_pause_of_hours_stays_in_the_times(tmp_path):
 def test_a_computer_whose_clock_was_set_from_1970_in_flight(tmp_path):
     clocks = Clocks()
     clocks.offset_us = 0
-    pictures = []
+    frames = []
     with TlogWriter(tmp_path / "telemetry.tlog", clock=clocks.watch()) as writer:
         for k, packet in enumerate(PACKETS):
             if k == 70:
                 clocks.offset_us = T0
             clocks.mono_us += 10_000
             writer.write(replace(packet, t_us=clocks.mono_us + clocks.offset_us))
-            pictures.append(clocks.mono_us + clocks.offset_us)
+            frames.append(clocks.mono_us + clocks.offset_us)
     log = SessionLog(tmp_path / "telemetry.tlog")
     wanted = [1_010_000 + 10_000 * k for k in range(300)]
     assert [packet.t_us for packet in log.packets()] == wanted
-    assert log.steps.of_frames(np.array(pictures), log.start_us).tolist() == wanted
+    assert log.steps.of_frames(np.array(frames), log.start_us).tolist() == wanted
 
 
 def test_frames_that_all_came_after_the_step():

@@ -55,7 +55,7 @@ def snapshot(frame):
 
 
 def fly(recorder, frames):
-    """One packet, picture, two boxes, an identity and an event for each frame."""
+    """One packet, frame, two boxes, an identity and an event for each frame."""
     for frame in frames:
         recorder.packet(packet(frame))
         recorder.frame_time(frame, T0 + 100_000 * frame)

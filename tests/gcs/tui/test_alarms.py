@@ -33,7 +33,7 @@ def alarm(key="vehicle 11", level="alarm", text="UGV-11: no heartbeat", system_i
 ALARMS = (
     alarm(),
     alarm("link x", text="udpin:x: nothing comes", system_id=0),
-    alarm("lag", "warning", "the picture is late", 0),
+    alarm("lag", "warning", "the frame is late", 0),
 )
 
 
@@ -88,7 +88,7 @@ async def test_acknowledged_alarms_step_back_until_they_come_again_or_get_worse(
         worse = replace(ALARMS[2], level="alarm")
         station.snapshot = replace(station.snapshot, alarms=(*station.snapshot.alarms[:2], worse))
         await polled(app, pilot)
-        assert "the picture is late" in app.query_one(AlertLine).text
+        assert "the frame is late" in app.query_one(AlertLine).text
 
 
 async def test_one_alarm_is_acknowledged_and_its_vehicle_picked():
@@ -172,7 +172,7 @@ def test_levels_have_words_and_colours_of_their_own():
     assert len({level_colour(level) for level in ("alarm", "warning", "info")} | {FAINT}) == 4
 
 
-async def test_keys_rates_forecast_and_undecoded_pictures_are_in_the_status_bar():
+async def test_keys_rates_forecast_and_undecoded_frames_are_in_the_status_bar():
     station = troubled((), full_in_s=7200.0, undecoded=3)
     links = tuple(replace(link, packets_per_s=480.2) for link in station.snapshot.health.links)
     station.snapshot = replace(station.snapshot, health=replace(station.snapshot.health, links=links, keys=8))

@@ -154,7 +154,7 @@ async def test_picking_a_vehicle_stresses_it_everywhere():
         assert "projection" in text_of(app.query_one("#identity"))
         await pilot.press("up", "up")
         assert app.selected == 17
-        assert "none in this picture" in text_of(app.query_one("#identity"))
+        assert "none in this frame" in text_of(app.query_one("#identity"))
         await pilot.press("escape")
         assert app.selected == 0
 

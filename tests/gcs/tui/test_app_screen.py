@@ -62,7 +62,7 @@ async def test_live_status_counts_time_and_warns_when_nothing_is_recorded():
             assert word in said, word
 
 
-async def test_a_replay_log_ends_at_the_picture():
+async def test_a_replay_log_ends_at_the_frame():
     async with running() as (app, pilot, station):
         station.snapshot = replace(station.snapshot, t_us=START_US + 100_000_000)
         await polled(app, pilot)
@@ -157,7 +157,7 @@ async def test_before_the_first_snapshot():
         await pilot.press("down", "up", "plus", "z", "escape", "question_mark", "escape", "s", "escape")
 
 
-async def test_no_picture_no_pose_no_vehicles():
+async def test_no_frame_no_pose_no_vehicles():
     base = make_snapshot()
     bare = replace(
         base,
@@ -171,7 +171,7 @@ async def test_no_picture_no_pose_no_vehicles():
         uav_heading=math.nan,
     )
     async with running(FakeStation(snapshot=bare), WIDE) as (app, pilot, _):
-        assert "no picture" in screen_text(app)
+        assert "no video" in screen_text(app)
         await pilot.press("down", "1", "2", "3", "c", "plus", "minus")
 
 

@@ -18,7 +18,7 @@ from gcs.tui.draw.halfblock import fit, shrink
 from gcs.tui.draw.map_canvas import chart_cells
 from gcs.tui.draw.pane_layout import PANES, Wish, arranged
 from gcs.tui.draw.strips import bar, fitted, line
-from gcs.tui.draw.video_canvas import box_at, picture_cells
+from gcs.tui.draw.video_canvas import box_at, video_cells
 from gcs.tui.panes.fleet import columns_for
 from gcs.tui.screens.saving import save_new
 from tests.support.fake_station import START_US, STOP_US, FakeTimeline, make_events, make_snapshot
@@ -158,7 +158,7 @@ def test_lines_from_anywhere_stay_in_the_grid(ends):
 
 def test_cells_become_strips_of_equal_neighbours():
     cells = Cells(6, 2, 0)
-    cells.picture(np.array([[INK] * 4, [0] * 4]), 1, 0)
+    cells.image(np.array([[INK] * 4, [0] * 4]), 1, 0)
     cells.text(4, 1, "漢x", INK)
     strips = cells.strips()
     assert [strip.text for strip in strips] == [" ▀▀▀▀ ", "    ·x"]
@@ -167,14 +167,14 @@ def test_cells_become_strips_of_equal_neighbours():
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(160, 45), (80, 24), (10, 40), (1, 1), (200, 3)])
-def test_pictures_keep_their_shape(columns, rows):
+def test_images_keep_their_shape(columns, rows):
     left, top, wide, high = fit(1280, 720, columns, rows)
     assert left + wide <= columns and top + high <= rows and wide >= 1 and high >= 1
     if min(wide, high) > 8:
         assert wide / (2 * high) == pytest.approx(16 / 9, rel=0.1)
 
 
-def test_shrunk_colours_are_near_the_picture():
+def test_shrunk_colours_are_near_the_image():
     image = np.zeros((40, 60, 3), dtype=np.uint8)
     image[:] = (40, 120, 200)
     pixels = shrink(image, 6, 2)
@@ -183,8 +183,8 @@ def test_shrunk_colours_are_near_the_picture():
     assert abs(red - 200) < 16 and abs(green - 120) < 16 and abs(blue - 40) < 20
 
 
-def test_names_stand_on_the_picture_and_boxes_can_be_found_again():
-    rows = text_of(picture_cells(SNAPSHOT, 12, 100, 29))
+def test_names_stand_on_the_image_and_boxes_can_be_found_again():
+    rows = text_of(video_cells(SNAPSHOT, 12, 100, 29))
     for label in ("UGV-11 97%", "UGV-12 99%", "UGV-13? 61%", "~UGV-14 88%"):
         assert any(label in row for row in rows), label
     _, top, columns, _ = fit(1280, 720, 100, 29)
@@ -196,7 +196,7 @@ def test_names_stand_on_the_picture_and_boxes_can_be_found_again():
 
 def test_a_speck_of_a_box_is_still_seen():
     tiny = replace(SNAPSHOT.boxes[4], w=2.0, h=1.0, heading=math.nan)
-    rows = text_of(picture_cells(replace(SNAPSHOT, image=None, boxes=(tiny,)), 0, 40, 12))
+    rows = text_of(video_cells(replace(SNAPSHOT, image=None, boxes=(tiny,)), 0, 40, 12))
     assert sum(0x2800 < ord(letter) <= 0x28FF for row in rows for letter in row) >= 3
 
 

@@ -50,15 +50,15 @@ def test_no_terminal_no_pixels(monkeypatch):
     assert pixel_images("pixels") is None
 
 
-def test_a_picture_for_the_terminal_is_red_green_blue():
+def test_an_image_for_the_terminal_is_red_green_blue():
     pixels = Pixels(widget=ImageStandIn, cell_width=10, cell_height=20)
     image = np.zeros((2, 3, 3), dtype=np.uint8)
     image[..., 2] = 200
-    picture = pixels.picture(image)
-    assert picture.size == (3, 2) and picture.getpixel((0, 0)) == (200, 0, 0)
+    shown = pixels.to_widget(image)
+    assert shown.size == (3, 2) and shown.getpixel((0, 0)) == (200, 0, 0)
 
 
-async def test_pixel_mode_hands_the_drawn_picture_to_the_image_widget(monkeypatch):
+async def test_pixel_mode_hands_the_drawn_image_to_the_image_widget(monkeypatch):
     pixels = Pixels(widget=ImageStandIn, cell_width=10, cell_height=20)
     monkeypatch.setattr(app_module, "pixel_images", lambda graphics: pixels)
     station = FakeStation()

@@ -55,7 +55,7 @@ def test_lens_and_sensor_make_the_field_of_view(world):
     world.feed(information(), T0)
     camera = report(world)
     assert (camera.width, camera.height, camera.source, camera.model) == (1920, 1080, "CAMERA_INFORMATION", "Nadir")
-    # 8 mm behind a sensor of 6.4 mm: 2400 px focal length in a picture of 1920
+    # 8 mm behind a sensor of 6.4 mm: 2400 px focal length in an image of 1920
     assert 960.0 / math.tan(camera.hfov / 2) == pytest.approx(2400.0)
     assert 4.8 / 2 / math.tan(camera.vfov / 2) == pytest.approx(8.0, abs=1e-5)
 

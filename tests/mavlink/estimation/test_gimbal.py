@@ -177,7 +177,7 @@ def test_place_of_the_middle_tells_the_frame_of_a_cameras_attitude(world, told):
     assert top == pytest.approx([math.sin(yaw), math.cos(yaw), 0], abs=1e-3)
 
 
-def test_cameras_attitude_that_contradicts_its_own_picture_is_refused(world):
+def test_cameras_attitude_that_contradicts_its_own_image_is_refused(world):
     world.feed(fov(quaternion_from_euler(0.0, -0.8, 2.0), middle(-0.8, -1.0)), T0 + S)
     assert attitude(world) is None
     assert "CAMERA_FOV_STATUS not used: its attitude does not look at the place" in texts(world)[0]

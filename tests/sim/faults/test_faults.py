@@ -84,7 +84,7 @@ def test_sloping_ground_is_seen_and_reported_at_its_height():
     # the road runs east, uphill: z = tan 5° · east
     np.testing.assert_allclose(said.p_enu[:, 2], np.tan(np.radians(5.0)) * said.p_enu[:, 0], atol=1e-9)
     np.testing.assert_allclose(said.v_enu[:, 2], np.tan(np.radians(5.0)) * said.v_enu[:, 0], atol=1e-9)
-    # what the picture's middle shows lies below the UAV on the slope
+    # what the image's middle shows lies below the UAV on the slope
     view, uav = world.view(10.0), world.at(10.0).uav.p_enu
     along, across = ray_ground(view, [960.0, 540.0])[:2]
     assert along * np.cos(np.radians(5.0)) == pytest.approx(uav[0], abs=0.05)

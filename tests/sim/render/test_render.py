@@ -90,7 +90,7 @@ def test_a_body_is_drawn_where_it_projects_to(view):
 
 
 def test_a_body_far_from_the_optical_axis_is_drawn():
-    """A picture cut from the side of a wider one shows what its middle shows."""
+    """An image cut from the side of a wider one shows what its middle shows."""
     view = replace(camera(focal=1600.0, p_enu=(-15.0, 4.0, 40.0)), cx=-400.0)
     style = Style(ground=PLAIN, exposure=STILL, shadow=0.0, models={UGV: crate(inset=0.0, lid=PAINT)})
     image = Renderer(Scene(), style).draw(view, bodies((UGV, 3.0, 4.0, 0.6, 4.0, 2.0, 0.02))).astype(int)
@@ -148,7 +148,7 @@ def test_the_sky_lies_above_the_horizon():
     assert (image[350, 320] != SKY).any()
 
 
-def test_a_picture_with_nothing_but_sky():
+def test_an_image_with_nothing_but_sky():
     image = Renderer(Scene(), Style(ground=PLAIN, exposure=STILL)).draw(camera(60.0), bodies())
     assert (image == SKY).all()
 
@@ -214,7 +214,7 @@ def test_outlines_hold_the_body():
 
 
 def test_models_have_a_front():
-    """No vehicle looks the same turned about: its picture, turned by half a turn, differs clearly."""
+    """No vehicle looks the same turned about: its image, turned by half a turn, differs clearly."""
     style = Style(ground=PLAIN, exposure=STILL, shadow=0.0)
     renderer = Renderer(Scene(), style)
     for kind, size in ((UGV, (2.2, 1.4, 0.9)), (STRANGER, (4.5, 1.8, 1.5))):

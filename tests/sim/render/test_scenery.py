@@ -1,4 +1,4 @@
-"""Scenery makes pictures richer and changes nothing that is true."""
+"""Scenery makes images richer and changes nothing that is true."""
 
 import hashlib
 from dataclasses import replace
@@ -41,16 +41,16 @@ def test_nothing_of_it_is_a_vehicle(world):
     assert all(kind == OCCLUDER or kind >= FIRST_KIND for kind in dressing.bodies.kind.tolist())
 
 
-def test_scenery_is_in_the_picture_only(world):
+def test_scenery_is_in_the_image_only(world):
     bare = World(replace(curved_road(), scenery="bare"))
     assert np.array_equal(bare.bodies(3.0).x, world.bodies(3.0).x)
     small = replace(
         curved_road(),
         camera=replace(curved_road().camera, width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0),
     )
-    dressed, again = (Film(World(small)).picture(3.0, 30) for _ in range(2))
+    dressed, again = (Film(World(small)).image(3.0, 30) for _ in range(2))
     assert np.array_equal(dressed, again)
-    plain = Film(World(replace(small, scenery="bare"))).picture(3.0, 30)
+    plain = Film(World(replace(small, scenery="bare"))).image(3.0, 30)
     assert (np.abs(dressed.astype(int) - plain).max(axis=2) > 20).mean() > 0.05
 
 

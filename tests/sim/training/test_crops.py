@@ -61,7 +61,7 @@ def test_labels_straight_down():
     np.testing.assert_allclose(label, [320 + 50, 180 + 30, 22, 14, 1.0], atol=1e-9)
 
 
-def test_one_seed_gives_one_picture(yard, cast):
+def test_one_seed_gives_one_image(yard, cast):
     first, again, other = (crop(yard, cast, np.random.default_rng([5, k])) for k in (0, 0, 1))
     np.testing.assert_array_equal(first.image, again.image)
     np.testing.assert_array_equal(first.boxes, again.boxes)
@@ -80,7 +80,7 @@ def test_crops_hold_their_vehicles_and_nothing_else(yard, cast):
 
 
 def test_every_labelled_vehicle_is_drawn(yard, cast):
-    """Seen from anywhere: without its bodies a picture differs in the middle of every vehicle in sight."""
+    """Seen from anywhere: without its bodies an image differs in the middle of every vehicle in sight."""
     rng = np.random.default_rng(8)
     for _ in range(5):
         view = _random_view(yard, rng, SIDE)
@@ -103,7 +103,7 @@ def test_a_shard_is_what_training_reads(tmp_path):
 
 
 def test_no_body_stands_in_another(yard, cast):
-    """Vehicles of a picture, as rectangles on the ground: the middle line of none runs through another."""
+    """Vehicles of an image, as rectangles on the ground: the middle line of none runs through another."""
     view = camera(height=120.0)
     for seed in range(4):
         things = random_bodies(view, yard, cast, np.random.default_rng(seed))
@@ -171,7 +171,7 @@ def test_every_kind_of_the_table_can_be_drawn():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_footage_keeps_size_and_place(seed):
-    """Whatever happens to a picture, a bright square on dark ground stays where it is."""
+    """Whatever happens to an image, a bright square on dark ground stays where it is."""
     image = np.full((128, 160, 3), 60, np.uint8)
     image[40:72, 56:104] = 220
     out = as_footage(image, np.random.default_rng(seed))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.errors import ScenarioError
-from sim.world.boxes import in_picture, true_boxes, visible_share
+from sim.world.boxes import in_image, true_boxes, visible_share
 from sim.world.presets import curved_road, nominal
 from sim.world.scenario import Flight, Ground, Scenario, Targets
 from sim.world.view import OCCLUDER
@@ -100,10 +100,10 @@ def test_the_same_seed_gives_the_same_world_and_another_does_not(kind):
 
 
 @pytest.mark.parametrize("scenario", [nominal(), curved_road()], ids=lambda s: s.name)
-def test_presets_keep_the_filmed_in_the_picture_and_the_others_out(scenario):
+def test_presets_keep_the_filmed_in_the_image_and_the_others_out(scenario):
     world, filmed = World(scenario), scenario.ground.vehicles
     for t in np.arange(0.0, scenario.duration_s, 0.5):
-        inside = in_picture(world.view(t), true_boxes(world.view(t), world.bodies(t)))
+        inside = in_image(world.view(t), true_boxes(world.view(t), world.bodies(t)))
         assert inside[:filmed].all()
         assert not inside[filmed : scenario.fleet_size].any()
 
@@ -122,7 +122,7 @@ def test_curved_road_has_one_false_target_that_looks_like_ours():
     strangers = np.flatnonzero(world.roles.system_id == 0)
     assert len(strangers) == 1
     assert (world.bodies(0.0).color[strangers[0]] == world.bodies(0.0).color[0]).all()
-    seen = [in_picture(world.view(t), true_boxes(world.view(t), world.bodies(t)))[strangers[0]] for t in range(32)]
+    seen = [in_image(world.view(t), true_boxes(world.view(t), world.bodies(t)))[strangers[0]] for t in range(32)]
     assert 8 < sum(seen) < 32
 
 
@@ -143,7 +143,7 @@ def test_the_uav_keeps_an_oblique_camera_on_the_fleet():
             )
         )
         for t in np.arange(0.0, 20.0, 1.0):
-            assert in_picture(world.view(t), true_boxes(world.view(t), world.bodies(t))).all()
+            assert in_image(world.view(t), true_boxes(world.view(t), world.bodies(t))).all()
 
 
 def test_fifty_vehicles_for_a_minute_take_seconds():

@@ -19,7 +19,7 @@ MIDDLE = BOARD.points.mean(axis=0)
 
 
 def views(n=40, noise_px=0.1, seed=0, **how):
-    """Corners as a camera sees them, without pictures."""
+    """Corners as a camera sees them, without images."""
     rng = np.random.default_rng(seed)
     made = []
     for k, (R, t) in enumerate(poses(n, rng, K, LENS, SIZE, **how)):
@@ -47,7 +47,7 @@ def test_spread_of_the_parameters_is_the_one_that_opencv_gives():
 
 
 def test_spread_of_the_pixels_is_what_many_calibrations_have():
-    """The worst pixel of the picture, over calibrations that differ by their noise alone."""
+    """The worst pixel of the image, over calibrations that differ by their noise alone."""
     u, v = np.meshgrid(np.linspace(0, SIZE[0], 17), np.linspace(0, SIZE[1], 10))
     ideal = cv2.undistortPoints(np.stack([u, v], axis=-1).reshape(-1, 1, 2) - 0.5, K, LENS)[:, 0]
     rays = np.concatenate([ideal, np.ones((len(ideal), 1))], axis=1)
@@ -119,7 +119,7 @@ def test_boards_that_cannot_be_are_refused(bad):
         Board(**{"columns": 9, "rows": 6, "square_m": 0.025, **bad})
 
 
-def test_corners_in_a_picture_are_where_the_camera_shows_them_and_blur_is_seen():
+def test_corners_in_an_image_are_where_the_camera_shows_them_and_blur_is_seen():
     small = (640, 360)
     camera = BoardCamera(small, K * [[0.5], [0.5], [1.0]], LENS)
     rng = np.random.default_rng(2)

@@ -45,7 +45,7 @@ def nadir(yaw=0.0, height=40.0):
 
 
 def one_to_one(lens):
-    """Whether the lens model is usable over the whole test picture."""
+    """Whether the lens model is usable over the whole test image."""
     return fold_radius(np.array(lens)) > 1.15
 
 
@@ -66,7 +66,7 @@ def test_project_agrees_with_opencv(lens, roll, pitch, yaw):
 
 @MODEST
 @given(LENS.filter(one_to_one))
-def test_rays_undo_the_lens_over_the_whole_picture(lens):
+def test_rays_undo_the_lens_over_the_whole_image(lens):
     seen = camera(lens)
     u, v = np.meshgrid(np.linspace(0, 1920, 25), np.linspace(0, 1080, 15))
     ideal = (np.stack([u, v], axis=-1) - (seen.cx, seen.cy)) / (seen.fx, seen.fy)
@@ -93,7 +93,7 @@ def test_ground_and_project_are_inverse(roll, pitch, yaw, z):
     np.testing.assert_allclose(back, uv[below], atol=1e-5)
 
 
-def test_nadir_camera_has_the_nose_up_in_the_picture():
+def test_nadir_camera_has_the_nose_up_in_the_image():
     pose = nadir(yaw=np.pi / 2)  # nose east
     uv, _ = project(camera(), pose, [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, -5.0, 0.0]])
     np.testing.assert_allclose(uv[0], [955.0, 548.0], atol=1e-9)
@@ -144,7 +144,7 @@ def test_mount_angles_equal_the_gimbal_that_reports_them():
 
 @MODEST
 @given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.5, 0.5), st.booleans())
-def test_warp_carries_ground_pixels_between_pictures(roll, pitch, yaw, bent):
+def test_warp_carries_ground_pixels_between_images(roll, pitch, yaw, bent):
     seen = camera((-0.05, 0.01, 0.0005, 0.0, 0.0) if bent else (0.0,) * 5)
     before = camera_pose(Mount(kind="fixed"), [0, 0, 40.0], body(0.05, 0.0, 0.1))
     after = camera_pose(Mount(kind="fixed"), [1.0, -2.0, 41.0], body(0.05 + roll / 10, pitch / 10, 0.1 + yaw / 10))
@@ -160,7 +160,7 @@ def test_warp_without_ground_below_is_the_identity():
     np.testing.assert_array_equal(image_warp(camera(), low, nadir(), 0.0), np.eye(3))
 
 
-def test_footprint_is_the_picture_on_the_ground():
+def test_footprint_is_the_image_on_the_ground():
     corners = footprint(Intrinsics(width=1200, height=600, fx=600, fy=600, cx=600, cy=300), nadir(height=30.0), 0.0)
     np.testing.assert_allclose(corners, [[-30, 15], [30, 15], [30, -15], [-30, -15]], atol=1e-9)
 

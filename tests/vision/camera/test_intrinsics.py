@@ -23,7 +23,7 @@ def opencv_pixels(camera, points):
     return cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, camera.distortion)[0][:, 0] + 0.5
 
 
-def test_resized_picture_shows_the_same_at_the_same_share_of_it():
+def test_resized_image_shows_the_same_at_the_same_share_of_it():
     half = resized(CAMERA, 960, 540)
     np.testing.assert_allclose(opencv_pixels(half, POINTS), opencv_pixels(CAMERA, POINTS) / 2, atol=1e-9)
     np.testing.assert_allclose(half.pixels(POINTS)[0], CAMERA.pixels(POINTS)[0] / 2, atol=1e-9)
@@ -32,13 +32,13 @@ def test_resized_picture_shows_the_same_at_the_same_share_of_it():
 
 
 @pytest.mark.parametrize("size", [(1440, 1080), (1080, 1920), (1920, 1200)])
-def test_picture_of_another_aspect_is_refused(size):
-    with pytest.raises(CameraError, match=f"pictures of 1920×1080, these are {size[0]}×{size[1]}.*calibrate"):
+def test_image_of_another_aspect_is_refused(size):
+    with pytest.raises(CameraError, match=f"images of 1920×1080, these are {size[0]}×{size[1]}.*calibrate"):
         resized(CAMERA, *size)
 
 
-def test_digital_zoom_is_the_middle_of_the_picture_enlarged():
-    """Cut the middle half out of a drawn picture, enlarge it, and look where its points are."""
+def test_digital_zoom_is_the_middle_of_the_image_enlarged():
+    """Cut the middle half out of a drawn image, enlarge it, and look where its points are."""
     near = CAMERA.pixels(POINTS)[0]
     cut = (near - (480.0, 270.0)) * 2.0
     np.testing.assert_allclose(zoomed(CAMERA, 2.0).pixels(POINTS)[0], cut, atol=1e-9)
@@ -46,7 +46,7 @@ def test_digital_zoom_is_the_middle_of_the_picture_enlarged():
     assert zoomed(CAMERA, 1.0) is CAMERA
 
 
-def test_zoom_between_two_pictures_moves_the_ground_as_projection_does():
+def test_zoom_between_two_images_moves_the_ground_as_projection_does():
     pose = camera_pose(Mount(), [0.0, 0.0, 40.0], np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1.0]]))
     plain = Intrinsics(width=1920, height=1080, fx=1200, fy=1200, cx=950, cy=545)
     later = zoomed(plain, 1.7)

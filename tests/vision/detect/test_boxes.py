@@ -141,7 +141,7 @@ def test_letterbox_shows_a_square_where_it_says():
     np.testing.assert_allclose(fit.undo_points(centre), [330.0, 230.0], atol=0.05)
 
 
-def test_letterbox_leaves_a_fitting_picture_alone():
+def test_letterbox_leaves_a_fitting_image_alone():
     image = np.arange(64 * 64 * 3, dtype=np.uint8).reshape(64, 64, 3)
     canvas, fit = letterbox(image, (64, 64))
     np.testing.assert_array_equal(canvas, image)

@@ -120,13 +120,13 @@ def test_unknown_ground_resolution_still_finds(renderer, detector, gsd_m):
 
 
 @pytest.mark.parametrize("size", [(1, 1), (40, 30), (333, 517), (1000, 90), (720, 1280)])
-def test_any_size_of_picture_is_taken(detector, size):
+def test_any_size_of_image_is_taken(detector, size):
     image = np.full((size[1], size[0], 3), 90, np.uint8)
     for gsd_m in (None, 1e-4, 0.03, 5.0):
         assert len(detector.detect(image, gsd_m=gsd_m)) == 0
 
 
-def test_a_vehicle_at_an_odd_place_of_an_odd_picture(renderer, detector):
+def test_a_vehicle_at_an_odd_place_of_an_odd_image(renderer, detector):
     view = camera(size=(397, 243))
     things = bodies((UGV, 3.3, -1.7, 1.0))
     found = detector.detect(renderer.draw(view, things), gsd_m=40.0 / 1200.0)
@@ -136,16 +136,16 @@ def test_a_vehicle_at_an_odd_place_of_an_odd_picture(renderer, detector):
     assert abs(wrap(found.heading[0] - want[4])) < 0.15
 
 
-def test_same_picture_same_boxes(renderer, detector):
+def test_same_image_same_boxes(renderer, detector):
     image = renderer.draw(camera(), team(3))
     a, b = detector.detect(image), open_detector().detect(image)
     np.testing.assert_array_equal(a.boxes, b.boxes)
 
 
 @pytest.mark.parametrize(
-    ("picture", "seen"), [((1920, 1080), 960), ((3840, 2160), 1920), ((1280, 720), 960), ((640, 480), 640)]
+    ("image", "seen"), [((1920, 1080), 960), ((3840, 2160), 1920), ((1280, 720), 960), ((640, 480), 640)]
 )
-def test_small_pictures_of_unknown_ground_resolution_are_not_made_smaller_still(picture, seen):
+def test_small_images_of_unknown_ground_resolution_are_not_made_smaller_still(image, seen):
     class Session:
         def get_modelmeta(self):
             notes = {"stride": "4", "nominal_length_px": "29", "nominal_length_m": "2.5"}
@@ -162,7 +162,7 @@ def test_small_pictures_of_unknown_ground_resolution_are_not_made_smaller_still(
             return [np.zeros((1, 9, feed["image"].shape[1] // 4, feed["image"].shape[2] // 4), np.float32)]
 
     widths: list[int] = []
-    HeatmapDetector(Session(), "a fake", score=0.3).detect(np.zeros((picture[1], picture[0], 3), np.uint8))
+    HeatmapDetector(Session(), "a fake", score=0.3).detect(np.zeros((image[1], image[0], 3), np.uint8))
     assert widths == [seen]
 
 
@@ -243,8 +243,8 @@ def test_options_of_other_models_are_refused_for_the_bundled_one():
         open_detector(imgsz=640)
 
 
-def test_a_picture_larger_than_any_canvas_is_looked_at_in_tiles(renderer, detector):
-    # vehicles of 13 px: enlarged twofold the picture is wider than a canvas may be
+def test_an_image_larger_than_any_canvas_is_looked_at_in_tiles(renderer, detector):
+    # vehicles of 13 px: enlarged twofold the image is wider than a canvas may be
     view = camera(height=206.0, size=(2300, 240))
     things = bodies(*[(UGV, x, y, x) for x in range(-190, 191, 10) for y in (-5.0, 6.0)])
     quality = measure([detector.detect(renderer.draw(view, things), gsd_m=206.0 / 1200.0)], [truth(view, things)])

@@ -35,7 +35,7 @@ def vehicle(image, cx, cy, length, width, heading):
 
 
 def parade(shape=(40.0, 18.0), n=24):
-    """A picture of n vehicles with headings all round, and their true rows cx, cy, length, width, heading."""
+    """An image of n vehicles with headings all round, and their true rows cx, cy, length, width, heading."""
     image = np.full((480, 720, 3), 40, np.uint8)
     rows = []
     for k in range(n):

@@ -17,7 +17,7 @@ def colours(value):
 
 
 def expected(box, side, margin, value):
-    """A function of picture coordinates at the middles of a crop's pixels."""
+    """A function of image coordinates at the middles of a crop's pixels."""
     cx, cy, w, h, angle = box
     x, y = pixel_middles(side, side)
     along, across = (x / side - 0.5) * w * (1 + margin), (y / side - 0.5) * h * (1 + margin)
@@ -32,7 +32,7 @@ def smooth(x, y):
 
 @pytest.mark.parametrize("angle", np.arange(-3.1, 3.2, 0.7).tolist())
 @pytest.mark.parametrize("size", [(30.0, 14.0), (7.3, 5.1), (90.5, 61.7)])  # as many pixels, enlarged, shrunk
-def test_a_crop_is_the_picture_at_the_box(angle, size):
+def test_a_crop_is_the_image_at_the_box(angle, size):
     image = colours(smooth(*pixel_middles(200, 240)))
     box = np.array([121.3, 97.6, *size, angle])
     (crop,) = rectify(image, box[None], 32, 0.15)
@@ -66,7 +66,7 @@ def test_fine_detail_of_a_large_box_is_averaged_not_skipped(angle):
     np.testing.assert_allclose(crop.astype(float), 127.5, atol=12.0)
 
 
-def test_beyond_the_picture_its_edge_is_repeated():
+def test_beyond_the_image_its_edge_is_repeated():
     image = np.zeros((20, 20, 3), np.uint8)
     image[:, :10] = 200
     (crop,) = rectify(image, [[0.0, 10.0, 16.0, 16.0, 0.0]], 16)

@@ -12,7 +12,7 @@ from gcs.session.session import open_session
 from tests.support.front_model import classifier
 from tests.support.onnx_bytes import FLOAT, UINT8, model
 from tests.support.paths import ROOT
-from tests.vision.detect.test_yolo_detector import ANCHORS, ANY, NAMES, picture, raw, suppressed, yolo
+from tests.vision.detect.test_yolo_detector import ANCHORS, ANY, NAMES, image, raw, suppressed, yolo
 from vision.detect import yolo_layout
 from vision.detect.boxes import prob_iou
 from vision.detect.decode_yolo import MOST_CANDIDATES
@@ -25,7 +25,7 @@ from vision.errors import ModelError
 
 SWARM = ROOT / "sitl_logs" / "ardupilot-swarm"
 SIZES = {
-    "a picture of 200,000 px a side": ({"shape": [1, 3, 200_000, 200_000]}, "the most are"),
+    "an image of 200,000 px a side": ({"shape": [1, 3, 200_000, 200_000]}, "the most are"),
     "one of 2^40 px": ({"shape": [1, 3, 1 << 40, 64]}, "the most are"),
     "a batch of a thousand million": ({"shape": [10**9, 3, 64, 64]}, "the most are"),
     "notes of a hundred million px": (
@@ -68,7 +68,7 @@ def test_thousands_of_boxes_take_a_bounded_time(tmp_path, form, apart):
     out = raw(*boxes, n=len(boxes)) if form == "raw" else suppressed(*boxes, most=len(boxes))
     detector = yolo(tmp_path, out, NAMES | {"end2end": str(form != "raw")})
     began_s = time.process_time()
-    found = detector.detect(picture())
+    found = detector.detect(image())
     assert time.process_time() - began_s < 4.0, "0.1 s on an idle machine, 15 s before"
     assert 0 < len(found) <= 300
     assert detector.dropped.surplus >= len(boxes) - MOST_CANDIDATES
@@ -98,7 +98,7 @@ def test_tiles_full_of_boxes_are_compared_in_bounded_memory():
     assert peak < 300 << 20
 
 
-def test_a_picture_full_of_boxes_costs_a_bounded_time_and_is_told_once():
+def test_an_image_full_of_boxes_costs_a_bounded_time_and_is_told_once():
     analysis = Analysis(open_session(SWARM))
     pipeline = Pipeline(analysis.mission)
     count = 5000
@@ -110,11 +110,11 @@ def test_a_picture_full_of_boxes_costs_a_bounded_time_and_is_told_once():
     began_s, told = time.process_time(), []
     for frame in range(5):
         snapshot = pipeline.frame(frame, int(analysis.times_us[frame]), detections=boxes)
-        told += [event.text for event in snapshot.events if "boxes in a picture" in event.text]
+        told += [event.text for event in snapshot.events if "boxes in a frame" in event.text]
     assert time.process_time() - began_s < 10.0, "0.5 s on an idle machine"
     assert len(snapshot.boxes) <= MOST_BOXES
     assert told == [
-        f"{count} boxes in a picture, of which the {MOST_BOXES} best count: the detector sees what is not there"
+        f"{count} boxes in a frame, of which the {MOST_BOXES} best count: the detector sees what is not there"
     ]
     analysis.close()
 
@@ -154,7 +154,7 @@ def test_a_map_of_another_size_is_refused(tmp_path):
         np.zeros((1, 9, 8, 8)),
     )
     with pytest.raises(ModelError, match="gave a map"):
-        open_detector(path).detect(picture())
+        open_detector(path).detect(image())
 
 
 @pytest.mark.parametrize("options", [{"crop": [3, 100_000, 100_000]}, {"batch": 10**9}])

@@ -1,4 +1,4 @@
-"""Tiles: they cover a picture, and a vehicle at a seam is seen once."""
+"""Tiles: they cover an image, and a vehicle at a seam is seen once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LENGTH = 16
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 900), st.integers(1, 900), st.integers(64, 400), st.integers(64, 400), st.integers(0, 60))
-def test_tiles_cover_the_picture_and_are_no_larger_than_allowed(width, height, wide, high, overlap):
+def test_tiles_cover_the_image_and_are_no_larger_than_allowed(width, height, wide, high, overlap):
     tiles = tile_grid((width, height), (wide, high), overlap)
     covered = np.zeros((height, width), bool)
     for tile in tiles:

@@ -38,7 +38,7 @@ def test_the_same_boxes_as_recorded_from_ultralytics(per_class):
     line = compared("", "", "", theirs[:, :5], ours.boxes)
     assert line.parity
     assert line.theirs > 50
-    assert line.worst_px <= 0.2  # of sides; they stretch a turned box by the picture's x and y, we by their mean
+    assert line.worst_px <= 0.2  # of sides; they stretch a turned box by the image's x and y, we by their mean
     assert line.worst_deg <= 0.01
     np.testing.assert_allclose(ours.score, theirs[:, 5], atol=1e-4)
 

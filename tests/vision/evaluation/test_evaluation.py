@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from vision.detect.boxes import corners, rotated_iou
 from vision.detect.detections import Detections
-from vision.evaluation import Picture, Truth, average_precision, choose, evaluate, match, shard_truth
+from vision.evaluation import LabelledImage, Truth, average_precision, choose, evaluate, match, shard_truth
 from vision.evaluation.matching import ASIDE, FALSE_ALARM, overlap
 from vision.evaluation.report import as_json, as_markdown
 from vision.evaluation.sheet import TILE_PX, worst, worst_sheet
@@ -162,14 +162,14 @@ def test_perfect_detections_are_perfect(scene):
 
 @MODEST
 @given(st.lists(scenes(), min_size=1, max_size=4), st.randoms(use_true_random=False))
-def test_order_of_pictures_detections_and_objects_says_nothing(pictures, random):
+def test_order_of_images_detections_and_objects_says_nothing(images, random):
     def shuffled(pair):
         found, truth = pair
         mask = np.array(random.sample(range(len(truth)), len(truth)))
         return found.take(np.array(random.sample(range(len(found)), len(found)), int)), truth.take(mask)
 
-    # scores differ between pictures, so that no two detections tie
-    spread = [(replace_score(f, 0.001 * k), t) for k, (f, t) in enumerate(pictures)]
+    # scores differ between images, so that no two detections tie
+    spread = [(replace_score(f, 0.001 * k), t) for k, (f, t) in enumerate(images)]
     mixed = [shuffled(pair) for pair in random.sample(spread, len(spread))]
     a, b = (as_json(evaluate(*zip(*pairs, strict=True)), {}) for pairs in (spread, mixed))
     assert a == b
@@ -289,8 +289,8 @@ def test_truth_of_unequal_lengths_is_refused():
 
 def test_worst_frames_come_first_in_their_colours():
     image = np.full((300, 400, 3), 90, np.uint8)
-    good = Picture(name="good", read=lambda: image, truth=truth_of([row(50)]))
-    bad = Picture(name="bad", read=lambda: image, truth=truth_of([row(100, 100), row(300, 100)]))
+    good = LabelledImage(name="good", read=lambda: image, truth=truth_of([row(50)]))
+    bad = LabelledImage(name="bad", read=lambda: image, truth=truth_of([row(100, 100), row(300, 100)]))
     found = [found_of([row(50)], [0.9]), found_of([row(300, 100), row(200, 250)], [0.9, 0.8])]
     assert worst([good, bad], found, 0.3) == [(1, 1, 1)]
     sheet = worst_sheet([good, bad], found, 0.3)

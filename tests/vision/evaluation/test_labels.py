@@ -31,17 +31,17 @@ DOTA = f"imagesource:GoogleEarth\ngsd:0.08\n{words(RING)} large-vehicle 0\n{word
 VISDRONE = "170,108,60,24,1,4,0,1\n10,10,90,60,0,0,0,0\n300,100,20,20,1,1,0,0,\n"
 
 
-def folder_of(root, label, place="pic.txt", picture="pic.png"):
-    for path in (root / picture, root / place):
+def folder_of(root, label, place="pic.txt", image="pic.png"):
+    for path in (root / image, root / place):
         path.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(root / picture), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
+    cv2.imwrite(str(root / image), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
     (root / place).write_text(label)
     return root
 
 
 def only(folder):
-    (picture,) = folder.pictures
-    return picture
+    (image,) = folder.images
+    return image
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ def test_layouts_are_told_from_the_labels(tmp_path, label, form, names):
 
 
 def test_dota_tells_the_ground_resolution_and_what_is_difficult(tmp_path):
-    picture = only(open_folder(folder_of(tmp_path, DOTA)))
-    assert picture.gsd_m == 0.08
-    assert picture.truth.counts.tolist() == [True, False]
+    image = only(open_folder(folder_of(tmp_path, DOTA)))
+    assert image.gsd_m == 0.08
+    assert image.truth.counts.tolist() == [True, False]
 
 
 def test_visdrone_sets_regions_aside_and_tells_what_is_hidden(tmp_path):
@@ -90,7 +90,7 @@ def test_labels_may_lie_in_a_folder_of_their_own(tmp_path, labels):
     folder_of(tmp_path, "", f"{labels}/val/empty.txt", "images/val/empty.png")
     cv2.imwrite(str(tmp_path / "images/val/nobody.png"), np.zeros((9, 9, 3), np.uint8))
     opened = open_folder(tmp_path)
-    assert [(p.name, len(p.truth)) for p in opened.pictures] == [("images/val/a.png", 1), ("images/val/empty.png", 0)]
+    assert [(p.name, len(p.truth)) for p in opened.images] == [("images/val/a.png", 1), ("images/val/empty.png", 0)]
     assert opened.unlabelled == 1
 
 
@@ -135,17 +135,17 @@ def test_broken_labels_name_file_line_and_fault(tmp_path, label, form, message):
         open_folder(folder_of(tmp_path, label), form)
 
 
-def test_folders_without_labels_or_pictures_are_refused(tmp_path):
+def test_folders_without_labels_or_images_are_refused(tmp_path):
     with pytest.raises(LabelError, match="no such folder"):
         open_folder(tmp_path / "none")
     cv2.imwrite(str(tmp_path / "a.png"), np.zeros((9, 9, 3), np.uint8))
-    with pytest.raises(LabelError, match="1 pictures, none with labels"):
+    with pytest.raises(LabelError, match="1 images, none with labels"):
         open_folder(tmp_path)
     with pytest.raises(LabelError, match=r"no crops_\*.npz"):
         open_folder(tmp_path, "shards")
     (tmp_path / "a.txt").write_text(YOLO)
-    (tmp_path / "a.png").write_bytes(b"not a picture")
-    with pytest.raises(LabelError, match=r"a.png: cannot be read as a picture"):
+    (tmp_path / "a.png").write_bytes(b"not an image")
+    with pytest.raises(LabelError, match=r"a.png: cannot be read as an image"):
         open_folder(tmp_path)
 
 
@@ -159,7 +159,7 @@ def write_shard(path, **change):
 
 def test_shards_are_folders_too(tmp_path):
     opened = open_folder(write_shard(tmp_path / "crops_000001.npz").parent)
-    first, second = opened.pictures
+    first, second = opened.images
     assert (opened.format, len(first.truth), len(second.truth)) == ("shards", 2, 0)
     assert first.truth.counts.tolist() == [True, False]
     assert first.truth.heading == pytest.approx([1.0, 2.0])

@@ -1,4 +1,4 @@
-"""Streams that say when their pictures were taken: the pictures' times are that, and not when they came."""
+"""Streams that say when their frames were taken: the frames' times are that, and not when they came."""
 
 import socket
 import struct
@@ -10,7 +10,7 @@ import av
 import pytest
 
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, PIECE, picture
+from tests.support.video_sender import FPS, PIECE, image
 from tests.vision.stream.test_rtp import N, pack
 from vision.stream.exposure_times import EARLY_S, LATE_S, Exposures, klv_time_s, sei_time_s, sender_report
 from vision.stream.stream import VideoStream
@@ -81,7 +81,7 @@ class _Sink:
 
 
 def transport_stream(first_s, *, sei=False, metadata=False):
-    """Datagrams of each of N pictures, the first of which was taken at a Unix time."""
+    """Datagrams of each of N frames, the first of which was taken at a Unix time."""
     sink, pieces = _Sink(), []
     with av.open(sink, "w", format="mpegts", options={"flush_packets": "1", "pat_period": "0.1"}) as container:
         options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
@@ -90,7 +90,7 @@ def transport_stream(first_s, *, sei=False, metadata=False):
         beside = container.add_data_stream("klv") if metadata else None
         for number in range(N):
             taken_s = first_s + number / FPS
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, FPS)
             for packet in stream.encode(frame):
                 if sei:
@@ -108,16 +108,16 @@ def transport_stream(first_s, *, sei=False, metadata=False):
     return pieces
 
 
-def by_picture(datagrams):
+def by_frame(datagrams):
     """RTP packets put together by their time."""
-    pictures = {}
+    frames = {}
     for data in datagrams:
-        pictures.setdefault(int.from_bytes(data[4:8], "big"), []).append(data)
-    return list(pictures.items())
+        frames.setdefault(int.from_bytes(data[4:8], "big"), []).append(data)
+    return list(frames.items())
 
 
 def times_of(port, url, play):
-    """Times of listed pictures, Unix s, and how the stream says that they are known."""
+    """Times of listed frames, Unix s, and how the stream says that they are known."""
     rows = []
     with VideoStream(url, on_frame=lambda index, t_us: rows.append((index, t_us * 1e-6))) as stream:
         thread = threading.Thread(target=play, args=(port,))
@@ -132,7 +132,7 @@ def times_of(port, url, play):
 
 
 def assert_taken(rows, first_s):
-    """Pictures have the times at which they were taken; times go on from those of before the first report."""
+    """Frames have the times at which they were taken; times go on from those of before the first report."""
     late = [t_s - (first_s + index / FPS) for index, t_s in rows[26:]]
     assert len(late) > 5 and max(map(abs, late)) < 0.03, late
 
@@ -165,18 +165,18 @@ def test_transport_streams_with_time_stamps_or_metadata(options, words):
 @pytest.mark.parametrize("shared", [True, False], ids=["on one port", "on the next port"])
 def test_rtp_with_sender_reports(shared):
     port = free_port() & ~1
-    pictures, began = by_picture(pack("h264")[1]), []
+    frames, began = by_frame(pack("h264")[1]), []
 
     def play(port):
         began.append(first_s := time.time() + 0.8 - DELAY_S)
-        source = int.from_bytes(pictures[0][1][0][8:12], "big")
+        source = int.from_bytes(frames[0][1][0][8:12], "big")
 
         def said(number):
-            return report(first_s + number / FPS, pictures[number][0], source) if number % 5 == 4 else None
+            return report(first_s + number / FPS, frames[number][0], source) if number % 5 == 4 else None
 
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             reports = [(port if shared else port + 1, said)]
-            send_at(sock, port, [datagrams for _, datagrams in pictures[:N]], first_s, reports)
+            send_at(sock, port, [datagrams for _, datagrams in frames[:N]], first_s, reports)
 
     rows, told = times_of(port, f"rtp://127.0.0.1:{port}", play)
     assert "RTCP" in told

@@ -43,7 +43,7 @@ class Watched:
         return wait_for(lambda: len(self.rows) >= n, within_s)
 
     def film(self):
-        """(index, number) of all recorded pictures, after a look at their rows."""
+        """(index, number) of all recorded frames, after a look at their rows."""
         self.stream.close()
         assert [index for index, _ in self.rows] == list(range(len(self.rows)))
         times = np.array([t_us for _, t_us in self.rows])
@@ -54,7 +54,7 @@ class Watched:
 
 
 def test_nothing_is_lost_whenever_the_sender_begins(tmp_path):
-    """The port is bound before the process runs and stays so: the first picture sent is the first recorded."""
+    """The port is bound before the process runs and stays so: the first frame sent is the first recorded."""
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)[:40]) as sender:
         assert wait_for(lambda: sender.sent == 40)
         assert watched.shows(39)
@@ -62,7 +62,7 @@ def test_nothing_is_lost_whenever_the_sender_begins(tmp_path):
     assert film == [(k, k) for k in range(40)]
 
 
-def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_pictures(tmp_path):
+def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frames(tmp_path):
     rng = random.Random(5)
     with Watched(tmp_path) as watched:
         for pause_s in (0.0, 0.7, rng.uniform(1.5, 2.5)):
@@ -105,8 +105,8 @@ def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
         assert "started again" in watched.stream.error
         before = len(watched.rows)
         assert watched.shows(before + 20) and watched.stream.process_id != victim
-        picture = watched.stream.latest(5.0)
-        assert picture is not None and picture.index >= before
+        frame = watched.stream.latest(5.0)
+        assert frame is not None and frame.index >= before
     film, video = watched.film()
     numbers = [k for _, k in film]
     assert video.missing <= 2
@@ -203,7 +203,7 @@ def test_a_taken_port_is_told_and_had_once_it_is_free(tmp_path):
 
 
 def test_a_slow_consumer_sees_the_present(tmp_path):
-    """Lag is compared with the pace of the sender: pictures that were sent after the one shown."""
+    """Lag is compared with the pace of the sender: frames that were sent after the one shown."""
     behind = []
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)) as sender:
         while len(behind) < 25:
@@ -225,7 +225,7 @@ def test_times_are_those_of_the_time_stamps_when_the_pace_varies(tmp_path):
     listed = np.array([t_us for _, t_us in watched.rows]) * 1e-6
     stamps = np.array(times_ms[: len(listed)]) * 1e-3
     error = np.abs(np.diff(listed) - np.diff(stamps))[30:]
-    # a picture that comes sooner than all before it moves the clock a little
+    # a frame that comes sooner than all before it moves the clock a little
     assert np.quantile(error, 0.9) < 2e-3
     assert error.max() < 0.02
     offset_s = listed - np.array(sender.stamps_s[: len(listed)])

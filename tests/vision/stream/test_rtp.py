@@ -21,7 +21,7 @@ CODECS = {
 
 
 def pack(codec):
-    """N noisy pictures: the encoder's access units, and the datagrams that FFmpeg sends them in."""
+    """N noisy frames: the encoder's access units, and the datagrams that FFmpeg sends them in."""
     encoder, key, value = CODECS[codec]
     rng = np.random.default_rng(1)
     receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -83,7 +83,7 @@ def test_access_units_come_out_as_they_went_in(packed):
     codec, encoded, datagrams = packed
     depacketizer, units = feed(datagrams)
     assert depacketizer.codec == codec and depacketizer.lost == 0
-    assert len(datagrams) > 1.5 * N  # large pictures were cut in pieces
+    assert len(datagrams) > 1.5 * N  # large frames were cut in pieces
     assert len(units) == N and all(unit.whole for unit in units)
     assert [nals(unit.data) for unit in units] == [nals(unit) for unit in encoded]
     assert {k for k, unit in enumerate(units) if unit.key} >= set(range(0, N, GOP))
@@ -103,7 +103,7 @@ def test_datagrams_in_the_wrong_order_are_put_right(packed):
     assert [nals(unit.data) for unit in units] == [nals(unit) for unit in encoded]
 
 
-def test_a_lost_datagram_costs_its_own_picture(packed):
+def test_a_lost_datagram_costs_its_own_frame(packed):
     _, encoded, datagrams = packed
     drop = set(random.Random(3).sample(range(10, len(datagrams) - 10), 5))
     depacketizer, units = feed([data for k, data in enumerate(datagrams) if k not in drop])
@@ -111,7 +111,7 @@ def test_a_lost_datagram_costs_its_own_picture(packed):
     whole = {unit.time for unit in units if unit.whole}
     by_time = {(k * 90_000 // 25): nals(unit) for k, unit in enumerate(encoded)}
     assert all(nals(unit.data) == by_time[unit.time - units[0].time] for unit in units if unit.whole)
-    # the picture that lost it and at most the one after, when its end was lost
+    # the frame that lost it and at most the one after, when its end was lost
     assert len(whole) >= N - 10
 
 

@@ -1,4 +1,4 @@
-"""A camera over RTSP, played to its faults; and what is said of datagrams that no picture can be made of."""
+"""A camera over RTSP, played to its faults; and what is said of datagrams that no frame can be made of."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Watched:
 
 
 def film(path, rows):
-    """The numbers of all recorded pictures."""
+    """The numbers of all recorded frames."""
     with VideoFile.open(path, np.array([t_us for _, t_us in rows])) as video:
         assert video.missing == 0
         return [number_of(frame.image) for frame in video.frames()]
@@ -63,7 +63,7 @@ def test_a_camera_that_falls_silent_with_its_connection_open_is_stalled_once(tmp
         assert watched.shows_more()
         server.hold.set()
         assert wait_for(lambda: watched.stream.stalled)
-        # FFmpeg keeps the last picture until it gives up: that is no sign of life
+        # FFmpeg keeps the last frame until it gives up: that is no sign of life
         assert not wait_for(lambda: not watched.stream.stalled, 3.0)
         assert wait_for(lambda: "nothing came for 2 s" in watched.stream.error)
         server.hold.clear()
@@ -119,7 +119,7 @@ class Endless:
         ([random.Random(1).randbytes(700) for _ in range(50)], "neither MPEG-TS nor RTP"),
     ],
 )
-def test_why_no_picture_comes_is_told_while_datagrams_come_without_end(monkeypatch, datagrams, said):
+def test_why_no_frame_comes_is_told_while_datagrams_come_without_end(monkeypatch, datagrams, said):
     monkeypatch.setattr(stream_input, "PATIENCE_S", 0.2)
     with pytest.raises(VideoError, match=said):
         stream_input.datagrams(parse_source("rtp://127.0.0.1:5600?codec=h264"), Endless(datagrams), lambda: True)

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, number_of, picture, wait_for
+from tests.support.video_sender import FPS, image, number_of, wait_for
 from vision.errors import VideoError
 from vision.stream.frame_clock import CREEP, ArrivalClock
 from vision.stream.stream import VideoStream
-from vision.video.recording import PictureOrder
+from vision.video.recording import DisplayOrder
 from vision.video.video import VideoFile
 
 
@@ -35,13 +35,13 @@ def encode(target, n, *, kind=None, pace=False, bframes=0, stop=None, gop=10):
                 time.sleep(max(begin + number / FPS - time.monotonic(), 0))
             if stop is not None and stop.is_set():
                 return
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, FPS)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
 
 
-def pictures(stream, within_s=20.0):
+def frames(stream, within_s=20.0):
     """What a file shows, to its end."""
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
@@ -87,7 +87,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     assert stream.recording_error == "" and stream.received == len(rows) >= 2 * FPS
     assert [index for index, _ in rows] == list(range(len(rows)))
     times = np.array([t_us for _, t_us in rows])
-    # a picture is known to be whole when the next one begins, so that the last one's time may be a little ahead
+    # a frame is known to be whole when the next one begins, so that the last one's time may be a little ahead
     assert begin_us < times[0] and times[-1] < end_us + 2e6 / FPS
     assert (np.diff(times) > 0).all()
     # while the first ones are late on a busy machine, the clock still comes nearer
@@ -108,7 +108,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
     ],
 )
 def test_rtp_is_received_as_well(tmp_path, encoder, key, source):
-    """Another codec and another wrapping, found out or named; every picture from the first on."""
+    """Another codec and another wrapping, found out or named; every frame from the first on."""
     port, rows = free_port(), []
     stream = VideoStream(source.format(port=port), tmp_path / "video.mkv", on_frame=lambda *row: rows.append(row))
     extra = ":log-level=none:pools=none" if encoder == "libx265" else ""
@@ -120,7 +120,7 @@ def test_rtp_is_received_as_well(tmp_path, encoder, key, source):
         begin = time.monotonic()
         for number in range(50):
             time.sleep(max(begin + number / FPS - time.monotonic(), 0))
-            container.mux(coded.encode(av.VideoFrame.from_ndarray(picture(number), format="bgr24")))
+            container.mux(coded.encode(av.VideoFrame.from_ndarray(image(number), format="bgr24")))
         container.mux(coded.encode(None))
     assert wait_for(lambda: len(rows) == 50)
     frame = stream.latest(5.0)
@@ -137,7 +137,7 @@ def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
     rows = []
     with VideoStream(str(tmp_path / "clip.mp4"), on_frame=lambda index, _: rows.append(index)) as stream:
         seen, behind = [], []
-        for frame in pictures(stream):
+        for frame in frames(stream):
             assert number_of(frame.image) == frame.index
             seen.append(frame.index)
             behind.append(len(rows) - frame.index)
@@ -149,17 +149,17 @@ def test_a_slow_reader_gets_the_newest_and_the_rest_is_counted(tmp_path):
     assert stream.latest(0.0) is None
 
 
-def test_pictures_stored_out_of_order_are_listed_in_order(tmp_path):
+def test_frames_stored_out_of_order_are_listed_in_order(tmp_path):
     path = tmp_path / "clip.mp4"
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=FPS, options={"x264-params": "bframes=3:b-adapt=0"})
         stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
         for number in range(30):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture(number), format="bgr24")))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image(number), format="bgr24")))
         container.mux(stream.encode(None))
     rows, shown = [], {}
     live = VideoStream(str(path), tmp_path / "copy.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
-    for frame in pictures(live):
+    for frame in frames(live):
         shown[frame.index] = number_of(frame.image)
     live.close()
     assert [index for index, _ in rows] == list(range(30))
@@ -245,7 +245,7 @@ def test_the_least_delay_is_the_anchor_and_may_only_creep_up():
 
 
 def test_order_is_by_time_stamp_and_repeats_are_known():
-    order = PictureOrder()
+    order = DisplayOrder()
     released = [pair for pts, dts in ((0, 0), (3, 1), (1, 1), (2, 2), (6, 3)) for pair in order.add(pts, dts)]
     assert released == [(0, 0), (1, 1), (2, 2), (3, 3)]
     assert order.repeats(2) and order.repeats(6) and not order.repeats(5)

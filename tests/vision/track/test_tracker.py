@@ -21,19 +21,19 @@ MODEST = settings(max_examples=25, deadline=None)
 SEED = st.integers(0, 10_000)
 
 
-def traffic(seed, n=6, pictures=25, noise=1.0, miss=0.05):
-    """Vehicles in lanes 80 px apart; per picture the detections and who they are."""
+def traffic(seed, n=6, frames=25, noise=1.0, miss=0.05):
+    """Vehicles in lanes 80 px apart; per frame the detections and who they are."""
     rng = np.random.default_rng(seed)
     place = np.stack([rng.uniform(100, 500, n), 100 + 80.0 * np.arange(n)], axis=1)
     speed = np.stack([rng.uniform(-120, 120, n), rng.uniform(-5, 5, n)], axis=1)
-    for k in range(pictures):
+    for k in range(frames):
         who = np.nonzero(rng.random(n) >= miss)[0]
         at = place[who] + speed[who] * k * 0.1 + rng.normal(0, noise, (len(who), 2))
         yield boxes(at, score=rng.uniform(0.55, 0.95, len(who)), heading=np.full(len(who), np.pi / 2)), who
 
 
 def identities(tracks, who):
-    """vehicle → track id of the detections of one picture."""
+    """vehicle → track id of the detections of one frame."""
     return {int(who[d]): int(i) for i, d in zip(tracks.track_id, tracks.detection, strict=True) if d >= 0}
 
 
@@ -88,13 +88,13 @@ def test_any_boxes_are_taken_at_most_once_and_ids_are_never_reused(seed):
 @MODEST
 @given(SEED, st.floats(-3, 3), st.floats(0.7, 1.4))
 def test_a_turning_zooming_camera_told_by_warps_changes_nothing(seed, turn, zoom):
-    """Tracking in pictures that a similarity moved equals moving the tracks."""
+    """Tracking in frames that a similarity moved equals moving the tracks."""
     c, s = zoom * np.cos(turn), zoom * np.sin(turn)
     H = np.array([[c, -s, 30.0], [s, c, -20.0], [0.0, 0.0, 1.0]])
     # sizes are relative to the box, so that zooming changes no gate
     params = TrackerParams(centre_noise=0.1)
     still, moving = Tracker(params), Tracker(params)
-    for k, (seen, _) in enumerate(traffic(seed, pictures=12)):
+    for k, (seen, _) in enumerate(traffic(seed, frames=12)):
         a = still.update(seen, k * STEP)
         if k >= 6:
             seen = boxes(
@@ -152,7 +152,7 @@ def test_a_single_sighting_ends_soon_and_a_short_track_after_a_second():
     assert len(short.update(Detections.empty(), 13 * STEP)) == 0
 
 
-def test_dropped_pictures_are_bridged_by_their_time():
+def test_dropped_frames_are_bridged_by_their_time():
     tracker = Tracker()
     for k in (0, 1, 2, 3, 4, 10, 11, 19):
         at = np.array([[100 + 15.0 * k, 50.0], [900 - 15.0 * k, 90.0]])
@@ -230,8 +230,8 @@ def test_a_stitch_may_find_nothing():
     assert tracker.update(boxes([400.0, 400.0]), 5 * STEP, stitch=lambda *_: nothing).track_id.tolist() == [1, 2]
 
 
-def test_a_track_that_left_the_picture_gives_its_id_to_nobody():
-    tracker = Tracker(TrackerParams(picture=(640, 480)))
+def test_a_track_that_left_the_frame_gives_its_id_to_nobody():
+    tracker = Tracker(TrackerParams(frame_size=(640, 480)))
     for k in range(10):
         tracker.update(boxes([100.0 - 10 * k, 50.0]), k * STEP)
     tracker.update(Detections.empty(), 14 * STEP)
@@ -343,7 +343,7 @@ def test_importing_brings_no_screen():
 
 
 @pytest.mark.parametrize("pause_us", [STEP, 600_000])
-def test_while_no_picture_comes_nobody_loses_its_place_to_a_stranger(pause_us):
+def test_while_no_frame_comes_nobody_loses_its_place_to_a_stranger(pause_us):
     tracker = Tracker()
 
     def nobody_knows(ids, centres):

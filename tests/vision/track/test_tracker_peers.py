@@ -20,15 +20,15 @@ def boxes(*centres):
     )
 
 
-def scored(*pictures):
+def scored(*frames):
     score = Score()
-    for vehicle, track in pictures:
+    for vehicle, track in frames:
         score.see(np.array(vehicle), np.array(track))
     return score.switches, score.fragments, pytest.approx(score.idf1)
 
 
 @pytest.mark.parametrize(
-    ("pictures", "expected"),
+    ("frames", "expected"),
     [
         ([([0, 1], [5, 6]), ([1, 0], [6, 5])], (0, 0, 1.0)),  # all right
         ([([0], [5]), ([0], [6])], (1, 0, 0.5)),  # another track
@@ -37,14 +37,14 @@ def scored(*pictures):
         ([([-1], [5])], (0, 0, 0.0)),  # a track of nothing
     ],
 )
-def test_scores_of_known_answers(pictures, expected):
-    assert scored(*pictures) == expected
+def test_scores_of_known_answers(frames, expected):
+    assert scored(*frames) == expected
 
 
 def test_the_truth_scores_best():
     score = Score()
-    for picture in film(6, 1, 60):
-        score.see(picture.vehicle, picture.vehicle)
+    for frame in film(6, 1, 60):
+        score.see(frame.vehicle, frame.vehicle)
     assert (score.switches, score.fragments, score.idf1) == (0, 0, 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Looking ahead changes when pictures are looked at, and nothing else."""
+"""Looking ahead changes when frames are looked at, and nothing else."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vision.video.video import Frame
 
 
 class Slow:
-    """Says one box whose place is the picture's brightness; the first pictures take longest."""
+    """Says one box whose place is the frame's brightness; the first frames take longest."""
 
     def __init__(self, *, fails_at=None):
         self.at_once = self.most = 0
@@ -34,20 +34,20 @@ class Slow:
         with self._lock:
             self.at_once -= 1
         if value == self._fails_at:
-            raise ModelError(f"picture {value}")
+            raise ModelError(f"frame {value}")
         one = np.array([float(value)])
         return Detections(cx=one, cy=one, w=one, h=one, angle=one * 0, score=one * 0 + gsd_m, heading=one * 0)
 
 
-def pictures(n):
+def frames(n):
     for k in range(n):
         yield Frame(index=k, t_us=1000 * k, image=np.full((4, 4, 3), k, np.uint8))
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
-def test_every_picture_once_in_order_with_its_own_scale(workers):
+def test_every_frame_once_in_order_with_its_own_scale(workers):
     detector = Slow()
-    found = list(look_ahead(pictures(12), detector, lambda frame: frame.t_us * 1e-6, workers=workers))
+    found = list(look_ahead(frames(12), detector, lambda frame: frame.t_us * 1e-6, workers=workers))
     assert [frame.index for frame, _ in found] == list(range(12))
     assert [boxes.cx[0] for _, boxes in found] == list(range(12))
     np.testing.assert_allclose([boxes.score[0] for _, boxes in found], [1e-3 * k for k in range(12)])
@@ -57,7 +57,7 @@ def test_every_picture_once_in_order_with_its_own_scale(workers):
 
 def test_two_at_once():
     detector = Slow()
-    list(look_ahead(pictures(12), detector, lambda _: 0.1, workers=2))
+    list(look_ahead(frames(12), detector, lambda _: 0.1, workers=2))
     assert detector.most == 2
 
 
@@ -65,7 +65,7 @@ def test_leaving_early_looks_at_no_more():
     detector, decoded = Slow(), []
 
     def counted():
-        for frame in pictures(100):
+        for frame in frames(100):
             decoded.append(frame.index)
             yield frame
 
@@ -77,14 +77,14 @@ def test_leaving_early_looks_at_no_more():
     assert not [t for t in threading.enumerate() if t.name.startswith("detect")]
 
 
-def test_what_goes_wrong_is_told_at_its_picture():
-    ahead = look_ahead(pictures(12), Slow(fails_at=5), lambda _: 0.1)
+def test_what_goes_wrong_is_told_at_its_frame():
+    ahead = look_ahead(frames(12), Slow(fails_at=5), lambda _: 0.1)
     seen = []
-    with pytest.raises(ModelError, match="picture 5"):
+    with pytest.raises(ModelError, match="frame 5"):
         for frame, _ in ahead:
             seen.append(frame.index)
     assert seen == [0, 1, 2, 3, 4]
 
 
-def test_no_pictures():
+def test_no_frames():
     assert list(look_ahead(iter(()), Slow(), lambda _: None)) == []

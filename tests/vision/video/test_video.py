@@ -1,4 +1,4 @@
-"""Video files: the number that each picture carries must be the index under which it is found."""
+"""Video files: the number that each frame carries must be the index under which it is found."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from vision.video.video import VideoFile
 WIDTH, HEIGHT, BITS = 160, 96, 10
 
 
-def picture(number):
-    """A picture that shows ``number`` as ten bars, light for 1."""
+def image(number):
+    """A frame that shows ``number`` as ten bars, light for 1."""
     image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
     for bit in range(BITS):
         if number >> bit & 1:
@@ -35,7 +35,7 @@ def number_of(image):
 
 
 def write(path, pts_ms, *, gop=12, bframes=2):
-    """A clip whose i-th picture is shown at ``pts_ms[i]`` and carries the number i."""
+    """A clip whose i-th frame is shown at ``pts_ms[i]`` and carries the number i."""
     with av.open(str(path), "w") as container:
         options = {"preset": "ultrafast", "x264-params": f"bframes={bframes}"}
         stream = container.add_stream("libx264", rate=30, options=options)
@@ -43,7 +43,7 @@ def write(path, pts_ms, *, gop=12, bframes=2):
         stream.codec_context.gop_size = gop
         stream.codec_context.time_base = Fraction(1, 1000)
         for number, pts in enumerate(pts_ms):
-            frame = av.VideoFrame.from_ndarray(picture(number), format="bgr24")
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts, frame.time_base = int(pts), Fraction(1, 1000)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
@@ -64,7 +64,7 @@ def container(request):
 
 
 @pytest.mark.parametrize("rhythm", [steady, varying])
-def test_every_picture_is_found_under_its_number(tmp_path, container, rhythm):
+def test_every_frame_is_found_under_its_number(tmp_path, container, rhythm):
     pts = rhythm(60)
     with VideoFile.open(write(tmp_path / f"clip.{container}", pts), start_us=1_000_000) as video:
         assert (video.n, video.width, video.height, video.mismatch) == (60, WIDTH, HEIGHT, 0)
@@ -103,7 +103,7 @@ def test_given_times_are_used(tmp_path):
 
 
 @pytest.mark.parametrize(("rows", "n", "mismatch"), [(25, 20, 5), (15, 15, -5)])
-def test_the_shorter_of_times_and_pictures_counts(tmp_path, rows, n, mismatch):
+def test_the_shorter_of_times_and_frames_counts(tmp_path, rows, n, mismatch):
     with VideoFile.open(write(tmp_path / "clip.mp4", steady(20)), np.arange(rows) * 40_000) as video:
         assert (video.n, video.mismatch) == (n, mismatch)
         assert len(list(video.frames())) == n
@@ -124,7 +124,7 @@ def test_a_file_cut_short_plays_what_is_there(tmp_path, kind):
         assert number_of(video.read(video.n // 2).image) == video.n // 2
 
 
-def test_a_stream_that_begins_between_key_pictures_starts_at_the_first(tmp_path):
+def test_a_stream_that_begins_between_key_frames_starts_at_the_first(tmp_path):
     path = write(tmp_path / "clip.ts", steady(60), bframes=0)
     whole = path.read_bytes()
     packets = [whole[i : i + 188] for i in range(0, len(whole), 188)]
@@ -158,7 +158,7 @@ def test_an_mp4_without_its_table_is_refused(tmp_path):
 
 
 def broken_off(folder):
-    """20 pictures, then a hole of 3, 15 more, and a file that died before its first; numbers are indices."""
+    """20 frames, then a hole of 3, 15 more, and a file that died before its first; numbers are indices."""
     recording, at = Recording(folder / "video.mkv"), 0
     for first, n in ((0, 20), (23, 15)):
         with av.open(str(write(folder / "part.mp4", steady(first + n), bframes=0, gop=1))) as clip:
@@ -210,8 +210,8 @@ def test_a_file_of_another_recording_is_not_taken_in(tmp_path):
         assert video.n == 10
 
 
-def test_a_cut_recording_keeps_nearly_every_picture(tmp_path):
-    """Bytes up to any place, as after a kill: all but the picture that was being written."""
+def test_a_cut_recording_keeps_nearly_every_frame(tmp_path):
+    """Bytes up to any place, as after a kill: all but the frame that was being written."""
     recording = Recording(tmp_path / "video.mkv")
     sizes = []
     with av.open(str(write(tmp_path / "clip.mp4", steady(250), bframes=0))) as clip:

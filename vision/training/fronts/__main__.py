@@ -82,7 +82,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m vision.training.fronts", description="Train a front classifier.")
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument("--video", type=Path, help="cut crops out of this video")
-    source.add_argument("--crops", type=Path, help="folder of pictures, each cut at an oriented box, length along x")
+    source.add_argument("--crops", type=Path, help="folder of images, each cut at an oriented box, length along x")
     parser.add_argument("--mission", type=Path, help="mission file whose [detector] finds the vehicles")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--weights", type=Path, help="ResNet-18 of torchvision (.pth); default: the bundled classifier")

@@ -1,4 +1,4 @@
-"""Crops to learn from: out of a video with any detector, or a folder of pictures that are crops already.
+"""Crops to learn from: out of a video with any detector, or a folder of images that are crops already.
 
 A crop has the vehicle's longer side along x, the front at either end; it is half as long again as it is high, whatever
 the vehicle, so that no box in it is square. Crops of a video keep more of the surroundings than a classifier sees, for
@@ -35,7 +35,7 @@ WIDE = 0.5
 """Margin of the crops of a video."""
 LEAST_PX = 8.0
 """A vehicle of a shorter box shows no front."""
-PICTURES = (".png", ".jpg", ".jpeg")
+IMAGES = (".png", ".jpg", ".jpeg")
 COLUMNS = ("crop", "frame", "cx", "cy", "w", "h", "angle", "score")
 log = logging.getLogger(__name__)
 
@@ -97,18 +97,18 @@ def collect_video(path: Path, detector: Detector, out: Path, frames: int, most: 
 
 
 def collect_folder(path: Path, out: Path, most: int) -> None:
-    """Take pictures of a folder for crops of boxes without a margin; one that is upright is turned by a quarter."""
+    """Take images of a folder for crops of boxes without a margin; one that is upright is turned by a quarter."""
     folder = out / "crops"
     folder.mkdir(parents=True, exist_ok=True)
     rows: list[tuple[float, ...]] = []
-    for image in _pictures(path):
+    for image in _images(path):
         if len(rows) < most:
             height, width = image.shape[:2]
             box = canonical([[width / 2, height / 2, width, height, 0.0]])
             cv2.imwrite(str(_path(folder, len(rows))), _cut(image, box[0], 0.0))
             rows.append((len(rows), len(rows), *box[0].tolist(), 1.0))
     if not rows:
-        raise VideoError(f"{path}: no picture in it; a folder of {', '.join(PICTURES)} is needed, one vehicle on each")
+        raise VideoError(f"{path}: no image in it; a folder of {', '.join(IMAGES)} is needed, one vehicle on each")
     _write(out / "crops.csv", rows)
     log.info("%d crops of %s", len(rows), path)
 
@@ -122,18 +122,18 @@ def read_crops(out: Path, margin: float) -> Crops:
         path = _path(out / "crops", number)
         image = cv2.imread(str(path), cv2.IMREAD_COLOR)
         if image is None or image.shape != images.shape[1:]:
-            raise VideoError(f"{path}: is gone or another picture; delete {out / 'crops.csv'} and run again")
+            raise VideoError(f"{path}: is gone or another image; delete {out / 'crops.csv'} and run again")
         images[number] = image
     return Crops(images=images, margin=margin, length_px=length_px)
 
 
-def _pictures(path: Path) -> Iterator[Image]:
+def _images(path: Path) -> Iterator[Image]:
     if not path.is_dir():
         raise VideoError(f"{path}: no such folder of crops")
-    for file in sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES):
+    for file in sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGES):
         image = cv2.imread(str(file), cv2.IMREAD_COLOR)
         if image is None:
-            log.warning("%s: cannot be read as a picture and is left out", file)
+            log.warning("%s: cannot be read as an image and is left out", file)
             continue
         yield np.asarray(image, dtype=np.uint8)
 
@@ -144,7 +144,7 @@ def _cut(image: Image, box: NDArray[np.float64], margin: float) -> Image:
 
 
 def _whole(boxes: NDArray[np.float64], image: Image) -> NDArray[np.bool_]:
-    """(n,) whether the whole box is in the picture."""
+    """(n,) whether the whole box is in the image."""
     points = corners(boxes)
     inside = (points >= 0.0) & (points <= (image.shape[1], image.shape[0]))
     return np.asarray(inside.all(axis=(1, 2)))

@@ -1,4 +1,4 @@
-"""How an exported classifier does through ``vision.detect.front``, by the length of vehicles in the picture."""
+"""How an exported classifier does through ``vision.detect.front``, by the length of vehicles in the image."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def quality(model: Path, held_out: Vehicles, length_px: NDArray[np.float64], see
     Args:
         model: an ONNX file.
         held_out: n vehicles.
-        length_px: (n,) of the vehicles in the pictures that they come from.
+        length_px: (n,) of the vehicles in the images that they come from.
         seed: of the jitter.
 
     Returns:

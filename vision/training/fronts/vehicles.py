@@ -26,7 +26,7 @@ SQUARE = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicles:
-    """n pictures with a vehicle each."""
+    """n images with a vehicle each."""
 
     images: Image
     """(n, P, P, 3) BGR."""

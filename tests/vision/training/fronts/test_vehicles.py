@@ -106,7 +106,7 @@ def test_crops_of_a_folder(tmp_path):
     wide[:, 20:] = 200
     cv2.imwrite(str(folder / "a.png"), wide)
     cv2.imwrite(str(folder / "b.png"), np.rot90(wide))  # upright
-    (folder / "c.jpg").write_text("no picture")
+    (folder / "c.jpg").write_text("no image")
     collect_folder(folder, tmp_path, most=10)
     crops = read_crops(tmp_path, 0.0)
     assert len(crops) == 2
@@ -118,7 +118,7 @@ def test_crops_of_a_folder(tmp_path):
 
 
 def test_nothing_to_learn_from_is_told(tmp_path):
-    with pytest.raises(VideoError, match="no picture in it"):
+    with pytest.raises(VideoError, match="no image in it"):
         collect_folder(tmp_path, tmp_path / "out", most=10)
     with pytest.raises(VideoError, match="no such folder"):
         collect_folder(tmp_path / "nowhere", tmp_path / "out", most=10)
