@@ -3,12 +3,13 @@
 GcsError
 ├── ConfigError     a mission or session file that cannot be used
 ├── SessionError    a folder that is no session, or cannot be written
+├── FlightError     a job of a flight that fails again and again
 └── ScoreError      an identity log or truth file that cannot be compared
 """
 
 from __future__ import annotations
 
-__all__ = ["ConfigError", "GcsError", "ScoreError", "SessionError"]
+__all__ = ["ConfigError", "FlightError", "GcsError", "ScoreError", "SessionError"]
 
 
 class GcsError(Exception):

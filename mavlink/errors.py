@@ -3,12 +3,13 @@
 MavlinkError
 ├── LinkError        a link cannot be opened or written
 ├── TlogError        a telemetry log cannot be read or written
+├── SigningError     a key, or what is remembered of signed streams, that cannot be used
 └── GeodesyError     a place on Earth that does not exist
 """
 
 from __future__ import annotations
 
-__all__ = ["GeodesyError", "LinkError", "MavlinkError", "TlogError"]
+__all__ = ["GeodesyError", "LinkError", "MavlinkError", "SigningError", "TlogError"]
 
 
 class MavlinkError(Exception):
@@ -21,6 +22,10 @@ class LinkError(MavlinkError):
 
 class TlogError(MavlinkError):
     """A telemetry log cannot be read or written; the message names the file and why."""
+
+
+class SigningError(MavlinkError):
+    """A key, or what is remembered of signed streams, cannot be used; the message names the file and what to do."""
 
 
 class GeodesyError(MavlinkError):

@@ -1,14 +1,14 @@
 """Errors of the simulator.
 
 SimError
-├── ScenarioError   a scenario that cannot be played: unknown key, wrong type, value out of range, no room
-├── SessionError    a session folder that cannot be written
-└── PlayError       a live play that cannot begin: bad address, truth file in the way
+├── ScenarioError        a scenario that cannot be played: unknown key, wrong type, value out of range, no room
+├── SessionWriteError    a session folder that cannot be written
+└── PlayError            a live play that cannot begin: bad address, truth file in the way
 """
 
 from __future__ import annotations
 
-__all__ = ["PlayError", "ScenarioError", "SessionError", "SimError"]
+__all__ = ["PlayError", "ScenarioError", "SessionWriteError", "SimError"]
 
 
 class SimError(Exception):
@@ -19,7 +19,7 @@ class ScenarioError(SimError):
     """A scenario that cannot be played; the text names the key and what is accepted."""
 
 
-class SessionError(SimError):
+class SessionWriteError(SimError):
     """A session folder that cannot be written; the text names the path."""
 
 

@@ -11,7 +11,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
-from sim.errors import SessionError
+from sim.errors import SessionWriteError
 from sim.telemetry.detections import DetectorModel, truth_rows
 from sim.telemetry.vehicle_telemetry import speak
 from sim.world.scenario import UAV_ID, Scenario
@@ -39,16 +39,20 @@ def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> W
         the world that was recorded.
 
     Raises:
-        SessionError: if the folder exists or cannot be made.
+        SessionWriteError: if the folder exists or cannot be made.
         ScenarioError: if the scenario cannot be played.
     """
     world = World(scenario)
     try:
         folder.mkdir(parents=True, exist_ok=False)
     except FileExistsError as error:
-        raise SessionError(f"{folder}: exists already; recordings are never overwritten, give another name") from error
+        raise SessionWriteError(
+            f"{folder}: exists already; recordings are never overwritten, give another name"
+        ) from error
     except OSError as error:
-        raise SessionError(f"{folder}: cannot be made: {error.strerror}; give a folder that can be written") from error
+        raise SessionWriteError(
+            f"{folder}: cannot be made: {error.strerror}; give a folder that can be written"
+        ) from error
     t, stamps_us = frame_times(scenario)
     save_scenario(scenario, folder / "scenario.toml")
     (folder / METADATA).write_bytes(tomli_w.dumps(session_toml(scenario)).encode())

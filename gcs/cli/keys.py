@@ -19,17 +19,9 @@ from gcs.mission.mission import user_keys
 from gcs.session.log import SessionLog
 from infra.files.segments import segments
 from infra.session_format import LOG, REFUSED
+from mavlink.errors import SigningError
 from mavlink.protocol.packet import Auth
-from mavlink.signing.keys import (
-    FLEET,
-    KEY_LENGTH,
-    KeyRing,
-    SigningError,
-    key_path,
-    passphrase_secret,
-    read_ring,
-    write_key,
-)
+from mavlink.signing.keys import FLEET, KEY_LENGTH, KeyRing, key_path, passphrase_secret, read_ring, write_key
 from mavlink.signing.verifier import RADIO_STATUS, Verifier
 from mavlink.tlog.log import Tlog
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from infra.files.journal import Journal, make_journal
-from mavlink.errors import LinkError, MavlinkError, TlogError
+from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
@@ -25,7 +25,6 @@ from mavlink.links.counters import LinkCounts, now_us
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.url import LinkUrl, parse_url
 from mavlink.protocol.packet import Packet
-from mavlink.signing.keys import SigningError
 
 __all__ = ["Ingest"]
 

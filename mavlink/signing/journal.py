@@ -20,7 +20,7 @@ import struct
 from pathlib import Path
 from zlib import crc32
 
-from mavlink.signing.keys import SigningError
+from mavlink.errors import SigningError
 from mavlink.signing.streams import MOST_STREAMS, Row
 
 __all__ = ["RUN_BYTES", "StreamJournal"]

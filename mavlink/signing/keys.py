@@ -15,19 +15,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from mavlink.errors import MavlinkError
+from mavlink.errors import SigningError
 
-__all__ = ["FLEET", "Key", "KeyRing", "SigningError", "key_path", "passphrase_secret", "read_ring", "write_key"]
+__all__ = ["FLEET", "Key", "KeyRing", "key_path", "passphrase_secret", "read_ring", "write_key"]
 
 FLEET = 0
 """In place of a system id: the key of all systems that have none of their own."""
 KEY_LENGTH = 32
 SIGNATURE_BYTES = 6
 _POSIX = os.name == "posix"
-
-
-class SigningError(MavlinkError):
-    """A key, or what is remembered of signed streams, cannot be used; the message names the file and what to do."""
 
 
 class Key:

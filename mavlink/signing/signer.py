@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from mavlink.errors import SigningError
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import MAGIC_V2
-from mavlink.signing.keys import Key, SigningError
+from mavlink.signing.keys import Key
 from mavlink.signing.streams import ticks_of
 from mavlink.signing.verifier import SIGNED
 

@@ -20,8 +20,9 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 
+from mavlink.errors import SigningError
 from mavlink.signing.journal import RUN_BYTES, StreamJournal
-from mavlink.signing.keys import SigningError, read_ring
+from mavlink.signing.keys import read_ring
 from mavlink.signing.streams import SECOND, Row, Streams, ticks_of
 from mavlink.signing.verifier import RADIO_STATUS, Keyless, Verifier
 

@@ -18,10 +18,11 @@ from dataclasses import replace
 from hmac import compare_digest
 from typing import Literal
 
+from mavlink.errors import SigningError
 from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.framing import SIGNATURE_LENGTH, checksum
 from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
-from mavlink.signing.keys import KeyRing, SigningError
+from mavlink.signing.keys import KeyRing
 from mavlink.signing.streams import AHEAD, Streams, ticks_of
 
 __all__ = ["RADIO_STATUS", "SETUP_SIGNING", "TELLING", "Keyless", "Verifier", "without_secret"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim.errors import SessionError
+from sim.errors import SessionWriteError
 from sim.session import frame_times, write_session
 from sim.world.presets import curved_road
 from sim.world.scenario import Blackout, Camera, Timing
@@ -96,14 +96,14 @@ def test_equal_scenarios_give_equal_bytes(folder, tmp_path):
 
 def test_a_folder_is_never_overwritten(folder):
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
-    with pytest.raises(SessionError, match="exists already"):
+    with pytest.raises(SessionWriteError, match="exists already"):
         write_session(SHORT, folder)
     assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(SessionError, match=r"file/session: cannot be made"):
+    with pytest.raises(SessionWriteError, match=r"file/session: cannot be made"):
         write_session(SHORT, tmp_path / "file" / "session")
 
 

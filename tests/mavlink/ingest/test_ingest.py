@@ -7,13 +7,13 @@ import time
 
 import pytest
 
-from mavlink.errors import LinkError, TlogError
+from mavlink.errors import LinkError, SigningError, TlogError
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Auth
-from mavlink.signing.keys import SigningError, write_key
+from mavlink.signing.keys import write_key
 from tests.support.ingest_runs import HOST, is_free, recorded, some_frames, until, wait_for
 from tests.support.ports import free_port
 

@@ -10,7 +10,8 @@ import pytest
 from rich.console import Console
 from rich.traceback import Traceback
 
-from mavlink.signing.keys import FLEET, Key, KeyRing, SigningError, key_path, passphrase_secret, read_ring, write_key
+from mavlink.errors import SigningError
+from mavlink.signing.keys import FLEET, Key, KeyRing, key_path, passphrase_secret, read_ring, write_key
 from mavlink.signing.signer import Signer
 from mavlink.signing.store import StreamStore
 from mavlink.signing.verifier import Verifier

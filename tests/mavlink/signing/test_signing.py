@@ -6,11 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
+from mavlink.errors import SigningError
 from mavlink.protocol import decode
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import FrameCounts, checksum, split
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.signing.keys import Key, KeyRing, SigningError
+from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.signer import Signer
 from mavlink.signing.streams import AHEAD, BEHIND, MOST_STREAMS, SECOND, Streams
 from mavlink.signing.verifier import RADIO_STATUS, TELLING, Verifier, without_secret

@@ -8,8 +8,9 @@ import time
 
 import pytest
 
+from mavlink.errors import SigningError
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.signing.keys import SigningError, write_key
+from mavlink.signing.keys import write_key
 from mavlink.signing.store import SLOTS, StreamStore, open_verifier
 from mavlink.signing.streams import AHEAD, MOST_STREAMS, SECOND, Row, Streams, ticks_of
 from mavlink.signing.verifier import Verifier

@@ -22,7 +22,7 @@ import numpy as np
 import torch
 
 from vision.detect.front import BUNDLED_FRONT, open_front_classifier
-from vision.errors import VisionError
+from vision.errors import LabelError, VisionError
 from vision.training.fronts.cluster import Clusters, ends_apart, paired_kmeans
 from vision.training.fronts.collect import WIDE, Crops, collect_folder, collect_video, detector_of, read_crops
 from vision.training.fronts.features import features, guesses, pretrained
@@ -31,7 +31,6 @@ from vision.training.fronts.quality import quality, write_quality
 from vision.training.fronts.sheets import (
     UNDECIDED,
     Corrections,
-    CorrectionsError,
     draw_sheets,
     fronts,
     read_corrections,
@@ -49,7 +48,7 @@ def main() -> None:
     """Do what is still to be done; what cannot be used is told in one line."""
     try:
         _run(_arguments())
-    except (VisionError, CorrectionsError) as error:
+    except VisionError as error:
         raise SystemExit(f"error: {error}") from error
 
 
@@ -141,9 +140,7 @@ def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, said: Cor
     known, right = fronts(clusters, said)
     log.info("%d of %d crops have a front", len(known), len(crops))
     if len(known) < LEAST:
-        raise CorrectionsError(
-            f"{args.out / 'corrections.csv'}: too few crops have a front; say right or left of a cluster"
-        )
+        raise LabelError(f"{args.out / 'corrections.csv'}: too few crops have a front; say right or left of a cluster")
     plan = Plan(seed=args.seed, steps=args.steps, side=args.side, margin=margin, every=max(args.steps // 10, 1))
     _forget_if_changed(args.out, known, right, plan)
     facing = np.zeros(len(crops), dtype=bool)

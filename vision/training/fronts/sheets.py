@@ -21,9 +21,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.errors import LabelError
 from vision.training.fronts.cluster import Clusters
 
-__all__ = ["Corrections", "CorrectionsError", "draw_sheets", "fronts", "read_corrections", "write_corrections"]
+__all__ = ["Corrections", "draw_sheets", "fronts", "read_corrections", "write_corrections"]
 
 Image = NDArray[np.uint8]
 RIGHT, LEFT, NONE, UNDECIDED = "right", "left", "none", "?"
@@ -33,10 +34,6 @@ WIDTH, HEIGHT = 96, 64
 """Of a crop on a sheet, px."""
 LINE = 16
 COLUMN_NAMES = ("what", "number", "front")
-
-
-class CorrectionsError(ValueError):
-    """``corrections.csv`` cannot be used; the message says where and why."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +83,7 @@ def read_corrections(path: Path, crops: int, clusters: int) -> Corrections:
     """Read the table back; of two rows for one thing the later counts.
 
     Raises:
-        CorrectionsError: a row that cannot be understood.
+        LabelError: a row that cannot be understood.
     """
     said: dict[str, dict[int, str]] = {"cluster": {}, "crop": {}}
     choices = {"cluster": (RIGHT, LEFT, NONE, UNDECIDED), "crop": (RIGHT, LEFT, NONE, UNDECIDED)}
@@ -94,17 +91,17 @@ def read_corrections(path: Path, crops: int, clusters: int) -> Corrections:
     with path.open(newline="") as file:
         rows = [[cell.strip().lower() for cell in row] for row in csv.reader(file)]
     if not rows or tuple(rows[0]) != COLUMN_NAMES:
-        raise CorrectionsError(f"{path}, line 1: must be {','.join(COLUMN_NAMES)}")
+        raise LabelError(f"{path}, line 1: must be {','.join(COLUMN_NAMES)}")
     for line, row in enumerate(rows[1:], start=2):
         if not any(row):
             continue
         if len(row) != len(COLUMN_NAMES) or row[0] not in said:
-            raise CorrectionsError(f"{path}, line {line}: must be cluster,<number>,<front> or crop,<number>,<front>")
+            raise LabelError(f"{path}, line {line}: must be cluster,<number>,<front> or crop,<number>,<front>")
         what, number, front = row
         if not number.isdecimal() or int(number) >= most[what]:
-            raise CorrectionsError(f"{path}, line {line}: no {what} {number!r}; there are 0 to {most[what] - 1}")
+            raise LabelError(f"{path}, line {line}: no {what} {number!r}; there are 0 to {most[what] - 1}")
         if front not in choices[what]:
-            raise CorrectionsError(f"{path}, line {line}: front is {front!r}; write right, left, none or ?")
+            raise LabelError(f"{path}, line {line}: front is {front!r}; write right, left, none or ?")
         said[what][int(number)] = front
     return Corrections(clusters=said["cluster"], crops=said["crop"])
 

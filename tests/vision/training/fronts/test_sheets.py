@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
+from vision.errors import LabelError
 from vision.training.fronts.cluster import Clusters
 from vision.training.fronts.sheets import (
-    CorrectionsError,
     draw_sheets,
     fronts,
     read_corrections,
@@ -64,7 +64,7 @@ def test_a_crop_s_own_row_counts_before_its_cluster_s(tmp_path):
     ],
 )
 def test_a_row_that_cannot_be_understood_is_told_with_its_line(tmp_path, row, told):
-    with pytest.raises(CorrectionsError) as caught:
+    with pytest.raises(LabelError) as caught:
         read_corrections(table(tmp_path, "cluster,0,right", row), 6, 3)
     assert told in str(caught.value)
     assert "line 3" in str(caught.value)
@@ -73,7 +73,7 @@ def test_a_row_that_cannot_be_understood_is_told_with_its_line(tmp_path, row, to
 def test_a_table_without_its_first_line_is_refused(tmp_path):
     path = tmp_path / "corrections.csv"
     path.write_text("cluster,0,right\n")
-    with pytest.raises(CorrectionsError, match="line 1"):
+    with pytest.raises(LabelError, match="line 1"):
         read_corrections(path, 6, 3)
 
 
