@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,9 @@ __all__ = ["frame_times", "session_toml", "write_session"]
 FloatArray = NDArray[np.float64]
 
 
-def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> World:
+def write_session(
+    scenario: Scenario, folder: Path, *, video: bool = False, report: Callable[[int, int], None] | None = None
+) -> World:
     """Write ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv``, ``scenario.toml`` and what was seen.
 
     Without video, what was seen is ``detections.csv``, and ``truth.csv`` has its rows with the true system ids. With
@@ -34,6 +37,7 @@ def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> W
         scenario: what is flown.
         folder: must not exist yet.
         video: render and encode the video instead of modelling a detector.
+        report: called with the frames that are rendered so far, and all there are.
 
     Returns:
         the world that was recorded.
@@ -63,7 +67,7 @@ def write_session(scenario: Scenario, folder: Path, *, video: bool = False) -> W
         from sim.render.film import write_video
 
         _write_visible_truth(folder / TRUTH.name, world, t)
-        write_video(world, t, folder / "video.mp4")
+        write_video(world, t, folder / "video.mp4", report)
     else:
         _write_detections(folder, world, t)
     return world

@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import note, say
+from gcs.cli.console import AsJson, note, say, say_json
+from gcs.cli.progress import progress
+from gcs.cli.tables import say_table
 from vision.camera.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
 from vision.camera.calibrate import calibrate as fit
 from vision.camera.calibrate_views import Board, chosen, find_views
@@ -16,7 +18,7 @@ from vision.camera.lens_file import lens_text
 from vision.errors import CameraError
 from vision.video.video import VideoFile
 
-__all__ = ["calibrate", "calibration_lines"]
+__all__ = ["calibrate"]
 
 
 def calibrate(
@@ -24,6 +26,7 @@ def calibrate(
     out: Annotated[Path, typer.Option("--out", "-o", help="Lens file to write, for [camera] lens in the mission.")],
     board: Annotated[str, typer.Option(help="Inner corners of the board, where four squares meet.")] = "9x6",
     square: Annotated[float, typer.Option(help="Side of a square, metres.")] = 0.025,
+    as_json: AsJson = False,
 ) -> None:
     """Find a camera's focal length, centre and lens distortion; writes nothing that is not good enough."""
     if out.exists():
@@ -31,33 +34,45 @@ def calibrate(
     if not out.absolute().parent.is_dir():
         raise CameraError(f"{out}: the folder does not exist; create it")
     pattern = _board(board, square)
-    with VideoFile.open(video) as film:
-        found, looked = find_views(film, pattern)
+    with VideoFile.open(video) as film, progress("calibrate") as report:
+        found, looked = find_views(film, pattern, report)
         size = film.width, film.height
     views = chosen(found, MOST_VIEWS)
     note(f"the board is whole and sharp in {len(found)} of {looked} frames, {len(views)} of them differ")
     calibration = fit(views, pattern, size)
-    say(*calibration_lines(calibration))
     against = list(doubts(calibration))
+    if as_json:
+        size_px = {"width": size[0], "height": size[1]}
+        say_json({**size_px, **_values(calibration), **_facts(calibration, video, pattern), "doubts": against})
+    else:
+        _say_figures(calibration)
     if against:
         raise CameraError(f"{out} is not written: {'; '.join(against)}")
     _write(out, lens_text(calibration.intrinsics, _facts(calibration, video, pattern)))
     note(f'wrote {out}; use it with [camera] lens = "{out.name}" in a mission file beside it')
 
 
-def calibration_lines(calibration: Calibration) -> list[str]:
-    """The figures, one a line."""
+def _values(calibration: Calibration) -> dict[str, float]:
     camera = calibration.intrinsics
     values = (camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion.tolist())
+    return dict(zip(PARAMETERS, values, strict=True))
+
+
+def _say_figures(calibration: Calibration) -> None:
+    camera = calibration.intrinsics
     rows = [
-        f"{name:<4} {value:>11.{digits}f}  ± {std:.{digits}f}{unit}"
-        for name, value, std, digits, unit in zip(
-            PARAMETERS, values, calibration.std, (2,) * 4 + (5,) * 5, (" px",) * 4 + ("",) * 5, strict=True
+        (name, f"{value:.{digits}f}", f"± {std:.{digits}f}{unit}")
+        for (name, value), std, digits, unit in zip(
+            _values(calibration).items(),
+            calibration.std,
+            (2,) * 4 + (5,) * 5,
+            (" px",) * 4 + ("",) * 5,
+            strict=True,
         )
     ]
-    head = f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS"
-    rim = f"board seen in {calibration.coverage:.0%} of the image, ±{calibration.pixel_px:.2f} px in its corners"
-    return [head, rim, *rows]
+    say(f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS")
+    say(f"board seen in {calibration.coverage:.0%} of the image, ±{calibration.pixel_px:.2f} px in its corners")
+    say_table(("parameter", "value", "1σ"), rows, right=("value",), head=False)
 
 
 def _board(text: str, square_m: float) -> Board:

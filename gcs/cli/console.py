@@ -16,7 +16,7 @@ import os
 import stat
 import sys
 import termios
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TextIO
 
@@ -32,17 +32,19 @@ from vision.errors import VisionError
 
 __all__ = [
     "BAD_INPUT",
+    "FAR_S",
     "FRAME_SIZE",
     "NOT_AVAILABLE",
     "NO_NAMES",
-    "VIDEO_START",
     "AsJson",
     "Graphics",
     "PlainStream",
+    "VideoStart",
     "explained",
     "frame_size_of",
     "note",
     "quiet_stderr",
+    "range_of",
     "say",
     "say_json",
     "to_file_if_gone",
@@ -53,10 +55,31 @@ BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
 _OF_THE_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
-VIDEO_START = "When a video without frames.csv begins, seconds after the log's first message."
 MOST_PX = 16384
 """No camera has a longer side."""
 Graphics = Literal["auto", "blocks", "pixels"]
+FAR_S = 1e9
+"""Some thirty years: further from its log no video begins."""
+
+
+def range_of(least: float, most: float) -> Callable[[typer.CallbackParam, float | None], float | None]:
+    """A check for the number that an option is given: from least to most, and a number."""
+
+    def checked(param: typer.CallbackParam, value: float | None) -> float | None:
+        if value is not None and not least <= value <= most:
+            raise GcsError(f"{param.opts[0]} {value:g}: give a number from {least:g} to {most:g}")
+        return value
+
+    return checked
+
+
+VideoStart = Annotated[
+    float,
+    typer.Option(
+        callback=range_of(-FAR_S, FAR_S),
+        help="When a video without frames.csv begins, seconds after the log's first message.",
+    ),
+]
 
 
 def frame_size_of(text: str | None) -> tuple[int, int] | None:

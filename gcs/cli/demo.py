@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 
-from gcs.cli.console import NO_NAMES, say
+from gcs.cli.console import NO_NAMES, AsJson, say, say_json
 from gcs.cli.identify import identify_into
 from gcs.cli.replay import show_replay
-from gcs.cli.score import score_lines
+from gcs.cli.rollcall import rollcall_table, say_rollcall
+from gcs.cli.score import say_score
 from gcs.errors import SessionError
 from gcs.report.score import score_files
 from gcs.session.session import open_session
@@ -19,17 +21,21 @@ __all__ = ["demo"]
 BUNDLED = Path(__file__).parents[2] / "sitl_logs" / "curved-road"
 
 
-def demo() -> None:
+def demo(as_json: AsJson = False) -> None:
     """Replay the bundled recording; without a terminal, name its vehicles and print the score."""
     if not BUNDLED.is_dir():
         raise SessionError(f"{BUNDLED}: the bundled recording is not here; run the demo from a wheel or a checkout")
     session = open_session(BUNDLED)
-    if sys.stdout.isatty() and sys.stdin.isatty():
+    if not as_json and sys.stdout.isatty() and sys.stdin.isatty():
         raise SystemExit(show_replay(session, detect=True))
     with tempfile.TemporaryDirectory() as folder:
         calls = identify_into(session, Path(folder), detect=True)
-        say(*calls.lines())
+        score = score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")
+    if as_json:
+        say_json({"identify": rollcall_table(calls), "score": asdict(score)})
+    else:
+        say_rollcall(calls)
         say("")
-        say(*score_lines(score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")))
+        say_score(score)
     if not calls.named:
         raise SystemExit(NO_NAMES)

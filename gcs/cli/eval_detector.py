@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import time
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.cli.console import note, say
+from gcs.cli.console import AsJson, note, range_of, say, say_json
+from gcs.cli.progress import progress
+from gcs.cli.tables import say_table
 from gcs.errors import GcsError
 from infra.files.safe_open import create
 from infra.plain_text import plain
@@ -28,14 +31,21 @@ __all__ = ["eval_detector"]
 
 FLOOR = 0.01
 """Smallest score that average precision sees."""
+GSD_M = (1e-4, 100.0)
+"""From a close-up to a satellite's, metres on the ground per pixel."""
 
 
 def eval_detector(
     folder: Annotated[Path, typer.Argument(help="Labelled images: YOLO-OBB, DOTA, VisDrone-DET, or our own shards.")],
     model: Annotated[Path | None, typer.Option(help="ONNX detector; the bundled one if left out.")] = None,
     front: Annotated[Path | None, typer.Option(help="ONNX classifier of fronts, for boxes without.")] = None,
-    gsd: Annotated[float | None, typer.Option(help="Metres on the ground per pixel; overrides the labels'.")] = None,
-    score: Annotated[float, typer.Option(help="Operating score, of precision, recall and errors.")] = 0.3,
+    gsd: Annotated[
+        float | None,
+        typer.Option(callback=range_of(*GSD_M), help="Metres on the ground per pixel; overrides the labels'."),
+    ] = None,
+    score: Annotated[
+        float, typer.Option(callback=range_of(FLOOR, 1.0), help="Operating score, of precision, recall and errors.")
+    ] = 0.3,
     form: Annotated[str | None, typer.Option("--format", help="yolo, dota, visdrone or shards; else told.")] = None,
     classes: Annotated[str | None, typer.Option(help="Labelled classes that count, by comma; else vehicles.")] = None,
     ignore: Annotated[str | None, typer.Option(help="Classes that count neither way, by comma.")] = None,
@@ -44,15 +54,13 @@ def eval_detector(
         bool, typer.Option("--corners-tell-front", help="The first two corners of a label are its front.")
     ] = False,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Folder for eval.json, eval.md, worst.png.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Measure a detector on a folder of labelled images."""
     from vision.evaluation import evaluate, open_folder
-    from vision.evaluation.report import as_json, as_markdown
+    from vision.evaluation.report import WORDS, as_markdown, tables
+    from vision.evaluation.report import as_json as to_json
 
-    if gsd is not None and not (math.isfinite(gsd) and gsd > 0.0):
-        raise GcsError(f"--gsd {gsd}: wanted metres per pixel above 0")
-    if not FLOOR <= score <= 1.0:
-        raise GcsError(f"--score {score}: wanted {FLOOR} to 1")
     opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
     if opened.unlabelled:
         note(f"{opened.unlabelled} images have no label file and are not judged")
@@ -71,10 +79,15 @@ def eval_detector(
     }
     result = replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
     about = {what: plain(which) for what, which in about.items()}
-    text = as_markdown(result, about)
-    say(*text.rstrip("\n").split("\n"))
+    if as_json:
+        say_json(json.loads(to_json(result, about)))
+    else:
+        for head, rows in tables(result, about):
+            say_table(head, rows, right=head[1:] if head[0] != "what" else ())
+            say("")
+        say(*WORDS.split("\n"))
     if out is not None:
-        _write(out, as_json(result, about), text, images, found, score)
+        _write(out, to_json(result, about), as_markdown(result, about), images, found, score)
 
 
 def _split(text: str | None) -> list[str] | None:
@@ -122,21 +135,23 @@ def _look(
 ) -> tuple[list[Detections], float]:
     """Detections of each image, and the seconds that all of them took."""
     found, took, blind = [], 0.0, 0
-    for labelled in images:
-        told = labelled.gsd_m if math.isfinite(labelled.gsd_m) else (native if labelled.as_seen else None)
-        used = gsd or told
-        blind += used is None
-        image: NDArray[np.uint8] = labelled.read()
-        began = time.perf_counter()
-        found.append(detector.detect(image, gsd_m=used))
-        took += time.perf_counter() - began
+    with progress("eval-detector") as report:
+        for labelled in images:
+            told = labelled.gsd_m if math.isfinite(labelled.gsd_m) else (native if labelled.as_seen else None)
+            used = gsd or told
+            blind += used is None
+            image: NDArray[np.uint8] = labelled.read()
+            began = time.perf_counter()
+            found.append(detector.detect(image, gsd_m=used))
+            took += time.perf_counter() - began
+            report(len(found), len(images))
     if blind and native is not None:
         note(f"{blind} images of unknown ground resolution: the model sees them at half their size; give --gsd")
     return found, took
 
 
 def _write(
-    out: Path, as_json: str, text: str, images: list[LabelledImage], found: list[Detections], score: float
+    out: Path, figures: str, text: str, images: list[LabelledImage], found: list[Detections], score: float
 ) -> None:
     import cv2
 
@@ -146,7 +161,7 @@ def _write(
     words = text + "\n![worst frames](worst.png)\n"
     try:
         out.mkdir(parents=True, exist_ok=True)
-        for name, data in (("eval.json", as_json.encode()), ("eval.md", words.encode()), ("worst.png", sheet)):
+        for name, data in (("eval.json", figures.encode()), ("eval.md", words.encode()), ("worst.png", sheet)):
             with os.fdopen(create(out / name), "wb") as file:
                 file.write(data)
     except OSError as error:

@@ -8,9 +8,10 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, VIDEO_START, frame_size_of, note
+from gcs.cli.console import FRAME_SIZE, VideoStart, frame_size_of, note
+from gcs.cli.progress import progress
 from gcs.errors import GcsError
-from gcs.export import FORMATS, open_export
+from gcs.export import FORMATS, export_format
 from gcs.playback.analysis import Analysis
 from gcs.session.identity_replay import recorded
 from gcs.session.session import open_session
@@ -25,24 +26,25 @@ def export(
     form: Annotated[str | None, typer.Option("--format", "-f", help=f"One of {', '.join(FORMATS)}.")] = None,
     identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it stands.")] = None,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
-    video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
+    video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
 ) -> None:
     """Write identities as csv, jsonl, or a film with the names drawn in (mp4)."""
-    form = form or out.suffix.lstrip(".")
+    file_format = export_format(form or out.suffix.lstrip("."))
     size = frame_size_of(frame_size)
     analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size))
-    images = form == "mp4"
-    if images and analysis.video is None:
-        analysis.close()
-        raise GcsError(f"{session}: no video in it to draw on; choose csv or jsonl")
     written = 0
     try:
-        sink = open_export(form, out)
-        for snapshot in _snapshots(analysis, identity, images):
-            sink.write(snapshot)
-            written += 1
+        if file_format.needs_images and analysis.video is None:
+            others = " or ".join(name for name, other in FORMATS.items() if not other.needs_images)
+            raise GcsError(f"{session}: no video in it to draw on; choose {others}")
+        sink = file_format(out)
+        with progress("export") as report:
+            for snapshot in _snapshots(analysis, identity, file_format.needs_images):
+                sink.write(snapshot)
+                written += 1
+                report(written, len(analysis.times_us))
         sink.close()
     finally:
         analysis.close()

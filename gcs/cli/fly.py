@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import signal
 import sys
@@ -17,7 +16,20 @@ from typing import Annotated
 import typer
 
 from gcs.cli.arguments import blot_out
-from gcs.cli.console import NO_NAMES, NOT_AVAILABLE, Graphics, note, quiet_stderr, say, to_file_if_gone
+from gcs.cli.console import (
+    FAR_S,
+    NO_NAMES,
+    NOT_AVAILABLE,
+    AsJson,
+    Graphics,
+    note,
+    quiet_stderr,
+    range_of,
+    say,
+    say_json,
+    to_file_if_gone,
+)
+from gcs.cli.rollcall import rollcall_table, say_rollcall
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import Mission, load_mission
@@ -61,9 +73,13 @@ def fly(
     sessions: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("sessions"),
     model: Annotated[Path | None, typer.Option(help="ONNX detector instead of the mission's.")] = None,
     headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
-    duration: Annotated[float | None, typer.Option(help="Stop after so many seconds; without a screen.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(callback=range_of(0.1, FAR_S), help="Stop after so many seconds; without a screen."),
+    ] = None,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
     bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     if video is not None:
@@ -97,8 +113,11 @@ def fly(
     finally:
         sealing.close()
         flight.stop()
-    say(*calls.lines())
-    say(f"{flight.packets} packets received; recorded in {flight.folder}")
+    if as_json:
+        say_json({**rollcall_table(calls), "packets": flight.packets, "folder": str(flight.folder)})
+    else:
+        say_rollcall(calls)
+        say(f"{flight.packets} packets received; recorded in {flight.folder}")
     for line in (*flight.lost, *flight.faults):
         note(line)
     if flight.error:
@@ -149,8 +168,6 @@ def _check(links: tuple[str, ...], duration: float | None, *, screen: bool) -> N
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
     if screen and duration is not None:
         raise GcsError("--duration is for flights without a screen; add --headless")
-    if duration is not None and not 0 < duration < math.inf:
-        raise GcsError(f"--duration {duration:g}: give seconds, more than 0")
 
 
 def _wait(flight: Flight, duration: float | None = None) -> None:

@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, NO_NAMES, VIDEO_START, frame_size_of, note, say
+from gcs.cli.console import FRAME_SIZE, NO_NAMES, AsJson, VideoStart, frame_size_of, note, say_json
+from gcs.cli.progress import progress
+from gcs.cli.rollcall import rollcall_table, say_rollcall
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
 from gcs.report.rollcall import RollCall
@@ -24,16 +26,20 @@ def identify(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="Folder for identity.csv, identity.jsonl, events.jsonl.")],
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
-    video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
+    video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Name the boxes of a recording, faster than real time; same input, same bytes."""
     size = frame_size_of(frame_size)
     opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
     calls = identify_into(opened, out, detect=detect)
-    say(*calls.lines())
+    if as_json:
+        say_json({**rollcall_table(calls), "folder": str(out)})
+    else:
+        say_rollcall(calls)
     if not calls.named:
         raise SystemExit(NO_NAMES)
 
@@ -48,12 +54,13 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
     last: Snapshot | None = None
     blind = False
     try:
-        with IdentityLog(out) as log:
+        with IdentityLog(out) as log, progress("identify") as report:
             events = EventLog(out / "events.jsonl")
             for last in analysis.snapshots(images=False):
                 log.write(last)
                 events.write(last.events)
                 calls.add(last)
+                report(calls.frames, len(analysis.times_us))
                 blind |= last.pose == "no attitude"
             events.close()
     finally:

@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import AsJson, note, say, say_json
+from gcs.cli.tables import say_table
 from gcs.errors import ConfigError
 from gcs.mission.mission import user_keys
 from gcs.session.log import SessionLog
@@ -93,14 +94,15 @@ def list_(keys: _Folder = None, as_json: AsJson = False) -> None:
         say_json({"folder": str(folder), "keys": [{"of": _name(i), "fingerprint": f} for i, f in _fingerprints(ring)]})
         return
     say(f"{folder}: {_count(ring)}")
-    for system_id, fingerprint in _fingerprints(ring):
-        say(f"  {_name(system_id):<10} {fingerprint}")
+    if ring:
+        say_table(("key of", "fingerprint"), ((_name(i), fingerprint) for i, fingerprint in _fingerprints(ring)))
 
 
 @app.command("check")
 def check(
     keys: _Folder = None,
     log: Annotated[list[Path] | None, typer.Option("--log", help="Telemetry log to verify; may be repeated.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Whether a folder is fit to fly with.
 
@@ -110,14 +112,20 @@ def check(
     ring = read_ring(folder)
     if not ring:
         raise SigningError(f"{folder}: no key in it; make one with gcs keys new")
-    say(f"{folder}: {_count(ring)}, readable by their owner only")
-    for shared in _shared(ring):
-        note(f"{' and '.join(map(_name, shared))} have the same key: one of them, stolen, can pose as the others")
+    shared = [[_name(system_id) for system_id in systems] for systems in _shared(ring)]
+    for names in shared:
+        note(f"{' and '.join(names)} have the same key: one of them, stolen, can pose as the others")
     checker = Verifier(ring, steady_ns=lambda: 0)
-    for path in log or []:
+    judged = ((path, verdicts(checker, path)) for path in log or [])
+    if as_json:
+        logs = [{"path": str(path), "verdicts": verdict_rows(counts)} for path, counts in judged]
+        say_json({"folder": str(folder), "keys": len(_fingerprints(ring)), "shared": shared, "logs": logs})
+        return
+    say(f"{folder}: {_count(ring)}, readable by their owner only")
+    for path, counts in judged:
         say("")
-        judged = verdicts(checker, path)
-        say(*log_lines(path, judged), *flight_lines(judged))
+        _say_verdicts(path, counts)
+        say(*flight_lines(counts))
 
 
 def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
@@ -145,20 +153,26 @@ def flight_lines(judged: Counter[tuple[int, Auth, Auth]]) -> list[str]:
     return [*lines, "The flight knew of frames from before it, and what its operator accepted."] if lines else []
 
 
-def log_lines(path: Path, judged: Counter[tuple[int, Auth, Auth]]) -> list[str]:
-    """The verdicts as a table."""
+def verdict_rows(judged: Counter[tuple[int, Auth, Auth]]) -> list[dict[str, object]]:
+    """The verdicts for programs."""
+    return [
+        {"system_id": system_id, "verdict": here.name.lower(), "in_flight": flown.name.lower(), "frames": count}
+        for (system_id, here, flown), count in sorted(judged.items())
+    ]
+
+
+def _say_verdicts(path: Path, judged: Counter[tuple[int, Auth, Auth]]) -> None:
     counts: Counter[tuple[int, Auth]] = Counter()
     for (system_id, here, _), count in judged.items():
         counts[system_id, here] += count
     systems = sorted({system_id for system_id, _ in counts})
     good = sum(count for (_, verdict), count in counts.items() if verdict is Auth.GOOD)
-    lines = [f"{path}: {good} of {counts.total()} frames would be believed"]
+    say(f"{path}: {good} of {counts.total()} frames would be believed")
     shown = [verdict for verdict in Auth if verdict is not Auth.OPEN or any((s, Auth.OPEN) in counts for s in systems)]
-    lines.append(f"{'system':>6}" + "".join(f"{verdict.name.lower():>10}" for verdict in shown))
-    lines += [f"{s:>6}" + "".join(f"{counts[s, verdict]:>10}" for verdict in shown) for s in systems]
+    columns = ("system", *(verdict.name.lower() for verdict in shown))
+    say_table(columns, ((str(s), *(str(counts[s, verdict]) for verdict in shown)) for s in systems), right=columns)
     if Auth.OPEN in shown:
-        lines.append(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
-    return lines
+        say(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
 
 
 def _system_id(who: str) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, VIDEO_START, Graphics, frame_size_of, note, quiet_stderr
+from gcs.cli.console import FRAME_SIZE, Graphics, VideoStart, frame_size_of, note, quiet_stderr
 from gcs.playback.replay import Replay
 from gcs.session.metadata import seal
 from gcs.session.session import Session, open_session
@@ -18,7 +18,7 @@ __all__ = ["replay", "show_replay"]
 def replay(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
-    video_start: Annotated[float, typer.Option(help=VIDEO_START)] = 0.0,
+    video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,

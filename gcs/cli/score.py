@@ -9,10 +9,11 @@ from typing import Annotated
 import typer
 
 from gcs.cli.console import AsJson, say, say_json
+from gcs.cli.tables import say_table
 from gcs.errors import ScoreError
 from gcs.report.score import Score, score_files
 
-__all__ = ["score", "score_lines"]
+__all__ = ["say_score", "score"]
 
 
 def score(
@@ -28,11 +29,11 @@ def score(
     if as_json:
         say_json(asdict(result))
     else:
-        say(*score_lines(result))
+        say_score(result)
 
 
-def score_lines(result: Score) -> list[str]:
-    """The figures, one a line."""
+def say_score(result: Score) -> None:
+    """The figures to read, one a line."""
     rows = (
         ("precision", f"{result.precision:.2%}", "right names of names given"),
         ("coverage", f"{result.coverage:.2%}", "our boxes that got a name"),
@@ -43,6 +44,7 @@ def score_lines(result: Score) -> list[str]:
         ("ECE", f"{result.ece:.4f}", "expected calibration error of the confidence"),
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
     )
-    head = f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named"
-    lines = [head, *(f"{name:<12} {value:>9}  {what}" for name, value, what in rows)]
-    return [*lines, f"{result.skipped} rows could not be used"] if result.skipped else lines
+    say(f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named")
+    say_table(("figure", "value", "what it is"), rows, right=("value",), head=False)
+    if result.skipped:
+        say(f"{result.skipped} rows could not be used")

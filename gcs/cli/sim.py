@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.cli.console import note, say
+from gcs.cli.console import AsJson, note, say, say_json
+from gcs.cli.progress import progress
+from gcs.cli.tables import say_table
 from gcs.errors import GcsError
 from sim.live import play
 from sim.session import write_session
@@ -21,7 +23,9 @@ __all__ = ["sim"]
 
 def sim(
     scenario: Annotated[str, typer.Argument(help=f"A scenario file, or one of {', '.join(PRESETS)}.")],
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Session folder to write.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Session folder to write; else one named as the scenario.")
+    ] = None,
     video: Annotated[bool, typer.Option("--video", help="Render the video instead of ideal detections.")] = False,
     live: Annotated[bool, typer.Option("--live", help="Play in real time over UDP.")] = False,
     telemetry: Annotated[str, typer.Option(help="Where --live sends MAVLink.")] = "udpout:127.0.0.1:14550",
@@ -31,18 +35,26 @@ def sim(
     truth: Annotated[Path | None, typer.Option(help="File for the true boxes that --live shows.")] = None,
     duration: Annotated[float | None, typer.Option(help="Seconds, instead of the scenario's.")] = None,
     seed: Annotated[int | None, typer.Option(help="Instead of the scenario's.")] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Simulate a flight with truth: write a session, or play it live for ``gcs fly``."""
     world = _scenario(scenario, duration, seed)
-    if live == (out is not None):
-        raise GcsError("give either --live or --out FOLDER")
-    if out is not None:
-        write_session(world, out, video=video)
-        note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {out}")
+    if not live:
+        folder = out or Path(Path(scenario).stem)
+        with progress("sim") as report:
+            write_session(world, folder, video=video, report=report)
+        note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {folder}")
         return
-    sent = play(world, telemetry, stream or None, truth_path=truth)
-    for system_id, count in sent.packets.items():
-        say(f"system {system_id}: {count} packets sent")
+    if out is not None:
+        raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
+    with progress("sim") as report:
+        sent = play(
+            world, telemetry, stream or None, truth_path=truth, on_tick=lambda s: report(int(s), int(world.duration_s))
+        )
+    if as_json:
+        say_json(asdict(sent))
+        return
+    say_table(("system", "packets sent"), ((str(i), str(n)) for i, n in sent.packets.items()), right=("packets sent",))
     say(f"{sum(sent.packets.values())} packets and {sent.frames} frames sent, {sent.frames_skipped} frames skipped")
 
 

@@ -12,7 +12,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, say, say_json
+from gcs.cli.console import FAR_S, AsJson, range_of, say, say_json
+from gcs.cli.tables import say_table
 from gcs.cli.tlog_report import check_lines, check_table, repair_lines
 from mavlink.errors import TlogError
 from mavlink.tlog.check import check as examine
@@ -30,6 +31,7 @@ app = typer.Typer(
 )
 # Damaged places listed one by one; a badly damaged log has thousands.
 MOST_DAMAGE = 20
+_OF_A_LOG = range_of(-FAR_S, FAR_S)
 DAMAGED = 5
 """Exit code of a log that is not whole."""
 
@@ -41,11 +43,20 @@ def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")], as_json: A
     if as_json:
         say_json({"path": str(log), **asdict(found), "span_s": found.span_s})
     else:
-        say(*info_lines(log, found))
+        _say_info(log, found)
 
 
-def info_lines(path: Path, found: TlogInfo) -> list[str]:
-    """The summary."""
+def _say_info(path: Path, found: TlogInfo) -> None:
+    say(*_head_lines(path, found), "")
+    rows = (
+        (str(m.system_id), str(m.component_id), m.name, str(m.count), f"{m.rate_hz:.2f}" if m.rate_hz else "-")
+        for m in found.messages
+    )
+    say_table(("system", "component", "message", "count", "Hz"), rows, right=("system", "component", "count", "Hz"))
+    say("", *_damage_lines(found))
+
+
+def _head_lines(path: Path, found: TlogInfo) -> list[str]:
     counts = found.counts
     lines = [f"{path}: {counts.records} messages, {counts.size_bytes} bytes"]
     if found.time_source == "none":
@@ -55,16 +66,15 @@ def info_lines(path: Path, found: TlogInfo) -> list[str]:
         lines.append(f"from {first} for {found.span_s:.1f} s")
     if found.time_source not in ("none", "big-endian"):
         lines.append(f"time stamps are {found.time_source}")
-    lines.append("")
-    lines.append(f"{'system':>6} {'comp':>5}  {'message':<32} {'count':>8} {'Hz':>7}")
-    for row in found.messages:
-        rate = f"{row.rate_hz:7.2f}" if row.rate_hz else "      -"
-        lines.append(f"{row.system_id:>6} {row.component_id:>5}  {row.name:<32} {row.count:>8} {rate}")
-    lines.append("")
-    lines.append(
+    return lines
+
+
+def _damage_lines(found: TlogInfo) -> list[str]:
+    counts = found.counts
+    lines = [
         f"unknown messages {counts.unknown}, bad times {counts.bad_times}, times that go back {counts.backward_steps}, "
         f"damaged bytes {counts.damaged_bytes} in {len(found.damage)} places"
-    )
+    ]
     lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MOST_DAMAGE]]
     if len(found.damage) > MOST_DAMAGE:
         lines.append(f"  and {len(found.damage) - MOST_DAMAGE} more")
@@ -75,7 +85,7 @@ def info_lines(path: Path, found: TlogInfo) -> list[str]:
 def check(
     logs: Annotated[list[Path], typer.Argument(help="Telemetry logs, such as the segments of one flight.")],
     as_json: AsJson = False,
-    most: Annotated[int, typer.Option("--most", min=0, help="Damaged places listed.")] = MOST_DAMAGE,
+    most: Annotated[int, typer.Option("--most", min=0, max=10**9, help="Damaged places listed.")] = MOST_DAMAGE,
 ) -> None:
     """Whether logs are whole, and what is to be known of them. Exit code 0 all whole, 5 any damaged."""
     whole = True
@@ -107,10 +117,18 @@ def repair(
 def cut(
     log: Annotated[Path, typer.Argument(help="Telemetry log.")],
     out: Annotated[Path, typer.Argument(help="New log; must not exist.")],
-    start: Annotated[float | None, typer.Option("--from", help="Seconds from the log's first message.")] = None,
-    stop: Annotated[float | None, typer.Option("--to", help="Seconds from the log's first message.")] = None,
-    message: Annotated[list[int] | None, typer.Option(help="Keep this message id; may be repeated.")] = None,
-    system: Annotated[list[int] | None, typer.Option(help="Keep this system id; may be repeated.")] = None,
+    start: Annotated[
+        float | None, typer.Option("--from", callback=_OF_A_LOG, help="Seconds from the log's first message.")
+    ] = None,
+    stop: Annotated[
+        float | None, typer.Option("--to", callback=_OF_A_LOG, help="Seconds from the log's first message.")
+    ] = None,
+    message: Annotated[
+        list[int] | None, typer.Option(min=0, max=2**24 - 1, help="Keep this message id; may be repeated.")
+    ] = None,
+    system: Annotated[
+        list[int] | None, typer.Option(min=0, max=255, help="Keep this system id; may be repeated.")
+    ] = None,
 ) -> None:
     """Copy a part of a log, undamaged records only, the original untouched."""
     opened = Tlog.open(log)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from gcs.errors import GcsError
 from gcs.export.csv import CsvExport
@@ -12,11 +11,17 @@ from gcs.export.jsonl import JsonlExport
 from gcs.export.video import VideoExport
 from gcs.snapshot import Snapshot
 
-__all__ = ["FORMATS", "CsvExport", "Export", "JsonlExport", "VideoExport", "open_export"]
+__all__ = ["FORMATS", "CsvExport", "Export", "JsonlExport", "VideoExport", "export_format"]
 
 
 class Export(Protocol):
     """An open export file."""
+
+    needs_images: ClassVar[bool]
+    """Whether snapshots must come with their frame's image: decoding takes longer than all the rest."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a file that does not exist yet."""
 
     def write(self, snapshot: Snapshot) -> None:
         """Append one frame."""
@@ -25,16 +30,15 @@ class Export(Protocol):
         """Finish the file."""
 
 
-FORMATS: dict[str, Callable[[Path], Export]] = {"csv": CsvExport, "jsonl": JsonlExport, "mp4": VideoExport}
+FORMATS: dict[str, type[Export]] = {"csv": CsvExport, "jsonl": JsonlExport, "mp4": VideoExport}
 
 
-def open_export(form: str, path: Path) -> Export:
-    """Open an export; the file must not exist yet.
+def export_format(name: str) -> type[Export]:
+    """The export of that name; to be opened with the path of a new file.
 
     Raises:
         GcsError: no such format.
-        SessionError: the file exists or cannot be written.
     """
-    if form not in FORMATS:
-        raise GcsError(f"no export format {form!r}; there are {', '.join(FORMATS)}")
-    return FORMATS[form](path)
+    if name not in FORMATS:
+        raise GcsError(f"no export format {name!r}; there are {', '.join(FORMATS)}")
+    return FORMATS[name]

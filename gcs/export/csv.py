@@ -6,6 +6,7 @@ import csv
 import math
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import ClassVar
 
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
@@ -22,6 +23,8 @@ COLUMNS = (
 
 class CsvExport:
     """Degrees and metres, empty cells for what is unknown."""
+
+    needs_images: ClassVar = False
 
     def __init__(self, path: Path) -> None:
         self._file = open_new(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import ClassVar
 
 from gcs.session.identity_log import json_row
 from gcs.session.line_file import open_new
@@ -24,6 +25,8 @@ HEADER = {
 
 class JsonlExport:
     """null is unknown."""
+
+    needs_images: ClassVar = False
 
     def __init__(self, path: Path) -> None:
         self._file = open_new(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
+from typing import ClassVar
 
 import av
 
@@ -18,6 +19,8 @@ TIME_BASE = Fraction(1, 90_000)
 
 class VideoExport:
     """Frames keep their time stamps, so the film runs in step with the log."""
+
+    needs_images: ClassVar = True
 
     def __init__(self, path: Path) -> None:
         self._file = open_new(path)

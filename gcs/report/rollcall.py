@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from gcs.mission.mission import Mission
 from gcs.snapshot import Snapshot
 
-__all__ = ["RollCall"]
+__all__ = ["RollCall", "RollCallRow"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RollCallRow:
+    """What was seen of one vehicle."""
+
+    system_id: int
+    name: str
+    first_named_s: float
+    """Since the first frame; NaN: never named."""
+    boxes: int
+    """That got its name."""
+    frames_in_view: int
+    """In which it reported to be where the camera looks."""
+    confidence: float
+    """Mean over its boxes; NaN: never named."""
 
 
 @dataclass(slots=True)
@@ -19,7 +36,7 @@ class _Entry:
 
 
 class RollCall:
-    """Adds up snapshots into one line a vehicle."""
+    """Adds up snapshots into one row a vehicle."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
@@ -57,24 +74,21 @@ class RollCall:
         """Vehicles that were named at least once."""
         return sum(entry.boxes > 0 for entry in self._entries.values())
 
-    def lines(self) -> list[str]:
-        """The table, one line a vehicle."""
-        span_s = (self._stop_us - self._start_us) * 1e-6
-        lines = [
-            f"{'id':>3}  {'name':<12} {'first named':>11} {'boxes':>6} {'of frames in view':>17} {'confidence':>10}"
+    @property
+    def span_s(self) -> float:
+        """From the first frame to the last."""
+        return (self._stop_us - self._start_us) * 1e-6
+
+    def rows(self) -> list[RollCallRow]:
+        """One a vehicle, in the mission's order."""
+        return [
+            RollCallRow(
+                system_id=system_id,
+                name=self._mission.name_of(system_id),
+                first_named_s=(entry.first_us - self._start_us) * 1e-6 if entry.boxes else math.nan,
+                boxes=entry.boxes,
+                frames_in_view=entry.frames_in_view,
+                confidence=entry.confidence / entry.boxes if entry.boxes else math.nan,
+            )
+            for system_id, entry in self._entries.items()
         ]
-        for system_id, entry in self._entries.items():
-            name = self._mission.name_of(system_id)
-            if not entry.boxes:
-                seen = "reported in view, never named" if entry.frames_in_view else "never in view"
-                lines.append(f"{system_id:>3}  {name:<12} {seen}")
-                continue
-            first_s = (entry.first_us - self._start_us) * 1e-6
-            share = f"{min(entry.boxes / entry.frames_in_view, 1):.1%}" if entry.frames_in_view else "-"
-            mean = entry.confidence / entry.boxes
-            lines.append(f"{system_id:>3}  {name:<12} {first_s:>10.1f}s {entry.boxes:>6} {share:>17} {mean:>10.1%}")
-        lines.append(
-            f"{self.named} of {len(self._entries)} vehicles named; {self.boxes} boxes in {self.frames} frames, "
-            f"{self.unnamed} unnamed; {span_s:.1f} s"
-        )
-        return lines

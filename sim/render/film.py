@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -37,11 +37,17 @@ class Film:
         return self._renderer.draw(self._world.view(t), bodies, index)
 
 
-def write_video(world: World, t: FloatArray, path: Path) -> None:
+def write_video(world: World, t: FloatArray, path: Path, report: Callable[[int, int], None] | None = None) -> None:
     """Render and encode the frames exposed at t (k,) seconds; the first frame's time stamp is 0.
 
     One encoder thread and no look-ahead: with B-frames x264's output differs from run to run, and equal worlds are to
     give equal bytes.
+
+    Args:
+        world: what is filmed.
+        t: (k,) seconds.
+        path: file to write.
+        report: called with the frames that are encoded so far, and all there are.
     """
     film = Film(world)
     with av.open(str(path), "w") as container:
@@ -52,9 +58,11 @@ def write_video(world: World, t: FloatArray, path: Path) -> None:
         keyframes = str(max(1, round(2 * world.scenario.fps)))
         quality = {"preset": "medium", "crf": str(camera.crf), "g": keyframes}
         stream.options = quality | {"tune": "zerolatency", "threads": "1"}
-        for frame in _frames(film, t):
+        for done, frame in enumerate(_frames(film, t), start=1):
             for packet in stream.encode(frame):
                 container.mux(packet)
+            if report is not None:
+                report(done, len(t))
         for packet in stream.encode():
             container.mux(packet)
 

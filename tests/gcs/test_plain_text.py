@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 
+from gcs.cli.rollcall import say_rollcall
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, Vehicle
 from gcs.report.overlay import draw, label_of
@@ -97,13 +98,16 @@ def test_what_the_command_line_repeats_is_plain(tmp_path):
 
 
 @pytest.mark.parametrize("name", [*filter(None, HOSTILE), *NAMES.values()])
-def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path):
+def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, capsys):
     mission = Mission(uav=Vehicle(system_id=1, name=name), ugv=(Vehicle(system_id=2, name=name),))
     toml = mission_table(mission, {})
     assert is_plain(toml)
     if "\ud800" not in name:
         assert tomllib.loads(toml)["uav"]["name"] == name
-    assert len(RollCall(mission).lines()) == 3
+    say_rollcall(RollCall(mission))
+    printed = capsys.readouterr().out
+    assert is_plain(printed)
+    assert printed.count("\n") == 3
     event = event_row(Event(t_us=1, level="info", kind="text", text=name))
     assert event.isprintable()
     assert json.loads(event)["text"] == plain(name)

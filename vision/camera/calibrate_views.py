@@ -6,7 +6,7 @@ the first one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -68,12 +68,24 @@ class View:
     """(5,) place, size and slant in the image, as shares of it: what makes views different."""
 
 
-def find_views(video: VideoFile, board: Board) -> tuple[list[View], int]:
-    """Sharp views of the whole board, and how many frames were looked at."""
+def find_views(
+    video: VideoFile, board: Board, report: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[list[View], int]:
+    """Sharp views of the whole board, and how many frames were looked at.
+
+    Args:
+        video: film of the board.
+        board: what to look for.
+        report: called with the frames that were read so far, and all there are.
+    """
     step = max(1, -(-video.n // LOOKS))
-    looked = range(0, video.n, step)
-    found = (find_view(frame, board) for frame in video.frames() if frame.index % step == 0)
-    return [view for view in found if view is not None and view.blur_px <= BLURRED_PX], len(looked)
+    views = []
+    for frame in video.frames():
+        report(frame.index + 1, video.n)
+        view = find_view(frame, board) if frame.index % step == 0 else None
+        if view is not None and view.blur_px <= BLURRED_PX:
+            views.append(view)
+    return views, len(range(0, video.n, step))
 
 
 def find_view(frame: Frame, board: Board) -> View | None:

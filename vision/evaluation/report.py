@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from vision.evaluation.measures import Evaluation
 from vision.evaluation.shares import Share
 
-__all__ = ["as_json", "as_markdown"]
+__all__ = ["WORDS", "as_json", "as_markdown", "tables"]
 
 
 def as_json(result: Evaluation, about: Mapping[str, Any]) -> str:
@@ -33,22 +33,33 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any]) -> str:
         result: the figures.
         about: what was judged on what.
     """
-    parts = ["# Detector on labelled images", _table(("what", "which"), [(k, str(v)) for k, v in about.items()])]
-    parts += [_table(("figure", "value"), _figures(result))]
+    parts = ["# Detector on labelled images", *(_markdown(head, rows) for head, rows in tables(result, about))]
+    return "\n\n".join([*parts, WORDS]) + "\n"
+
+
+def tables(result: Evaluation, about: Mapping[str, Any]) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
+    """Names of the columns, and the rows, of each table; numbers are in all columns but the first.
+
+    Args:
+        result: the figures.
+        about: what was judged on what.
+    """
+    yield ("what", "which"), [(k, str(v)) for k, v in about.items()]
+    yield ("figure", "value"), _figures(result)
     for title, shares, with_ap in (
         ("class", result.classes, True),
         ("length, px", result.sizes, False),
         ("occlusion", result.hidden, False),
     ):
         if shares:
-            parts.append(_shares(title, shares, with_ap))
-    return "\n\n".join([*parts, _WORDS]) + "\n"
+            yield _shares(title, shares, with_ap)
 
 
-_WORDS = """\
+WORDS = """\
 AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
 Detections are matched image by image, best score first, each object once. The detector tells no classes: AP50 of a
 class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones."""
+"""What the figures are."""
 
 
 def _figures(r: Evaluation) -> list[tuple[str, str]]:
@@ -74,16 +85,16 @@ def _figures(r: Evaluation) -> list[tuple[str, str]]:
     return rows
 
 
-def _shares(title: str, shares: Sequence[Share], with_ap: bool) -> str:
+def _shares(title: str, shares: Sequence[Share], with_ap: bool) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
     head = (title, "objects", "found", "recall", *(("AP50",) if with_ap else ()))
     rows = []
     for s in shares:
         row = [s.name, str(s.objects), str(s.found), number(s.found / s.objects, 3)]
         rows.append([*row, number(s.ap50, 3)] if with_ap else row)
-    return _table(head, rows)
+    return head, rows
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in lines)
 

@@ -151,7 +151,7 @@ BAD = {
     "a flight of no time": (
         lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "--headless", "--duration", "nan"),
         2,
-        "--duration nan: give seconds",
+        "--duration nan: give a number",
     ),
     "no such film": (
         lambda t: ("fly", SWARM / "session.toml", "-l", "14550", "-v", t / "nothere.mp4", "--sessions", t),

@@ -66,7 +66,7 @@ def test_a_new_key_is_where_it_says_and_not_on_the_screen(keys, tmp_path):
     assert path.parent.stat().st_mode & 0o777 == 0o700
     code, out, _ = keys("list", home=tmp_path)
     assert code == 0
-    assert f"system 7   {Key(secret).fingerprint}" in out
+    assert f"system 7  {Key(secret).fingerprint}" in out
     assert not shown_anywhere(out, secret)
 
 

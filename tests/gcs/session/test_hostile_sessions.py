@@ -7,7 +7,7 @@ import av
 import numpy as np
 import pytest
 
-from gcs.cli.score import score_lines
+from gcs.cli.score import say_score
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import load_mission
 from gcs.playback.analysis import BARE_PAUSE_US, Analysis
@@ -72,7 +72,7 @@ def peak_bytes(work):
         tracemalloc.stop()
 
 
-def test_bad_rows_cost_themselves_and_the_names_stay(tmp_path):
+def test_bad_rows_cost_themselves_and_the_names_stay(tmp_path, capsys):
     folder = session_without(tmp_path)
     assert gcs("identify", folder, "-o", tmp_path / "before")[0] == 0
     for name, rows in ROWS.items():
@@ -89,7 +89,8 @@ def test_bad_rows_cost_themselves_and_the_names_stay(tmp_path):
         assert f"{name}: {count} rows cannot be read and are left out" in stderr
     scored = score_files(folder / "truth.csv", tmp_path / "after" / "identity.csv")
     assert scored.skipped == len(ROWS["truth.csv"])
-    assert f"{scored.skipped} rows could not be used" in score_lines(scored)
+    say_score(scored)
+    assert f"{scored.skipped} rows could not be used" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("frame", [20_000_000_000, 1_000_000_000, 3_000_000, -1])

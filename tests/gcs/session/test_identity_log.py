@@ -3,8 +3,9 @@ import json
 import numpy as np
 import pytest
 
+from gcs.cli.rollcall import say_rollcall
 from gcs.errors import GcsError, SessionError
-from gcs.export import open_export
+from gcs.export import export_format
 from gcs.mission.mission import Mission, Vehicle
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import EventLog
@@ -71,10 +72,10 @@ def test_nothing_is_overwritten(tmp_path):
     for form in ("csv", "jsonl", "mp4"):
         (tmp_path / f"there.{form}").write_text("kept")
         with pytest.raises(SessionError, match="never overwritten"):
-            open_export(form, tmp_path / f"there.{form}")
+            export_format(form)(tmp_path / f"there.{form}")
         assert (tmp_path / f"there.{form}").read_text() == "kept"
     with pytest.raises(GcsError, match="no export format 'gif'"):
-        open_export("gif", tmp_path / "x.gif")
+        export_format("gif")(tmp_path / "x.gif")
 
 
 def test_a_log_read_back_says_the_same(tmp_path):
@@ -98,7 +99,7 @@ def test_events_keep_hostile_text_as_it_came(tmp_path):
 
 
 def test_csv_export_has_names_and_degrees(tmp_path):
-    sink = open_export("csv", tmp_path / "o.csv")
+    sink = export_format("csv")(tmp_path / "o.csv")
     sink.write(snapshot(boxes=[box(1, 2)]))
     sink.close()
     header, row = (line.split(",") for line in (tmp_path / "o.csv").read_text().splitlines())
@@ -108,7 +109,7 @@ def test_csv_export_has_names_and_degrees(tmp_path):
 
 
 def test_film_export_keeps_the_frames_times(tmp_path):
-    sink = open_export("mp4", tmp_path / "o.mp4")
+    sink = export_format("mp4")(tmp_path / "o.mp4")
     image = np.full((48, 64, 3), 90, np.uint8)
     for frame in (0, 1, 5):
         sink.write(snapshot(frame, boxes=[box(2, 2)], image=image))
@@ -119,12 +120,13 @@ def test_film_export_keeps_the_frames_times(tmp_path):
     film.close()
 
 
-def test_roll_call_counts_what_was_seen():
+def test_roll_call_counts_what_was_seen(capsys):
     calls = RollCall(MISSION)
     for frame in range(4):
         calls.add(snapshot(frame, boxes=[box(1, 2 if frame else 0), box(2, 0)]))
     assert (calls.named, calls.boxes, calls.unnamed) == (1, 8, 5)
-    text = "\n".join(calls.lines())
+    say_rollcall(calls)
+    text = capsys.readouterr().out
     assert "Alpha" in text
     assert "75.0%" in text
     assert "never in view" in text

@@ -208,8 +208,6 @@ def test_the_command_looks_at_the_resolution_that_labels_tell(tmp_path, monkeypa
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"gsd": -1.0}, "--gsd"),
-        ({"score": 0.0}, "--score"),
         ({"form": "coco"}, "--format coco"),
         ({"classes": "zebra"}, "zebra|1"),
     ],

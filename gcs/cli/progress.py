@@ -1,0 +1,80 @@
+"""How far long work is: one bar on a terminal, a line now and then where stderr is a file or a pipe."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+from gcs.cli.console import note
+
+__all__ = ["Report", "progress"]
+
+Report = Callable[[int, int], None]
+"""Told how much is done, and of how much."""
+
+_BAR_STEPS = 500
+"""A bar moves in steps of this share of the work: drawing costs the work nothing."""
+LINE_STEP_PERCENT = 10
+"""A line for each tenth of the work ..."""
+LINE_PAUSE_S = 5.0
+"""... but none sooner after another, so that short work prints none."""
+
+
+@contextlib.contextmanager
+def progress(work: str, clock_s: Callable[[], float] = time.monotonic) -> Iterator[Report]:
+    """Show on stderr how far a piece of work is, until the block ends.
+
+    Args:
+        work: what is done, in a word or two.
+        clock_s: seconds that go by.
+
+    Yields:
+        a function to be called with how much is done, and of how much, as often as one likes.
+    """
+    if sys.stderr.isatty() and os.environ.get("TERM", "dumb") != "dumb":
+        with _bar(work) as report:
+            yield report
+    else:
+        yield _lines(work, clock_s)
+
+
+@contextlib.contextmanager
+def _bar(work: str) -> Iterator[Report]:
+    from rich import progress as bars
+    from rich.console import Console
+
+    columns = (
+        bars.TextColumn("{task.description}", markup=False),
+        bars.BarColumn(),
+        bars.TaskProgressColumn(),
+        bars.TimeRemainingColumn(),
+    )
+    # not sys.stderr: what is written there is made plain; what others write there meanwhile goes above the bar
+    terminal = Console(file=sys.__stderr__)
+    with bars.Progress(*columns, console=terminal, transient=True, redirect_stdout=False) as shown:
+        task = shown.add_task(work, total=None)
+        drawn = -1
+
+        def report(done: int, total: int) -> None:
+            nonlocal drawn
+            if (step := done * _BAR_STEPS // max(total, 1)) != drawn:
+                drawn = step
+                shown.update(task, completed=done, total=total)
+
+        yield report
+
+
+def _lines(work: str, clock_s: Callable[[], float]) -> Report:
+    told_percent, told_s = 0, clock_s()
+
+    def report(done: int, total: int) -> None:
+        nonlocal told_percent, told_s
+        percent = 100 * done // max(total, 1)
+        if percent >= told_percent + LINE_STEP_PERCENT and clock_s() >= told_s + LINE_PAUSE_S:
+            told_percent, told_s = percent - percent % LINE_STEP_PERCENT, clock_s()
+            note(f"{work}: {percent} % ({done} of {total})")
+
+    return report

@@ -1,0 +1,51 @@
+"""The roll call, printed: at the end of flights and of identifications."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from gcs.cli.console import say
+from gcs.cli.tables import say_table
+from gcs.report.rollcall import RollCall, RollCallRow
+
+__all__ = ["rollcall_table", "say_rollcall"]
+
+_COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confidence", "remark")
+
+
+def say_rollcall(calls: RollCall) -> None:
+    """The roll call to read: one line a vehicle, and the sum."""
+    say_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]))
+    say(
+        f"{calls.named} of {len(calls.rows())} vehicles named; {calls.boxes} boxes in {calls.frames} frames, "
+        f"{calls.unnamed} unnamed; {calls.span_s:.1f} s"
+    )
+
+
+def rollcall_table(calls: RollCall) -> dict[str, Any]:
+    """The roll call for programs."""
+    return {
+        "named": calls.named,
+        "frames": calls.frames,
+        "boxes": calls.boxes,
+        "unnamed": calls.unnamed,
+        "span_s": calls.span_s,
+        "vehicles": [asdict(row) for row in calls.rows()],
+    }
+
+
+def _cells(row: RollCallRow) -> tuple[str, ...]:
+    if not row.boxes:
+        remark = "reported in view, never named" if row.frames_in_view else "never in view"
+        return str(row.system_id), row.name, "", "", "", "", remark
+    share = f"{min(row.boxes / row.frames_in_view, 1):.1%}" if row.frames_in_view else "-"
+    return (
+        str(row.system_id),
+        row.name,
+        f"{row.first_named_s:.1f} s",
+        str(row.boxes),
+        share,
+        f"{row.confidence:.1%}",
+        "",
+    )

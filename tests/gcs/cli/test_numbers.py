@@ -1,0 +1,69 @@
+"""Numbers that no command can use are one clear line, whichever option they are given to."""
+
+from __future__ import annotations
+
+import re
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from gcs.cli.app import app, main
+from tests.support.paths import ROOT
+
+SWARM = ROOT / "sitl_logs" / "ardupilot-swarm"
+LOG = SWARM / "telemetry.tlog"
+FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
+OPTIONS = [
+    ("fly", FLIGHT, "--duration"),
+    ("fly", FLIGHT, "--accept-late"),
+    ("replay", (SWARM,), "--video-start"),
+    ("identify", (SWARM, "-o", "out"), "--video-start"),
+    ("export", (SWARM, "-o", "out.csv"), "--video-start"),
+    ("tlog check", (LOG,), "--most"),
+    ("tlog cut", (LOG, "cut.tlog"), "--from"),
+    ("tlog cut", (LOG, "cut.tlog"), "--to"),
+    ("tlog cut", (LOG, "cut.tlog"), "--message"),
+    ("tlog cut", (LOG, "cut.tlog"), "--system"),
+    ("calibrate", (LOG, "-o", "lens.toml"), "--square"),
+    ("eval-detector", (SWARM,), "--gsd"),
+    ("eval-detector", (SWARM,), "--score"),
+    ("sim", ("curved-road",), "--duration"),
+    ("sim", ("curved-road",), "--seed"),
+]
+
+
+def pages():
+    """Each command with its page of help."""
+    top = CliRunner().invoke(app, ["--help"]).output
+    for name in re.findall(r"^  ([a-z-]+) ", top.partition("Commands:")[2], re.MULTILINE):
+        if name == "bench":  # each benchmark has options of its own
+            continue
+        page = CliRunner().invoke(app, [name, "--help"]).output
+        subs = re.findall(r"^  ([a-z]+) ", page.partition("Commands:")[2], re.MULTILINE)
+        yield from ((f"{name} {sub}", CliRunner().invoke(app, [name, sub, "--help"]).output) for sub in subs)
+        yield name, page
+
+
+def test_every_option_that_takes_a_number_is_tried_here():
+    numeric = {
+        (command, option)
+        for command, page in pages()
+        for option in re.findall(r"(--[a-z-]+)\s+(?:FLOAT|INTEGER|ID|<(?:list\[)?(?:float|int))\b", page)
+    }
+    assert numeric == {(command, option) for command, _, option in OPTIONS}
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-1e300", "-1", str(10**30)])
+@pytest.mark.parametrize(("command", "words", "option"), OPTIONS)
+def test_a_number_that_cannot_be_used(command, words, option, value, tmp_path, monkeypatch, capsys):
+    if value == "-1" and option in ("--video-start", "--from", "--to"):
+        pytest.skip("a second earlier")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["gcs", *command.split(), *map(str, words), option, value])
+    with pytest.raises(SystemExit) as left:
+        main()
+    told = capsys.readouterr().err
+    assert left.value.code == 2
+    assert option in told or (command == "sim" and option[2:] in told) or (command == "calibrate" and "square" in told)
+    assert not list(tmp_path.iterdir())
