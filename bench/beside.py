@@ -22,8 +22,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bench.ports import free_port
-from mavlink.forwarding.forward import Forwarder, OutputCounts
-from mavlink.links.base import Link, open_link
+from mavlink.forwarding.forward import Forwarder
+from mavlink.forwarding.outputs import OutputCounts
+from mavlink.links.base import Link
+from mavlink.links.kinds import open_link
 from mavlink.protocol.encoder import COPTER, ROVER, Speaker
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog
@@ -77,8 +79,10 @@ def fly(link: Link, forwarder: Forwarder, fleet: Fleet, seconds: float) -> list[
         while ticks * 0.1 <= now_s:
             fleet.tick()
             ticks += 1
-        packets = link.read(0.02)
-        forwarder.take(packets, lambda index, raw, peer: None)
+        time.sleep(0.02)
+        link.maintain()
+        packets = link.read_batch().packets(0)
+        forwarder.forward(packets, lambda index, raw, peer: None)
         if not ready and all(each.stopped for each in forwarder.counts):
             ready, stop_s = True, now_s + seconds
         heard += packets if ready else []

@@ -25,8 +25,8 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.ingest_memory import IngestMemory, make_ingest_memory
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
+from mavlink.links.kinds import parse_url
 from mavlink.links.udp import UdpIn
-from mavlink.links.url import parse_url
 from mavlink.protocol.decode import decode
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter
@@ -71,7 +71,7 @@ def quiet_moment() -> tuple[float, float]:
     The least, because on a shared machine most batches wait for somebody else's work.
     """
     frames = fleet_frames(1)[:_BATCH]
-    link = UdpIn(parse_url(f"udpin:127.0.0.1:{free_port()}"), 0)
+    link = UdpIn(parse_url(f"udpin:127.0.0.1:{free_port()}"))
     memory_fd = make_ingest_memory()
     memory = IngestMemory(memory_fd)
     journal_fd = make_journal()
@@ -87,7 +87,7 @@ def quiet_moment() -> tuple[float, float]:
             for frame in frames:
                 sock.send(frame)
             began = time.perf_counter()
-            batch = link.take()
+            batch = link.read_batch()
             receiver.take(0, batch)
             put = time.perf_counter()
             packets = memory.take_packets()

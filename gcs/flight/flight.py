@@ -29,7 +29,7 @@ from gcs.session.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands
 from mavlink.errors import LinkError
-from mavlink.forwarding.forward import parse_output
+from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.signing.keys import KeyRing, read_ring

@@ -14,8 +14,9 @@ from gcs.flight.video import FlightVideo
 from gcs.health.faults import Faults
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Health, Level, LinkHealth
-from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
+from mavlink.links.report import LinkReport
 from mavlink.protocol.messages import VideoStreamInformation
 from mavlink.transmit.message_rates import RateKeeper
 

@@ -21,8 +21,7 @@ import onnxruntime as ort
 from gcs.health.alarm_rules import ALMOST_FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
 from mavlink.ingest.lent import BUFFER_BYTES
-from mavlink.links.udp_socket import bind_udp
-from mavlink.links.url import parse_url
+from mavlink.links.kinds import open_link
 from vision.detect.detector import open_detector
 
 __all__ = ["Check", "Verdict", "checks"]
@@ -144,7 +143,7 @@ def _has(codec: str, mode: Literal["r", "w"]) -> bool:
 
 def _port(port: int) -> Check:
     try:
-        bind_udp(parse_url(str(port))).close()
+        open_link(str(port)).close()
     except LinkError as error:
         return Check(
             name=f"UDP port {port}", verdict="short", found=str(error), advice="stop that program, or use another port"

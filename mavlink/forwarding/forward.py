@@ -17,69 +17,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
-
-from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.errors import LinkError
-from mavlink.forwarding.outputs import Output, open_output
+from mavlink.forwarding.outputs import Output, OutputCounts
 from mavlink.protocol.addressing import target_of
 from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.packet import Auth, Packet
 
-__all__ = ["HARMLESS", "OUTPUT_OPTIONS", "Forwarder", "OutputCounts", "Said", "parse_output"]
+__all__ = ["HARMLESS", "Forwarder"]
 
 SETUP_SIGNING = 256
 HARMLESS = ("HEARTBEAT", "TIMESYNC")
 """Messages for everybody that carry no order."""
-_COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
-_COMMAND_AT = 28
-"""Byte of both at which the number of the command stands."""
-ECHO_S = 2.0
-"""For how long a frame that comes back is known to be our own; shorter than a sequence number takes to come around."""
-REPEAT_S = 0.25
-"""For how long a frame from a link is known to have gone out; short, as heartbeats are equal at some message rates."""
-_ECHOES = 50_000
 HEARD_US = 60_000_000
 """For how long a system is looked for where it was heard."""
 _MOST_HEARD = 4096
-MOST_SAID = 24
-"""Different things said that are counted apart, each a line of the health; the rest is summed up."""
-OUTPUT_OPTIONS = "?ro (only listens), ?rw (may speak to the UAV) or ?rw=11,12 (to these vehicles too)"
 _ONLY_LISTENS = "this output only listens; ?rw behind its address lets it speak to the UAV"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
-    """What a program behind an output said, as often as it said the like."""
-
-    who: str
-    """Its address; empty for all those that are not counted apart."""
-    what: str
-    """Message and command; empty for whatever it says to an output that only listens."""
-    whom: int
-    """System id that it was for, 0 for everybody."""
-    why: str
-    """Why it went no further; empty: it was sent on."""
-    count: int = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutputCounts:
-    """What passed one output."""
-
-    name: str
-    sent: int = 0
-    dropped: int = 0
-    """Not taken: nobody there, or too slow."""
-    withheld: int = 0
-    """Refused for their signature, a key, or a copy."""
-    returned: int = 0
-    """Came back and went on to a vehicle."""
-    stopped: int = 0
-    """Came back and went nowhere."""
-    said: tuple[Said, ...] = ()
-    """What came back, but for loops."""
 
 
 class Forwarder:
@@ -113,12 +66,10 @@ class Forwarder:
         self._vehicles = frozenset(vehicles) | ({uav} - {0})
         self._heard: dict[tuple[int, int, int], int] = {}
         self._now_us = 0
-        self._places: list[_Place] = []
+        self._outputs: list[Output] = []
         try:
-            for out in outs:
-                url, named = parse_output(out)
-                allowed = named if named is None else (named | {uav}) - {0}
-                self._places.append(_Place(open_output(url), allowed, clock))
+            for url in outs:
+                self._outputs.append(Output(url, uav, clock))
         except BaseException:
             self.close()
             raise
@@ -126,14 +77,24 @@ class Forwarder:
     @property
     def counts(self) -> tuple[OutputCounts, ...]:
         """What passed each output."""
-        return tuple(place.counts for place in self._places)
+        return tuple(output.counts for output in self._outputs)
 
     @property
-    def files(self) -> tuple[int, ...]:
+    def fds(self) -> tuple[int, ...]:
         """File descriptors to wait for; they change as receivers come and go."""
-        return tuple(file for place in self._places for file in place.output.files)
+        return tuple(fd for output in self._outputs for fd in output.link.fds)
 
-    def take(self, packets: Sequence[Packet], send: Callable[[int, bytes, int], None]) -> None:
+    @property
+    def overdue(self) -> bool:
+        """Whether something may have come back though no descriptor is ready."""
+        return any(output.link.overdue for output in self._outputs)
+
+    def maintain(self) -> None:
+        """Connects outputs again; to be called every tenth of a second or so."""
+        for output in self._outputs:
+            output.link.maintain()
+
+    def forward(self, packets: Sequence[Packet], send: Callable[[int, bytes, int], object]) -> None:
         """Forwards packets in order, and what came back from outputs to vehicles.
 
         Args:
@@ -142,34 +103,34 @@ class Forwarder:
                 LinkError costs that frame.
         """
         for packet in packets:
-            self._learn(packet)
+            self._note_sender(packet)
             secret = packet.message_id == SETUP_SIGNING or (packet.auth > Auth.GOOD and not self._refused)
-            for place in self._places:
-                place.withhold() if secret else place.forward(packet.raw)
-        for link, raw, peer in self.poll():
+            for output in self._outputs:
+                output.withhold() if secret else output.forward(packet.raw)
+        for link, raw, peer in self._returned():
             try:
                 send(link, raw, peer)
             except LinkError:
                 continue  # the link says so itself
 
-    def poll(self) -> Iterator[tuple[int, bytes, int]]:
-        """What came back from outputs and may go on: the link, the frame, and the sender there who is to get it."""
-        for place in self._places:
-            for raw, who in place.output.read():
-                if self._is_loop(place, raw):
-                    place.stop()
-                    continue
-                target = target_of(raw)[0]
-                ways, why = self._route(place, raw, target)
-                place.came_back(raw, who, target, why)
-                yield from ((link, raw, peer) for link, peer in sorted(ways))
-
     def close(self) -> None:
         """Closes every output."""
-        for place in self._places:
-            place.output.close()
+        for output in self._outputs:
+            output.link.close()
 
-    def _learn(self, packet: Packet) -> None:
+    def _returned(self) -> Iterator[tuple[int, bytes, int]]:
+        """What came back from outputs and may go on: the link, the frame, and the sender there who is to get it."""
+        for output in self._outputs:
+            for raw, program in output.read():
+                if self._is_loop(output, raw):
+                    output.stop()
+                    continue
+                target = target_of(raw)[0]
+                ways, refusal = self._route(output, raw, target)
+                output.note_inbound(raw, program, target, refusal)
+                yield from ((link, raw, peer) for link, peer in sorted(ways))
+
+    def _note_sender(self, packet: Packet) -> None:
         if packet.auth <= Auth.GOOD:
             self._now_us = max(self._now_us, packet.t_us)
             self._heard[packet.system_id, packet.link, packet.peer] = packet.t_us
@@ -177,12 +138,12 @@ class Forwarder:
                 newest = sorted(self._heard, key=self._heard.__getitem__)[_MOST_HEARD // 2 :]
                 self._heard = {key: self._heard[key] for key in newest}
 
-    def _is_loop(self, place: _Place, raw: bytes) -> bool:
-        return Packet(0, raw).system_id in self._not_behind or place.is_echo(raw)
+    def _is_loop(self, output: Output, raw: bytes) -> bool:
+        return Packet(0, raw).system_id in self._not_behind or output.is_echo(raw)
 
-    def _route(self, place: _Place, raw: bytes, target: int) -> tuple[set[tuple[int, int]], str]:
+    def _route(self, output: Output, raw: bytes, target: int) -> tuple[set[tuple[int, int]], str]:
         """Links and senders there that a frame from an output goes to; else why it goes nowhere."""
-        message_id, allowed = Packet(0, raw).message_id, place.allowed
+        message_id, allowed = Packet(0, raw).message_id, output.allowed
         if allowed is None:
             return set(), _ONLY_LISTENS
         if message_id not in DEFINITIONS:
@@ -210,109 +171,3 @@ class Forwarder:
     def _fresh(self) -> dict[tuple[int, int, int], int]:
         since_us = self._now_us - HEARD_US
         return {key: t_us for key, t_us in self._heard.items() if t_us >= since_us}
-
-
-class _Place:
-    """One output, its counts and what went to and fro lately."""
-
-    def __init__(self, output: Output, allowed: frozenset[int] | None, clock: Callable[[], float]) -> None:
-        self.output = output
-        self.allowed = allowed
-        """System ids that it may speak to, None: it only listens."""
-        self._counts = OutputCounts(name=output.name)
-        self._said: dict[tuple[str, str, int, str], int] = {}
-        self._sent, self._came = _Lately(clock, ECHO_S), _Lately(clock, ECHO_S)
-        self._latest = _Lately(clock, REPEAT_S)
-
-    @property
-    def counts(self) -> OutputCounts:
-        said = (Said(who=key[0], what=key[1], whom=key[2], why=key[3], count=n) for key, n in self._said.items())
-        return replace(self._counts, said=tuple(said))
-
-    def forward(self, raw: bytes) -> None:
-        """Sends a frame unless it came from here: a vehicle repeats on its links what a station tells it."""
-        if self._came.has(raw) or self._latest.has(raw):
-            self.withhold()
-            return
-        self._latest.add(raw)
-        if not self.output.write(raw):
-            self._counts = replace(self._counts, dropped=self._counts.dropped + 1)
-            return
-        self._counts = replace(self._counts, sent=self._counts.sent + 1)
-        if self.allowed is not None:
-            self._sent.add(raw)
-
-    def withhold(self) -> None:
-        self._counts = replace(self._counts, withheld=self._counts.withheld + 1)
-
-    def stop(self) -> None:
-        self._counts = replace(self._counts, stopped=self._counts.stopped + 1)
-
-    def is_echo(self, raw: bytes) -> bool:
-        return self._sent.has(raw)
-
-    def came_back(self, raw: bytes, who: str, target: int, why: str) -> None:
-        """Counts it; ``why`` it went no further, empty: it went on."""
-        key = (who, "", 0, why) if self.allowed is None else (who, _words(raw), target, why)
-        if key not in self._said and len(self._said) >= MOST_SAID:
-            key = ("", "", 0, why and "not counted apart")
-        self._said[key] = self._said.get(key, 0) + 1
-        if why:
-            self.stop()
-            return
-        self._came.add(raw)
-        self._counts = replace(self._counts, returned=self._counts.returned + 1)
-
-
-class _Lately:
-    """Frames of the last moment and of up to one more, in two bins that take turns."""
-
-    def __init__(self, clock: Callable[[], float], moment_s: float) -> None:
-        self._clock = clock
-        self._moment_s = moment_s
-        self._now: set[bytes] = set()
-        self._before: set[bytes] = set()
-        self._turn_s = clock() + moment_s
-
-    def add(self, raw: bytes) -> None:
-        self._turn()
-        self._now.add(raw)
-
-    def has(self, raw: bytes) -> bool:
-        self._turn()
-        return raw in self._now or raw in self._before
-
-    def _turn(self) -> None:
-        now_s = self._clock()
-        if now_s < self._turn_s and len(self._now) < _ECHOES:
-            return
-        self._before = self._now if now_s < self._turn_s + self._moment_s else set()
-        self._now = set()
-        self._turn_s = now_s + self._moment_s
-
-
-def parse_output(out: str) -> tuple[str, frozenset[int] | None]:
-    """The URL of an output, and the vehicles named that it may speak to beside the UAV; None: it only listens.
-
-    Raises:
-        LinkError: what stands behind the question mark is no option.
-    """
-    url, mark, option = out.partition("?")
-    if not mark or option == "ro":
-        return url, None
-    word, names, ids = option.partition("=")
-    named = [int(i) if i.isdecimal() and len(i) <= 3 else 0 for i in ids.split(",")] if names else []
-    if word != "rw" or not all(1 <= i <= 255 for i in named):
-        raise LinkError(f"{out!r}: {option!r} is no option of an output; write {OUTPUT_OPTIONS}")
-    return url, frozenset(named)
-
-
-def _words(raw: bytes) -> str:
-    """A message, and which command it carries."""
-    packet = Packet(0, raw)
-    name = message_name(packet.message_id)
-    if packet.message_id not in _COMMANDS:
-        return name
-    number = int.from_bytes(packet.payload.ljust(_COMMAND_AT + 2, b"\0")[_COMMAND_AT : _COMMAND_AT + 2], "little")
-    entry = ardupilotmega.enums["MAV_CMD"].get(number)
-    return f"{name} {str(entry.name).removeprefix('MAV_CMD_') if entry is not None else number}"

@@ -1,341 +1,196 @@
-"""Places that frames are forwarded to. None of them ever waits: what cannot be taken at once is dropped and counted.
-
-``udpout:host:port`` sends to one address, ``udpin:host:port`` to whoever sent a good frame there in the last minute,
-``tcp:host:port`` connects and connects again, ``tcpin:host:port`` lets others connect, ``/dev/ttyUSB0,57600`` is a
-radio.
-"""
+"""One output: a link to other programs, what they may say, and what passed it in both directions."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-import socket
-import time
-from collections.abc import Callable
-from typing import Protocol, TypeVar
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
-import serial
+from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.errors import LinkError
-from mavlink.links.batch import Batch
-from mavlink.links.byte_stream import Stream
-from mavlink.links.counters import Tally, now_us
-from mavlink.links.port_owner import owner_of
-from mavlink.links.url import LinkUrl, parse_url
-from mavlink.protocol.framing import split
+from mavlink.links.base import LinkOptions
+from mavlink.links.kinds import open_link
+from mavlink.protocol.dialect import message_name
+from mavlink.protocol.packet import Packet
 
-__all__ = ["Output", "open_output"]
+__all__ = ["OUTPUT_OPTIONS", "InboundFrames", "Output", "OutputCounts", "parse_output"]
 
-_CHUNK = 65536
-_BATCH = 64
-_PENDING = 1 << 18
-_CLIENTS = 8
-_RETRY_S = 2.0
-_PEER_S = 60.0
+_COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
+_COMMAND_AT = 28
+"""Byte of both at which the number of the command stands."""
+ECHO_S = 2.0
+"""For how long a frame that comes back is known to be our own; shorter than a sequence number takes to come around."""
+REPEAT_S = 0.25
+"""For how long a frame from a link is known to have gone out; short, as heartbeats are equal at some message rates."""
+_ECHOES = 50_000
+"""Frames remembered at most, for each of the two."""
+MOST_INBOUND = 24
+"""Different inbound frames that are counted apart, each a line of the health; the rest is summed up."""
+OUTPUT_OPTIONS = "?ro (only listens), ?rw (may speak to the UAV) or ?rw=11,12 (to these vehicles too)"
 
-_Address = tuple[str, int]
-T = TypeVar("T")
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InboundFrames:
+    """Like frames from a program behind an output, and how many of them came."""
+
+    sender: str
+    """Address of the program; empty for all those that are not counted apart."""
+    message: str
+    """Message and command; empty for whatever comes to an output that only listens."""
+    target: int
+    """System id that they were for, 0 for everybody."""
+    refusal: str
+    """Why they went no further; empty: they were sent on."""
+    count: int = 0
 
 
-class Output(Protocol):
-    """One receiver of forwarded frames."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputCounts:
+    """What passed one output."""
 
     name: str
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        """File descriptors that become readable when something came back."""
-
-    def write(self, raw: bytes) -> bool:
-        """Hands over one whole frame; whether somebody took it."""
-
-    def read(self) -> list[tuple[bytes, str]]:
-        """Frames that came back, without waiting, each with the address that it came from."""
-
-    def close(self) -> None:
-        """Closes it."""
+    sent: int = 0
+    dropped: int = 0
+    """Not taken: nobody there, or too slow."""
+    withheld: int = 0
+    """Refused for their signature, a key, or a copy."""
+    returned: int = 0
+    """Came back and went on to a vehicle."""
+    stopped: int = 0
+    """Came back and went nowhere."""
+    inbound: tuple[InboundFrames, ...] = ()
+    """What came back, but for loops."""
 
 
-class _UdpOut:
-    """One address; whether anybody listens there is only known when the system says so."""
-
-    def __init__(self, url: LinkUrl) -> None:
-        self.name = url.name
-        self._nobody = False
-        self._who = f"{url.host}:{url.port}"
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        try:
-            self._socket.connect((url.host, url.port))
-        except (OSError, UnicodeError) as error:
-            self._socket.close()
-            raise LinkError(f"{self.name}: no such host to forward to: {error}") from error
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        return (self._socket.fileno(),)
-
-    def write(self, raw: bytes) -> bool:
-        nobody, self._nobody = self._nobody, False
-        try:
-            self._socket.send(raw)
-        except OSError:
-            return False
-        return not nobody
-
-    def read(self) -> list[tuple[bytes, str]]:
-        return [(frame, self._who) for data in _drain(self._receive) for frame in split(data)[0]]
-
-    def _receive(self) -> bytes:
-        try:
-            return self._socket.recv(_CHUNK)
-        except ConnectionRefusedError:  # the answer to the frame before
-            self._nobody = True
-            raise
-
-    def close(self) -> None:
-        self._socket.close()
-
-
-class _UdpIn:
-    """A port that others speak to first."""
-
-    def __init__(self, url: LinkUrl) -> None:
-        self.name = url.name
-        self._peers: dict[_Address, float] = {}
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        _bind(self._socket, url, "udp")
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        return (self._socket.fileno(),)
-
-    def write(self, raw: bytes) -> bool:
-        since_s = time.monotonic() - _PEER_S
-        taken = False
-        for peer in [peer for peer, heard_s in self._peers.items() if heard_s >= since_s]:
-            try:
-                self._socket.sendto(raw, peer)
-                taken = True
-            except OSError:
-                continue
-        return taken
-
-    def read(self) -> list[tuple[bytes, str]]:
-        frames: list[tuple[bytes, str]] = []
-        for data, peer in _drain(lambda: self._socket.recvfrom(_CHUNK)):
-            good, counts = split(data)
-            if counts.good and (peer in self._peers or len(self._peers) < _CLIENTS):
-                self._peers[peer] = time.monotonic()
-            frames += ((frame, f"{peer[0]}:{peer[1]}") for frame in good)
-        self._peers = {peer: s for peer, s in self._peers.items() if s >= time.monotonic() - _PEER_S}
-        return frames
-
-    def close(self) -> None:
-        self._socket.close()
-
-
-class _Pipe:
-    """A byte stream that keeps frames whole: what it has begun to send it ends before the next."""
-
-    def __init__(self, file: int, who: str) -> None:
-        self.file = file
-        self.who = who
-        """Address of the other end."""
-        self._stream = Stream(Tally(), 0)
-        self._pending = b""
-
-    def write(self, raw: bytes) -> bool:
-        """Takes a frame unless too much waits already; raises OSError when the other end is gone."""
-        if len(self._pending) > _PENDING:
-            self._flush()
-            if len(self._pending) > _PENDING:
-                return False
-        self._pending += raw
-        self._flush()
-        return True
-
-    def _flush(self) -> None:
-        try:
-            if self._pending:
-                self._pending = self._pending[os.write(self.file, self._pending) :]
-        except BlockingIOError:
-            return
-
-    def read(self) -> list[bytes]:
-        """Frames that came, after sending what waits; raises OSError when the other end is gone."""
-        self._flush()
-        data: bytes | None = None
-        with contextlib.suppress(BlockingIOError):
-            data = os.read(self.file, _CHUNK)
-        if data == b"":
-            raise ConnectionResetError("closed by the other end")
-        batch = Batch()
-        self._stream.take(data, now_us(), batch)
-        return batch.frames
-
-
-class _Stream:
-    """A connection or a port that is opened again two seconds after it was lost."""
-
-    def __init__(self, name: str, connect: Callable[[], socket.socket | serial.Serial]) -> None:
-        self.name = name
-        self._connect = connect
-        self._held: socket.socket | serial.Serial | None = None
-        self._pipe: _Pipe | None = None
-        self._next_try_s = 0.0
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        return () if self._pipe is None else (self._pipe.file,)
-
-    def write(self, raw: bytes) -> bool:
-        pipe = self._ready()
-        try:
-            return pipe is not None and pipe.write(raw)
-        except OSError:
-            self.close()
-            return False
-
-    def read(self) -> list[tuple[bytes, str]]:
-        try:
-            pipe = self._pipe
-            return [(frame, pipe.who) for frame in pipe.read()] if pipe is not None else []
-        except OSError:
-            self.close()
-            return []
-
-    def close(self) -> None:
-        if self._held is not None:
-            self._held.close()
-        self._held = self._pipe = None
-
-    def _ready(self) -> _Pipe | None:
-        if self._pipe is None and time.monotonic() >= self._next_try_s:
-            self._next_try_s = time.monotonic() + _RETRY_S
-            try:
-                self._held = self._connect()
-                self._pipe = _Pipe(self._held.fileno(), self.name)
-            except OSError:
-                return None
-        return self._pipe
-
-
-class _TcpIn:
-    """Others connect; each gets everything."""
-
-    def __init__(self, url: LinkUrl) -> None:
-        self.name = url.name
-        self._clients: dict[socket.socket, _Pipe] = {}
-        self._server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._server.setblocking(False)
-        # for TCP this only lets a port be taken again at once, never by two at a time
-        self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        _bind(self._server, url, "tcp")
-        self._server.listen(_CLIENTS)
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        return (self._server.fileno(), *(pipe.file for pipe in self._clients.values()))
-
-    def write(self, raw: bytes) -> bool:
-        taken = [self._each(client, lambda pipe: pipe.write(raw), False) for client in list(self._clients)]
-        return any(taken)
-
-    def read(self) -> list[tuple[bytes, str]]:
-        for client, (host, port) in _drain(self._server.accept):
-            if len(self._clients) >= _CLIENTS:
-                client.close()
-                continue
-            client.setblocking(False)
-            self._clients[client] = _Pipe(client.fileno(), f"{host}:{port}")
-        frames: list[tuple[bytes, str]] = []
-        for client in list(self._clients):
-            who = self._clients[client].who
-            came: list[bytes] = self._each(client, _Pipe.read, [])
-            frames += ((frame, who) for frame in came)
-        return frames
-
-    def close(self) -> None:
-        for sock in [self._server, *self._clients]:
-            sock.close()
-        self._clients.clear()
-
-    def _each(self, client: socket.socket, act: Callable[[_Pipe], T], gone: T) -> T:
-        try:
-            return act(self._clients[client])
-        except OSError:
-            del self._clients[client]
-            client.close()
-            return gone
-
-
-def _drain(receive: Callable[[], T]) -> list[T]:
-    """Everything that is there now, up to some dozens."""
-    got: list[T] = []
-    for _ in range(_BATCH):
-        try:
-            got.append(receive())
-        except BlockingIOError:
-            break
-        except OSError:
-            continue  # an earlier datagram of ours found nobody
-    return got
-
-
-def _bind(sock: socket.socket, url: LinkUrl, protocol: str) -> None:
-    try:
-        sock.bind((url.host, url.port))
-    except (OSError, UnicodeError) as error:
-        sock.close()
-        owner = owner_of("udp" if protocol == "udp" else "tcp", url.port)
-        raise LinkError(f"{url.name}: cannot forward from this port{owner}: {error}; use another") from error
-
-
-def _tcp_out(url: LinkUrl) -> _Stream:
-    try:
-        address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4]
-    except (OSError, UnicodeError) as error:
-        raise LinkError(f"{url.name}: no such host to forward to: {error}") from error
-
-    def connect() -> socket.socket:
-        sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        sock.setblocking(False)
-        sock.connect_ex(address)  # ends later; until then nothing is taken
-        return sock
-
-    return _Stream(url.name, connect)
-
-
-def _serial_out(url: LinkUrl) -> _Stream:
-    def connect() -> serial.Serial:
-        return serial.Serial(url.device, url.baud, timeout=0, write_timeout=0, exclusive=True)
-
-    try:
-        connect().close()
-    except (OSError, ValueError) as error:
-        raise LinkError(f"{url.name}: cannot forward to it: {error}; is it plugged in, and free?") from error
-    return _Stream(url.name, connect)
-
-
-_OPENERS: dict[str, Callable[[LinkUrl], Output]] = {
-    "udpout": _UdpOut,
-    "udpin": _UdpIn,
-    "tcpout": _tcp_out,
-    "tcpin": _TcpIn,
-    "serial": _serial_out,
-}
-
-
-def open_output(url: str) -> Output:
-    """Opens a place to forward to.
+class Output:
+    """A link that frames are forwarded over, its counts and what went to and fro lately.
 
     Args:
-        url: any link URL, see :func:`mavlink.links.url.parse_url`.
+        url: of the link, with the option of the output.
+        uav: system id of the UAV, to which `?rw` lets a program speak; 0: none.
+        clock: seconds, monotonic.
 
     Raises:
-        LinkError: bad URL, port in use, no such device or host.
+        LinkError: it cannot be opened.
     """
-    parsed = parse_url(url)
-    return _OPENERS[parsed.kind](parsed)
+
+    def __init__(self, url: str, uav: int, clock: Callable[[], float]) -> None:
+        link_url, named = parse_output(url)
+        self.allowed = named if named is None else (named | {uav}) - {0}
+        """System ids that it may speak to, None: it only listens."""
+        self.link = open_link(link_url, LinkOptions(is_output=True))
+        self._counts = OutputCounts(name=self.link.name)
+        self._inbound: dict[InboundFrames, int] = {}
+        self._sent, self._returned = _RecentFrames(clock, ECHO_S), _RecentFrames(clock, ECHO_S)
+        self._latest = _RecentFrames(clock, REPEAT_S)
+
+    @property
+    def counts(self) -> OutputCounts:
+        """What passed it so far."""
+        return replace(self._counts, inbound=tuple(replace(key, count=n) for key, n in self._inbound.items()))
+
+    def forward(self, raw: bytes) -> None:
+        """Sends a frame unless it came from here: a vehicle repeats on its links what a station tells it."""
+        if self._returned.has(raw) or self._latest.has(raw):
+            self.withhold()
+            return
+        self._latest.add(raw)
+        if not self._send(raw):
+            self._counts = replace(self._counts, dropped=self._counts.dropped + 1)
+            return
+        self._counts = replace(self._counts, sent=self._counts.sent + 1)
+        if self.allowed is not None:
+            self._sent.add(raw)
+
+    def read(self) -> Iterator[tuple[bytes, str]]:
+        """Frames that came back, without waiting, each with the address of the program."""
+        batch = self.link.read_batch()
+        for raw, peer in zip(batch.frames, batch.peers, strict=True):
+            yield raw, self.link.address(peer) or self.link.name
+
+    def withhold(self) -> None:
+        """Counts a frame that is not to go out."""
+        self._counts = replace(self._counts, withheld=self._counts.withheld + 1)
+
+    def stop(self) -> None:
+        """Counts a frame that came back and is not to go on."""
+        self._counts = replace(self._counts, stopped=self._counts.stopped + 1)
+
+    def is_echo(self, raw: bytes) -> bool:
+        """Whether a frame went out here a moment ago."""
+        return self._sent.has(raw)
+
+    def note_inbound(self, raw: bytes, sender: str, target: int, refusal: str) -> None:
+        """Counts a frame that came back; ``refusal`` is why it went no further, empty: it went on."""
+        if self.allowed is None:
+            key = InboundFrames(sender=sender, message="", target=0, refusal=refusal)
+        else:
+            key = InboundFrames(sender=sender, message=_message_words(raw), target=target, refusal=refusal)
+        if key not in self._inbound and len(self._inbound) >= MOST_INBOUND:
+            key = InboundFrames(sender="", message="", target=0, refusal=refusal and "not counted apart")
+        self._inbound[key] = self._inbound.get(key, 0) + 1
+        if refusal:
+            self.stop()
+            return
+        self._returned.add(raw)
+        self._counts = replace(self._counts, returned=self._counts.returned + 1)
+
+    def _send(self, raw: bytes) -> bool:
+        try:
+            return self.link.send(raw)
+        except LinkError:
+            return False
+
+
+class _RecentFrames:
+    """Frames of the last moment and of up to one more, in two bins that take turns."""
+
+    def __init__(self, clock: Callable[[], float], moment_s: float) -> None:
+        self._clock = clock
+        self._moment_s = moment_s
+        self._now: set[bytes] = set()
+        self._before: set[bytes] = set()
+        self._turn_s = clock() + moment_s
+
+    def add(self, raw: bytes) -> None:
+        self._turn()
+        self._now.add(raw)
+
+    def has(self, raw: bytes) -> bool:
+        self._turn()
+        return raw in self._now or raw in self._before
+
+    def _turn(self) -> None:
+        now_s = self._clock()
+        if now_s < self._turn_s and len(self._now) < _ECHOES:
+            return
+        self._before = self._now if now_s < self._turn_s + self._moment_s else set()
+        self._now = set()
+        self._turn_s = now_s + self._moment_s
+
+
+def parse_output(out: str) -> tuple[str, frozenset[int] | None]:
+    """The URL of an output, and the vehicles named that it may speak to beside the UAV; None: it only listens.
+
+    Raises:
+        LinkError: what stands behind the question mark is no option.
+    """
+    url, mark, option = out.partition("?")
+    if not mark or option == "ro":
+        return url, None
+    word, names, ids = option.partition("=")
+    named = [int(i) if i.isdecimal() and len(i) <= 3 else 0 for i in ids.split(",")] if names else []
+    if word != "rw" or not all(1 <= i <= 255 for i in named):
+        raise LinkError(f"{out!r}: {option!r} is no option of an output; write {OUTPUT_OPTIONS}")
+    return url, frozenset(named)
+
+
+def _message_words(raw: bytes) -> str:
+    """A message, and which command it carries."""
+    packet = Packet(0, raw)
+    name = message_name(packet.message_id)
+    if packet.message_id not in _COMMANDS:
+        return name
+    number = int.from_bytes(packet.payload.ljust(_COMMAND_AT + 2, b"\0")[_COMMAND_AT : _COMMAND_AT + 2], "little")
+    entry = ardupilotmega.enums["MAV_CMD"].get(number)
+    return f"{name} {str(entry.name).removeprefix('MAV_CMD_') if entry is not None else number}"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from mavlink.forwarding.forward import HARMLESS, Said
-from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.forwarding.forward import HARMLESS
+from mavlink.forwarding.outputs import InboundFrames
+from mavlink.ingest.health import IngestHealth
 from mavlink.links.batch import MIXED
 from mavlink.links.flood_limiter import STRANGERS, Limit
+from mavlink.links.report import LinkReport
 
 __all__ = ["Changes"]
 
@@ -33,7 +35,7 @@ class Changes:
         self._losses: dict[str, int] = {}
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
-        self._said: dict[tuple[str, Said], tuple[int, int, int]] = {}
+        self._said: dict[tuple[str, InboundFrames], tuple[int, int, int]] = {}
         """Count told, count, and look at which it last grew."""
 
     def of(self, health: IngestHealth) -> list[Told]:
@@ -48,8 +50,8 @@ class Changes:
         for output in health.outputs:
             text = f"{output.name}: {{}} packets were not forwarded: nobody there, or too slow"
             told += self._loss(output.name, output.dropped, text)
-            for said in output.said:
-                told += self._speech(output.name, said)
+            for frames in output.inbound:
+                told += self._inbound(output.name, frames)
         troubles = frozenset(health.troubles)
         told += [("warning", text) for text in sorted(troubles - self._troubles)]
         self._troubles = troubles
@@ -76,7 +78,7 @@ class Changes:
         self._connected[name] = False
         return [("alarm", f"{name}: lost, trying on" if before else f"{name}: no connection yet, trying on")]
 
-    def _speech(self, output: str, said: Said) -> list[Told]:
+    def _inbound(self, output: str, said: InboundFrames) -> list[Told]:
         """What a program behind an output said: when it begins to, and again when it is twice as often."""
         key = (output, replace(said, count=0))
         told, before, grew = self._said.get(key, (0, 0, 0))
@@ -87,15 +89,15 @@ class Changes:
         self._said[key] = (said.count if new else told, said.count, self._looks)
         if not new:
             return []
-        whom = f"system {said.whom}" if said.whom else "everybody"
+        whom = f"system {said.target}" if said.target else "everybody"
         times = f", {said.count:,} times so far" if said.count > 1 else ""
-        if not said.what:
-            who, goes = said.who or "others", f"goes nowhere: {said.why}" if said.why else "was sent on"
+        if not said.message:
+            who, goes = said.sender or "others", f"goes nowhere: {said.refusal}" if said.refusal else "was sent on"
             return [("info", f"{output}: what {who} said {goes}{times}")]
-        level = "info" if said.what in HARMLESS else "warning"
-        if said.why:
-            return [(level, f"{output}: {said.what} of {said.who} for {whom} was stopped: {said.why}{times}")]
-        return [(level, f"{output}: {said.who} sent {said.what} to {whom} through this station{times}")]
+        level = "info" if said.message in HARMLESS else "warning"
+        if said.refusal:
+            return [(level, f"{output}: {said.message} of {said.sender} for {whom} was stopped: {said.refusal}{times}")]
+        return [(level, f"{output}: {said.sender} sent {said.message} to {whom} through this station{times}")]
 
     def _loss(self, name: str, count: int, text: str) -> list[Told]:
         before = self._losses.get(name, 0)

@@ -18,17 +18,14 @@ from pathlib import Path
 
 from infra.files.journal import Journal
 from mavlink.errors import LinkError, MavlinkError
-from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
-from mavlink.links.base import Link
+from mavlink.links.base import Link, LinkOptions
 from mavlink.links.counters import now_us
-from mavlink.links.serial_port import SerialLink
-from mavlink.links.tcp_client import TcpOut
-from mavlink.links.tcp_server import TcpIn
-from mavlink.links.udp import UdpIn, UdpOut
-from mavlink.links.url import parse_url
+from mavlink.links.kinds import open_link
+from mavlink.links.report import LinkReport
 from mavlink.tlog.writer import TlogWriter
 
 __all__ = ["ACCEPT", "COMMAND", "GO", "main"]
@@ -45,7 +42,6 @@ PAUSE_S = 0.004
 TELL_S, TELL_SOON_S = 0.2, 0.05
 """How often the station is told how it goes, and how soon where somebody new is heard: alarms name his address."""
 _FEW = 128
-_UNGUARDED = "{}: this system has no socket filters; a flood of strangers can push others out"
 _ROUNDS = 8
 """Batches of one link before the others have their turn."""
 
@@ -89,7 +85,7 @@ class _Ingest:
         self._reports: tuple[LinkReport, ...] = ()
         self._signatures = Signatures(plan.signing)
         self._links: list[Link] = [_open_link(plan, k, self._signatures.on) for k in range(len(plan.urls))]
-        _go_on(self._links, memory.status.get())
+        _resume(self._links, memory.status.get())
         self._outputs = open_outputs(plan.outputs, plan.system_ids)
         self._journal = Journal(plan.journal)
         written = self._journal.written if plan.generation > 1 else None
@@ -103,26 +99,28 @@ class _Ingest:
             self._memory.slots[Slot.BEAT] += 1
             ready, heard_us, all_taken = self._wait(), now_us(), True
             for index, link in enumerate(self._links):
-                if link.overdue or ready.intersection(link.files):
+                if link.overdue or ready.intersection(link.fds):
                     all_taken &= self._drain(index, link)
-                link.tend()
+                link.maintain()
             if all_taken:
                 self._memory.put_heard(heard_us)
             if self._control.fileno() in ready:
                 self._obey()
-            if self._outputs and ready.intersection(self._outputs.files):
-                self._receiver.forward(())
+            if self._outputs:
+                self._outputs.maintain()
+                if self._outputs.overdue or ready.intersection(self._outputs.fds):
+                    self._receiver.forward(())
             if time.monotonic() - self._told_s >= (TELL_S if self._senders() == self._told_senders else TELL_SOON_S):
                 self._tell()
         self._close()
 
     def _wait(self) -> set[int]:
         """File descriptors that have something."""
-        datagrams = {file for link in self._links if isinstance(link, (UdpIn, UdpOut)) for file in link.files}
-        streams = {file for link in self._links for file in link.files} - datagrams
-        others = streams | {self._control.fileno()} | set(self._outputs.files if self._outputs else ())
-        ready = set(select.select(datagrams | others, [], [], TICK_S)[0])
-        if ready and ready <= datagrams:
+        stamped = {fd for link in self._links if link.has_kernel_stamps for fd in link.fds}
+        others = {fd for link in self._links if not link.has_kernel_stamps for fd in link.fds}
+        others |= {self._control.fileno(), *(self._outputs.fds if self._outputs else ())}
+        ready = set(select.select(stamped | others, [], [], TICK_S)[0])
+        if ready and ready <= stamped:
             ready |= set(select.select(others, [], [], PAUSE_S)[0])
         return ready
 
@@ -130,7 +128,7 @@ class _Ingest:
         """Takes what a link has; False where that is too much for one turn."""
         for _ in range(_ROUNDS):
             self._memory.slots[Slot.IN_HAND] = index + 1
-            batch = link.take()
+            batch = link.read_batch()
             if not batch.frames:
                 self._memory.slots[Slot.IN_HAND] = 0
                 return True
@@ -172,16 +170,14 @@ class _Ingest:
         """How it goes, for the station."""
         self._told_s, self._told_senders = time.monotonic(), self._senders()
         if self._open or not self._reports:
-            reports = [_report(link) for link in self._links]
+            reports = [link.report() for link in self._links]
             self._reports = tuple(
                 self._receiver.excess.told(k, report, self._links[k].address) for k, report in enumerate(reports)
             )
         record = self._log.state
         outputs = self._outputs.counts if self._outputs else ()
         troubles = [self._send_trouble, self._receiver.output_trouble, *self._signatures.troubles]
-        troubles += [
-            _UNGUARDED.format(link.name) for link in self._links if isinstance(link, UdpIn) and link.gate.broken
-        ]
+        troubles += [text for link in self._links for text in link.troubles]
         health = IngestHealth(
             links=self._reports,
             outputs=outputs,
@@ -197,12 +193,12 @@ class _Ingest:
 
     def _senders(self) -> int:
         """How many were heard so far."""
-        return sum(map(_last_peer, self._links))
+        return sum(link.last_peer for link in self._links)
 
     def _close(self) -> None:
         for index, link in enumerate(self._links):
             self._drain(index, link)
-            if (rest := link.rest()).frames:
+            if (rest := link.read_rest()).frames:
                 self._receiver.take(index, rest)
         self._reports = ()
         self._tell()
@@ -218,57 +214,24 @@ class _Ingest:
 
 def _open_link(plan: Plan, index: int, signed: bool) -> Link:
     """A link, on the socket that the station has opened where there is one."""
-    url, file = parse_url(plan.urls[index]), plan.sockets[index]
-    sock = socket.socket(fileno=file) if file >= 0 else None
+    fd = plan.sockets[index]
+    sock = socket.socket(fileno=fd) if fd >= 0 else None
     if sock is not None:
         sock.setblocking(False)
-    if url.kind == "udpin":
-        return UdpIn(url, index, sock, system_ids=plan.system_ids, vouch=not signed)
-    if url.kind == "udpout":
-        return UdpOut(url, index, sock)
-    if url.kind == "tcpin":
-        return TcpIn(url, index, sock, vouch=not signed)
-    if url.kind == "tcpout":
-        return TcpOut(url, index)
-    return SerialLink(url, index, must=plan.generation == 1)
+    options = LinkOptions(
+        sock=sock,
+        system_ids=plan.system_ids,
+        trusts_checksums=not signed,
+        waits_for_device=plan.generation > 1,
+    )
+    return open_link(plan.urls[index], options)
 
 
-def _go_on(links: list[Link], status: bytes | None) -> None:
-    """Senders keep their numbers, and those who were known stay known, when another process takes over."""
+def _resume(links: list[Link], status: bytes | None) -> None:
+    """What the process before this one knew of its links."""
     try:
         before = IngestHealth.from_json(status).links if status else ()
     except ValueError:
         return  # nothing was told yet
     for link, report in zip(links, before, strict=False):
-        if isinstance(link, UdpIn):
-            known = {number: (host, port) for number, host, port in report.addresses}
-            link.peers.adopt(known, report.claims, report.mixed, report.last_peer, time.time_ns() // 1000)
-        elif isinstance(link, TcpIn):
-            link.accepted = report.last_peer
-
-
-def _last_peer(link: Link) -> int:
-    """Highest number given to a sender."""
-    if isinstance(link, (UdpIn, UdpOut)):
-        return link.peers.last
-    return link.accepted if isinstance(link, TcpIn) else 1
-
-
-def _report(link: Link) -> LinkReport:
-    report = LinkReport(name=link.name, counts=link.counts, last_peer=_last_peer(link))
-    if isinstance(link, (UdpIn, UdpOut)):
-        addresses = tuple((number, host, port) for number, (host, port) in link.peers.addresses().items())
-        return replace(
-            report,
-            buffer_bytes=link.buffer_bytes,
-            peers=len(addresses),
-            addresses=addresses,
-            others=tuple(link.peers.strangers().items()),
-            claims=tuple(link.peers.trusted),
-            mixed=tuple(link.peers.mixed),
-            limits=link.limits(),
-        )
-    if isinstance(link, TcpIn):
-        return replace(report, peers=link.clients, others=tuple(link.addresses().items()))
-    assert isinstance(link, (TcpOut, SerialLink))
-    return replace(report, peers=int(link.connected), connected=link.connected)
+        link.resume(report)

@@ -11,10 +11,10 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from mavlink.ingest.health import LinkReport
 from mavlink.links.batch import Batch, Claim
 from mavlink.links.fair_shares import HOLD_S
 from mavlink.links.flood_limiter import Limit
+from mavlink.links.report import LinkReport
 from mavlink.protocol.packet import Auth
 
 __all__ = ["BURST_S", "KEPT_PER_S", "Excess"]

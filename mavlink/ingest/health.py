@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from infra.files.record_state import RecordState
-from mavlink.forwarding.forward import OutputCounts, Said
-from mavlink.links.batch import Claim
-from mavlink.links.counters import LinkCounts
+from mavlink.forwarding.outputs import InboundFrames, OutputCounts
 from mavlink.links.flood_limiter import Limit
+from mavlink.links.report import LinkCounts, LinkReport
 
-__all__ = ["IngestHealth", "LinkReport", "Notice"]
+__all__ = ["IngestHealth", "Notice"]
 
 
 _NOTHING = RecordState(name="")
@@ -27,36 +26,6 @@ class Notice:
     level: str
     """``info``, ``warning`` or ``alarm``."""
     text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkReport:
-    """One link."""
-
-    name: str
-    counts: LinkCounts
-    buffer_bytes: int = 0
-    """Receive buffer that the system granted; 0 where there is none to ask for."""
-    peers: int = 0
-    """Senders that are known."""
-    addresses: tuple[tuple[int, str, int], ...] = ()
-    """Number, host and port of those, on a UDP port."""
-    others: tuple[tuple[int, str], ...] = ()
-    """Number and address in words of the latest who are not known there, and of those connected by TCP."""
-    last_peer: int = 0
-    """Highest number given to a sender."""
-    connected: bool = True
-    claims: tuple[Claim, ...] = ()
-    """What the known senders are trusted for."""
-    mixed: tuple[int, ...] = ()
-    """Numbers of those whose datagrams are not always one frame each."""
-    limits: tuple[Limit, ...] = ()
-    """Who floods it and is not let in whole."""
-
-    @property
-    def narrow(self) -> bool:
-        """Whether somebody floods it and is not let in whole."""
-        return bool(self.limits)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +97,7 @@ def _link(table: dict[str, Any]) -> LinkReport:
 
 
 def _output(table: dict[str, Any]) -> OutputCounts:
-    return OutputCounts(**table | {"said": tuple(Said(**said) for said in table["said"])})
+    return OutputCounts(**table | {"inbound": tuple(InboundFrames(**frames) for frames in table["inbound"])})
 
 
 def _sum(now: LinkCounts, before: LinkCounts) -> LinkCounts:

@@ -18,12 +18,14 @@ from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
-from mavlink.ingest.lent import lend, small_buffers
+from mavlink.ingest.lent import small_buffers
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.ingest.process import START_S, IngestProcess
-from mavlink.links.counters import LinkCounts, now_us
+from mavlink.links.counters import now_us
+from mavlink.links.kinds import KINDS, parse_url
 from mavlink.links.recvmmsg import BATCH
-from mavlink.links.url import LinkUrl, parse_url
+from mavlink.links.report import LinkCounts
+from mavlink.links.url import LinkUrl
 from mavlink.protocol.packet import Packet
 
 __all__ = ["Ingest"]
@@ -45,7 +47,7 @@ class Ingest:
     what is in them. One thread reads; any thread may send and look at the health.
 
     Args:
-        urls: links, as :func:`mavlink.links.url.parse_url` has them.
+        urls: links, as :func:`mavlink.links.kinds.parse_url` has them.
         log: of the first segment of the raw log; must not exist.
         system_ids: whose frames make a sender known, so that it always passes while strangers flood; empty: anybody's.
         signing: keys.
@@ -90,9 +92,9 @@ class Ingest:
         try:
             opened = []
             for link, url in zip(links, urls, strict=True):
-                sock, instead = lend(link)
+                prepared, sock = KINDS[link.scheme].prepare(link)
                 self._sockets.append(sock)
-                opened.append(instead or url)
+                opened.append(url if prepared == link else prepared.name)
             self._plan = Plan(
                 urls=tuple(opened),
                 sockets=tuple(-1 if sock is None else sock.fileno() for sock in self._sockets),
@@ -380,7 +382,7 @@ def _check_outputs(links: Sequence[LinkUrl], outputs: Sequence[str]) -> None:
         out = parse_url(output.partition("?")[0])
         for link in links:
             here = out.host == link.host or (_is_local(out.host) and (link.host == "0.0.0.0" or _is_local(link.host)))
-            if out.kind.removesuffix("out") + "in" == link.kind and out.port == link.port and here:
+            if out.scheme.removesuffix("out") + "in" == link.scheme and out.port == link.port and here:
                 raise LinkError(f"{output}: leads back to this station's own {link.name}; forward to another port")
 
 

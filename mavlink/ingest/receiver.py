@@ -152,7 +152,7 @@ class Receiver:
         if self._outputs is None:
             return
         try:
-            self._outputs.take(packets, self.say)
+            self._outputs.forward(packets, self.say)
         except Exception as error:  # noqa: BLE001 - outputs may never stop the recording
             self.output_trouble = f"forwarding: {error!r}"
 

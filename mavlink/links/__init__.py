@@ -1,1 +1,1 @@
-"""Transports: UDP, TCP and serial ports in, batches of time-stamped packets with their sender out."""
+"""Transports: UDP, TCP and serial ports in and out; batches of time-stamped frames with their sender come in."""

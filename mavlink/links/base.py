@@ -1,86 +1,153 @@
-"""Links: where packets come from. All are silent: nothing is ever sent unless :meth:`Link.send` is called."""
+"""What every kind of link does. All are silent: nothing is ever sent unless :meth:`Link.send` is called."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import ClassVar
 
 from mavlink.links.batch import Batch, Claim
-from mavlink.links.counters import LinkCounts
-from mavlink.links.serial_port import SerialLink
-from mavlink.links.tcp_client import TcpOut
-from mavlink.links.tcp_server import TcpIn
-from mavlink.links.udp import UdpIn, UdpOut
-from mavlink.links.url import LinkUrl, parse_url
-from mavlink.protocol.packet import Packet
+from mavlink.links.counters import Counters
+from mavlink.links.report import LinkCounts, LinkReport
+from mavlink.links.url import LinkUrl
 
-__all__ = ["Link", "LinkCounts", "LinkUrl", "open_link", "parse_url"]
+__all__ = ["Link", "LinkOptions"]
 
 
-class Link(Protocol):
-    """One way in for packets. One thread reads; any thread may send, look at the counts and close."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkOptions:
+    """What a link is opened for. Each kind looks at what concerns it."""
 
-    name: str
+    sock: socket.socket | None = None
+    """The socket that :meth:`Link.prepare` gave; None: the link opens one."""
+    system_ids: Collection[int] = ()
+    """Whose frames make a sender known; empty: anybody's."""
+    trusts_checksums: bool = True
+    """Whether a right checksum makes a sender known; otherwise whoever checks signatures calls :meth:`Link.trust`."""
+    waits_for_device: bool = False
+    """Whether a device that is not there now is waited for, and no error."""
+    is_output: bool = False
+    """Whether packets are forwarded over it: whoever connects is sent all of them, but only a few may connect, and
+    what a receiver cannot take at once waits for a while."""
+
+
+class Link(ABC):
+    """A way in and out for frames. One thread uses it; any may look at the counts. Nothing waits.
+
+    A new kind is a subclass in a file of its own, and its line in :data:`mavlink.links.kinds.KINDS`.
+
+    Args:
+        url: from :meth:`parse`.
+        options: what it is opened for.
+
+    Raises:
+        LinkError: it cannot be opened; one line that says what to do.
+    """
+
+    example: ClassVar[str]
+    """A URL of this kind, shown to who writes a wrong one."""
+    has_kernel_stamps: ClassVar[bool] = False
+    """Whether the system notes when something arrived, so that it may lie a moment to be read with what follows."""
+
+    def __init__(self, url: LinkUrl, options: LinkOptions) -> None:
+        del options
+        self.name = url.name
+        self._open = True
+        self._counters = Counters()
+
+    @classmethod
+    @abstractmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """Takes apart what stands behind ``scheme:`` in a URL of this kind.
+
+        Raises:
+            LinkError: it is none; the message need not name the URL.
+        """
+
+    @classmethod
+    def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
+        """Does what is to be done once, before a process that receives is started or replaced.
+
+        Returns:
+            The URL for that process, and a socket that outlives it; None where it opens the link itself.
+
+        Raises:
+            LinkError: the link cannot be opened.
+        """
+        return url, None
 
     @property
-    def counts(self) -> LinkCounts:
-        """What came so far."""
+    @abstractmethod
+    def fds(self) -> tuple[int, ...]:
+        """File descriptors to wait for; they change as connections come and go."""
 
-    def read(self, timeout_s: float) -> list[Packet]:
-        """Packets in order of arrival, each stamped when it came; empty after the timeout and when closed."""
+    @property
+    def overdue(self) -> bool:
+        """Whether :meth:`read_batch` may have something though no descriptor is ready."""
+        return False
 
-    def send(self, data: bytes, peer: int = 0) -> None:
+    @abstractmethod
+    def read_batch(self) -> Batch:
+        """What is there, without waiting; empty when there is nothing and when closed."""
+
+    def read_rest(self) -> Batch:
+        """What an unfinished frame still hides, before the link is closed."""
+        return Batch()
+
+    @abstractmethod
+    def send(self, frame: bytes, peer: int = 0) -> bool:
         """Sends one frame to those on the other end who are known, or to the one of them with this number.
+
+        Returns:
+            Whether somebody took it, as far as is known.
 
         Raises:
             LinkError: nobody is there, or it cannot be sent.
         """
 
-    @property
-    def files(self) -> tuple[int, ...]:
-        """File descriptors to wait for; they change as connections come and go."""
+    def maintain(self) -> None:  # noqa: B027 - most links need none
+        """Connects again, adapts filters; to be called every tenth of a second or so."""
 
-    @property
-    def overdue(self) -> bool:
-        """Whether :meth:`take` may have something though no file is ready: what an unfinished frame has hidden."""
-
-    def take(self) -> Batch:
-        """What is there, without waiting."""
-
-    def rest(self) -> Batch:
-        """What an unfinished frame still hides, before the link is closed."""
-
-    def tend(self) -> None:
-        """Connects again, adapts filters; to be called every tenth of a second or so by who does not use ``read``."""
+    def trust(self, claims: set[Claim], t_us: int) -> None:  # noqa: B027 - a link to one other end trusts it anyway
+        """These senders have proved who they are."""
 
     def address(self, peer: int) -> str:
         """Host and port of the sender with this number; empty where there is none or it is not known."""
+        del peer
+        return ""
 
-    def trust(self, claims: set[Claim], t_us: int) -> None:
-        """These senders have proved who they are."""
+    @property
+    def connected(self) -> bool:
+        """Whether the other end is there, as far as is known."""
+        return True
 
+    @property
+    def last_peer(self) -> int:
+        """Highest number given to a sender; where there is only one it is 1."""
+        return 1
+
+    @property
+    def counts(self) -> LinkCounts:
+        """What came so far."""
+        return self._counters.snapshot()
+
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """What this link cannot do on this system."""
+        return ()
+
+    def report(self) -> LinkReport:
+        """How it is doing."""
+        connected = self.connected
+        return LinkReport(
+            name=self.name, counts=self.counts, last_peer=self.last_peer, connected=connected, peers=int(connected)
+        )
+
+    def resume(self, before: LinkReport) -> None:  # noqa: B027 - most links remember nothing
+        """Goes on where another process ended: senders keep their numbers, and those who were known stay known."""
+
+    @abstractmethod
     def close(self) -> None:
         """Closes the link; closing twice does nothing."""
-
-
-_OPENERS: dict[str, Callable[[LinkUrl, int], Link]] = {
-    "udpin": UdpIn,
-    "udpout": UdpOut,
-    "tcpin": TcpIn,
-    "tcpout": TcpOut,
-    "serial": SerialLink,
-}
-
-
-def open_link(url: str, index: int = 0) -> Link:
-    """Opens a link.
-
-    Args:
-        url: as :func:`mavlink.links.url.parse_url` has it, for instance ``udpin:0.0.0.0:14550``.
-        index: put into every packet as its ``link``.
-
-    Raises:
-        LinkError: bad URL, port in use, no such device or host; one line that says what to do.
-    """
-    parsed = parse_url(url)
-    return _OPENERS[parsed.kind](parsed, index)

@@ -1,29 +1,38 @@
-"""One byte stream (a TCP connection, a serial port): frames out of it, counted."""
+"""One byte stream (a TCP connection, a serial port): frames out of it, counted, and whole frames into it."""
 
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 from mavlink.links.batch import Batch
-from mavlink.links.counters import Tally
+from mavlink.links.counters import Counters, now_us
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import FrameCounts, Framer
 from mavlink.protocol.packet import Packet
 
-__all__ = ["PATIENCE_S", "Backoff", "Stream"]
-
+__all__ = ["PATIENCE_S", "Connection", "FrameStream", "queue_bytes"]
 
 PATIENCE_S = 0.3
 """For so long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses between."""
+ORDERS_BYTES, FORWARDED_BYTES = 1 << 12, 1 << 18
+"""What may wait for a slow other end: few of our own frames, as orders must not come late; of forwarded packets a
+second's worth of a hundred vehicles."""
 
 
-class Stream:
-    """Frames out of one byte stream.
+def queue_bytes(is_output: bool) -> int:
+    """How much may wait to be sent where frames are forwarded, and elsewhere."""
+    return FORWARDED_BYTES if is_output else ORDERS_BYTES
+
+
+class FrameStream:
+    """Frames out of the bytes of one stream.
 
     Args:
-        tally: of the link.
+        counters: of the link.
         peer: number of the sender.
         patience_s: for how long an unfinished frame may hold up what stands behind it.
         clock_s: monotonic.
@@ -31,16 +40,16 @@ class Stream:
 
     def __init__(
         self,
-        tally: Tally,
+        counters: Counters,
         peer: int,
         *,
         patience_s: float = PATIENCE_S,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.peer = peer
+        self.patience_s = patience_s
         self._framer = Framer()
-        self._tally = tally
-        self._patience_s = patience_s
+        self._counters = counters
         self._clock_s = clock_s
         self._since_s = math.inf
         """Since when the frame is unfinished that is waited for."""
@@ -49,12 +58,12 @@ class Stream:
 
     @property
     def overdue(self) -> bool:
-        """Whether :meth:`take` has something to look for though nothing may have come."""
+        """Whether :meth:`add` has something to look for though nothing may have come."""
         waiting = self._framer.waiting
-        return waiting > self._searched and self._clock_s() - self._since_s >= self._patience_s
+        return waiting > self._searched and self._clock_s() - self._since_s >= self.patience_s
 
-    def take(self, data: bytes | None, t_us: int, batch: Batch) -> int:
-        """Adds the frames that these bytes complete, and those hidden behind a frame that is waited for too long.
+    def add(self, data: bytes | None, t_us: int, batch: Batch) -> int:
+        """Adds to a batch the frames that these bytes complete, and those hidden behind an unfinished one for too long.
 
         Args:
             data: what came; None: nothing; empty: the end of the stream.
@@ -65,9 +74,9 @@ class Stream:
             How many of them have a right checksum.
         """
         before = self._framer.counts
-        frames = self._feed(data) if data else [] if data is None else self._framer.finish()
+        frames = self._frames_of(data) if data else [] if data is None else self._framer.finish()
         if self.overdue:
-            frames += self._give_up()
+            frames += self._hidden_frames()
         after = self._framer.counts
         counts = FrameCounts(
             after.good - before.good,
@@ -75,7 +84,7 @@ class Stream:
             after.junk_bytes - before.junk_bytes,
             after.unknown - before.unknown,
         )
-        self._tally.take(len(data or b""), counts)
+        self._counters.add(len(data or b""), counts)
         for frame in frames:
             if counts.unknown and Packet(0, frame).message_id not in DEFINITIONS:
                 batch.unchecked.add(len(batch))
@@ -84,7 +93,7 @@ class Stream:
             batch.peers.append(self.peer)
         return counts.good
 
-    def _feed(self, data: bytes) -> list[bytes]:
+    def _frames_of(self, data: bytes) -> list[bytes]:
         """Frames that these bytes complete; notes when another frame is begun that they do not."""
         waited = self._framer.waiting
         frames = self._framer.feed(data)
@@ -92,7 +101,7 @@ class Stream:
             self._since_s, self._searched = self._clock_s(), 0
         return frames
 
-    def _give_up(self) -> list[bytes]:
+    def _hidden_frames(self) -> list[bytes]:
         waited = self._framer.waiting
         frames = self._framer.give_up()
         self._searched = self._framer.waiting
@@ -101,27 +110,82 @@ class Stream:
         return frames
 
 
-class Backoff:
-    """When to try again: twice as long after each failure, and soon again after a success.
+class _File(Protocol):
+    """An open socket or serial port that does not block."""
+
+    def fileno(self) -> int: ...
+
+    def close(self) -> None: ...
+
+
+class Connection:
+    """One open byte stream. Frames go out whole: what it has begun to send it ends before the next.
 
     Args:
-        first_s: wait after the first failure.
-        most_s: longest wait.
+        file: closed with the connection.
+        receive: gives the bytes that are there, None when there are none now, empty at the end of the stream.
+        frames: of this stream.
+        queue_bytes: so much may wait for the other end to take it.
     """
 
-    def __init__(self, first_s: float = 0.5, most_s: float = 4.0) -> None:
-        self._first_s, self._most_s = first_s, most_s
-        self._wait_s = first_s
-        self._next_s = 0.0
+    def __init__(
+        self, file: _File, receive: Callable[[], bytes | None], frames: FrameStream, *, queue_bytes: int
+    ) -> None:
+        self.file = file
+        self.frames = frames
+        self.is_broken = False
+        """Whether nothing can be sent any more: what has come is read before it is closed."""
+        self._receive = receive
+        self._queue_bytes = queue_bytes
+        self._unsent = b""
 
-    def due(self, now_s: float) -> bool:
-        """Whether it may be tried now (monotonic seconds); the next time is then later."""
-        if now_s < self._next_s:
+    @property
+    def fds(self) -> tuple[int, ...]:
+        """What to wait for; none once it is closed."""
+        try:
+            fd = self.file.fileno()
+        except (OSError, ValueError):
+            return ()
+        return (fd,) if fd >= 0 else ()
+
+    @property
+    def overdue(self) -> bool:
+        """Whether an unfinished frame has hidden others for too long, or it is to be closed."""
+        return self.is_broken or self.frames.overdue
+
+    def read_into(self, batch: Batch) -> tuple[bool, int]:
+        """Adds the frames that have come to a batch, at the end of the stream with those that were hidden.
+
+        Returns:
+            Whether the stream goes on, and how many of the frames have a right checksum.
+        """
+        self._flush()
+        data = self._receive()
+        if data is None and self.is_broken:
+            data = b""
+        good = self.frames.add(data, now_us(), batch)
+        return data != b"", good
+
+    def send(self, frame: bytes) -> bool:
+        """Whether a frame was taken: False where the other end is gone, or too much waits for it already."""
+        if len(self._unsent) > self._queue_bytes:
+            self._flush()
+        if self.is_broken or len(self._unsent) > self._queue_bytes:
             return False
-        self._next_s = now_s + self._wait_s
-        self._wait_s = min(2.0 * self._wait_s, self._most_s)
-        return True
+        self._unsent += frame
+        self._flush()
+        return not self.is_broken
 
-    def succeeded(self) -> None:
-        """What was tried worked."""
-        self._wait_s = self._first_s
+    def _flush(self) -> None:
+        if not self._unsent or self.is_broken:
+            return
+        try:
+            self._unsent = self._unsent[os.write(self.file.fileno(), self._unsent) :]
+        except (BlockingIOError, InterruptedError):
+            return
+        except (OSError, ValueError):
+            self.is_broken = True
+
+    def close(self) -> None:
+        """Closes it; what waits to be sent is lost."""
+        self.file.close()

@@ -98,14 +98,15 @@ class Datagrams:
             How many datagrams, at most 256; 0 when there are none.
 
         Raises:
+            ConnectionRefusedError: an earlier datagram of ours found nobody.
             OSError: the socket is gone.
         """
         count = int(self._call(self._fd, self._headers, BATCH, _DONT_WAIT, None))
         if count >= 0:
             return count
         code = ctypes.get_errno()
-        if code in (errno.EAGAIN, errno.EINTR, errno.ECONNREFUSED):
-            return 0  # nothing there, or an earlier datagram of ours found nobody
+        if code in (errno.EAGAIN, errno.EINTR):
+            return 0
         raise OSError(code, os.strerror(code))
 
     def lengths(self, count: int) -> list[int]:

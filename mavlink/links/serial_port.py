@@ -7,11 +7,10 @@ import time
 import serial
 
 from mavlink.errors import LinkError
-from mavlink.links.batch import Batch, Claim
-from mavlink.links.byte_stream import PATIENCE_S, Backoff, Stream
-from mavlink.links.counters import LinkCounts, Tally, now_us
-from mavlink.links.reader import Reader
-from mavlink.links.url import LinkUrl
+from mavlink.links.base import LinkOptions
+from mavlink.links.byte_stream import PATIENCE_S, Connection, FrameStream, queue_bytes
+from mavlink.links.stream_link import StreamLink
+from mavlink.links.url import LinkUrl, serial_url
 
 __all__ = ["SerialLink"]
 
@@ -20,122 +19,59 @@ _FRAME_BITS = 280 * 10
 """The longest frame; a byte goes as ten bits."""
 
 
-class SerialLink(Reader):
+class SerialLink(StreamLink):
     """A serial port, taken for this program alone where the system can do that. Nothing here waits.
 
     Args:
         url: the link.
-        index: of the link.
-        must: whether the port must be there now; otherwise it is waited for.
+        options: what it is opened for.
 
     Raises:
         LinkError: no such device, no right to it, or in use.
     """
 
-    def __init__(self, url: LinkUrl, index: int, *, must: bool = True) -> None:
-        super().__init__(url.name, index)
-        self.connections = 0
-        """How often the port was opened."""
+    example = "/dev/ttyUSB0,57600"
+
+    def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
+        options = options or LinkOptions()
+        super().__init__(url, options)
         self._device = url.device
         self._baud = url.baud
-        self._tally = Tally()
-        self._stream = self._new_stream()
-        self._backoff = Backoff()
-        self._port: serial.Serial | None = None
+        self._queue_bytes = queue_bytes(options.is_output)
         try:
             self._plug_in()
         except (OSError, ValueError) as error:
-            if must:
+            if not options.waits_for_device:
                 raise LinkError(f"{self.name}: cannot be opened: {error}; is it plugged in, and free?") from error
 
-    @property
-    def counts(self) -> LinkCounts:
-        """What came so far."""
-        return self._tally.counts
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """A device and its baud rate."""
+        return serial_url(rest)
 
-    @property
-    def connected(self) -> bool:
-        """Whether the port is there."""
-        return self._port is not None
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        """What to wait for; nothing while it is unplugged, or where ports cannot be waited for."""
-        port = self._port
-        try:
-            return (port.fileno(),) if port is not None else ()
-        except (OSError, ValueError):
-            return ()
-
-    @property
-    def overdue(self) -> bool:
-        """Whether an unfinished frame has hidden others for too long."""
-        return self._port is not None and self._stream.overdue
-
-    def take(self) -> Batch:
-        """What is there, without waiting; nothing while the port is unplugged and when closed."""
-        batch, port = Batch(), self._port
-        if port is None:
-            return batch
-        try:
-            waiting = port.in_waiting
-            # a port that can be read and has nothing is one that was unplugged: the read then says so
-            data = port.read(min(max(waiting, 1), _CHUNK))
-        except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
-            self._lose()
-            return self.rest()
-        self._stream.take(data or None, now_us(), batch)
-        return batch
-
-    def rest(self) -> Batch:
-        """What an unfinished frame still hides."""
-        batch = Batch()
-        self._stream.take(b"", now_us(), batch)
-        return batch
-
-    def trust(self, claims: set[Claim], t_us: int) -> None:
-        """The device was chosen by whoever wrote the URL; nothing more is to be known."""
-
-    def tend(self) -> None:
+    def maintain(self) -> None:
         """Opens the port again when it has come back."""
-        if self._port is None and self._open and self._backoff.due(time.monotonic()):
+        if self._connection is None and self._open and self._backoff.due(time.monotonic()):
             try:
                 self._plug_in()
             except (OSError, ValueError):
                 return  # not yet
 
-    def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to the other end, the only peer there is.
-
-        Raises:
-            LinkError: the port is unplugged or does not take it.
-        """
-        port = self._port
-        if port is None:
-            raise LinkError(f"{self.name}: unplugged")
-        try:
-            taken = port.write(data)
-        except OSError as error:
-            raise LinkError(f"{self.name}: cannot send: {error}") from error
-        if taken != len(data):
-            raise LinkError(f"{self.name}: cannot send: the port is busy")
-
-    def close(self) -> None:
-        """Closes the port; a read in another thread comes back empty."""
-        self._open = False
-        self._lose()
-
-    def _new_stream(self) -> Stream:
-        # twice what the longest frame takes at this rate, where that is longer than anybody pauses
-        return Stream(self._tally, 1, patience_s=max(PATIENCE_S, 2.0 * _FRAME_BITS / self._baud))
-
     def _plug_in(self) -> None:
-        self._port = serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
-        self.connections += 1
-        self._stream = self._new_stream()
-        self._backoff.succeeded()
+        port = serial.Serial(self._device, self._baud, timeout=0, write_timeout=0, exclusive=True)
+        frames = FrameStream(self._counters, 1, patience_s=patience_s(self._baud))
+        self._opened(Connection(port, lambda: _receive(port), frames, queue_bytes=self._queue_bytes))
 
-    def _lose(self) -> None:
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
+
+def patience_s(baud: int) -> float:
+    """Twice what the longest frame takes at this rate, where that is longer than anybody pauses."""
+    return max(PATIENCE_S, 2.0 * _FRAME_BITS / baud)
+
+
+def _receive(port: serial.Serial) -> bytes | None:
+    """What is there, None when nothing is, empty where the port is gone."""
+    try:
+        # a port that can be read and has nothing is one that was unplugged: the read then says so
+        return port.read(min(max(port.in_waiting, 1), _CHUNK)) or None
+    except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
+        return b""

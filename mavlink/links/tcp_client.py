@@ -11,144 +11,75 @@ import socket
 import time
 
 from mavlink.errors import LinkError
-from mavlink.links.batch import Batch, Claim
-from mavlink.links.byte_stream import Backoff, Stream
-from mavlink.links.counters import LinkCounts, Tally, now_us
-from mavlink.links.reader import Reader
-from mavlink.links.url import LinkUrl
+from mavlink.links.base import LinkOptions
+from mavlink.links.byte_stream import Connection, FrameStream, queue_bytes
+from mavlink.links.stream_link import StreamLink
+from mavlink.links.url import LinkUrl, network_url
 
-__all__ = ["TcpOut", "receive_now", "resolve_tcp", "send_now"]
+__all__ = ["DEFAULT_PORT", "TcpOut", "tcp_connection"]
 
+DEFAULT_PORT = 5760
+"""Where ArduPilot's simulator and most bridges listen."""
 _CHUNK = 65536
 _CONNECT_S = 5.0
+"""An answer that takes longer is not waited for."""
 _PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
-def resolve_tcp(url: LinkUrl) -> tuple[str, int]:
-    """Address of a host.
+def tcp_connection(sock: socket.socket, frames: FrameStream, options: LinkOptions) -> Connection:
+    """A connection that stands, as a stream of frames."""
+    sock.setblocking(False)
 
-    Raises:
-        LinkError: no such host.
-    """
-    try:
-        host, port = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4][:2]
-    except (OSError, UnicodeError) as error:
-        raise LinkError(f"{url.name}: no such host: {error}") from error
-    return str(host), int(port)
+    def receive() -> bytes | None:
+        try:
+            return sock.recv(_CHUNK)
+        except (BlockingIOError, InterruptedError):
+            return None
+        except (OSError, ValueError):
+            return b""
 
-
-def receive_now(sock: socket.socket) -> bytes | None:
-    """Bytes that are there; empty at the end of the connection, None when there is nothing yet."""
-    try:
-        return sock.recv(_CHUNK)
-    except (BlockingIOError, InterruptedError):
-        return None
-    except (OSError, ValueError):
-        return b""
+    return Connection(sock, receive, frames, queue_bytes=queue_bytes(options.is_output))
 
 
-def send_now(sock: socket.socket, data: bytes) -> bool:
-    """Whether all of it was taken at once: half a frame spoils what follows."""
-    try:
-        return sock.send(data) == len(data)
-    except OSError:
-        return False
-
-
-class TcpOut(Reader):
+class TcpOut(StreamLink):
     """Connects to a server, and again soon after the connection was lost or refused.
 
     Args:
         url: the link.
-        index: of the link.
-        address: from :func:`resolve_tcp`; None: it is looked up.
+        options: what it is opened for.
 
     Raises:
         LinkError: no such host.
     """
 
-    def __init__(self, url: LinkUrl, index: int, address: tuple[str, int] | None = None) -> None:
-        super().__init__(url.name, index)
-        self.connections = 0
-        """How often it connected."""
-        self._address = address or resolve_tcp(url)
-        self._tally = Tally()
-        self._stream = Stream(self._tally, 1)
-        self._socket: socket.socket | None = None
+    example = "tcp:host:port"
+
+    def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
+        self._options = options or LinkOptions()
+        super().__init__(url, self._options)
+        self._address = _resolve(url)
         self._calling: socket.socket | None = None
-        self._broken = False
-        """Whether the connection does not take what is sent: what has come is read before it is let go."""
-        self._backoff = Backoff()
+        """A connection that the server has not answered yet."""
         self._give_up_s = 0.0
 
-    @property
-    def counts(self) -> LinkCounts:
-        """What came so far."""
-        return self._tally.counts
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """Host and port of a server."""
+        return network_url("tcp", rest, default_port=DEFAULT_PORT)
 
-    @property
-    def connected(self) -> bool:
-        """Whether the connection stands, as far as is known."""
-        return self._socket is not None and not self._broken
+    @classmethod
+    def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
+        """Looks the host up: a process that receives must not wait for that."""
+        host, port = _resolve(url)
+        return LinkUrl(scheme=url.scheme, host=host, port=port), None
 
-    @property
-    def overdue(self) -> bool:
-        """Whether an unfinished frame has hidden others for too long, or the connection is to be let go."""
-        return self._socket is not None and (self._broken or self._stream.overdue)
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        """What to wait for; nothing while there is no connection."""
-        sock = self._socket
-        return (sock.fileno(),) if sock is not None else ()
-
-    def take(self) -> Batch:
-        """What is there, without waiting; at the end of the connection what was hidden behind an unfinished frame."""
-        batch, sock = Batch(), self._socket
-        if sock is None:
-            return batch
-        data = receive_now(sock)
-        if data is None and self._broken:
-            data = b""
-        self._stream.take(data, now_us(), batch)
-        if data == b"":
-            self._lose()
-        return batch
-
-    def rest(self) -> Batch:
-        """What an unfinished frame still hides."""
-        batch = Batch()
-        self._stream.take(b"", now_us(), batch)
-        return batch
-
-    def trust(self, claims: set[Claim], t_us: int) -> None:
-        """The server was chosen by whoever wrote the URL; nothing more is to be known."""
-
-    def tend(self) -> None:
+    def maintain(self) -> None:
         """Connects when need be."""
         now_s = time.monotonic()
         if self._calling is not None:
-            self._answered(self._calling, now_s)
-        elif self._socket is None and self._open and self._backoff.due(now_s):
+            self._look_for_answer(self._calling, now_s)
+        elif self._connection is None and self._open and self._backoff.due(now_s):
             self._call(now_s)
-
-    def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to the server, the only peer there is.
-
-        Raises:
-            LinkError: not connected, or the connection broke.
-        """
-        sock = self._socket
-        if sock is None or self._broken:
-            raise LinkError(f"{self.name}: not connected")
-        if not send_now(sock, data):
-            self._broken = True
-            raise LinkError(f"{self.name}: the connection broke, or does not take what is sent")
-
-    def close(self) -> None:
-        """Closes the connection; a read in another thread comes back empty."""
-        self._open = False
-        self._lose()
 
     def _call(self, now_s: float) -> None:
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -158,10 +89,9 @@ class TcpOut(Reader):
             sock.close()
             return
         self._calling, self._give_up_s = sock, now_s + _CONNECT_S
-        self._answered(sock, now_s)
+        self._look_for_answer(sock, now_s)
 
-    def _answered(self, sock: socket.socket, now_s: float) -> None:
-        """Looks whether the server has answered."""
+    def _look_for_answer(self, sock: socket.socket, now_s: float) -> None:
         if not select.select([], [sock], [], 0.0)[1]:
             if now_s > self._give_up_s:
                 self._hang_up()
@@ -170,10 +100,8 @@ class TcpOut(Reader):
             self._hang_up()
             return
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.connections += 1
-        self._stream = Stream(self._tally, 1)
-        self._socket, self._calling, self._broken = sock, None, False
-        self._backoff.succeeded()
+        self._calling = None
+        self._opened(tcp_connection(sock, FrameStream(self._counters, 1), self._options))
 
     def _hang_up(self) -> None:
         sock, self._calling = self._calling, None
@@ -182,6 +110,12 @@ class TcpOut(Reader):
 
     def _lose(self) -> None:
         self._hang_up()
-        sock, self._socket = self._socket, None
-        if sock is not None:
-            sock.close()
+        super()._lose()
+
+
+def _resolve(url: LinkUrl) -> tuple[str, int]:
+    try:
+        host, port = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_STREAM)[0][4][:2]
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{url.name}: no such host: {error}") from error
+    return str(host), int(port)

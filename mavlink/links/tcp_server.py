@@ -5,89 +5,72 @@ from __future__ import annotations
 import errno
 import socket
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mavlink.errors import LinkError
+from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import Batch, Claim
-from mavlink.links.byte_stream import Stream
-from mavlink.links.counters import LinkCounts, Tally, now_us
+from mavlink.links.byte_stream import Connection, FrameStream
+from mavlink.links.counters import now_us
 from mavlink.links.port_owner import owner_of
-from mavlink.links.reader import Reader
-from mavlink.links.tcp_client import receive_now, send_now
-from mavlink.links.url import LinkUrl
+from mavlink.links.report import LinkReport
+from mavlink.links.tcp_client import DEFAULT_PORT, tcp_connection
+from mavlink.links.url import LinkUrl, network_url
 
-__all__ = ["TcpIn", "listen_tcp"]
+__all__ = ["TcpIn"]
 
-_CLIENTS = 32
-
-
-def listen_tcp(url: LinkUrl) -> socket.socket:
-    """A socket that others connect to.
-
-    Raises:
-        LinkError: the port is in use, or the address is not one of this machine.
-    """
-    server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        # for TCP this only lets a port be taken again at once, never by two at a time
-        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        server.bind((url.host, url.port))
-        server.listen(_CLIENTS)
-        server.setblocking(False)
-    except (OSError, UnicodeError) as error:
-        server.close()
-        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            text = f"{url.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
-            raise LinkError(text) from None
-        raise LinkError(f"{url.name}: cannot listen: {error}") from error
-    return server
+_SENDERS, _RECEIVERS = 32, 8
+"""Connections at a time, of who sends to this station and of who is forwarded to."""
 
 
 @dataclass(slots=True)
 class _Client:
-    stream: Stream
+    connection: Connection
     address: str
     heard_s: float
-    known: bool = False
-    broken: bool = False
-    """Whether it does not take what is sent: what has come from it is read before it is closed."""
+    """When it last sent a good frame, or connected; monotonic."""
+    known: bool
 
 
-class TcpIn(Reader):
-    """Lets vehicles or routers connect, each with a parser of its own.
+class TcpIn(Link):
+    """Lets vehicles or routers connect, each with a parser of its own; or programs, to forward to.
 
     Args:
         url: the link.
-        index: of the link.
-        sock: from :func:`listen_tcp`; None: one is made.
-        vouch: whether a right checksum makes a client known; otherwise whoever checks signatures calls :meth:`trust`.
+        options: what it is opened for.
 
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
     """
 
-    def __init__(self, url: LinkUrl, index: int, sock: socket.socket | None = None, *, vouch: bool = True) -> None:
-        super().__init__(url.name, index)
-        self._vouch = vouch
-        self._tally = Tally()
+    example = "tcpin:0.0.0.0:5760"
+
+    def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
+        self._options = options or LinkOptions()
+        super().__init__(url, self._options)
         self._clients: dict[socket.socket, _Client] = {}
-        self.accepted = 0
-        """Connections let in so far; also the number of the last."""
-        self._server = sock or listen_tcp(url)
+        self._accepted = 0
+        self._server = self._options.sock or _listen(url)
+
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """Address and port to listen on."""
+        return network_url("tcpin", rest, default_port=DEFAULT_PORT, default_host="0.0.0.0")
+
+    @classmethod
+    def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
+        """Takes the port, which then outlives the process that receives."""
+        return url, _listen(url)
 
     @property
-    def counts(self) -> LinkCounts:
-        """What came so far, over all connections."""
-        return self._tally.counts
+    def last_peer(self) -> int:
+        """Connections let in so far; also the number of the last."""
+        return self._accepted
 
     @property
     def clients(self) -> int:
         """Connections that stand."""
         return len(self._clients)
-
-    def addresses(self) -> dict[int, str]:
-        """Number → host and port of those who are connected."""
-        return {client.stream.peer: client.address for client in self._clients.values()}
 
     @property
     def port(self) -> int:
@@ -96,11 +79,16 @@ class TcpIn(Reader):
         return port
 
     @property
-    def files(self) -> tuple[int, ...]:
-        """What to wait for: the door and every connection."""
+    def fds(self) -> tuple[int, ...]:
+        """What to wait for: the listening socket and every connection."""
         return tuple(sock.fileno() for sock in [self._server, *self._clients]) if self._open else ()
 
-    def take(self) -> Batch:
+    @property
+    def overdue(self) -> bool:
+        """Whether an unfinished frame of somebody has hidden others for too long, or somebody is to be closed."""
+        return any(client.connection.overdue for client in self._clients.values())
+
+    def read_batch(self) -> Batch:
         """What is there on all connections, without waiting."""
         batch = Batch()
         if self._open:
@@ -109,82 +97,105 @@ class TcpIn(Reader):
                 self._receive(sock, batch)
         return batch
 
-    @property
-    def overdue(self) -> bool:
-        """Whether an unfinished frame of somebody has hidden others for too long, or somebody is to be closed."""
-        return any(client.broken or client.stream.overdue for client in self._clients.values())
-
-    def rest(self) -> Batch:
+    def read_rest(self) -> Batch:
         """What unfinished frames still hide."""
         batch = Batch()
         for client in self._clients.values():
-            client.stream.take(b"", now_us(), batch)
+            client.connection.frames.add(b"", now_us(), batch)
         return batch
 
     def address(self, peer: int) -> str:
         """Host and port of one who is connected, empty for others."""
-        return self.addresses().get(peer, "")
+        return self._addresses().get(peer, "")
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
         """These clients have proved who they are: they may be sent to."""
         peers = {peer for peer, _ in claims}
         for client in self._clients.values():
-            client.known = client.known or client.stream.peer in peers
+            client.known = client.known or client.connection.frames.peer in peers
 
-    def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to every client that sent good frames, or to one; one that does not take it is closed.
+    def send(self, frame: bytes, peer: int = 0) -> bool:
+        """Sends to every client that is known, or to one.
 
         Args:
-            data: one frame.
+            frame: one frame.
             peer: number of the only client that is to get it, of whom nothing else is asked; 0: all of them.
 
         Raises:
             LinkError: nobody is connected.
         """
-        clients = list(self._clients.items())
-        open_ = [(sock, client) for sock, client in clients if not client.broken]
-        known = [sock for sock, client in open_ if (client.stream.peer == peer if peer else client.known)]
-        if not known:
+        clients = [client.connection for client in list(self._clients.values()) if client.known or peer]
+        wanted = [each for each in clients if not each.is_broken and peer in (0, each.frames.peer)]
+        if not wanted:
             raise LinkError(f"{self.name}: nobody is connected who was heard")
-        for sock in known:
-            if not send_now(sock, data):
-                self._clients[sock].broken = True
+        return any([each.send(frame) for each in wanted])
+
+    def report(self) -> LinkReport:
+        """How it is doing, with who is connected."""
+        return replace(super().report(), peers=self.clients, others=tuple(self._addresses().items()))
+
+    def resume(self, before: LinkReport) -> None:
+        """Numbers go on where they ended; the connections themselves have ended with the process before."""
+        self._accepted = before.last_peer
 
     def close(self) -> None:
-        """Closes everything; a read in another thread comes back empty."""
+        """Closes everything."""
         self._open = False
         for sock in [self._server, *self._clients]:
             sock.close()
         self._clients.clear()
+
+    def _addresses(self) -> dict[int, str]:
+        """Number → host and port of those who are connected."""
+        return {client.connection.frames.peer: client.address for client in self._clients.values()}
 
     def _accept(self, batch: Batch) -> None:
         try:
             sock, (host, port) = self._server.accept()
         except OSError:
             return  # nobody, or gone before it was let in
-        if len(self._clients) >= _CLIENTS:
+        if self._options.is_output and len(self._clients) >= _RECEIVERS:
+            sock.close()  # who only listens is silent: nobody makes room
+            return
+        if len(self._clients) >= _SENDERS:
             # whoever says nothing makes room, and of those who do the one who has been silent longest
             order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
             oldest = min(order, key=lambda entry: entry[:2])[2]
             self._receive(oldest, batch)
             self._drop(oldest, batch)
-        sock.setblocking(False)
-        self.accepted += 1
-        self._clients[sock] = _Client(Stream(self._tally, self.accepted), f"{host}:{port}", time.monotonic())
+        self._accepted += 1
+        connection = tcp_connection(sock, FrameStream(self._counters, self._accepted), self._options)
+        self._clients[sock] = _Client(connection, f"{host}:{port}", time.monotonic(), known=self._options.is_output)
 
     def _receive(self, sock: socket.socket, batch: Batch) -> None:
-        data, client = receive_now(sock), self._clients[sock]
-        if data is None and client.broken:
-            data = b""
-        if client.stream.take(data, now_us(), batch):
+        client = self._clients[sock]
+        goes_on, good = client.connection.read_into(batch)
+        if good:
             client.heard_s = time.monotonic()
-            client.known = client.known or self._vouch
-        if data == b"":
+            client.known = client.known or self._options.trusts_checksums
+        if not goes_on:
             self._drop(sock, batch)
 
     def _drop(self, sock: socket.socket, batch: Batch) -> None:
         """Closes a connection; what its last unfinished frame hides comes out."""
         client = self._clients.pop(sock, None)
         if client is not None:
-            client.stream.take(b"", now_us(), batch)
+            client.connection.frames.add(b"", now_us(), batch)
         sock.close()
+
+
+def _listen(url: LinkUrl) -> socket.socket:
+    server = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        # for TCP this only lets a port be taken again at once, never by two at a time
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        server.bind((url.host, url.port))
+        server.listen(_SENDERS)
+        server.setblocking(False)
+    except (OSError, UnicodeError) as error:
+        server.close()
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            text = f"{url.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
+            raise LinkError(text) from None
+        raise LinkError(f"{url.name}: cannot listen: {error}") from error
+    return server

@@ -1,303 +1,58 @@
-"""UDP links. No frame ever crosses a datagram, so nothing a stranger sends can spoil what another sent."""
+"""UDP links: one that listens, one that is connected to one address."""
 
 from __future__ import annotations
 
 import socket
-import struct
-import sys
 import time
-from collections import Counter
-from collections.abc import Callable, Collection, Set
-from itertools import chain
+from collections.abc import Callable
+from dataclasses import replace
 
 from mavlink.errors import LinkError
-from mavlink.links.batch import MIXED, Batch, Claim, Sender, is_one_frame, looks_like_one_frame, system_of
-from mavlink.links.counters import LinkCounts, Tally, now_us
-from mavlink.links.fair_shares import Coming
-from mavlink.links.flood_limiter import Gate, Limit
-from mavlink.links.peers import Peers, address_of, key_of
-from mavlink.links.reader import Reader
-from mavlink.links.recvmmsg import BATCH, SO_TIMESTAMPNS, STRIDE, Datagrams, available
+from mavlink.links.base import LinkOptions
+from mavlink.links.counters import now_us
+from mavlink.links.report import LinkReport
+from mavlink.links.udp_link import UdpLink
 from mavlink.links.udp_socket import bind_udp, connect_udp
-from mavlink.links.url import LinkUrl
-from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.framing import FrameCounts, split
-from mavlink.protocol.packet import Packet
+from mavlink.links.url import LinkUrl, network_url
 
 __all__ = ["UdpIn", "UdpOut"]
 
-_LINUX = sys.platform.startswith("linux")
-_TIMESPEC = struct.Struct("=qq")
-_ANCILLARY = 128
-_CLOCK_GAP_US = 10_000_000
-SUDDEN = 1000
-"""Strangers' datagrams that cannot wait for the next tenth of a second: a socket has room for some ten thousand."""
-_WAITED_S = 10.0
+DEFAULT_PORT = 14550
+"""Where ground stations listen."""
+_RECEIVERS = 8
+"""Programs at a time that packets are forwarded to over one port."""
 
 
-class _Udp(Reader):
-    """What listening and connected sockets have in common."""
-
-    def __init__(
-        self,
-        url: LinkUrl,
-        index: int,
-        sock: socket.socket,
-        system_ids: Collection[int],
-        vouch: bool,
-        clock_s: Callable[[], float] = time.monotonic,
-    ) -> None:
-        super().__init__(url.name, index)
-        self.peers = Peers()
-        self.gate = Gate(sock)
-        self._socket = sock
-        self._system_ids = frozenset(system_ids)
-        self._vouch = vouch
-        self._tally = Tally()
-        self._datagrams = Datagrams(sock) if available() else None
-        self._batches: list[Batch] = []
-        self._spoiled: Counter[Sender] = Counter()
-        self._strange = [0, 0]
-        self._strangers: Counter[int] = Counter()
-        self._crowd = ""
-        self._clock_s = clock_s
-        self._newest_us = 0
-        self._hurry = False
-
-    @property
-    def counts(self) -> LinkCounts:
-        """What came so far."""
-        if self._open:
-            self.gate.count_drops()
-        return self._tally.told(dropped=self.gate.dropped, turned_away=self.gate.turned_away)
-
-    @property
-    def buffer_bytes(self) -> int:
-        """Receive buffer that the system granted."""
-        return self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
-
-    @property
-    def files(self) -> tuple[int, ...]:
-        """What to wait for."""
-        return (self._socket.fileno(),) if self._open else ()
-
-    def take(self) -> Batch:
-        """Up to some hundred datagrams that are there, without waiting; empty when there are none or closed."""
-        batch = Batch()
-        if not self._open:
-            return batch
-        self.gate.look(self._hurry)
-        try:
-            if self._datagrams:
-                self._take_many(batch)
-            else:
-                self._take_each(batch)
-        except (OSError, ValueError):
-            if self._open:
-                raise
-            return batch
-        now = now_us()
-        self._note(batch, now)
-        if sum(self._strange) > SUDDEN:
-            self.adapt(now)
-        return batch
-
-    def _note(self, batch: Batch, t_us: int) -> None:
-        """Who a batch came from."""
-        if not batch.frames:
-            return
-        self._batches.append(batch)
-        if batch.mixed:
-            self.peers.mix({batch.peers[k] for k in batch.mixed})
-        claimed = batch.claimed()
-        new = claimed.difference(self.peers.trusted)
-        if not new:
-            if self._vouch:
-                self.peers.hear(claimed)
-            return
-        claims = batch.claims()
-        for k, claim in enumerate(claims):
-            if claim in new:
-                self._strange[k in batch.mixed] += 1
-                self._strangers[self.peers.keys.get(claim[0], 0)] += 1
-        if self._vouch:
-            self.peers.trust(claimed - new | self._vouched(batch, claims, new), t_us)
-
-    def address(self, peer: int) -> str:
-        """Host and port of a sender; empty where it is forgotten."""
-        return self.peers.address(peer)
-
-    def trust(self, claims: set[Claim], t_us: int) -> None:
-        """These have proved who they are: they pass as far as can be borne, and may be sent to."""
-        self.peers.trust(claims, t_us)
-
-    def limits(self) -> tuple[Limit, ...]:
-        """Who is not let in whole at the moment."""
-        return tuple(self.gate.limits(self.peers, self._crowd))
-
-    def tend(self) -> None:
-        """Adapts who is let in; to be called every tenth of a second or so."""
-        if self._open and self.gate.due(self._clock_s()):
-            self.adapt(now_us())
-
-    def adapt(self, t_us: int) -> None:
-        """Lets in as much of whom as can be borne."""
-        self.peers.review(t_us)
-        if self._strangers:
-            others = len(self._strangers) - 1
-            self._crowd = address_of(self._strangers.most_common(1)[0][0])
-            self._crowd += f" and {others} more address{'es' * (others > 1)}" if others else ""
-        now_s = self._clock_s()
-        dt_s = max(self.gate.elapsed_s(now_s), self._arrived_s())
-        frames, read = self._come(dt_s)
-        likely, other = self._strange
-        coming = Coming(likely=likely, other=other, frames=frames if self._vouch else {}, read=read)
-        self._batches, self._strange = [], [0, 0]
-        self._spoiled.clear()
-        self._strangers.clear()
-        self.gate.adapt(now_s, dt_s, coming, self.peers)
-
-    def _arrived_s(self) -> float:
-        """In which time all arrived that was read since the last time: it may have waited while nobody could read."""
-        newest_us = self._batches[-1].times_us[-1] if self._batches else self._newest_us
-        before_us, self._newest_us = self._newest_us, newest_us
-        return min((newest_us - before_us) * 1e-6, _WAITED_S) if before_us else 0.0
-
-    def _come(self, dt_s: float) -> tuple[Counter[Sender], Counter[Sender]]:
-        """Good frames of those who are known, and datagrams read; none where no one of them can be too many."""
-        frames: Counter[Sender] = Counter()
-        if self.gate.relaxed(sum(map(len, self._batches)) + self._spoiled.total(), self._busiest, dt_s):
-            return frames, frames
-        for batch in self._batches:
-            frames.update(batch.senders())
-        for sender in [s for s in frames if not self.peers.knows(s)]:
-            del frames[sender]
-        return frames, frames + self._spoiled
-
-    def _busiest(self) -> int:
-        """Datagrams of one address at most, in whatever form."""
-        counts = Counter(chain.from_iterable(batch.peers for batch in self._batches))
-        return max(counts.values(), default=0) + self._spoiled.total()
-
-    def close(self) -> None:
-        """Closes the socket; a read in another thread comes back empty."""
-        self._open = False
-        self._socket.close()
-
-    def _vouched(self, batch: Batch, claims: list[Claim], new: Set[Claim]) -> set[Claim]:
-        """Those of some new ones who sent a good frame of a system that is known."""
-        return {
-            claim
-            for k, claim in enumerate(claims)
-            if claim in new and k not in batch.unchecked and (not self._system_ids or claim[1] in self._system_ids)
-        }
-
-    def _take_many(self, batch: Batch) -> None:
-        """One system call's worth of datagrams."""
-        datagrams = self._datagrams
-        assert datagrams is not None
-        count = datagrams.receive()
-        self._hurry = count == BATCH
-        if not count:
-            return
-        now = now_us()  # not before the call: what comes while this process is held up would be stamped too early
-        lengths, senders, times_us = datagrams.lengths(count), datagrams.senders(count), datagrams.times_us(count)
-        view, numbers = datagrams.view, self.peers.numbers
-        add_time, add_frame, add_peer = batch.times_us.append, batch.frames.append, batch.peers.append
-        oldest, at, good = now - _CLOCK_GAP_US, 0, 0
-        for size, key, t_us in zip(lengths, senders, times_us, strict=True):
-            data = bytes(view[at : at + size])
-            at += STRIDE
-            if not oldest <= t_us <= now:
-                t_us = now
-            if is_one_frame(data):
-                add_time(t_us)
-                add_frame(data)
-                add_peer(numbers.get(key) or self.peers.number(key))
-                good += 1
-            else:
-                self._search(batch, data, key, t_us)
-        datagrams.reset(count)
-        self._tally.take(sum(lengths), FrameCounts(good=good))
-
-    def _take_each(self, batch: Batch) -> None:
-        """One datagram a system call, on systems without a better one."""
-        for _ in range(BATCH):
-            try:
-                received = self._receive()
-            except (BlockingIOError, InterruptedError, ConnectionError):
-                return  # nothing there, or an earlier datagram of ours found nobody
-            self._tally.take(len(received[0]), FrameCounts())
-            self._search(batch, *received)
-
-    def _receive(self) -> tuple[bytes, int, int]:
-        """One datagram, its sender and its arrival in Unix µs."""
-        if not _LINUX:
-            data, sender = self._socket.recvfrom(STRIDE)
-            return data, key_of(sender), now_us()
-        data, ancillary, _, sender = self._socket.recvmsg(STRIDE, _ANCILLARY)
-        t_us = now_us()
-        for level, kind, value in ancillary:
-            if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(value) >= _TIMESPEC.size:
-                seconds, nanoseconds = _TIMESPEC.unpack_from(value)
-                arrived_us = seconds * 1_000_000 + nanoseconds // 1000
-                t_us = arrived_us if 0 <= t_us - arrived_us < _CLOCK_GAP_US else t_us
-        return data, key_of(sender), t_us
-
-    def _search(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
-        """Finds the frames in a datagram, whatever else is in it."""
-        frames, counts = split(data)
-        self._tally.take(0, counts)
-        if not frames:
-            self._empty(data, key)
-            return
-        number, alone = self.peers.number(key), looks_like_one_frame(data)
-        for frame in frames:
-            if not alone:
-                batch.mixed.add(len(batch))
-            if counts.unknown and Packet(0, frame).message_id not in DEFINITIONS:
-                batch.unchecked.add(len(batch))
-            batch.times_us.append(t_us)
-            batch.frames.append(frame)
-            batch.peers.append(number)
-
-    def _empty(self, data: bytes, key: int) -> None:
-        """A datagram with nothing in it, whoever sent it: its address may be forged."""
-        alone = looks_like_one_frame(data)
-        sender = self.peers.numbers.get(key, 0), system_of(data) if alone else MIXED
-        if self.peers.knows(sender):
-            self._spoiled[sender] += 1
-        else:
-            self._strange[not alone] += 1
-            self._strangers[key] += 1
-
-
-class UdpIn(_Udp):
+class UdpIn(UdpLink):
     """Listens on a port that is its own.
 
     Args:
         url: the link.
-        index: of the link.
-        sock: from :func:`bind_udp`; None: one is made.
-        system_ids: whose frames make a sender known; empty: anybody's.
-        vouch: whether a right checksum is enough for that; otherwise whoever checks signatures calls :meth:`trust`.
+        options: what it is opened for.
         clock_s: monotonic.
 
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
     """
 
+    example = "udpin:0.0.0.0:14550"
+
     def __init__(
-        self,
-        url: LinkUrl,
-        index: int,
-        sock: socket.socket | None = None,
-        *,
-        system_ids: Collection[int] = (),
-        vouch: bool = True,
-        clock_s: Callable[[], float] = time.monotonic,
+        self, url: LinkUrl, options: LinkOptions | None = None, *, clock_s: Callable[[], float] = time.monotonic
     ) -> None:
-        super().__init__(url, index, sock or bind_udp(url), system_ids, vouch, clock_s)
+        options = options or LinkOptions()
+        super().__init__(url, options, options.sock or bind_udp(url), clock_s)
+        self._most_receivers = _RECEIVERS if options.is_output else None
+
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """Address and port to listen on."""
+        return network_url("udpin", rest, default_port=DEFAULT_PORT, default_host="0.0.0.0")
+
+    @classmethod
+    def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
+        """Takes the port, which then outlives the process that receives, with what is in its buffer."""
+        return url, bind_udp(url)
 
     @property
     def port(self) -> int:
@@ -305,52 +60,85 @@ class UdpIn(_Udp):
         port: int = self._socket.getsockname()[1]
         return port
 
-    def send(self, data: bytes, peer: int = 0) -> None:
+    @property
+    def troubles(self) -> tuple[str, ...]:
+        """That nobody can be kept out, on a system that cannot do it."""
+        text = f"{self.name}: this system has no socket filters; a flood of strangers can push others out"
+        return (text,) if self.gate.broken else ()
+
+    def resume(self, before: LinkReport) -> None:
+        """Senders keep their numbers, and those who were known stay known."""
+        known = {number: (host, port) for number, host, port in before.addresses}
+        self.peers.adopt(known, before.claims, before.mixed, before.last_peer, now_us())
+
+    def send(self, frame: bytes, peer: int = 0) -> bool:
         """Sends to everybody who sent good frames in the last minute, or to one sender.
 
         Args:
-            data: one frame.
-            peer: number of the only one who is to get it, of whom nothing else is asked; 0: all of them.
+            frame: one frame.
+            peer: number of the only one who is to get it, of whom nothing else is asked; 0: all of them, or the first
+                few where packets are forwarded: an address can be forged, and everything would go there.
 
         Raises:
             LinkError: nobody was heard yet, or not this one.
         """
-        self.peers.review(now_us())
-        wanted = self.peers.one(peer) if peer else list(self.peers.addresses().values())
+        wanted = self.peers.one(peer) if peer else list(self.peers.addresses().values())[: self._most_receivers]
         if not wanted:
             whom = f"cannot send to sender {peer}" if peer else "nobody to send to"
             raise LinkError(f"{self.name}: {whom}, nothing was heard in the last minute")
+        failed: LinkError | None = None
         for host, port in wanted:
             try:
-                self._socket.sendto(data, (host, port))
+                self._socket.sendto(frame, (host, port))
             except OSError as error:
-                raise LinkError(f"{self.name}: cannot send to {host}:{port}: {error.strerror}") from error
+                failed = LinkError(f"{self.name}: cannot send to {host}:{port}: {error.strerror}")
+        if failed is not None:
+            raise failed
+        return True
 
 
-class UdpOut(_Udp):
+class UdpOut(UdpLink):
     """Connected to one address: the system drops what others send. Sends nothing of its own.
 
     Args:
         url: the link.
-        index: of the link.
-        sock: from :func:`connect_udp`; None: one is made.
+        options: what it is opened for.
 
     Raises:
         LinkError: no such host.
     """
 
-    def __init__(self, url: LinkUrl, index: int, sock: socket.socket | None = None) -> None:
-        super().__init__(url, index, sock or connect_udp(url), (), True)
+    example = "udpout:host:port"
 
-    def send(self, data: bytes, peer: int = 0) -> None:
-        """Sends to the address, the only peer there is; that nobody listens there is not an error.
+    def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
+        options = options or LinkOptions()
+        whoever = replace(options, system_ids=(), trusts_checksums=True)  # whoever wrote the URL trusts that address
+        super().__init__(url, whoever, options.sock or connect_udp(url))
+
+    @classmethod
+    def parse(cls, rest: str) -> LinkUrl:
+        """Host and port to send to, and to hear."""
+        return network_url("udpout", rest, default_port=DEFAULT_PORT)
+
+    @classmethod
+    def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
+        """Connects a socket that outlives the process that receives: the other end goes on to send to its port."""
+        return url, connect_udp(url)
+
+    def send(self, frame: bytes, peer: int = 0) -> bool:
+        """Sends to the address, the only peer there is.
+
+        Returns:
+            False where the system has told since that nobody listened there. That is no error: somebody may now.
 
         Raises:
             LinkError: the network is down.
         """
+        is_refused, self._is_refused = self._is_refused, False
         try:
-            self._socket.send(data)
+            self._socket.send(frame)
         except ConnectionRefusedError:
-            return  # the answer to an earlier datagram: nobody listened then
+            return False  # the answer to an earlier datagram
         except OSError as error:
             raise LinkError(f"{self.name}: cannot send: {error.strerror}") from error
+        return not is_refused

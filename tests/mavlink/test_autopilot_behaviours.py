@@ -13,7 +13,6 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mavlink.fleet.fleet import Fleet
-from mavlink.links.base import open_link
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
@@ -23,6 +22,7 @@ from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.streams import ticks_of
 from mavlink.signing.verifier import Verifier
 from mavlink.transmit.rate_requests import interval_answer
+from tests.support.link_reader import open_reader
 from tests.support.mavlink_flight import FIELD, T0, S
 from tests.support.ports import free_port
 
@@ -83,7 +83,7 @@ def north(flight, t_us):
 
 def test_01_plain_text_at_boot_and_between_frames():
     port = free_port()
-    link = open_link(f"udpin:127.0.0.1:{port}")
+    link = open_reader(f"udpin:127.0.0.1:{port}")
     speaker, rng, packets = Speaker(ROVER_ID), random.Random(1), []
     datagrams = BANNER * 4
     for k in range(60):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import socket
 import time
@@ -81,7 +82,7 @@ def settle(forwarder: Forwarder, sent: list[tuple[int, bytes, int]], count: int)
     end, late = time.monotonic() + 0.4, False
     while len(sent) < count and not late:
         late = time.monotonic() >= end
-        forwarder.take([], lambda *way: sent.append(way))
+        forwarder.forward([], lambda *way: sent.append(way))
         time.sleep(0.005)
 
 
@@ -117,7 +118,7 @@ def test_frames_go_out_as_they_came_in_order(receiver):
     old = Speaker(3, version=1).heartbeat()
     frames = [UAV.heartbeat(), signed, old, unknown(1), ROVER.attitude(1, 0.0, 0.1, 0.2)]
     forwarder = Forwarder([receiver.url])
-    forwarder.take(packets(*frames), nowhere)
+    forwarder.forward(packets(*frames), nowhere)
     assert receiver.get(5) == frames
     assert forwarder.counts[0].sent == 5
     forwarder.close()
@@ -128,9 +129,9 @@ def test_what_a_signature_refuses_and_keys_stay_here(receiver):
     good = UAV.heartbeat()
     forwarder = Forwarder([receiver.url])
     for auth in (Auth.UNSIGNED, Auth.BAD, Auth.REPLAYED, Auth.FUTURE):
-        forwarder.take(packets(UAV.heartbeat(), auth=auth), nowhere)
-    forwarder.take(packets(key), nowhere)
-    forwarder.take(packets(good, auth=Auth.GOOD), nowhere)
+        forwarder.forward(packets(UAV.heartbeat(), auth=auth), nowhere)
+    forwarder.forward(packets(key), nowhere)
+    forwarder.forward(packets(good, auth=Auth.GOOD), nowhere)
     assert receiver.get(1) == [good]
     assert receiver.nothing_more()
     assert forwarder.counts[0].withheld == 5
@@ -140,7 +141,7 @@ def test_what_a_signature_refuses_and_keys_stay_here(receiver):
 def test_refused_packets_on_request_but_never_keys(receiver):
     bad, key = UAV.heartbeat(), UAV.pack(dialect.MAVLink_setup_signing_message(1, 1, [0] * 32, 5))
     forwarder = Forwarder([receiver.url], refused=True)
-    forwarder.take(packets(key, bad, auth=Auth.BAD), nowhere)
+    forwarder.forward(packets(key, bad, auth=Auth.BAD), nowhere)
     assert receiver.get(1) == [bad]
     forwarder.close()
 
@@ -151,7 +152,7 @@ def test_refused_packets_on_request_but_never_keys(receiver):
 )
 def test_only_who_may_write_reaches_a_vehicle(receiver, option, passes):
     forwarder = Forwarder([receiver.url + option], uav=1)
-    forwarder.take(packets(UAV.heartbeat()), nowhere)
+    forwarder.forward(packets(UAV.heartbeat()), nowhere)
     receiver.get(1)
     raw = Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
     receiver.answer(raw)
@@ -165,7 +166,7 @@ def test_only_who_may_write_reaches_a_vehicle(receiver, option, passes):
 
 def test_addressed_frames_go_only_where_the_target_was_heard(receiver):
     forwarder = Forwarder([receiver.url + "?rw=7,33"], uav=1)
-    forwarder.take(packets(UAV.heartbeat(), link=0) + packets(ROVER.heartbeat(), link=2), nowhere)
+    forwarder.forward(packets(UAV.heartbeat(), link=0) + packets(ROVER.heartbeat(), link=2), nowhere)
     receiver.get(2)
     gcs = Speaker(255, 190, key=bytes(32))
     to_uav, to_rover, to_nobody = command(gcs, 1), command(gcs, 7), command(gcs, 33)
@@ -181,8 +182,8 @@ def test_addressed_frames_go_only_where_the_target_was_heard(receiver):
 
 def test_a_target_that_was_only_pretended_is_no_route(receiver):
     forwarder = Forwarder([receiver.url + "?rw"], uav=1)
-    forwarder.take(packets(UAV.heartbeat(), link=0), nowhere)
-    forwarder.take(packets(UAV.heartbeat(), link=5, auth=Auth.BAD), nowhere)
+    forwarder.forward(packets(UAV.heartbeat(), link=0), nowhere)
+    forwarder.forward(packets(UAV.heartbeat(), link=5, auth=Auth.BAD), nowhere)
     receiver.get(1)
     raw = command(Speaker(255, 190), 1)
     receiver.answer(raw)
@@ -195,7 +196,7 @@ def test_a_target_that_was_only_pretended_is_no_route(receiver):
 def test_loops_keys_impostors_and_unknown_messages_are_stopped(receiver):
     forwarder = Forwarder([receiver.url + "?rw"], uav=1, vehicles=(1, 7), own=254)
     out = Speaker(60).heartbeat()
-    forwarder.take(packets(UAV.heartbeat()) + packets(out, peer=2), nowhere)
+    forwarder.forward(packets(UAV.heartbeat()) + packets(out, peer=2), nowhere)
     receiver.get(2)
     gcs = Speaker(255, 190)
     passed = gcs.heartbeat(GCS, autopilot=NO_AUTOPILOT)
@@ -219,13 +220,13 @@ def test_what_a_vehicle_repeats_does_not_go_back_to_who_said_it(receiver):
     """Autopilots relay broadcasts between their links: a station's heartbeat comes back from each of them."""
     other = Receiver()
     forwarder = Forwarder([receiver.url + "?rw", other.url], uav=1)
-    forwarder.take(packets(UAV.heartbeat()), nowhere)
+    forwarder.forward(packets(UAV.heartbeat()), nowhere)
     receiver.get(1), other.get(1)
     beat = Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
     receiver.answer(beat)
     sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
-    forwarder.take(packets(beat, beat), nowhere)
+    forwarder.forward(packets(beat, beat), nowhere)
     assert other.get(1) == [beat]
     assert other.nothing_more() and receiver.nothing_more()
     forwarder.close()
@@ -237,11 +238,11 @@ def test_an_output_that_leads_back_to_a_link_rests():
     link = Receiver()
     forwarder = Forwarder([link.url])
     frames = [UAV.heartbeat() for _ in range(5)]
-    forwarder.take(packets(*frames), nowhere)
+    forwarder.forward(packets(*frames), nowhere)
     for _ in range(3):
         link.socket.settimeout(0.1)
         try:
-            forwarder.take(packets(*link.get(5)), nowhere)
+            forwarder.forward(packets(*link.get(5)), nowhere)
         except TimeoutError:
             break
     else:
@@ -258,7 +259,7 @@ def test_equal_heartbeats_a_second_apart_all_go_out(receiver):
     beat = UAV.heartbeat()
     for k in range(5):
         now_s[0] = float(k)
-        forwarder.take(packets(beat), nowhere)
+        forwarder.forward(packets(beat), nowhere)
     assert receiver.get(5) == [beat] * 5
     forwarder.close()
 
@@ -267,7 +268,7 @@ def test_an_old_frame_is_no_echo(receiver):
     now_s = [0.0]
     forwarder = Forwarder([receiver.url + "?rw"], uav=60, clock=lambda: now_s[0])
     frame = Speaker(60).heartbeat()
-    forwarder.take(packets(frame), nowhere)
+    forwarder.forward(packets(frame), nowhere)
     receiver.get(1)
     sent: list[tuple[int, bytes, int]] = []
     receiver.answer(frame)
@@ -282,7 +283,7 @@ def test_an_old_frame_is_no_echo(receiver):
 
 def test_a_link_that_fails_costs_its_frame_only(receiver):
     forwarder = Forwarder([receiver.url + "?rw"], uav=1)
-    forwarder.take(packets(UAV.heartbeat(), link=0) + packets(UAV.heartbeat(), link=1), nowhere)
+    forwarder.forward(packets(UAV.heartbeat(), link=0) + packets(UAV.heartbeat(), link=1), nowhere)
     receiver.get(2)
     raw = command(Speaker(255, 190), 1)
     receiver.answer(raw)
@@ -295,7 +296,7 @@ def test_a_link_that_fails_costs_its_frame_only(receiver):
 
     end = time.monotonic() + 10.0
     while not sent and time.monotonic() < end:
-        forwarder.take([], send)
+        forwarder.forward([], send)
     assert sent == [1]
     forwarder.close()
 
@@ -304,7 +305,7 @@ def test_nobody_there_is_counted_and_waits_for_nobody():
     port = free_port()
     forwarder = Forwarder([f"udpout:127.0.0.1:{port}", f"tcp:127.0.0.1:{port}"])
     for _ in range(200):
-        forwarder.take(packets(UAV.heartbeat()), nowhere)
+        forwarder.forward(packets(UAV.heartbeat()), nowhere)
     udp, tcp = forwarder.counts
     assert udp.dropped > 0 and udp.sent + udp.dropped == 200
     assert tcp.dropped > 0 and tcp.sent + tcp.dropped == 200
@@ -316,25 +317,25 @@ def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
     now_s = [0.0]
     forwarder = Forwarder([f"tcpin:127.0.0.1:{port}"], clock=lambda: now_s[0])
     client = socket.create_connection(("127.0.0.1", port))
-    forwarder.take([], nowhere)
+    forwarder.forward([], nowhere)
     frames = [UAV.statustext("x" * 50) for _ in range(200)]
     rounds = 0
     while forwarder.counts[0].dropped == 0 and rounds < 2000:
         now_s[0] += 1.0  # or the same frames would be copies
-        forwarder.take(packets(*frames), nowhere)
+        forwarder.forward(packets(*frames), nowhere)
         rounds += 1
     assert forwarder.counts[0].dropped > 0
     framer, got, end = Framer(), 0, time.monotonic() + 60.0
     client.settimeout(20.0)
     while got < forwarder.counts[0].sent and time.monotonic() < end:
         got += len(framer.feed(client.recv(1 << 16)))
-        forwarder.take([], nowhere)
+        forwarder.forward([], nowhere)
     assert framer.counts.bad == framer.counts.junk_bytes == 0
     assert got == forwarder.counts[0].sent > 1000
     dropped = forwarder.counts[0].dropped
     client.close()
     for _ in range(3):
-        forwarder.take(packets(UAV.heartbeat()), nowhere)
+        forwarder.forward(packets(UAV.heartbeat()), nowhere)
     assert forwarder.counts[0].dropped > dropped
     forwarder.close()
 
@@ -342,18 +343,37 @@ def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
 def test_a_udp_port_serves_whoever_spoke_to_it_first():
     port = free_port()
     forwarder = Forwarder([f"udpin:127.0.0.1:{port}"])
-    forwarder.take(packets(UAV.heartbeat()), nowhere)
+    forwarder.forward(packets(UAV.heartbeat()), nowhere)
     assert forwarder.counts[0].dropped == 1
     program = Receiver()
     program.socket.sendto(b"junk", ("127.0.0.1", port))
-    forwarder.take(packets(UAV.heartbeat()), nowhere)
+    forwarder.forward(packets(UAV.heartbeat()), nowhere)
     program.socket.sendto(Speaker(255, 190).heartbeat(), ("127.0.0.1", port))
     raw = UAV.heartbeat()
-    forwarder.take([], nowhere)
-    forwarder.take(packets(raw), nowhere)
+    forwarder.forward([], nowhere)
+    forwarder.forward(packets(raw), nowhere)
     assert program.get(1) == [raw]
     forwarder.close()
     program.socket.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo terminals on this system")
+def test_a_radio_gets_everything_and_answers_however_often_it_is_looked_at():
+    controller, device = os.openpty()
+    forwarder = Forwarder([f"{os.ttyname(device)},57600?rw"], uav=1)
+    frames, sent = [UAV.heartbeat() for _ in range(5)], []
+    for frame in frames:
+        forwarder.forward(packets(frame), nowhere)
+        forwarder.maintain()
+    assert forwarder.counts[0].sent == 5
+    assert Framer().feed(os.read(controller, 4096)) == frames
+    raw = command(Speaker(255, 190), 1)
+    os.write(controller, raw)
+    settle(forwarder, sent, 1)
+    assert sent == [(0, raw, 1)]
+    forwarder.close()
+    os.close(controller)
+    os.close(device)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import Mission, Vehicle
 from mavlink.errors import LinkError
-from mavlink.forwarding.forward import Forwarder, parse_output
+from mavlink.forwarding.forward import Forwarder
+from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.plan import Outputs
@@ -57,7 +58,7 @@ class Behind:
         self.forwarder = Forwarder([url], uav=UAV, vehicles=(UAV, ROVER_ID, OTHER), own=254)
         ids = (UAV, ROVER_ID, OTHER)
         heard = [Packet(k, Speaker(i).heartbeat(), 0, peer) for k, (i, peer) in enumerate(zip(ids, at, strict=True))]
-        self.forwarder.take(heard, lambda *way: pytest.fail(f"sent {way}"))
+        self.forwarder.forward(heard, lambda *way: pytest.fail(f"sent {way}"))
         for _ in heard:
             self.here = self.program.recvfrom(4096)[1]
 
@@ -67,7 +68,7 @@ class Behind:
         before = self.counted()
         self.program.sendto(raw, self.here)
         while self.counted() == before:
-            self.forwarder.take([], lambda link, frame, peer: went.append(peer))
+            self.forwarder.forward([], lambda link, frame, peer: went.append(peer))
         assert len(went) == len(set(went))
         return went
 
@@ -134,7 +135,7 @@ def test_what_is_for_everybody_goes_to_no_address_that_others_hear_too(behind, a
 
 def test_a_vehicle_outside_the_mission_is_not_spoken_to_either(behind):
     named = behind("?rw=11,12")
-    named.forwarder.take([Packet(9, Speaker(77).heartbeat(), 0, 2)], lambda *way: None)
+    named.forwarder.forward([Packet(9, Speaker(77).heartbeat(), 0, 2)], lambda *way: None)
     assert named.says(PROGRAM.heartbeat(GCS, autopilot=NO_AUTOPILOT)) == [1, 3]
 
 
@@ -144,13 +145,13 @@ def test_who_said_what_is_counted_and_bounded(behind):
         place.says(PROGRAM.pack(dialect.MAVLink_command_long_message(ROVER_ID, 1, number, 0, 1, 0, 0, 0, 0, 0, 0)))
     for _ in range(3):
         place.says(PROGRAM.pack(dialect.MAVLink_set_mode_message(UAV, 1, 4)))
-    said = place.forwarder.counts[0].said
+    said = place.forwarder.counts[0].inbound
     assert len(said) <= 26 and sum(each.count for each in said) == 103
     arm = Behind("?rw")
     arm.says(PROGRAM.pack(dialect.MAVLink_command_long_message(ROVER_ID, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)))
     arm.says(PROGRAM.pack(dialect.MAVLink_command_int_message(UAV, 1, 0, 192, 0, 0, 0, 0, 0, 0, 1, 2, 3)))
     who = f"{HOST}:{arm.here[1] and arm.program.getsockname()[1]}"
-    found = [(each.who, each.what, each.whom, each.why) for each in arm.forwarder.counts[0].said]
+    found = [(each.sender, each.message, each.target, each.refusal) for each in arm.forwarder.counts[0].inbound]
     assert found == [
         (who, "COMMAND_LONG COMPONENT_ARM_DISARM", ROVER_ID, "?rw does not name system 11"),
         (who, "COMMAND_INT DO_REPOSITION", UAV, ""),

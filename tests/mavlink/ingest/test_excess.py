@@ -3,11 +3,10 @@
 import time
 
 from mavlink.ingest.excess import BURST_S, KEPT_PER_S, Excess
-from mavlink.ingest.health import LinkReport
 from mavlink.ingest.plan import Signing
 from mavlink.links.batch import Batch
-from mavlink.links.counters import LinkCounts
 from mavlink.links.fair_shares import HOLD_S
+from mavlink.links.report import LinkCounts, LinkReport
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import Key, write_key

@@ -9,19 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mavlink.ingest.changes import Changes
-from mavlink.ingest.health import IngestHealth, LinkReport
+from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Outputs, Plan, Signing
+from mavlink.links.base import LinkOptions
 from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
-from mavlink.links.byte_stream import Backoff
-from mavlink.links.counters import LinkCounts
 from mavlink.links.flood_limiter import STRANGERS, Limit
+from mavlink.links.kinds import parse_url
+from mavlink.links.report import LinkCounts, LinkReport
 from mavlink.links.udp import UdpIn
-from mavlink.links.url import parse_url
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Auth
+from tests.support.link_reader import LinkReader
 from tests.support.ports import free_port
 
 HOST = "127.0.0.1"
@@ -75,16 +76,16 @@ def test_the_short_check_takes_whole_frames():
 
 @LINUX
 def test_without_the_batch_call_everything_is_the_same(monkeypatch):
-    monkeypatch.setattr("mavlink.links.udp.available", lambda: False)
+    monkeypatch.setattr("mavlink.links.udp_link.available", lambda: False)
     with udp() as sender:
         port = free_port()
-        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 3)
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"))
         frames = [Speaker(k + 1).heartbeat() for k in range(100)]
         for frame in frames:
             sender.sendto(frame, (HOST, port))
             sender.sendto(b"\xfd\xff\x00", (HOST, port))
-        batch = link.take()
-        while len(batch) < 100 and (more := link.take()).frames:
+        batch = link.read_batch()
+        while len(batch) < 100 and (more := link.read_batch()).frames:
             batch.frames += more.frames
         assert batch.frames == frames
         assert link.counts.packets == 100 and link.counts.junk_bytes == 300
@@ -94,20 +95,12 @@ def test_without_the_batch_call_everything_is_the_same(monkeypatch):
 def test_only_known_systems_make_a_sender_known():
     with udp() as fleet, udp() as stranger:
         port = free_port()
-        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0, system_ids=(1, 2))
+        link = LinkReader(UdpIn(parse_url(f"udpin:{HOST}:{port}"), LinkOptions(system_ids=(1, 2))))
         stranger.sendto(Speaker(200).heartbeat(), (HOST, port))
         fleet.sendto(Speaker(2).heartbeat(), (HOST, port))
         assert len(link.read(1.0)) + len(link.read(0.1)) == 2
         assert list(link.peers.addresses().values()) == [fleet.getsockname()]
         link.close()
-
-
-def test_trying_again_takes_longer_each_time():
-    backoff = Backoff(first_s=1.0, most_s=4.0)
-    tried = [now_s for now_s in range(20) if backoff.due(float(now_s))]
-    assert tried == [0, 1, 3, 7, 11, 15, 19]
-    backoff.succeeded()
-    assert backoff.due(100.0) and backoff.due(101.0)
 
 
 # ---- shared memory
@@ -194,12 +187,12 @@ def test_plan_and_health_survive_the_way_between_processes():
 def test_arrival_is_the_kernels():
     with udp() as sender:
         port = free_port()
-        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"), 0)
+        link = UdpIn(parse_url(f"udpin:{HOST}:{port}"))
         before_us = time.time_ns() // 1000
         sender.sendto(Speaker(1).heartbeat(), (HOST, port))
         after_us = time.time_ns() // 1000
         time.sleep(0.05)
-        assert before_us <= link.take().times_us[0] <= after_us + 1000
+        assert before_us <= link.read_batch().times_us[0] <= after_us + 1000
         link.close()
 
 

@@ -8,18 +8,18 @@ from contextlib import contextmanager
 
 import pytest
 
-from mavlink.forwarding.outputs import open_output
-from mavlink.links.base import open_link
+from mavlink.links.base import LinkOptions
 from mavlink.links.batch import Batch
-from mavlink.links.byte_stream import PATIENCE_S, Stream
-from mavlink.links.counters import Tally
-from mavlink.links.serial_port import SerialLink
-from mavlink.links.url import parse_url
+from mavlink.links.byte_stream import PATIENCE_S, FrameStream
+from mavlink.links.counters import Counters
+from mavlink.links.kinds import open_link
+from mavlink.links.serial_port import patience_s
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.framing import Framer, checksum
 from tests.mavlink.protocol.test_framing import MIXED, some_frames
 from tests.support.ingest_runs import HOST, recorded, until, wait_for
+from tests.support.link_reader import open_reader
 from tests.support.ports import free_port
 
 NOISE = [
@@ -39,13 +39,13 @@ class Line:
 
     def __init__(self):
         self.now_s = 100.0
-        self.tally = Tally()
-        self.stream = Stream(self.tally, 1, clock_s=lambda: self.now_s)
+        self.counters = Counters()
+        self.stream = FrameStream(self.counters, 1, clock_s=lambda: self.now_s)
 
     def take(self, data=None, after_s=0.0):
         self.now_s += after_s
         batch = Batch()
-        self.stream.take(data, round(self.now_s * 1e6), batch)
+        self.stream.add(data, round(self.now_s * 1e6), batch)
         return batch.frames
 
 
@@ -56,7 +56,7 @@ def test_noise_hides_nothing_for_longer_than_a_moment(noise, version):
     got = line.take(noise + b"".join(frames))
     got += line.take(after_s=0.9 * PATIENCE_S) + line.take(after_s=0.2 * PATIENCE_S)
     assert got == frames
-    assert line.tally.counts.packets == 3 and line.tally.counts.junk_bytes == len(noise)
+    assert line.counters.snapshot().packets == 3 and line.counters.snapshot().junk_bytes == len(noise)
     assert not line.stream.overdue
 
 
@@ -66,7 +66,7 @@ def test_a_frame_that_comes_in_pieces_with_long_pauses_is_not_given_up():
         assert line.take(bytes([byte]), after_s=3 * PATIENCE_S) == []
         assert line.take(after_s=PATIENCE_S) == []
     assert line.take(frame[-1:], after_s=60.0) == [frame]
-    assert line.take(other) == [other] and line.tally.counts.junk_bytes == 0
+    assert line.take(other) == [other] and line.counters.snapshot().junk_bytes == 0
 
 
 def test_a_frame_that_carries_another_is_one_frame_as_long_as_its_bytes_come_in_time():
@@ -201,31 +201,42 @@ def test_a_serial_line_with_noise_before_every_tenth_frame_loses_none(started, t
 
 
 def test_a_slow_line_is_waited_for_longer():
-    assert [
-        SerialLink(parse_url(f"/dev/ttyNowhere,{baud}"), 0, must=False)._stream._patience_s for baud in (115_200, 1200)
-    ] == [PATIENCE_S, pytest.approx(2 * 2800 / 1200)]
+    assert [patience_s(baud) for baud in (115_200, 1200)] == [PATIENCE_S, pytest.approx(2 * 2800 / 1200)]
 
 
-def test_a_connection_that_takes_nothing_is_read_to_its_end():
+def test_who_takes_nothing_is_still_listened_to():
     frames = some_frames(2)
-    link = open_link(f"tcpin:{HOST}:{free_port(socket.SOCK_STREAM)}")
+    link = open_reader(f"tcpin:{HOST}:{free_port(socket.SOCK_STREAM)}")
+    with socket.create_connection((HOST, link.port)) as client:
+        client.sendall(frames[0])
+        assert len(wait_for(link, 1)) == 1
+        while link.send(bytes(1 << 16)):
+            continue  # the client reads none of it
+        client.sendall(frames[1])
+        assert [packet.raw for packet in wait_for(link, 1)] == [frames[1]] and link.clients == 1
+    link.close()
+
+
+def test_a_connection_that_broke_is_read_to_its_end():
+    frames = some_frames(2)
+    link = open_reader(f"tcpin:{HOST}:{free_port(socket.SOCK_STREAM)}")
     with socket.create_connection((HOST, link.port)) as client:
         client.sendall(frames[0])
         assert len(wait_for(link, 1)) == 1
         client.sendall(b"\xfd\xff\x00" + frames[1])
-        while not link._clients[next(iter(link._clients))].broken:
-            link.send(bytes(1 << 16))  # the client reads none of it
-        assert [packet.raw for packet in wait_for(link, 1)] == [frames[1]]
-        assert until(lambda: (link.read(0.0), link.clients)[1] == 0)
+    while link.send(b"x"):
+        time.sleep(0.001)  # until the client's system has answered that nobody is there
+    assert [packet.raw for packet in wait_for(link, 1)] == [frames[1]]
+    assert until(lambda: (link.read(0.0), link.clients)[1] == 0)
     link.close()
 
 
 def test_three_bytes_of_noise_hide_nothing_that_a_program_behind_an_output_says():
     port, frames = free_port(socket.SOCK_STREAM), some_frames(2)
-    output = open_output(f"tcpin:{HOST}:{port}")
+    output = open_link(f"tcpin:{HOST}:{port}", LinkOptions(is_output=True))
     got = []
     with socket.create_connection((HOST, port)) as program:
         program.sendall(b"\xfd\xff\x00" + b"".join(frames))
-        assert until(lambda: got.extend(output.read()) or len(got) == 2)
-    assert [raw for raw, _ in got] == frames
+        assert until(lambda: got.extend(output.read_batch().frames) or len(got) == 2)
+    assert got == frames
     output.close()

@@ -7,10 +7,11 @@ from contextlib import ExitStack
 
 import pytest
 
+from mavlink.links.base import LinkOptions
 from mavlink.links.fair_shares import HOLD_S, SENDER_BURST_S, SENDER_PER_S
 from mavlink.links.flood_limiter import TICK_S
+from mavlink.links.kinds import parse_url
 from mavlink.links.udp import UdpIn
-from mavlink.links.url import parse_url
 from mavlink.protocol.encoder import Speaker
 from tests.mavlink.links.test_fair_shares import LINUX, udp
 from tests.support.ingest_runs import HOST
@@ -29,7 +30,8 @@ class Field:
         self.now_s, self.keys = 1000.0, keys
         self.port = free_port()
         url = parse_url(f"udpin:{HOST}:{self.port}")
-        self.link = UdpIn(url, 0, system_ids=range(11, 19), vouch=not keys, clock_s=lambda: self.now_s)
+        options = LinkOptions(system_ids=range(11, 19), trusts_checksums=not keys)
+        self.link = UdpIn(url, options, clock_s=lambda: self.now_s)
         self.link._arrived_s = lambda: 0.0  # the kernel's stamps follow another clock than this test's
         stack.callback(self.link.close)
         self.sockets = {k: stack.enter_context(udp()) for k in range(11, 19)}
@@ -56,7 +58,7 @@ class Field:
                 self.put(sock, frame)
             self.take()
         self.now_s += TICK_S
-        self.link.tend()
+        self.link.maintain()
         self.limits.append({(limit.address, limit.system_id) for limit in self.link.limits()})
 
     def put(self, sock, data):
@@ -67,7 +69,7 @@ class Field:
 
     def take(self):
         self.waiting = 0
-        while (batch := self.link.take()).frames:
+        while (batch := self.link.read_batch()).frames:
             verified = set()
             for peer_number, raw in zip(batch.peers, batch.frames, strict=True):
                 if raw in self.mine:

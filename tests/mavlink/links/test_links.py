@@ -8,16 +8,17 @@ import time
 import pytest
 
 from mavlink.errors import LinkError
-from mavlink.links.base import open_link
-from mavlink.links.url import LinkUrl, parse_url
+from mavlink.links.kinds import parse_url
+from mavlink.links.url import LinkUrl
 from mavlink.protocol.encoder import Speaker
 from tests.support.ingest_runs import HOST, wait_for
+from tests.support.link_reader import open_reader
 from tests.support.ports import free_port
 
 
 @pytest.fixture
 def listener():
-    link = open_link(f"udpin:{HOST}:{free_port()}", 3)
+    link = open_reader(f"udpin:{HOST}:{free_port()}", 3)
     yield link
     link.close()
 
@@ -32,24 +33,24 @@ def sender():
 @pytest.mark.parametrize(
     ("url", "expected"),
     [
-        ("udpin:0.0.0.0:14550", LinkUrl(kind="udpin", host="0.0.0.0", port=14550)),
-        ("udpin://0.0.0.0:14550", LinkUrl(kind="udpin", host="0.0.0.0", port=14550)),
-        ("udp:127.0.0.1:14551", LinkUrl(kind="udpin", host="127.0.0.1", port=14551)),
-        ("udp://:14540", LinkUrl(kind="udpin", host="0.0.0.0", port=14540)),
-        ("14550", LinkUrl(kind="udpin", host="0.0.0.0", port=14550)),
-        ("udpin:14560", LinkUrl(kind="udpin", host="0.0.0.0", port=14560)),
-        ("udpout:10.0.0.2:14550", LinkUrl(kind="udpout", host="10.0.0.2", port=14550)),
-        ("udpout://gcs.local:14550/", LinkUrl(kind="udpout", host="gcs.local", port=14550)),
-        ("tcp:127.0.0.1:5762", LinkUrl(kind="tcpout", host="127.0.0.1", port=5762)),
-        ("tcpout://127.0.0.1", LinkUrl(kind="tcpout", host="127.0.0.1", port=5760)),
-        ("TCPIN:0.0.0.0:5760", LinkUrl(kind="tcpin", host="0.0.0.0", port=5760)),
-        ("tcpin://:5761", LinkUrl(kind="tcpin", host="0.0.0.0", port=5761)),
-        ("/dev/ttyUSB0,57600", LinkUrl(kind="serial", device="/dev/ttyUSB0", baud=57600)),
-        ("/dev/ttyACM0", LinkUrl(kind="serial", device="/dev/ttyACM0", baud=57600)),
-        ("serial:///dev/ttyUSB0:115200", LinkUrl(kind="serial", device="/dev/ttyUSB0", baud=115200)),
-        ("serial:/dev/ttyUSB0:9600", LinkUrl(kind="serial", device="/dev/ttyUSB0", baud=9600)),
-        ("serial://COM3:9600", LinkUrl(kind="serial", device="COM3", baud=9600)),
-        ("COM7,115200", LinkUrl(kind="serial", device="COM7", baud=115200)),
+        ("udpin:0.0.0.0:14550", LinkUrl(scheme="udpin", host="0.0.0.0", port=14550)),
+        ("udpin://0.0.0.0:14550", LinkUrl(scheme="udpin", host="0.0.0.0", port=14550)),
+        ("udp:127.0.0.1:14551", LinkUrl(scheme="udpin", host="127.0.0.1", port=14551)),
+        ("udp://:14540", LinkUrl(scheme="udpin", host="0.0.0.0", port=14540)),
+        ("14550", LinkUrl(scheme="udpin", host="0.0.0.0", port=14550)),
+        ("udpin:14560", LinkUrl(scheme="udpin", host="0.0.0.0", port=14560)),
+        ("udpout:10.0.0.2:14550", LinkUrl(scheme="udpout", host="10.0.0.2", port=14550)),
+        ("udpout://gcs.local:14550/", LinkUrl(scheme="udpout", host="gcs.local", port=14550)),
+        ("tcp:127.0.0.1:5762", LinkUrl(scheme="tcp", host="127.0.0.1", port=5762)),
+        ("tcpout://127.0.0.1", LinkUrl(scheme="tcp", host="127.0.0.1", port=5760)),
+        ("TCPIN:0.0.0.0:5760", LinkUrl(scheme="tcpin", host="0.0.0.0", port=5760)),
+        ("tcpin://:5761", LinkUrl(scheme="tcpin", host="0.0.0.0", port=5761)),
+        ("/dev/ttyUSB0,57600", LinkUrl(scheme="serial", device="/dev/ttyUSB0", baud=57600)),
+        ("/dev/ttyACM0", LinkUrl(scheme="serial", device="/dev/ttyACM0", baud=57600)),
+        ("serial:///dev/ttyUSB0:115200", LinkUrl(scheme="serial", device="/dev/ttyUSB0", baud=115200)),
+        ("serial:/dev/ttyUSB0:9600", LinkUrl(scheme="serial", device="/dev/ttyUSB0", baud=9600)),
+        ("serial://COM3:9600", LinkUrl(scheme="serial", device="COM3", baud=9600)),
+        ("COM7,115200", LinkUrl(scheme="serial", device="COM7", baud=115200)),
     ],
 )
 def test_both_dialects_of_urls(url, expected):
@@ -115,14 +116,14 @@ def test_poison_of_a_stranger_costs_nobody_anything(listener, sender):
 
 def test_port_in_use_names_the_port_and_the_owner(listener):
     with pytest.raises(LinkError, match=rf"UDP port {listener.port} is in use") as caught:
-        open_link(f"udpin:{HOST}:{listener.port}")
+        open_reader(f"udpin:{HOST}:{listener.port}")
     if os.path.exists("/proc/net/udp"):  # noqa: PTH110
         assert f"process {os.getpid()}" in str(caught.value)
 
 
 def test_listening_elsewhere_is_refused():
     with pytest.raises(LinkError, match="cannot listen"):
-        open_link("udpin:192.0.2.1:14550")
+        open_reader("udpin:192.0.2.1:14550")
 
 
 def test_udp_answers_only_those_who_spoke_mavlink(listener, sender):
@@ -143,7 +144,7 @@ def test_udp_answers_only_those_who_spoke_mavlink(listener, sender):
 
 def test_udp_out_is_silent_until_it_sends(sender):
     sender.settimeout(0.05)
-    link = open_link(f"udpout:{HOST}:{sender.getsockname()[1]}")
+    link = open_reader(f"udpout:{HOST}:{sender.getsockname()[1]}")
     assert link.read(0.02) == []
     with pytest.raises(TimeoutError):
         sender.recv(100)
@@ -156,7 +157,7 @@ def test_udp_out_is_silent_until_it_sends(sender):
 
 
 def test_udp_out_to_nobody_goes_on():
-    link = open_link(f"udpout:{HOST}:{free_port()}")
+    link = open_reader(f"udpout:{HOST}:{free_port()}")
     for _ in range(3):
         link.send(b"anybody?")
         assert link.read(0.02) == []
@@ -177,7 +178,7 @@ def test_closing_wakes_a_reader(listener):
 def test_tcp_out_connects_again():
     with socket.create_server((HOST, 0)) as server:
         port = server.getsockname()[1]
-        link = open_link(f"tcp:{HOST}:{port}", 2)
+        link = open_reader(f"tcp:{HOST}:{port}", 2)
         frame = Speaker(1).heartbeat()
         for round_ in range(2):
             server.settimeout(0.01)
@@ -204,7 +205,7 @@ def test_tcp_out_connects_again():
 
 
 def test_tcp_out_waits_for_a_server_without_raising():
-    link = open_link(f"tcp:{HOST}:{free_port(socket.SOCK_STREAM)}")
+    link = open_reader(f"tcp:{HOST}:{free_port(socket.SOCK_STREAM)}")
     assert link.read(0.05) == [] and not link.connected
     with pytest.raises(LinkError, match="not connected"):
         link.send(b"x")
@@ -213,7 +214,7 @@ def test_tcp_out_waits_for_a_server_without_raising():
 
 
 def test_tcp_in_parses_every_connection_by_itself():
-    link = open_link(f"tcpin:{HOST}:{free_port(socket.SOCK_STREAM)}")
+    link = open_reader(f"tcpin:{HOST}:{free_port(socket.SOCK_STREAM)}")
     a, b = Speaker(1).heartbeat(), Speaker(2).heartbeat()
     with pytest.raises(LinkError, match="nobody is connected"):
         link.send(b"x")
@@ -232,7 +233,7 @@ def test_tcp_in_parses_every_connection_by_itself():
     assert wait_for(link, 1, 0.15) == []
     assert link.clients == 0
     with pytest.raises(LinkError, match=rf"TCP port {link.port} is in use"):
-        open_link(f"tcpin:{HOST}:{link.port}")
+        open_reader(f"tcpin:{HOST}:{link.port}")
     link.close()
     assert link.read(0.01) == []
 
@@ -241,7 +242,7 @@ def test_tcp_in_parses_every_connection_by_itself():
 def test_serial_port():
     controller, device = os.openpty()
     name = os.ttyname(device)
-    link = open_link(f"{name},57600", 4)
+    link = open_reader(f"{name},57600", 4)
     frame = Speaker(9, version=1).heartbeat()
     os.write(controller, b"\xfe\xff" + frame[:6])
     assert wait_for(link, 1, 0.1) == []
@@ -261,13 +262,13 @@ def test_serial_port():
 
 def test_no_such_serial_port():
     with pytest.raises(LinkError, match="is it plugged in"):
-        open_link("/dev/ttyNowhere,57600")
+        open_reader("/dev/ttyNowhere,57600")
 
 
 @pytest.mark.parametrize("url", ["tcp:nowhere..bad:5760", "udpout:nowhere..bad:14550"])
 def test_no_such_host(url):
     with pytest.raises(LinkError, match="no such host"):
-        open_link(url)
+        open_reader(url)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux counts what it drops")
@@ -300,5 +301,5 @@ def test_nothing_is_stamped_earlier_than_it_was_sent_by_a_reader_that_was_held_u
         return receive()
 
     datagrams.receive = held_up
-    (arrived_us,) = listener.take().times_us
+    (arrived_us,) = listener.read_batch().times_us
     assert sent_us[0] <= arrived_us <= time.time_ns() // 1000

@@ -1,0 +1,61 @@
+"""What a link tells of itself: to operators, and to the process that goes on with it when this one has died."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mavlink.links.batch import Claim
+from mavlink.links.flood_limiter import Limit
+
+__all__ = ["LinkCounts", "LinkReport"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkCounts:
+    """What a link has brought so far."""
+
+    packets: int = 0
+    """Good frames, and those of unknown messages."""
+    bytes: int = 0
+    bad: int = 0
+    """Frames with a wrong checksum."""
+    junk_bytes: int = 0
+    unknown: int = 0
+    """Frames of unknown messages among the packets."""
+    dropped: int = 0
+    """Datagrams that the system threw away because nobody read them in time."""
+    turned_away: int = 0
+    """Datagrams of strangers that were not let in while they came in masses."""
+    silent_s: float = math.inf
+    """Since the last packet, inf before the first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkReport:
+    """One link."""
+
+    name: str
+    counts: LinkCounts
+    buffer_bytes: int = 0
+    """Receive buffer that the system granted; 0 where there is none to ask for."""
+    peers: int = 0
+    """Senders that are known."""
+    addresses: tuple[tuple[int, str, int], ...] = ()
+    """Number, host and port of those, on a UDP port."""
+    others: tuple[tuple[int, str], ...] = ()
+    """Number and address in words of the latest who are not known there, and of those connected by TCP."""
+    last_peer: int = 0
+    """Highest number given to a sender."""
+    connected: bool = True
+    claims: tuple[Claim, ...] = ()
+    """What the known senders are trusted for."""
+    mixed: tuple[int, ...] = ()
+    """Numbers of those whose datagrams are not always one frame."""
+    limits: tuple[Limit, ...] = ()
+    """Who floods it and is not let in whole."""
+
+    @property
+    def narrow(self) -> bool:
+        """Whether somebody floods it and is not let in whole."""
+        return bool(self.limits)
