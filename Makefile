@@ -4,7 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
-# Tests wait much of their time, so there are more processes than cores; each keeps its arithmetic to one core.
+# Tests wait much of their time, so there are more processes than cores; each keeps its arithmetic to one core. They start
+# others by the dozen, so compiled modules are kept.
 TEST_PROCESSES ?= 4
 
 .PHONY: demo test check lint types layers docs lock clean
@@ -13,7 +14,7 @@ demo: $(READY)
 	$(BIN)/gcs demo
 
 test: $(READY)
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -q --numprocesses $(TEST_PROCESSES) --dist worksteal
 
 check: lint types layers test
 

@@ -18,8 +18,9 @@ from gcs.session.session import mission_table
 from gcs.snapshot import Event
 from infra.plain_text import from_cell, plain, to_cell
 from mavlink.tlog.writer import TlogWriter
-from tests.gcs.cli.test_cli import gcs, session_without
 from tests.gcs.session.test_identity_log import box, snapshot
+from tests.support.bundled import swarm_session
+from tests.support.command_line import run_gcs
 from tests.support.fake_station import HOSTILE
 
 FORGED = "x\ngcs: all is well\x1b[31m\u202e\x9b"
@@ -37,7 +38,7 @@ NAMES = {
 def named_badly(tmp_path_factory):
     """The bundled telemetry with names that somebody else chose, identified in a folder of his choice too."""
     tmp_path = tmp_path_factory.mktemp("names")
-    folder = session_without(tmp_path)
+    folder = swarm_session(tmp_path)
     table = tomllib.loads((folder / "session.toml").read_text())
     for vehicle in table["ugv"]:
         vehicle["name"] = NAMES[vehicle["system_id"]]
@@ -48,7 +49,7 @@ def named_badly(tmp_path_factory):
     (folder / "session.toml").write_text(old[:start] + vehicles + old[stop:])
     folder = folder.rename(tmp_path / FORGED)
     out = tmp_path / f"out {FORGED}"
-    return folder, out, gcs("identify", folder, "-o", out)
+    return folder, out, run_gcs("identify", folder, "-o", out)
 
 
 def is_plain(text):
@@ -72,7 +73,7 @@ def test_a_recording_of_others_is_named_in_plain_words(named_badly):
 def test_an_export_runs_nothing_in_a_spreadsheet(named_badly, tmp_path):
     folder, out, _ = named_badly
     identity = ("--identity", out / "identity.csv")
-    code, stdout, stderr = gcs("export", folder, *identity, "-o", tmp_path / "o.csv")
+    code, stdout, stderr = run_gcs("export", folder, *identity, "-o", tmp_path / "o.csv")
     assert (code, stdout) == (0, ""), stderr
     assert is_plain(stderr)
     text = (tmp_path / "o.csv").read_text()
@@ -90,7 +91,7 @@ def test_what_the_command_line_repeats_is_plain(tmp_path):
         ("nothing" + FORGED,),
         ("identify", tmp_path / FORGED, "-o", tmp_path / "o"),
     ):
-        code, stdout, stderr = gcs(*words)
+        code, stdout, stderr = run_gcs(*words)
         assert code == 2
         assert is_plain(stdout + stderr)
         assert not any(line.startswith("gcs: all is well") for line in stderr.splitlines())

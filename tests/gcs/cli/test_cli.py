@@ -1,39 +1,29 @@
+"""The commands as a user gives them: what they print, what they write, and how they end."""
+
 import errno
 import json
 import os
 import re
 import socket
-import subprocess
-import sys
 
 import pytest
 
 from gcs.cli.console import explained
-from tests.support.paths import ROOT
-
-SWARM = ROOT / "sitl_logs" / "ardupilot-swarm"
-
-
-def gcs(*args, timeout=120):
-    """Run the command as a user does; returns exit code, stdout, stderr."""
-    command = [sys.executable, "-c", "from gcs.cli.app import main; main()", *map(str, args)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=timeout, check=False
-    )
-    return done.returncode, done.stdout, done.stderr
+from tests.support.bundled import SWARM, swarm_session
+from tests.support.command_line import run_gcs, run_gcs_process
 
 
 @pytest.fixture(scope="module")
 def named(tmp_path_factory):
     """The bundled real telemetry, identified once."""
     out = tmp_path_factory.mktemp("swarm") / "out"
-    code, stdout, stderr = gcs("identify", SWARM, "-o", out)
+    code, stdout, stderr = run_gcs("identify", SWARM, "-o", out)
     assert code == 0, stderr
     return out, stdout
 
 
 def test_version_is_told_without_a_command():
-    code, stdout, stderr = gcs("--version")
+    code, stdout, stderr = run_gcs_process("--version")
     assert (code, stderr) == (0, "")
     assert re.fullmatch(r"rollcall-gcs \d+\.\d+\.\d+\n", stdout)
 
@@ -41,7 +31,7 @@ def test_version_is_told_without_a_command():
 def test_names_the_swarm_and_is_right(named):
     out, stdout = named
     assert "6 of 6 vehicles named" in stdout
-    code, stdout, _ = gcs("score", SWARM, out / "identity.csv", "--json")
+    code, stdout, _ = run_gcs("score", SWARM, out / "identity.csv", "--json")
     assert code == 0
     score = json.loads(stdout)
     assert score["precision"] >= 0.98
@@ -49,16 +39,17 @@ def test_names_the_swarm_and_is_right(named):
     assert score["fper"] >= 0.95
 
 
-def test_same_input_same_bytes(named, tmp_path):
-    out, _ = named
-    assert gcs("identify", SWARM, "-o", tmp_path)[0] == 0
+def test_same_input_same_bytes(tmp_path):
+    session = swarm_session(tmp_path)
+    assert run_gcs("identify", session, "-o", tmp_path / "here")[0] == 0
+    assert run_gcs_process("identify", session, "-o", tmp_path / "there")[0] == 0  # sets have another order there
     for name in ("identity.csv", "identity.jsonl", "events.jsonl"):
-        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes(), name
 
 
 def test_score_prints_every_figure(named):
     out, _ = named
-    code, stdout, _ = gcs("score", SWARM, out / "identity.csv")
+    code, stdout, _ = run_gcs("score", SWARM, out / "identity.csv")
     assert code == 0
     shape = re.sub(r" *-?[\d.]+", " #", stdout)
     assert shape.splitlines() == [
@@ -77,7 +68,7 @@ def test_score_prints_every_figure(named):
 def test_never_writes_over_a_log(named):
     out, _ = named
     before = (out / "identity.csv").read_bytes()
-    code, _, stderr = gcs("identify", SWARM, "-o", out)
+    code, _, stderr = run_gcs("identify", SWARM, "-o", out)
     assert code == 2
     assert stderr.count("\n") == 1
     assert "never overwritten" in stderr
@@ -86,54 +77,36 @@ def test_never_writes_over_a_log(named):
 
 def test_exports_what_was_said(named, tmp_path):
     out, _ = named
-    code, _, stderr = gcs("export", SWARM, "--identity", out / "identity.csv", "-o", tmp_path / "o.csv")
+    code, _, stderr = run_gcs("export", SWARM, "--identity", out / "identity.csv", "-o", tmp_path / "o.csv")
     assert code == 0, stderr
     assert len((tmp_path / "o.csv").read_text().splitlines()) == len((out / "identity.csv").read_text().splitlines())
-
-
-def session_without(tmp_path, *, names=(), toml=None, tlog=None):
-    """The first 15 seconds of the bundled session without some files, or with others."""
-    folder = tmp_path / "session"
-    folder.mkdir()
-    for path in SWARM.iterdir():
-        if path.suffix == ".csv" and path.name not in names:
-            header, *rows = path.read_text().splitlines()
-            kept = [row for row in rows if int(row.split(",")[0]) < 150]
-            (folder / path.name).write_text("\n".join([header, *kept]))
-        elif path.name not in names:
-            (folder / path.name).write_bytes(path.read_bytes())
-    if toml:
-        (folder / "session.toml").write_text(toml((SWARM / "session.toml").read_text()))
-    if tlog is not None:
-        (folder / "telemetry.tlog").write_bytes(tlog((SWARM / "telemetry.tlog").read_bytes()))
-    return folder
 
 
 BAD = {
     "no such session": (lambda t: ("identify", t / "absent", "-o", t / "o"), 2, "no such session"),
     "an empty folder": (lambda t: ("identify", t, "-o", t / "o"), 2, "no telemetry.tlog"),
     "an empty log": (
-        lambda t: ("identify", session_without(t, tlog=lambda _: b""), "-o", t / "o"),
+        lambda t: ("identify", swarm_session(t, tlog=lambda _: b""), "-o", t / "o"),
         2,
         "empty file",
     ),
     "a garbage log": (
-        lambda t: ("identify", session_without(t, tlog=lambda _: bytes(range(256)) * 40), "-o", t / "o"),
+        lambda t: ("identify", swarm_session(t, tlog=lambda _: bytes(range(256)) * 40), "-o", t / "o"),
         2,
         "no MAVLink frame",
     ),
     "an unknown key": (
-        lambda t: ("identify", session_without(t, toml=lambda s: s.replace("[clock]", "[clok]")), "-o", t / "o"),
+        lambda t: ("identify", swarm_session(t, toml=lambda s: s.replace("[clock]", "[clok]")), "-o", t / "o"),
         2,
         "did you mean clock?",
     ),
     "a wrong value": (
-        lambda t: ("identify", session_without(t, toml=lambda s: s.replace("1200.0", '"x"', 1)), "-o", t / "o"),
+        lambda t: ("identify", swarm_session(t, toml=lambda s: s.replace("1200.0", '"x"', 1)), "-o", t / "o"),
         2,
         "fx is 'x'",
     ),
     "detections without times": (
-        lambda t: ("identify", session_without(t, names=("frames.csv",)), "-o", t / "o"),
+        lambda t: ("identify", swarm_session(t, without=("frames.csv",)), "-o", t / "o"),
         2,
         "needs frames.csv",
     ),
@@ -185,7 +158,7 @@ BAD = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_one_clear_line(case, tmp_path):
     args, code, message = BAD[case]
-    got, stdout, stderr = gcs(*args(tmp_path))
+    got, stdout, stderr = run_gcs(*args(tmp_path))
     assert message in stderr
     assert got == code
     assert stderr.count("\n") == 1, stderr
@@ -193,19 +166,27 @@ def test_bad_input_is_one_clear_line(case, tmp_path):
     assert stdout == ""
 
 
+def test_the_process_ends_with_the_code_and_the_line():
+    code, stdout, stderr = run_gcs_process("identify", "/nowhere", "-o", "/nowhere")
+    assert (code, stdout, stderr.count("\n")) == (2, "", 1)
+    assert stderr.startswith("gcs: ")
+
+
 def test_a_port_in_use(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = str(taken.getsockname()[1])
-        code, _, stderr = gcs("fly", SWARM / "session.toml", "-l", f"udpin:127.0.0.1:{port}", "--sessions", tmp_path)
+        code, _, stderr = run_gcs(
+            "fly", SWARM / "session.toml", "-l", f"udpin:127.0.0.1:{port}", "--sessions", tmp_path
+        )
     assert code == 3
     assert port in stderr
     assert stderr.count("\n") == 1
 
 
 def test_a_truncated_log_still_names(tmp_path):
-    folder = session_without(tmp_path, tlog=lambda b: b[: len(b) // 2 + 3])
-    code, stdout, stderr = gcs("identify", folder, "-o", tmp_path / "o")
+    folder = swarm_session(tmp_path, tlog=lambda b: b[: len(b) // 2 + 3])
+    code, stdout, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert code == 0
     assert "6 of 6 vehicles named" in stdout
     assert "damaged places" in stderr
@@ -215,9 +196,9 @@ def test_without_the_uavs_attitude_it_says_so(tmp_path):
     kept = tmp_path / "kept.tlog"
     no_attitude = [0, 1, 2, 24, 33, 253]
     arguments = [part for message in no_attitude for part in ("--message", str(message))]
-    assert gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, *arguments)[0] == 0
-    folder = session_without(tmp_path, tlog=lambda _: kept.read_bytes())
-    code, _, stderr = gcs("identify", folder, "-o", tmp_path / "o")
+    assert run_gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, *arguments)[0] == 0
+    folder = swarm_session(tmp_path, tlog=lambda _: kept.read_bytes())
+    code, _, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert "never reported its attitude" in stderr
     assert code in (0, 4)
 
@@ -225,7 +206,7 @@ def test_without_the_uavs_attitude_it_says_so(tmp_path):
 def test_without_a_camera_nothing_is_said_of_the_uavs_attitude(tmp_path):
     (tmp_path / "mission.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
     mission = ("--mission", tmp_path / "mission.toml")
-    code, _, stderr = gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
+    code, _, stderr = run_gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
     assert code == 4 and "no [camera]" in stderr and "attitude" not in stderr
 
 
@@ -233,23 +214,23 @@ def test_what_others_wrote_in_a_session_gives_the_terminal_no_orders(tmp_path):
     name = r"A\u001b]0;owned\u0007\u009b31m\u202eB"
     (tmp_path / "mission.toml").write_text(f'[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 99\nname = "{name}"\n')
     mission = ("--mission", tmp_path / "mission.toml")
-    _, stdout, stderr = gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
+    _, stdout, stderr = run_gcs("identify", SWARM / "telemetry.tlog", "-o", tmp_path / "o", *mission)
     assert "owned" in stdout and "owned" in stderr
     assert all(character.isprintable() or character == "\n" for character in stdout + stderr)
 
 
 def test_vehicles_that_never_report_stay_unnamed(tmp_path):
     kept = tmp_path / "kept.tlog"
-    assert gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, "--system", "1")[0] == 0
-    folder = session_without(tmp_path, tlog=lambda _: kept.read_bytes())
-    code, stdout, stderr = gcs("identify", folder, "-o", tmp_path / "o")
+    assert run_gcs("tlog", "cut", SWARM / "telemetry.tlog", kept, "--system", "1")[0] == 0
+    folder = swarm_session(tmp_path, tlog=lambda _: kept.read_bytes())
+    code, stdout, stderr = run_gcs("identify", folder, "-o", tmp_path / "o")
     assert code == 4
     assert "no position was ever reported by UGV-2" in stderr
     assert "0 of 6 vehicles named" in stdout
 
 
 def test_tlog_info_names_systems_and_messages():
-    code, stdout, _ = gcs("tlog", "info", SWARM / "telemetry.tlog")
+    code, stdout, _ = run_gcs("tlog", "info", SWARM / "telemetry.tlog")
     assert code == 0
     assert "GLOBAL_POSITION_INT" in stdout
     assert "16301" in stdout

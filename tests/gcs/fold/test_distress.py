@@ -2,20 +2,19 @@
 
 import math
 import struct
+from dataclasses import replace
+from functools import cache
 from itertools import islice
-from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
-from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import Speaker
-from mavlink.protocol.framing import checksum
 from mavlink.tlog.log import Tlog
+from tests.support.bundled import SWARM, with_packets, with_payload
 
-SWARM = Path("sitl_logs/ardupilot-swarm")
 WHO, UAV, FRAMES, BEGIN_S, END_S = 3, 1, 280, 25.0, 33.0
 """Seconds of the log; its frames begin at 15 s, ten a second."""
 POSITION, RECEIVER = 33, 24
@@ -24,39 +23,40 @@ AIDED, GLITCH = 0x033F, 0x833F
 
 def moved(raw, east_m):
     """The same GLOBAL_POSITION_INT or GPS_RAW_INT, so many metres farther east."""
-    at = 4 if raw[7] == POSITION else 8
-    payload = bytearray(raw[10 : 10 + raw[1]])
-    lat, lon = struct.unpack_from("<ii", payload, at)
-    lon += round(east_m / (111_320.0 * math.cos(math.radians(lat * 1e-7))) * 1e7)
-    struct.pack_into("<i", payload, at + 4, lon)
-    body = raw[:10] + bytes(payload)
-    return body + struct.pack("<H", checksum(body, DEFINITIONS[raw[7]][1]))
+
+    def move(payload):
+        at = 4 if raw[7] == POSITION else 8
+        lat, lon = struct.unpack_from("<ii", payload, at)
+        lon += round(east_m / (111_320.0 * math.cos(math.radians(lat * 1e-7))) * 1e7)
+        struct.pack_into("<i", payload, at + 4, lon)
+
+    return with_payload(raw, move)
 
 
 def with_fault(folder, east_m, messages, ratio, who=WHO):
     """A copy of the session in which a vehicle is wrong for eight seconds, and its filter says so where it is asked."""
-    speaker = Speaker(who)
-    for path in SWARM.iterdir():
-        (folder / path.name).write_bytes(path.read_bytes())
-    with (folder / "telemetry.tlog").open("wb") as file:
-        start_us = 0
-        for packet in Tlog.open(SWARM / "telemetry.tlog").packets():
-            start_us = start_us or packet.t_us
-            raw, t_s = packet.raw, (packet.t_us - start_us) * 1e-6
-            wrong = BEGIN_S <= t_s < END_S
-            if packet.system_id == who and packet.message_id in messages and wrong:
-                raw = moved(raw, east_m)
-            file.write(struct.pack(">Q", packet.t_us) + raw)
-            if ratio and packet.system_id == who and packet.message_id == 0:
-                told = (GLITCH, ratio) if wrong else (AIDED, 0.01)
-                status = ardupilotmega.MAVLink_ekf_status_report_message(told[0], 0.01, told[1], 0.01, 0.01, 0.0)
-                file.write(struct.pack(">Q", packet.t_us + 1) + speaker.pack(status))
-    return start_us
+    speaker, start_us = Speaker(who), log_start_us()
+
+    def go_wrong(packet):
+        wrong = BEGIN_S <= (packet.t_us - start_us) * 1e-6 < END_S
+        hit = packet.system_id == who and packet.message_id in messages and wrong
+        yield replace(packet, raw=moved(packet.raw, east_m)) if hit else packet
+        if ratio and packet.system_id == who and packet.message_id == 0:
+            told = (GLITCH, ratio) if wrong else (AIDED, 0.01)
+            status = ardupilotmega.MAVLink_ekf_status_report_message(told[0], 0.01, told[1], 0.01, 0.01, 0.0)
+            yield replace(packet, t_us=packet.t_us + 1, raw=speaker.pack(status))
+
+    return with_packets(SWARM, folder, go_wrong)
 
 
-def folded(folder, start_us):
+@cache
+def log_start_us():
+    return int(Tlog.open(SWARM / "telemetry.tlog").index.t_us[0])
+
+
+def folded(folder):
     """By time of the log: alarms by key, and names with confidences by box."""
-    rows = []
+    rows, start_us = [], log_start_us()
     for snapshot in islice(Analysis(open_session(folder)).snapshots(images=False), FRAMES):
         names = [(box.system_id, box.confidence) for box in snapshot.boxes]
         rows.append(((snapshot.t_us - start_us) * 1e-6, {alarm.key for alarm in snapshot.alarms}, names))
@@ -65,7 +65,7 @@ def folded(folder, start_us):
 
 @pytest.fixture(scope="module")
 def well():
-    return folded(SWARM, Tlog.open(SWARM / "telemetry.tlog").index.t_us[0])
+    return folded(SWARM)
 
 
 @pytest.mark.parametrize(
@@ -80,7 +80,7 @@ def well():
 def test_a_wrong_position_is_an_alarm_while_it_lasts_and_costs_no_other_name(
     tmp_path, well, east_m, messages, ratio, key
 ):
-    rows = folded(tmp_path, with_fault(tmp_path, east_m, messages, ratio))
+    rows = folded(with_fault(tmp_path, east_m, messages, ratio))
     times = [t_s for t_s, keys, _ in rows if key in keys]
     # the way back is believed after a second, and an alarm stays for three
     assert BEGIN_S < min(times) < BEGIN_S + 3.0 and END_S - 0.5 < max(times) < END_S + 1.0 + 5.0
@@ -96,6 +96,6 @@ def test_a_wrong_position_is_an_alarm_while_it_lasts_and_costs_no_other_name(
 
 @pytest.mark.parametrize("east_m", [15.0, 55.0])
 def test_a_step_of_the_uavs_position_costs_no_name(tmp_path, well, east_m):
-    rows = folded(tmp_path, with_fault(tmp_path, east_m, (POSITION, RECEIVER), 0.0, UAV))
+    rows = folded(with_fault(tmp_path, east_m, (POSITION, RECEIVER), 0.0, UAV))
     for (t_s, _, names), (_, _, expected) in zip(rows, well, strict=True):
         assert [i for i, _ in names] == [i for i, _ in expected] or t_s < 20.0, t_s

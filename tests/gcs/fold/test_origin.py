@@ -1,18 +1,15 @@
 """A UAV whose receiver is wrong for a while costs the names of that while, and none after it."""
 
 import struct
+from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 
 import pytest
 
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
-from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.framing import checksum
-from mavlink.tlog.log import Tlog
+from tests.support.bundled import SWARM, with_packets, with_payload
 
-SWARM = Path("sitl_logs/ardupilot-swarm")
 FRAMES, SETTLED = 190, 140
 """Nineteen seconds; from frame 140 on names are compared."""
 
@@ -28,11 +25,12 @@ def folded(session):
 
 def elsewhere(raw, degrees_e7):
     """The same GLOBAL_POSITION_INT with another latitude and longitude."""
-    payload = bytearray(raw[10 : 10 + raw[1]])
-    lat, lon = struct.unpack_from("<ii", payload, 4)
-    struct.pack_into("<ii", payload, 4, lat + degrees_e7[0], lon + degrees_e7[1])
-    body = raw[:10] + bytes(payload)
-    return body + struct.pack("<H", checksum(body, DEFINITIONS[33][1]))
+
+    def move(payload):
+        lat, lon = struct.unpack_from("<ii", payload, 4)
+        struct.pack_into("<ii", payload, 4, lat + degrees_e7[0], lon + degrees_e7[1])
+
+    return with_payload(raw, move)
 
 
 @pytest.fixture(scope="module")
@@ -51,17 +49,18 @@ def expected():
     ids=["45° at first", "45° for six seconds", "85° in flight", "half a degree in flight"],
 )
 def test_names_after_a_false_place_of_the_uav_are_those_without_it(tmp_path, expected, degrees, start_s, stop_s, alarm):
-    log, start_us = tmp_path / "telemetry.tlog", None
-    for path in SWARM.iterdir():
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    with log.open("wb") as file:
-        for packet in Tlog.open(SWARM / "telemetry.tlog").packets():
-            raw = packet.raw
-            if packet.system_id == 1 and packet.message_id == 33:
-                start_us = start_us or packet.t_us
-                if start_s <= (packet.t_us - start_us) * 1e-6 < stop_s:
-                    raw = elsewhere(raw, [round(value * 1e7) for value in degrees])
-            file.write(struct.pack(">Q", packet.t_us) + raw)
+    start_us = None
+
+    def misplace(packet):
+        nonlocal start_us
+        if packet.system_id == 1 and packet.message_id == 33:
+            start_us = start_us or packet.t_us
+            if start_s <= (packet.t_us - start_us) * 1e-6 < stop_s:
+                raw = elsewhere(packet.raw, [round(value * 1e7) for value in degrees])
+                packet = replace(packet, raw=raw)
+        yield packet
+
+    with_packets(SWARM, tmp_path, misplace)
     names, texts = folded(tmp_path)
     assert names[SETTLED:] == expected[SETTLED:]
     settled = [name for frame in expected[SETTLED:] for name in frame]

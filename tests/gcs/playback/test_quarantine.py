@@ -1,10 +1,7 @@
 """A real recording in which, for a while, somebody else speaks under the id of one of the vehicles."""
 
 import csv
-import shutil
-import struct
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,45 +9,27 @@ from gcs.playback.analysis import Analysis
 from gcs.session.identity_log import IdentityLog
 from gcs.session.session import open_session
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.framing import checksum
 from mavlink.tlog.log import Tlog
+from tests.support.bundled import SWARM, shortened, with_packets, with_sender
 
-SWARM = Path("sitl_logs/ardupilot-swarm")
 S = 1_000_000
-BEGIN_S, END_S = 35, 50  # of the log
+BEGIN_S, END_S, FRAMES = 25, 33, 250
+"""Seconds of the log; its frames begin at 15 s, ten a second."""
 VICTIM, OTHER = 4, 6
 
 
-def with_sender(raw, system_id):
-    """A MAVLink 2 frame as if another system had sent it."""
-    body = raw[:5] + bytes([system_id]) + raw[6 : 10 + raw[1]]
-    return body + struct.pack("<H", checksum(body, DEFINITIONS[int.from_bytes(raw[7:10], "little")][1]))
-
-
-def invaded(folder, message_ids):
-    """A copy of the recording in which another rover also speaks as the victim; when that begins and ends."""
-    shutil.copytree(SWARM, folder)
-    packets = list(Tlog.open(SWARM / "telemetry.tlog").packets())
-    begin_us, end_us = packets[0].t_us + BEGIN_S * S, packets[0].t_us + END_S * S
-    rows = list(packets)
-    for packet in packets:
-        wanted = message_ids is None or packet.message_id in message_ids
-        if (
-            packet.system_id == OTHER
-            and packet.message_id in DEFINITIONS
-            and begin_us <= packet.t_us < end_us
-            and wanted
-        ):
-            rows.append(replace(packet, t_us=packet.t_us + 37_000, raw=with_sender(packet.raw, VICTIM)))
-    rows.sort(key=lambda packet: packet.t_us)
-    with (folder / "telemetry.tlog").open("wb") as file:
-        for packet in rows:
-            file.write(struct.pack(">Q", packet.t_us) + packet.raw)
-    return begin_us, end_us
-
-
 def test_no_name_comes_out_of_quarantine(tmp_path):
-    begin_us, end_us = invaded(tmp_path / "session", {0, 33})
+    """For a while another rover also speaks as the victim."""
+    start_us = int(Tlog.open(SWARM / "telemetry.tlog").index.t_us[0])
+    begin_us, end_us = start_us + BEGIN_S * S, start_us + END_S * S
+
+    def invade(packet):
+        yield packet
+        speaks = packet.system_id == OTHER and packet.message_id in (0, 33) and packet.message_id in DEFINITIONS
+        if speaks and begin_us <= packet.t_us < end_us:
+            yield replace(packet, t_us=packet.t_us + 37_000, raw=with_sender(packet.raw, VICTIM))
+
+    with_packets(shortened(SWARM, tmp_path / "short", FRAMES), tmp_path / "session", invade)
     events = []
     with IdentityLog(tmp_path / "out") as log:
         for snapshot in Analysis(open_session(tmp_path / "session")).snapshots(images=False):

@@ -1,9 +1,6 @@
 """What the names rest on: the telemetry and nothing else, also under errors unlike the simulator's own."""
 
-import shutil
-import struct
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +10,9 @@ from gcs.report.score import score_files
 from gcs.session.identity_log import IdentityLog
 from gcs.session.session import open_session
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.framing import checksum
-from mavlink.tlog.log import Tlog
 from sim.session import write_session
 from sim.world.presets import nominal
-
-SWARM = Path("sitl_logs/ardupilot-swarm")
+from tests.support.bundled import SWARM, shortened, with_packets, with_sender
 
 
 def identify(session, out):
@@ -29,31 +23,21 @@ def identify(session, out):
     return out / "identity.csv"
 
 
-def with_sender(raw, system_id):
-    """A MAVLink 2 frame as if another system had sent it."""
-    body = raw[:5] + bytes([system_id]) + raw[6 : 10 + raw[1]]
-    extra = DEFINITIONS[int.from_bytes(raw[7:10], "little")][1]
-    return body + struct.pack("<H", checksum(body, extra))
-
-
-def deranged(session, out, ids):
-    """A copy of a session in which each of our vehicles speaks under the id of the next."""
-    shutil.copytree(session, out)
-    other = dict(zip(ids, [*ids[1:], ids[0]], strict=True))
-    with (out / "telemetry.tlog").open("wb") as file:
-        for packet in Tlog.open(session / "telemetry.tlog").packets():
-            known = packet.message_id in DEFINITIONS and packet.system_id in other
-            raw = with_sender(packet.raw, other[packet.system_id]) if known else packet.raw
-            file.write(struct.pack(">Q", packet.t_us) + raw)
-    return other
-
-
 def test_deranged_ids_take_the_names_with_them(tmp_path):
-    ids = sorted(set(np.loadtxt(SWARM / "truth.csv", delimiter=",", skiprows=1, usecols=6, dtype=int).tolist()) - {0})
-    other = deranged(SWARM, tmp_path / "session", ids)
-    before, after = identify(SWARM, tmp_path / "before"), identify(tmp_path / "session", tmp_path / "after")
-    assert score_files(SWARM / "truth.csv", before).right > 0.99
-    assert score_files(SWARM / "truth.csv", after).right <= 0.01
+    """Each of our vehicles speaks under the id of the next."""
+    session = shortened(SWARM, tmp_path / "session", 300)
+    truth = session / "truth.csv"
+    ids = sorted(set(np.loadtxt(truth, delimiter=",", skiprows=1, usecols=6, dtype=int).tolist()) - {0})
+    other = dict(zip(ids, [*ids[1:], ids[0]], strict=True))
+
+    def derange(packet):
+        known = packet.message_id in DEFINITIONS and packet.system_id in other
+        yield replace(packet, raw=with_sender(packet.raw, other[packet.system_id])) if known else packet
+
+    deranged = with_packets(session, tmp_path / "deranged", derange)
+    before, after = identify(session, tmp_path / "before"), identify(deranged, tmp_path / "after")
+    assert score_files(truth, before).right > 0.99
+    assert score_files(truth, after).right <= 0.01
     rows = [np.genfromtxt(path, delimiter=",", skip_header=1, usecols=3, filling_values=0) for path in (before, after)]
     moved = np.array([other.get(int(i), 0) for i in rows[0]])
     assert np.mean(rows[1] == moved) > 0.99
