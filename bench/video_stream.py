@@ -33,7 +33,7 @@ from vision.video.frame_index import bgr
 from vision.video.video import Frame
 
 WIDTH, HEIGHT, FPS, BIT_RATE = 1920, 1080, 30, 6_000_000
-RESULT = Path(__file__).parent / "results" / "video_stream.md"
+RESULT = Path("bench-results/video_stream.md")
 PIECE = 7 * 188
 
 
@@ -180,6 +180,7 @@ def main() -> None:
             print(lines[-1], flush=True)
         if not busy:
             lines.append(f"| | ratio | {cost['own process'] / cost['thread']:.2f} | | | | |")
+    RESULT.parent.mkdir(exist_ok=True)
     RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
     print(f"written to {RESULT}")
 

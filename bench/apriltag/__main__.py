@@ -1,25 +1,18 @@
 """Command line of the comparison with tags."""
 
-from __future__ import annotations
-
-import argparse
-import sys
-from pathlib import Path
-
 from bench.apriltag.suite import WORKERS, run
+from bench.command_line import count, parser_of, print_results
+from gcs.cli.console import note
+from gcs.cli.progress import progress
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.apriltag", description="Tags on roofs against height")
-    parser.add_argument("--quick", action="store_true", help="three heights and one camera")
-    parser.add_argument("--out", type=Path, default=Path("bench-results/apriltag"))
-    parser.add_argument("--workers", type=int, default=WORKERS)
+    parser = parser_of("apriltag", "Printed tags on roofs and the product against height", "three heights, one camera")
+    parser.add_argument("--workers", type=count, default=WORKERS)
     options = parser.parse_args()
-    print(run(options.out, options.quick, workers=options.workers, say=_say))
-
-
-def _say(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+    with progress("apriltag") as report:
+        text = run(options.out, options.quick, workers=options.workers, say=note, report=report)
+    print_results(text, options.out / "apriltag.csv", as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,8 @@ from pathlib import Path
 from bench.apriltag.case import Case, Outcome, play
 from bench.apriltag.figure import MISSING, draw_heights
 from bench.apriltag.flight import CAMERAS
-from bench.apriltag.tables import report, shares, write_csv
+from bench.apriltag.tables import report as tables
+from bench.apriltag.tables import write_csv
 
 __all__ = ["cases", "run"]
 
@@ -31,23 +32,31 @@ def cases(quick: bool) -> list[Case]:
     return [Case(camera=c, height_m=h, duration_s=duration_s, fps=FPS) for c in cameras for h in reversed(heights)]
 
 
-def run(out: Path, quick: bool = False, *, workers: int = WORKERS, say: Callable[[str], None] = lambda _: None) -> str:
+def run(
+    out: Path,
+    quick: bool = False,
+    *,
+    workers: int = WORKERS,
+    say: Callable[[str], None] = lambda _: None,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> str:
     """Fly everything; write ``apriltag.md``, ``apriltag.csv`` and ``apriltag.png``.
 
     Args:
         out: is made; files of these names in it are replaced.
         quick: a few heights and one camera, for a look.
         workers: processes.
-        say: told of every flight as it ends.
+        say: what the run has to say beside its tables.
+        report: called with the flights that are over so far, and all there are.
 
     Returns:
         the text of ``apriltag.md``.
     """
     began = time.monotonic()
-    outcomes = sorted(_played(cases(quick), workers, say), key=lambda o: (o.case.camera, o.case.height_m))
+    outcomes = sorted(_played(cases(quick), workers, report), key=lambda o: (o.case.camera, o.case.height_m))
     out.mkdir(parents=True, exist_ok=True)
     write_csv(outcomes, out / "apriltag.csv")
-    text = report(outcomes, quick)
+    text = tables(outcomes, quick)
     (out / "apriltag.md").write_text(text, encoding="utf-8")
     if not draw_heights(out / "apriltag.csv", out / "apriltag.png"):
         say(MISSING)
@@ -55,7 +64,7 @@ def run(out: Path, quick: bool = False, *, workers: int = WORKERS, say: Callable
     return text
 
 
-def _played(todo: list[Case], workers: int, say: Callable[[str], None]) -> list[Outcome]:
+def _played(todo: list[Case], workers: int, report: Callable[[int, int], None]) -> list[Outcome]:
     outcomes = []
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     # numerical libraries read these when a worker loads them
@@ -64,9 +73,7 @@ def _played(todo: list[Case], workers: int, say: Callable[[str], None]) -> list[
         with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
             for done in as_completed([pool.submit(_one, case) for case in todo]):
                 outcomes.append(done.result())
-                o = outcomes[-1]
-                told = ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares(o).items())
-                say(f"{len(outcomes)}/{len(todo)}  {o.case.camera} from {o.case.height_m:g} m: {told}")
+                report(len(outcomes), len(todo))
     finally:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})

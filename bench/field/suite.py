@@ -18,7 +18,8 @@ from bench.field.product import identify
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
 from bench.field.summary import Outcome
-from bench.field.tables import report, write_reliability, write_sessions
+from bench.field.tables import report as tables
+from bench.field.tables import write_reliability, write_sessions
 from bench.field.windows import by_windows
 from sim.session import write_session
 from sim.world.scenario import FIRST_UGV_ID, Scenario
@@ -111,6 +112,7 @@ def run(
     versions: Sequence[bool] = (False, True),
     workers: int = WORKERS,
     say: Callable[[str], None] = lambda _: None,
+    report: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
     """Play the suite; write ``field.md``, ``sessions.csv``, ``reliability.csv`` and ``reliability.png`` into a folder.
 
@@ -121,16 +123,17 @@ def run(
         families: numbers; empty: all.
         versions: False standard, True hard.
         workers: processes.
-        say: told of every session as it ends.
+        say: what the run has to say beside its tables.
+        report: called with the sessions that are played so far, and all there are.
 
     Returns:
         the text of ``field.md``.
     """
     began = time.monotonic()
     tasks = tasks_of(split=split, quick=quick, families=families, versions=versions)
-    outcomes = sorted(_played(tasks, workers, say), key=lambda o: (o.family, o.hard, o.seed))
+    outcomes = sorted(_played(tasks, workers, report), key=lambda o: (o.family, o.hard, o.seed))
     title = f"{'quick look, ' if quick else ''}{'reporting' if split == 'report' else 'tuning'} seeds"
-    text = report(outcomes, title)
+    text = tables(outcomes, title)
     out.mkdir(parents=True, exist_ok=True)
     (out / "field.md").write_text(text, encoding="utf-8")
     write_sessions(outcomes, out / "sessions.csv")
@@ -141,7 +144,7 @@ def run(
     return text
 
 
-def _played(tasks: Sequence[Task], workers: int, say: Callable[[str], None]) -> list[Outcome]:
+def _played(tasks: Sequence[Task], workers: int, report: Callable[[int, int], None]) -> list[Outcome]:
     outcomes = []
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     # numerical libraries read these when a worker loads them
@@ -150,15 +153,8 @@ def _played(tasks: Sequence[Task], workers: int, say: Callable[[str], None]) -> 
         with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
             for done in as_completed([pool.submit(play, task) for task in tasks]):
                 outcomes.append(done.result())
-                say(_line(outcomes[-1], len(outcomes), len(tasks)))
+                report(len(outcomes), len(tasks))
     finally:
         for name, value in before.items():
             os.environ.pop(name) if value is None else os.environ.update({name: value})
     return outcomes
-
-
-def _line(o: Outcome, done: int, all_of: int) -> str:
-    p = o.product
-    shares = f"precision {100 * p.right / max(p.named, 1):.2f} right {100 * p.right / max(p.ours, 1):.2f}"
-    version = "hard" if o.hard else "standard"
-    return f"{done}/{all_of}  {o.family} {FAMILIES[o.family].name} {version} seed {o.seed} ({o.label}): {shares}"

@@ -1,26 +1,22 @@
-"""``python -m bench.latency [--quick] [--out bench-results/latency]``."""
+"""Command line of the latencies."""
 
-from __future__ import annotations
-
-import argparse
 import os
 import platform
-from pathlib import Path
 
-RESULTS = Path("bench-results/latency")
+from bench.command_line import parser_of, print_results
+from gcs.cli.progress import progress
 
 
 def main() -> None:
-    """Time everything, print the table and keep it."""
-    parser = argparse.ArgumentParser(description="Each association method beside its literal peer.")
-    parser.add_argument("--quick", action="store_true", help="few calls, small sizes")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser = parser_of("latency", "Each association method beside its literal peer", "few calls, small sizes")
     options = parser.parse_args()
     # one thread of linear algebra, decided before numpy is loaded
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
     from bench.latency.report import measure
 
-    print(measure(options.out, options.quick, platform.processor() or platform.machine()))
+    with progress("latency") as report:
+        text = measure(options.out, options.quick, platform.processor() or platform.machine(), report)
+    print_results(text, options.out / "latency.csv", as_json=options.json)
 
 
 if __name__ == "__main__":

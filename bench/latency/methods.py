@@ -57,19 +57,25 @@ def entries(quick: bool) -> list[Entry]:
     ]
 
 
-def measure_methods(quick: bool) -> tuple[list[Timing], list[str]]:
+def measure_methods(
+    quick: bool, report: Callable[[int, int], None] = lambda done, total: None
+) -> tuple[list[Timing], list[str]]:
     """Time every method at every size.
 
     Returns:
         The timings, and sentences about answers that differ from the first variant's on the same input.
     """
+    ways = entries(quick)
+    # what comes after the methods takes about as long as one of them
+    total = sum(len(entry.calls) for entry in ways) + 1
     timings, odd = [], []
     first: dict[tuple[str, tuple[int, int]], list[NDArray[np.generic]]] = {}
-    for entry in entries(quick):
+    for entry in ways:
         for size, calls in entry.calls.items():
             scenes = [snap(*size, seed) for seed in range(min(calls, SCENES))]
             cpu, wall, results = timed(_over(entry.solve, scenes), calls)
             timings.append(Timing.of(entry.method, entry.variant, size, cpu, wall))
+            report(len(timings), total)
             peer = first.setdefault((entry.method, size), results[: len(scenes)])
             if not all(_same(a, b) for a, b in zip(peer, results, strict=False)):
                 odd.append(f"{entry.method}, {entry.variant}, {size[0]} × {size[1]}: not the first variant's answer")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from bench.latency.measure import Timing
@@ -16,18 +17,19 @@ __all__ = ["measure"]
 TIMES = ("CPU median", "CPU p95", "wall median", "wall p95")
 
 
-def measure(out: Path, quick: bool, machine: str) -> str:
+def measure(out: Path, quick: bool, machine: str, report: Callable[[int, int], None] = lambda done, total: None) -> str:
     """Time everything.
 
     Args:
         out: Folder for ``latency.csv`` and ``latency.md``.
         quick: Few calls, small sizes.
         machine: What the times are of.
+        report: Called with the measurements that are done so far, and all there are.
 
     Returns:
         The table in Markdown.
     """
-    methods, odd = measure_methods(quick)
+    methods, odd = measure_methods(quick, report)
     timings = methods + measure_streams(quick)
     text = _text(timings, odd, machine)
     out.mkdir(parents=True, exist_ok=True)

@@ -1,20 +1,20 @@
-"""``python -m bench.paper [--quick] [--out bench-results/paper]``."""
+"""Command line of the published experiments."""
 
-from __future__ import annotations
-
-import argparse
-from pathlib import Path
-
-from bench.paper.suite import RESULTS, run
+from bench.command_line import parser_of, print_results
+from bench.paper.suite import run
+from gcs.cli.progress import progress
 
 
 def main() -> None:
-    """Run the experiments."""
-    parser = argparse.ArgumentParser(description="The published experiments: tables and figures.")
-    parser.add_argument("--quick", action="store_true", help="few noise levels, one flight each; under two minutes")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser = parser_of(
+        "paper",
+        "The published experiments: tables and figures",
+        "few noise levels, one flight each; under two minutes",
+    )
     options = parser.parse_args()
-    run(options.out, options.quick)
+    with progress("paper") as report:
+        text = run(options.out, options.quick, report)
+    print_results(text, options.out / "results.csv", as_json=options.json)
 
 
 if __name__ == "__main__":

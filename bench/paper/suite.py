@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,34 +15,39 @@ from bench.paper.occlusion import Kept, play
 from bench.paper.rows import write
 from bench.paper.tables import write_tables
 
-__all__ = ["RESULTS", "run"]
+__all__ = ["run"]
 
-RESULTS = Path("bench-results/paper")
 WORKERS = 2
 FLIGHTS, QUICK_FLIGHTS = 20, 1
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def run(out: Path, quick: bool) -> None:
+def run(out: Path, quick: bool, report: Callable[[int, int], None] = lambda done, total: None) -> str:
     """Measure everything and write tables, rows and figures.
 
     Args:
         out: Folder, made if need be; files of an earlier run are replaced.
         quick: A few noise levels and one flight each, to see that it works: its figures mean little.
+        report: Called with the experiments that are done so far, and all there are.
+
+    Returns:
+        One line on what was written.
     """
     out.mkdir(parents=True, exist_ok=True)
     began = time.monotonic()
-    counts, misses, kept = _measure(conditions(quick), range(1, 1 + (QUICK_FLIGHTS if quick else FLIGHTS)))
+    counts, misses, kept = _measure(conditions(quick), range(1, 1 + (QUICK_FLIGHTS if quick else FLIGHTS)), report)
     write(out / "results.csv", Count, counts)
     write(out / "identifier_misses.csv", Miss, misses)
     write(out / "occlusion.csv", Kept, kept)
     write_tables(out, counts, kept, quick)
     drawn = draw(out)
     minutes = (time.monotonic() - began) / 60.0
-    print(f"{out}: {len(counts)} rows in {minutes:.1f} min" + ("" if drawn else f"; no figures: {MATPLOTLIB_MISSING}"))
+    return f"{out}: {len(counts)} rows in {minutes:.1f} min" + ("" if drawn else f"; no figures: {MATPLOTLIB_MISSING}")
 
 
-def _measure(plan: list[Condition], flights: range) -> tuple[list[Count], list[Miss], list[Kept]]:
+def _measure(
+    plan: list[Condition], flights: range, report: Callable[[int, int], None]
+) -> tuple[list[Count], list[Miss], list[Kept]]:
     """In processes of their own; the order of the results is the plan's."""
     # children start afresh, so that linear algebra in them starts with one thread
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
@@ -51,9 +56,9 @@ def _measure(plan: list[Condition], flights: range) -> tuple[list[Count], list[M
         with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
             walked = pool.map(play, flights)
             results = []
-            for condition, result in zip(plan, pool.map(evaluate, plan), strict=True):
+            for result in pool.map(evaluate, plan):
                 results.append(result)
-                print(f"{len(results)} of {len(plan)}: {condition.experiment}", end="\r", file=sys.stderr, flush=True)
+                report(len(results), len(plan))
             kept = [one for flight in walked for one in flight]
     finally:
         for name, value in before.items():
