@@ -12,13 +12,14 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from gcs.errors import ConfigError
-from gcs.mission.values import MOST_TOML_BYTES, Ranges, build, parse_toml, refuse_unknown
 from infra.files.safe_open import read_small
+from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import read_lens
 from vision.errors import CameraError
@@ -45,12 +46,23 @@ BUNDLED = "bundled"
 NO_KEYS = "none"
 """In place of a folder of keys: signatures are not looked at."""
 
+SystemId = Annotated[int, Meta(ge=1, le=255)]
+Pixels = Annotated[int, Meta(ge=16, le=16384)]
+"""Width or height of an image; none is smaller or larger."""
+FocalPx = Annotated[float, Meta(ge=1.0, le=1e6)]
+Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
+"""Any number that a computation survives."""
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+DeviceId = Annotated[int, Meta(ge=0, le=255)]
+MessageId = Annotated[int, Meta(ge=0, le=0xFFFFFF)]
+"""MAVLink 2 has three bytes for it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
     """One vehicle of the mission."""
 
-    system_id: int
+    system_id: SystemId
     """MAVLink system id, 1..255."""
     name: str = ""
     """What operators call it; ``UAV`` or ``UGV-<id>`` when empty."""
@@ -65,31 +77,40 @@ class Camera:
     """Path of a lens file, relative to the mission file, instead of the numbers below."""
     name: str = ""
     """What it is called; a lens file's name when empty."""
-    width: int | None = None
-    height: int | None = None
-    fx: float | None = None
-    fy: float | None = None
-    cx: float | None = None
-    cy: float | None = None
-    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    width: Pixels | None = None
+    height: Pixels | None = None
+    fx: FocalPx | None = None
+    fy: FocalPx | None = None
+    cx: Number | None = None
+    cy: Number | None = None
+    distortion: Annotated[tuple[Number, ...], Meta(min_length=5, max_length=5, description="k1 k2 p1 p2 k3")] = (
+        *(0.0, 0.0, 0.0, 0.0, 0.0),
+    )
     """k1 k2 p1 p2 k3."""
-    zoom: float = 1.0
+    zoom: Annotated[float, Meta(ge=0.1, le=200.0)] = 1.0
     """Fixed digital zoom of the video against what is described above."""
-    zoom_max: float = 1.0
+    zoom_max: Annotated[float, Meta(ge=1.0, le=200.0)] = 1.0
     """Zoom at 100 % of what CAMERA_SETTINGS reports; 1: its reports are not followed."""
-    device: int = 0
+    device: DeviceId = 0
     """Which of the UAV's cameras to listen to, by device id 1-6 or component id; 0: the first."""
-    gimbal: int = 0
+    gimbal: DeviceId = 0
     """Which of its gimbals, the same way; 0: the camera's, else the first."""
     mount: Literal["stabilized", "fixed", "gimbal"] = "stabilized"
     """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body; ``gimbal``: turned in
     flight, as the gimbal reports, and as ``stabilized`` until it does."""
-    roll_deg: float = 0.0
+    roll_deg: Annotated[float, Meta(ge=-180.0, le=180.0)] = 0.0
     """With a gimbal: by which the image is turned against it."""
-    pitch_deg: float = -90.0
+    pitch_deg: Annotated[float, Meta(ge=-90.0, le=90.0)] = -90.0
     """-90 looks straight down."""
-    yaw_deg: float = 0.0
+    yaw_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
     """Relative to the body's nose."""
+
+    def __post_init__(self) -> None:
+        missing = [name for name in _NUMBERS if getattr(self, name) is None]
+        if self.lens and (len(missing) < len(_NUMBERS) or any(self.distortion)):
+            raise ValueError("lens stands for width, height, fx, fy, cx, cy and distortion; leave those out")
+        if not self.lens and 0 < len(missing) < len(_NUMBERS):
+            raise ValueError(f"{missing[0]} is missing; give {', '.join(_NUMBERS)}, or a lens file, or none")
 
     @property
     def intrinsics(self) -> Intrinsics | None:
@@ -107,7 +128,7 @@ _NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 class Clock:
     """How the video's clock relates to the telemetry's."""
 
-    video_offset_s: float | Literal["auto"] = 0.0
+    video_offset_s: Annotated[float, Meta(ge=-60.0, le=60.0)] | Literal["auto"] = 0.0
     """Video time minus telemetry time; ``auto`` has it estimated."""
 
 
@@ -117,18 +138,18 @@ class DetectorChoice:
 
     model: str = ""
     """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
-    score: float = 0.3
+    score: Share = 0.3
     """Boxes below are dropped."""
     classes: tuple[str, ...] = ()
     """Names of a YOLO model's classes that count; empty: those that sound like road vehicles."""
-    imgsz: int = 0
+    imgsz: Annotated[int, Meta(ge=0, le=8192)] = 0
     """Longest side, px, of what a YOLO model of any size looks at; 0: as its notes say, else 1024."""
     providers: tuple[str, ...] = ()
     """onnxruntime's execution providers, best first; empty: the CPU."""
     front: str = ""
     """What tells the fronts of boxes that come without: path of an ONNX file, relative to the mission file, or
     ``bundled``; empty: nothing does."""
-    front_sure: float = 0.8
+    front_sure: Share = 0.8
     """Least probability of a front that is told."""
 
 
@@ -136,7 +157,7 @@ class DetectorChoice:
 class IdentityChoice:
     """When a box gets a name."""
 
-    threshold: float = 0.7
+    threshold: Share = 0.7
     """A name is shown and written at this confidence or above."""
 
 
@@ -156,7 +177,7 @@ class Signing:
 
     keys: str = ""
     """Folder of keys, relative to the mission file; empty: the user's own, where there is one; ``none``: no keys."""
-    unsigned: tuple[int, ...] = (109,)
+    unsigned: tuple[MessageId, ...] = (109,)
     """Ids of messages that may come unsigned, 109 is a modem's RADIO_STATUS; none that tells of a vehicle can be."""
     keyless: Literal["refused", "open"] = "refused"
     """What happens to systems that have no key while others have."""
@@ -185,7 +206,7 @@ class Mission:
         ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))
         twice = sorted(i for i, count in ids.items() if count > 1)
         if twice:
-            raise ConfigError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
+            raise ValueError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
 
     @property
     def ugv_ids(self) -> tuple[int, ...]:
@@ -205,38 +226,8 @@ class Mission:
         return f"UGV-{system_id}"
 
 
-# Ranges of numbers, by dataclass and key: (least, most).
-_RANGES: Ranges = {
-    (Vehicle, "system_id"): (1, 255),
-    (Camera, "width"): (16, 16384),
-    (Camera, "height"): (16, 16384),
-    (Camera, "fx"): (1.0, 1e6),
-    (Camera, "fy"): (1.0, 1e6),
-    (Camera, "zoom"): (0.1, 200.0),
-    (Camera, "zoom_max"): (1.0, 200.0),
-    (Camera, "device"): (0, 255),
-    (Camera, "gimbal"): (0, 255),
-    (Camera, "roll_deg"): (-180.0, 180.0),
-    (Camera, "pitch_deg"): (-90.0, 90.0),
-    (Camera, "yaw_deg"): (-360.0, 360.0),
-    (Clock, "video_offset_s"): (-60.0, 60.0),
-    (DetectorChoice, "score"): (0.0, 1.0),
-    (DetectorChoice, "imgsz"): (0, 8192),
-    (DetectorChoice, "front_sure"): (0.0, 1.0),
-    (IdentityChoice, "threshold"): (0.0, 1.0),
-    (Signing, "unsigned"): (0, 0xFFFFFF),
-}
-_TABLES: dict[str, type] = {
-    "uav": Vehicle,
-    "camera": Camera,
-    "clock": Clock,
-    "detector": DetectorChoice,
-    "identity": IdentityChoice,
-    "links": Links,
-    "signing": Signing,
-}
-# Tables that the recorder adds to session.toml; they describe, they do not steer.
-_NOTES = ("session",)
+_NOTES = "session"
+"""The table that the recorder adds to session.toml; it describes, it does not steer."""
 
 
 def load_table(path: Path) -> dict[str, Any]:
@@ -251,7 +242,10 @@ def load_table(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read as text: {error.strerror}") from error
-    return parse_toml(data, str(path))
+    try:
+        return parse_toml(data, str(path))
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
 
 
 def load_mission(path: Path) -> Mission:
@@ -302,30 +296,21 @@ def _with_lens(camera: Camera, folder: Path, where: str) -> Camera:
     return replace(camera, lens="", name=camera.name or Path(camera.lens).name, distortion=distortion, **numbers)
 
 
-def _check_camera(camera: Camera, where: str) -> None:
-    """All numbers, or a lens, or neither."""
-    missing = [name for name in _NUMBERS if getattr(camera, name) is None]
-    if camera.lens and (len(missing) < len(_NUMBERS) or any(camera.distortion)):
-        raise ConfigError(f"{where}: lens stands for width, height, fx, fy, cx, cy and distortion; leave those out")
-    if not camera.lens and 0 < len(missing) < len(_NUMBERS):
-        raise ConfigError(f"{where}: {missing[0]} is missing; give {', '.join(_NUMBERS)}, or a lens file, or none")
-
-
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
-    """Check a parsed TOML table and build the mission; ``where`` goes into messages."""
-    refuse_unknown(table, (*_TABLES, "ugv", *_NOTES), where)
+    """Check a parsed TOML table and build the mission.
+
+    Args:
+        table: as parsed.
+        where: goes into messages, such as the file's name.
+
+    Raises:
+        ConfigError: an unknown key, a wrong or missing value, no vehicles.
+    """
     if "uav" not in table or not table.get("ugv"):
         raise ConfigError(f"{where}: needs [uav] and at least one [[ugv]] with a system_id")
-    ugvs = table["ugv"]
-    if not isinstance(ugvs, list):
+    if not isinstance(table["ugv"], list):
         raise ConfigError(f"{where}: write [[ugv]] with two brackets, once for each ground vehicle")
-    parts: dict[str, Any] = {
-        name: build(kind, table[name], f"{where}: [{name}]", _RANGES) for name, kind in _TABLES.items() if name in table
-    }
-    if "camera" in parts:
-        _check_camera(parts["camera"], f"{where}: [camera]")
-    parts["ugv"] = tuple(build(Vehicle, ugv, f"{where}: [[ugv]] number {k + 1}", _RANGES) for k, ugv in enumerate(ugvs))
     try:
-        return Mission(**parts)
-    except ConfigError as error:
-        raise ConfigError(f"{where}: {error}") from None
+        return build(Mission, {name: part for name, part in table.items() if name != _NOTES}, where)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None

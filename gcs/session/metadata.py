@@ -13,15 +13,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from gcs.errors import ConfigError, SessionError
+from gcs.errors import SessionError
 from gcs.mission.mission import Mission
-from gcs.mission.values import MOST_TOML_BYTES, parse_toml, toml_text
 from gcs.session.flight_notes import PROGRAM
 from gcs.session.log import SessionLog
 from gcs.session.session import mission_table
 from infra.files.safe_open import create, open_to_read
 from infra.files.segments import segments
 from infra.session_format import LOG, METADATA
+from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
 from mavlink.errors import TlogError
 
 __all__ = ["Interrupted", "SessionFile", "recorded_folders", "seal"]
@@ -149,7 +149,7 @@ def seal(folder: Path) -> Interrupted | None:
         return None
     except OSError as error:
         return Interrupted(folder=folder, trouble=f"{METADATA}: {error.strerror}")
-    except (ConfigError, ValueError, TypeError) as error:
+    except (ValueError, TypeError) as error:
         return Interrupted(folder=folder, trouble=str(error))
     finally:
         os.close(at)

@@ -19,10 +19,10 @@ from typing import Any
 
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import NO_KEYS, Mission, load_mission, load_table
-from gcs.mission.values import toml_text
 from gcs.session.flight_notes import FlightNotes
 from infra.files.segments import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, TRUTH
+from infra.toml_tables import toml_text
 
 __all__ = ["Session", "create_folder", "mission_table", "open_session"]
 

@@ -7,8 +7,11 @@ Vehicles are numbered 0..n−1: first those the UAV films, then those that only 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
+from msgspec import Meta
+
+from infra.toml_tables import check_limits
 from sim.errors import ScenarioError
 
 __all__ = [
@@ -30,6 +33,8 @@ __all__ = [
 
 UAV_ID = 1
 FIRST_UGV_ID = 11
+MOST_REPORTING = 240
+"""Ground vehicles, filmed and outside; system ids end at 255."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,20 +44,20 @@ class Ground:
     kind: Literal["straight", "curved", "open", "formation", "parked"] = "curved"
     formation: Literal["line", "column", "wedge", "grid", "triangle"] = "line"
     """Only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal sides."""
-    station_keeping_m: float = 0.15
+    station_keeping_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.15
     """How far vehicles wander about their places in a formation; 0 makes it rigid."""
-    vehicles: int = 6
+    vehicles: Annotated[int, Meta(ge=1, le=200)] = 6
     """Vehicles that the UAV films."""
-    outside: int = 0
+    outside: Annotated[int, Meta(ge=0, le=200)] = 0
     """Further vehicles that report but drive beyond the image."""
-    speed_mps: float = 3.5
-    spacing_m: float = 9.0
+    speed_mps: Annotated[float, Meta(ge=0.1, le=30.0)] = 3.5
+    spacing_m: Annotated[float, Meta(ge=1.0, le=200.0)] = 9.0
     """Between neighbours: along the lane, in the formation, at least between parked vehicles."""
-    lanes: int = 2
+    lanes: Annotated[int, Meta(ge=1, le=8)] = 2
     lane_width_m: float = 3.5
     road_deg: float = 90.0
     """Mean direction of the road, clockwise from north: 90 runs along the image's width while the UAV looks north."""
-    bend_deg: float = 50.0
+    bend_deg: Annotated[float, Meta(ge=0.0, le=80.0)] = 50.0
     """How far a curved road turns to either side of its mean direction."""
     bend_length_m: float = 120.0
     lane_changes_per_min: float = 2.0
@@ -62,7 +67,7 @@ class Ground:
     area_m: tuple[float, float] = (44.0, 24.0)
     """Open ground and parked vehicles: extent of the filmed vehicles' area across and along the image; wider than the
     image makes them leave and re-enter."""
-    slope_deg: float = 0.0
+    slope_deg: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
     """How far the ground rises towards ``uphill_deg``; telemetry's heights follow it, the UAV's do not."""
     uphill_deg: float = 0.0
     length_m: float = 2.2
@@ -74,7 +79,7 @@ class Ground:
 class Flight:
     """How the UAV really flies."""
 
-    height_m: float = 40.0
+    height_m: Annotated[float, Meta(ge=3.0, le=500.0)] = 40.0
     follow: bool = True
     """Keep the filmed vehicles' middle in view; otherwise hover over where they began."""
     sway_m: float = 1.0
@@ -87,7 +92,7 @@ class Flight:
     drift_mps: float = 0.0
     roam_m: float = 0.0
     """Amplitude of a slow wandering of the filmed point, across and along the image's mean direction."""
-    roam_s: float = 24.0
+    roam_s: Annotated[float, Meta(ge=1.0, le=1e6)] = 24.0
     """Its period."""
     climb_mps: float = 0.0
 
@@ -105,7 +110,7 @@ class Camera:
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
     mount: Literal["stabilized", "fixed"] = "stabilized"
     roll_deg: float = 0.0
-    pitch_deg: float = -90.0
+    pitch_deg: Annotated[float, Meta(ge=-90.0, le=-10.0)] = -90.0
     yaw_deg: float = 0.0
     crf: int = 23
     """H.264 quality of rendered video: lower is finer and larger."""
@@ -115,12 +120,12 @@ class Camera:
 class Gnss:
     """Position errors per horizontal axis: white noise and a first-order Gauss–Markov bias."""
 
-    white_m: float = 0.3
+    white_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.3
     bias_m: float = 0.6
     """Standard deviation of the wandering bias."""
-    tau_s: float = 60.0
+    tau_s: Annotated[float, Meta(ge=0.1, le=1e6)] = 60.0
     """Its correlation time."""
-    steps_per_min: float = 0.0
+    steps_per_min: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
     """Changes of satellites, per vehicle: each moves the reports by another offset."""
     step_m: float = 1.5
     """Standard deviation of those offsets, per axis."""
@@ -163,13 +168,13 @@ class Timing:
     declared_offset: Literal["exact", "zero", "auto"] = "exact"
     """What ``session.toml`` says of it."""
     frame_jitter_s: float = 0.002
-    rate_min_hz: float = 5.0
+    rate_min_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
     """Each vehicle's position rate lies between the two."""
-    rate_max_hz: float = 5.0
+    rate_max_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
     latency_s: float = 0.03
     jitter_s: float = 0.01
     """Mean of the exponential delay on top."""
-    loss: float = 0.0
+    loss: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     clock_ppm: float = 120.0
     """Bound of the drift of the vehicles' boot clocks."""
 
@@ -180,15 +185,15 @@ class Detector:
 
     pixel_noise: float = 1.0
     angle_noise_deg: float = 2.0
-    miss: float = 0.02
+    miss: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.02
     clutter: float = 0.0
     """Mean number of boxes on nothing per frame."""
-    score: float = 0.75
+    score: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.75
     """Mean score of a true box."""
     flip: float = 0.01
     """Share of boxes whose front is taken for the rear."""
     heading_missing: bool = False
-    merge_lengths: float = 0.0
+    merge_lengths: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
     """Two bodies whose centres are nearer than about this many of their own lengths come as one box."""
     bursts_per_min: float = 0.0
     """Losses of one vehicle for a while, per vehicle."""
@@ -249,9 +254,9 @@ class Scenario:
     """One flight. Equal scenarios give equal sessions, byte for byte."""
 
     name: str = "nominal"
-    seed: int = 1
-    duration_s: float = 60.0
-    fps: float = 10.0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    duration_s: Annotated[float, Meta(ge=0.1, le=7200.0)] = 60.0
+    fps: Annotated[float, Meta(ge=0.5, le=120.0)] = 10.0
     start_us: int = 1_795_170_000_000_000
     """Unix time of the first frame's exposure."""
     latitude_deg: float = 48.1
@@ -273,7 +278,7 @@ class Scenario:
     faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_ranges(self)
+        _check(self)
 
     @property
     def fleet_size(self) -> int:
@@ -291,36 +296,21 @@ class Scenario:
         return round(self.duration_s * self.fps)
 
 
-def _check_ranges(scenario: Scenario) -> None:
-    ranges: tuple[tuple[str, float, float, float], ...] = (
-        ("seed", scenario.seed, 0, 2**63),
-        ("duration_s", scenario.duration_s, 0.1, 7200),
-        ("fps", scenario.fps, 0.5, 120),
-        ("ground.vehicles", scenario.ground.vehicles, 1, 200),
-        ("ground.outside", scenario.ground.outside, 0, 200),
-        ("ground.vehicles + ground.outside", scenario.fleet_size, 1, 240),
-        ("ground.speed_mps", scenario.ground.speed_mps, 0.1, 30),
-        ("ground.spacing_m", scenario.ground.spacing_m, 1.0, 200),
-        ("ground.lanes", scenario.ground.lanes, 1, 8),
-        ("ground.bend_deg", scenario.ground.bend_deg, 0, 80),
-        ("ground.station_keeping_m", scenario.ground.station_keeping_m, 0, 2),
-        ("ground.slope_deg", scenario.ground.slope_deg, 0, 20),
-        ("flight.height_m", scenario.flight.height_m, 3, 500),
-        ("camera.pitch_deg", scenario.camera.pitch_deg, -90, -10),
-        ("gnss.white_m", scenario.gnss.white_m, 0, 100),
-        ("gnss.tau_s", scenario.gnss.tau_s, 0.1, 1e6),
-        ("gnss.steps_per_min", scenario.gnss.steps_per_min, 0, 60),
-        ("flight.roam_s", scenario.flight.roam_s, 1, 1e6),
-        ("timing.rate_min_hz", scenario.timing.rate_min_hz, 0.1, scenario.timing.rate_max_hz),
-        ("timing.rate_max_hz", scenario.timing.rate_max_hz, 0.1, 50),
-        ("timing.loss", scenario.timing.loss, 0, 1),
-        ("detector.miss", scenario.detector.miss, 0, 1),
-        ("detector.score", scenario.detector.score, 0.05, 0.95),
-        ("detector.merge_lengths", scenario.detector.merge_lengths, 0, 10),
-    )
-    for key, value, low, high in ranges:
-        if not low <= value <= high:
-            raise ScenarioError(f"scenario: {key} = {value} is out of range; give a value from {low:g} to {high:g}")
+def _check(scenario: Scenario) -> None:
+    """Limits of single numbers stand at their fields; here, what several have to do with each other."""
+    try:
+        check_limits(scenario, "scenario")
+    except ValueError as error:
+        raise ScenarioError(str(error)) from None
+    if scenario.fleet_size > MOST_REPORTING:
+        together = f"vehicles and outside are {scenario.fleet_size} together"
+        raise ScenarioError(f"scenario: [ground]: {together}; at most {MOST_REPORTING} can be")
+    timing = scenario.timing
+    if timing.rate_min_hz > timing.rate_max_hz:
+        raise ScenarioError(
+            f"scenario: [timing]: rate_min_hz is {timing.rate_min_hz}; it must not be above rate_max_hz, "
+            f"{timing.rate_max_hz:g}"
+        )
     indexed: tuple[Occlusion | Fault, ...] = (*scenario.occlusions, *scenario.faults)
     named = [("vehicle", what.vehicle, what) for what in indexed]
     named += [("other", fault.other, fault) for fault in scenario.faults]

@@ -6,7 +6,7 @@ import pytest
 from sim.errors import ScenarioError
 from sim.world.presets import PRESETS, curved_road, preset
 from sim.world.scenario import Blackout, Detector, Fault, Gnss, Ground, Occlusion, Scenario
-from sim.world.scenario_file import load_scenario, save_scenario, scenario_from_dict
+from sim.world.scenario_file import load_scenario, parse_scenario, save_scenario
 
 
 def full_scenario():
@@ -27,7 +27,7 @@ def test_a_saved_scenario_is_loaded_equal(scenario, tmp_path):
 
 
 def test_keys_left_out_keep_their_defaults():
-    scenario = scenario_from_dict({"seed": 7, "gnss": {"white_m": 2}})
+    scenario = parse_scenario({"seed": 7, "gnss": {"white_m": 2}}, "s.toml")
     assert scenario == Scenario(seed=7, gnss=Gnss(white_m=2.0))
     assert isinstance(scenario.gnss.white_m, float)
 
@@ -35,25 +35,37 @@ def test_keys_left_out_keep_their_defaults():
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({"duratoin_s": 3.0}, "duratoin_s: no such key; did you mean duration_s?"),
-        ({"gnss": {"whitem": 1.0}}, "gnss.whitem: no such key; did you mean white_m?"),
-        ({"faults": [{"vehicle": 0, "kind": "silent", "start": 1.0}]}, "faults[0].start: no such key"),
-        ({"faults": [{"vehicle": 0, "kind": "silent"}]}, "faults[0]: start_s is missing"),
-        ({"ground": {"kind": "round"}}, "must be one of straight, curved, open, formation, parked"),
-        ({"seed": "one"}, "seed = 'one': must be a whole number"),
-        ({"seed": True}, "must be a whole number"),
-        ({"attitude": {"missing": 1}}, "must be true or false"),
-        ({"camera": {"distortion": [0.0, 0.0]}}, "must have 5 values"),
-        ({"ground": 3}, "ground: must be a table"),
-        ({"blackouts": 3}, "must be an array"),
-        ({"fps": 1000.0}, "fps = 1000.0 is out of range; give a value from 0.5 to 120"),
-        ({"timing": {"rate_min_hz": 9.0}}, "timing.rate_min_hz = 9.0 is out of range"),
-        ({"occlusions": [{"vehicle": 9, "t_s": 1.0}]}, "vehicle = 9 of occlusion does not exist; vehicles are 0 to 5"),
+        ({"duratoin_s": 3.0}, "s.toml: unknown key 'duratoin_s'; did you mean duration_s?"),
+        ({"gnss": {"whitem": 1.0}}, "s.toml: [gnss]: unknown key 'whitem'; did you mean white_m?"),
+        (
+            {"faults": [{"vehicle": 0, "kind": "silent", "start": 1.0}]},
+            "s.toml: [[faults]] number 1: unknown key 'start'; did you mean start_s?",
+        ),
+        ({"faults": [{"vehicle": 0, "kind": "silent"}]}, "s.toml: [[faults]] number 1: start_s is missing"),
+        (
+            {"ground": {"kind": "round"}},
+            "[ground]: kind is 'round'; 'curved' or 'formation' or 'open' or 'parked' or 'straight' is needed",
+        ),
+        ({"seed": "one"}, "s.toml: seed is 'one'; a whole number is needed"),
+        ({"seed": True}, "seed is True; a whole number is needed"),
+        ({"attitude": {"missing": 1}}, "s.toml: [attitude]: missing is 1; true or false is needed"),
+        (
+            {"camera": {"distortion": [0.0, 0.0]}},
+            "[camera]: distortion is [0, 0]; a list of 5 numbers is needed",
+        ),
+        ({"ground": 3}, "s.toml: [ground] must be a table of keys and values"),
+        ({"blackouts": 3}, "blackouts is 3; a list of tables is needed"),
+        ({"fps": 1000.0}, "s.toml: fps is 1000; it must lie between 0.5 and 120"),
+        ({"timing": {"rate_min_hz": 9.0}}, "[timing]: rate_min_hz is 9.0; it must not be above rate_max_hz, 5"),
+        (
+            {"occlusions": [{"vehicle": 9, "t_s": 1.0}]},
+            "s.toml: scenario: vehicle = 9 of occlusion does not exist; vehicles are 0 to 5",
+        ),
     ],
 )
 def test_a_bad_scenario_is_refused_and_says_why(values, text):
     with pytest.raises(ScenarioError) as error:
-        scenario_from_dict(values)
+        parse_scenario(values, "s.toml")
     assert text in str(error.value)
 
 
@@ -61,10 +73,10 @@ def test_a_bad_file_is_named(tmp_path):
     with pytest.raises(ScenarioError, match=r"none\.toml: cannot be read"):
         load_scenario(tmp_path / "none.toml")
     (tmp_path / "bad.toml").write_text("seed = = 1")
-    with pytest.raises(ScenarioError, match=r"bad\.toml: is not valid TOML"):
+    with pytest.raises(ScenarioError, match=r"bad\.toml: not valid TOML"):
         load_scenario(tmp_path / "bad.toml")
     (tmp_path / "key.toml").write_text("sede = 1")
-    with pytest.raises(ScenarioError, match=r"key\.toml: sede: no such key; did you mean seed\?"):
+    with pytest.raises(ScenarioError, match=r"key\.toml: unknown key 'sede'; did you mean seed\?"):
         load_scenario(tmp_path / "key.toml")
 
 

@@ -1,0 +1,249 @@
+"""Tables of a TOML file into frozen dataclasses: every value checked, an unknown key refused with the nearest name.
+
+Types and limits are those that the dataclass declares for its fields (``msgspec.Meta``). Whatever is wrong is a
+ValueError of one line that says in which file and table, which key, what it is, and what is needed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+import msgspec
+import tomli_w
+from msgspec import inspect
+
+__all__ = ["MOST_TOML_BYTES", "build", "check_limits", "parse_toml", "toml_text"]
+
+Kind = TypeVar("Kind")
+
+MOST_TOML_BYTES = 256 << 10
+"""Ten times what a mission with 255 vehicles, each with a comment, takes."""
+_MOST_DEPTH = 16
+"""Tables in tables; ours have two levels, and what is nested without end ends the programs that go through it."""
+_MOST_SHOWN = 100
+"""Letters of a wrong value that a message repeats."""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_DEPTH}}}""")
+"""A key of so many parts: the parser takes the square of their number in time and memory."""
+
+_PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
+"""A step of the path by which msgspec says where a value stands: ``$.ugv[0].system_id``."""
+_WHOLE_FLOAT = 2.0**53
+"""Floats below are exact where they are whole."""
+
+
+def parse_toml(data: bytes, where: str) -> dict[str, Any]:
+    """Parse a TOML file's bytes; ``where`` goes into messages.
+
+    Raises:
+        ValueError: not UTF-8, not TOML, nested too deeply, or with a number beyond 64 bits.
+    """
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{where}: cannot be read as text: {error}") from error
+    if _LONG_KEY.search(text):
+        raise ValueError(f"{where}: a key has more than {_MOST_DEPTH} parts")
+    try:
+        table = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is a bare ValueError
+        raise ValueError(f"{where}: not valid TOML: {error}") from error
+    level: list[Any] = [table]
+    for _ in range(_MOST_DEPTH):
+        level = [value for part in level for value in (part.values() if isinstance(part, dict) else part)]
+        if any(type(value) is int and value.bit_length() > 63 for value in level):
+            raise ValueError(f"{where}: not valid TOML: a whole number has more than 64 bits")
+        level = [value for value in level if isinstance(value, dict | list)]
+    if level:
+        raise ValueError(f"{where}: more than {_MOST_DEPTH} tables or lists are nested in each other")
+    return table
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """A table as TOML; letters that cannot be printed stand in it as escapes, which other programs read as well."""
+    text = tomli_w.dumps(table)
+    return text if text.replace("\n", "").isprintable() else "".join(map(_escaped, text))
+
+
+def _escaped(letter: str) -> str:
+    if letter.isprintable() or letter == "\n":
+        return letter
+    code = ord(letter)
+    if 0xD800 <= code < 0xE000:  # a byte of a path that is no UTF-8: no text can hold it
+        return "\N{REPLACEMENT CHARACTER}"
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def build(kind: type[Kind], table: object, where: str) -> Kind:
+    """Check a parsed table and build a dataclass, and those in its fields.
+
+    A whole number may be written with a point. A ValueError of the dataclass itself is told with its place.
+
+    Args:
+        kind: the dataclass.
+        table: as parsed from TOML.
+        where: goes into messages, such as the file's name.
+
+    Raises:
+        ValueError: not a table, an unknown or missing key, a value of another type or out of its limits.
+    """
+    form = inspect.type_info(kind)
+    values = _known_values(form, table, where)
+    try:
+        return msgspec.convert(values, kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(_explained(error, form, values, where)) from None
+
+
+def check_limits(part: object, where: str) -> None:
+    """Check the numbers of a dataclass that did not come out of a file, and of those in its fields.
+
+    Raises:
+        ValueError: one is out of its limits.
+    """
+    for field in _fields(inspect.type_info(type(part))).values():
+        value = getattr(part, field.name)
+        if dataclasses.is_dataclass(value):
+            check_limits(value, f"{where}: [{field.name}]")
+        elif _is_number(value) and (complaint := _out_of_limits(field.name, value, field.type)):
+            raise ValueError(f"{where}: {complaint}")
+
+
+def _fields(kind: inspect.Type) -> dict[str, inspect.Field]:
+    """The fields of a dataclass by name; none for any other type."""
+    return {field.name: field for field in kind.fields} if isinstance(kind, inspect.DataclassType) else {}
+
+
+def _options(kind: inspect.Type) -> tuple[inspect.Type, ...]:
+    """What a value may be: the parts of a union but None, else the type itself; without descriptions."""
+    parts = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
+    plain = (part.type if isinstance(part, inspect.Metadata) else part for part in parts)
+    return tuple(part for part in plain if not isinstance(part, inspect.NoneType))
+
+
+def _step(kind: inspect.Type, name: str) -> inspect.Type:
+    """The type of a field, or of the items of a list where the name is empty."""
+    for option in _options(kind):
+        if name and name in _fields(option):
+            return _fields(option)[name].type
+        if not name and isinstance(option, inspect.VarTupleType):
+            return option.item_type
+        if not name and isinstance(option, inspect.TupleType):
+            return option.item_types[0]
+    return inspect.AnyType()
+
+
+def _known_values(kind: inspect.Type, value: object, where: str) -> object:
+    """A value with unknown keys refused, and with whole numbers that were written with a point as whole numbers."""
+    for option in _options(kind):
+        if isinstance(option, inspect.DataclassType):
+            if not isinstance(value, Mapping):
+                raise ValueError(f"{where} must be a table of keys and values")
+            fields = _fields(option)
+            _refuse_unknown(value, tuple(fields), where)
+            return {
+                name: _known_values(fields[name].type, part, _place(where, name, fields[name].type))
+                for name, part in value.items()
+            }
+    if isinstance(value, list):
+        item = _step(kind, "")
+        numbered = _fields(item)
+        return [
+            _known_values(item, part, f"{where} number {k + 1}" if numbered else where) for k, part in enumerate(value)
+        ]
+    if isinstance(value, float) and abs(value) < _WHOLE_FLOAT and value.is_integer():
+        return int(value)
+    return value
+
+
+def _place(where: str, name: str, kind: inspect.Type) -> str:
+    """How messages call the place of a table; other values are called by their key."""
+    if any(isinstance(option, inspect.DataclassType) for option in _options(kind)):
+        return f"{where}: [{name}]"
+    return f"{where}: [[{name}]]" if _fields(_step(kind, "")) else where
+
+
+def _refuse_unknown(table: Mapping[str, object], known: Sequence[str], where: str) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+            raise ValueError(f"{where}: unknown key {_shown(key)}; {hint}")
+
+
+def _explained(error: msgspec.ValidationError, kind: inspect.Type, value: Any, where: str) -> str:  # noqa: ANN401 - TOML
+    """Where a value stands, what it is, and what is needed there instead."""
+    text, _, path = str(error).rpartition(" - at `$")
+    name = ""
+    of_field: tuple[inspect.Type, Any] = kind, value
+    for key, index in _PLACE.findall(path):
+        if key:
+            kind, value, name = _step(kind, key), value[key], key
+            where = _place(where, key, kind)
+            of_field = kind, value
+        else:
+            kind, value = _step(kind, ""), value[int(index)]
+            where += f" number {int(index) + 1}" if _fields(kind) else ""
+    if isinstance(error.__cause__, ValueError):
+        return f"{where}: {error.__cause__}"
+    if missing := re.search(r"missing required field `(\w+)`", text or str(error)):
+        return f"{where}: {missing[1]} is missing"
+    if _is_number(value) and (complaint := _out_of_limits(name, value, kind)):
+        return f"{where}: {complaint}"
+    kind, value = of_field
+    return f"{where}: {name} is {_shown(value)}; {_needed(kind)} is needed"
+
+
+def _out_of_limits(name: str, value: float, kind: inspect.Type) -> str:
+    """What to say of a number beyond its limits; empty where it is within, or of another kind."""
+    for option in _options(kind):
+        if isinstance(option, inspect.FloatType) or (isinstance(option, inspect.IntType) and isinstance(value, int)):
+            least, most = option.ge, option.le
+            if least is not None and most is not None and not least <= value <= most:
+                return f"{name} is {_shown(value)}; it must lie between {least:g} and {most:g}"
+    return ""
+
+
+def _needed(kind: inspect.Type) -> str:
+    """What a field takes, in words."""
+    if isinstance(kind, inspect.Metadata):
+        return f"{_needed(kind.type)} ({(kind.extra_json_schema or {}).get('description', '')})"
+    if isinstance(kind, inspect.UnionType):
+        return " or ".join(_needed(part) for part in kind.types if not isinstance(part, inspect.NoneType))
+    if isinstance(kind, inspect.LiteralType):
+        return " or ".join(map(repr, kind.values))
+    if isinstance(kind, inspect.VarTupleType):
+        return f"a list of {_count(kind.min_length)}{_SEVERAL.get(type(kind.item_type), 'tables')}"
+    if isinstance(kind, inspect.TupleType):
+        return f"a list of {_count(len(kind.item_types))}{_SEVERAL.get(type(kind.item_types[0]), 'tables')}"
+    return _ONE.get(type(kind), "a table of keys and values")
+
+
+def _count(number: int | None) -> str:
+    return f"{number} " if number else ""
+
+
+_ONE: Mapping[type, str] = {
+    inspect.BoolType: "true or false",
+    inspect.IntType: "a whole number",
+    inspect.FloatType: "a number",
+    inspect.StrType: "text in quotes",
+}
+_SEVERAL: Mapping[type, str] = {
+    inspect.IntType: "whole numbers",
+    inspect.FloatType: "numbers",
+    inspect.StrType: "texts",
+}
+
+
+def _shown(value: object) -> str:
+    said = repr(value)
+    return said if len(said) <= _MOST_SHOWN else said[:_MOST_SHOWN] + "…"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
