@@ -151,7 +151,7 @@ def _receiver(flight: int) -> int:
 def _result(session: Path, sent: int, frozen_us: int) -> Result:
     events = [json.loads(line) for part in sorted(session.glob("events*.jsonl")) for line in part.open()]
     log = SessionLog(session / "telemetry.tlog")
-    heard = [event["time_us"] for event in events if "the disk has not answered" in event["text"]]
+    heard = [event["time_us"] for event in events if "the disk does not answer" in event["text"]]
     texts = Counter(event["text"] for event in events)
     return Result(
         sent=sent,

@@ -77,7 +77,8 @@ class FlightVideo:
             yield self._take(offer)
         if (state := self.state) != self._state:
             self._state = state
-            yield _event("alarm" if state == "stalled" else "info", "video", f"video {state}")
+            if state != "stalled":  # of that there is an alarm
+                yield _event("info", "video", f"video {state}")
         if self.stream is not None:
             yield from self._troubles(self.stream)
 

@@ -22,6 +22,7 @@ from gcs.fold.snapshot_rows import View, boxes_of, mount_of, vehicle_rows
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import Quiet
 from gcs.health.link_rates import Trends
+from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Health, Level, Snapshot
 from mavlink.estimation.gimbal import turns_camera
@@ -37,8 +38,6 @@ __all__ = ["Pipeline"]
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
-APART_M, APART_US = 8.0, 1_000_000
-"""Beyond three times a receiver's 1σ: biases wander by some metres, and boxes stand next to each other."""
 MOST_BOXES = 300
 """Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 MOUNT_DOUBT = np.deg2rad(20.0)
@@ -329,9 +328,9 @@ class Pipeline:
             std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
             away = zip(identities.system_id.tolist(), identities.residual_m.tolist(), strict=True)
             for vehicle, away_m in away:
-                if vehicle and away_m > APART_M + 3.0 * std_m[vehicle]:
+                if vehicle and away_m > APART_M + APART_STDS * std_m[vehicle]:
                     self._apart_since_us[vehicle] = before.get(vehicle, t_us)
-        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_US)
+        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_S * 1e6)
 
     def _believed(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""

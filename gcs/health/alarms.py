@@ -1,6 +1,6 @@
 """Alarms: what is wrong now, since when and what to do, raised and cleared once each.
 
-A finding must last before it is raised, and be gone for a while before it is cleared; the more often it came back
+What is wrong must last before it is raised, and be gone for a while before it is cleared; the more often it came back
 lately, the longer. So a vehicle at the edge of a radio's range gives two lines in the event log, not two hundred.
 Time is the snapshots', so that a replay raises what the flight raised.
 """
@@ -11,17 +11,18 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
-from gcs.health.alarm_rules import Finding, counted, findings
+from gcs.health.alarm_rule import CLEARS_AFTER_S, GROWING_S
+from gcs.health.alarm_rules import Finding, findings
 from gcs.snapshot import Alarm, Event, Level, Snapshot
 
 __all__ = ["Alarms", "rank"]
 
-HOLD_US = 3_000_000
-"""Gone for so long before it is over; doubled for every time that it came lately."""
+WORST_US = round(CLEARS_AFTER_S * 1e6)
+"""An alarm has its higher level for so long after that was last found."""
+GROWING_US = round(GROWING_S * 1e6)
 LATELY_US = 300_000_000
+"""An alarm that came back within so long must be gone longer to be over: doubled for every time."""
 MOST_DOUBLINGS = 4
-GROWING_US = 10_000_000
-"""A counter that has grown is said to grow for so long."""
 _RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 
@@ -51,9 +52,9 @@ class _State:
     def hold_us(self, now_us: int) -> int:
         """How long it must be gone."""
         lately = sum(now_us - raised < LATELY_US for raised in self.raises)
-        if self.finding.settled and lately <= 1:
-            return 0
-        return HOLD_US << min(max(lately - 1, 0), MOST_DOUBLINGS)
+        if lately <= 1:
+            return round(self.finding.rule.clears_after_s * 1e6)
+        return round(CLEARS_AFTER_S * 1e6) << min(lately - 1, MOST_DOUBLINGS)
 
 
 class Alarms:
@@ -74,9 +75,10 @@ class Alarms:
         """
         now_us = self._now_us = max(self._now_us, snapshot.t_us)
         events: list[Event] = []
-        for finding in (*findings(snapshot), *self._growing(snapshot, now_us)):
+        for finding in findings(snapshot):
             if finding.raises:
-                events += self._found(finding, now_us)
+                if finding.count is None or self._grows(finding.key, finding.count, now_us):
+                    events += self._found(finding, now_us)
             elif (state := self._states.get(finding.key)) and state.raised_us:
                 state.seen_us = state.found_us = now_us
         for key in [key for key, state in self._states.items() if state.found_us < now_us]:
@@ -86,70 +88,68 @@ class Alarms:
         raised.sort(key=lambda alarm: (-rank(alarm.level), -alarm.since_us, alarm.key))
         return tuple(raised), tuple(events)
 
-    def _growing(self, snapshot: Snapshot, now_us: int) -> list[Finding]:
-        found = []
-        for count, finding in counted(snapshot):
-            if count > self._counts.get(finding.key, 0):
-                self._grown_us[finding.key] = now_us
-            self._counts[finding.key] = count
-            if now_us - self._grown_us.get(finding.key, -GROWING_US) < GROWING_US:
-                found.append(finding)
-        return found
+    def _grows(self, key: str, count: int, now_us: int) -> bool:
+        """Notes a counter; whether it has grown lately."""
+        if count > self._counts.get(key, 0):
+            self._grown_us[key] = now_us
+        self._counts[key] = count
+        return now_us - self._grown_us.get(key, -GROWING_US) < GROWING_US
 
     def _found(self, finding: Finding, now_us: int) -> list[Event]:
         state = self._states.get(finding.key)
         if state is None:
             state = self._states[finding.key] = _State(finding, now_us, now_us, now_us)
         before, state.found_us = state.finding, now_us
-        if rank(finding.level) >= rank(before.level):
+        if rank(finding.rule.level) >= rank(before.rule.level):
             state.lower_us = 0
         elif state.raised_us:
             state.lower_us = state.lower_us or now_us
-            if now_us - state.lower_us < finding.wait_s * 1e6:
+            if now_us - state.lower_us < finding.rule.lasts_s * 1e6:
                 return self._gone(finding.key, now_us)  # too short yet to be a trouble of its own
         state.first_us = state.first_us or now_us
         state.seen_us = now_us
-        if rank(finding.level) >= rank(before.level) or now_us - state.worst_us > HOLD_US or not state.raised_us:
+        worst = rank(finding.rule.level) >= rank(before.rule.level) or now_us - state.worst_us > WORST_US
+        if worst or not state.raised_us:
             state.finding, state.worst_us = finding, now_us
         if not state.raised_us:
-            if now_us - state.first_us < finding.wait_s * 1e6:
+            if now_us - state.first_us < finding.rule.lasts_s * 1e6:
                 return []
             state.raised_us = now_us
             state.raises.append(now_us)
-            return [] if finding.told else [_event(finding, now_us, finding.level, finding.text)]
-        if state.finding.level != before.level and not finding.told:
-            return [_event(finding, now_us, finding.level, finding.text)]
-        return []
+        elif state.finding.rule.level == before.rule.level:
+            return []
+        return _logged(finding, now_us, finding.rule.level, finding.text)
 
     def _gone(self, key: str, now_us: int) -> list[Event]:
         state = self._states[key]
         state.first_us = 0
         absent_us = now_us - state.seen_us
         if not state.raised_us:
-            if absent_us > HOLD_US and not any(now_us - raised < LATELY_US for raised in state.raises):
+            if absent_us > WORST_US and not any(now_us - raised < LATELY_US for raised in state.raises):
                 del self._states[key]
             return []
         if absent_us < state.hold_us(now_us):
             return []
         lasted_s = (state.seen_us - state.raised_us) * 1e-6
         state.raised_us = 0
-        if state.finding.told:
-            return []
-        return [_event(state.finding, now_us, "info", f"over after {lasted_s:.0f} s: {state.finding.text}")]
+        return _logged(state.finding, now_us, "info", f"over after {lasted_s:.0f} s: {state.finding.text}")
 
 
 def _alarm(state: _State) -> Alarm:
-    f = state.finding
+    finding, rule = state.finding, state.finding.rule
     return Alarm(
-        key=f.key,
-        level=f.level,
-        kind=f.kind,
-        text=f.text,
-        advice=f.advice,
+        key=finding.key,
+        level=rule.level,
+        kind=rule.kind,
+        text=finding.text,
+        advice=rule.advice,
         since_us=state.raised_us,
-        system_id=f.system_id,
+        system_id=finding.system_id,
     )
 
 
-def _event(finding: Finding, t_us: int, level: Level, text: str) -> Event:
-    return Event(t_us=t_us, level=level, kind=finding.kind, text=text, system_id=finding.system_id)
+def _logged(finding: Finding, t_us: int, level: Level, text: str) -> list[Event]:
+    """A line of the event log, or none where another module writes them."""
+    if finding.rule.logged_by:
+        return []
+    return [Event(t_us=t_us, level=level, kind=finding.rule.kind, text=text, system_id=finding.system_id)]

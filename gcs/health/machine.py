@@ -18,7 +18,7 @@ import av
 import numpy as np
 import onnxruntime as ort
 
-from gcs.health.alarm_rules import ALMOST_FULL_BYTES, LOW_BYTES
+from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
 from mavlink.ingest.lent import BUFFER_BYTES
 from mavlink.links.kinds import open_link
@@ -177,7 +177,7 @@ def _disk(sessions: Path) -> Check:
         )
     if free >= LOW_BYTES:
         return Check(name="disk", verdict="ok", found=found)
-    verdict: Verdict = "short" if free >= ALMOST_FULL_BYTES else "bad"
+    verdict: Verdict = "short" if free >= FULL_BYTES else "bad"
     return Check(
         name="disk", verdict=verdict, found=found, advice="free space; an hour with 8 Mbit/s video takes 3.6 GB"
     )

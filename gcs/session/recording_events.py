@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
-from gcs.health.alarm_rules import STALLED_S
+from gcs.health.station_alarms import STALLED_S
 from gcs.snapshot import Event, Level
 from infra.files.record_state import RecordState
 
@@ -22,7 +22,6 @@ class RecordWatch:
     def __init__(self) -> None:
         self._before: dict[str, RecordState] = {}
         self._slow: set[str] = set()
-        self._stalled_s = 0.0
         self._told_lost: dict[str, int] = {}
 
     def update(self, t_us: int, states: Mapping[str, RecordState]) -> tuple[Event, ...]:
@@ -33,21 +32,7 @@ class RecordWatch:
             for level, text in self._changes(name, before, state):
                 events.append(Event(t_us=t_us, level=level, kind="recording", text=f"{name}: {text}"))
             self._before[name] = state
-        for level, text in self._stall(states.values()):
-            events.append(Event(t_us=t_us, level=level, kind="recording", text=text))
         return tuple(events)
-
-    def _stall(self, states: Collection[RecordState]) -> Iterator[tuple[Level, str]]:
-        """A disk that hangs, and its end; one for all files: they hang together."""
-        stalled_s, before_s = max((state.stalled_s for state in states), default=0.0), self._stalled_s
-        self._stalled_s = stalled_s if stalled_s > STALLED_S else 0.0
-        if self._stalled_s and not before_s:
-            yield (
-                "alarm",
-                f"the disk has not answered for {stalled_s:.1f} s; what comes is kept in memory until it does",
-            )
-        if before_s and not self._stalled_s:
-            yield "info", f"the disk answers again, after {before_s:.1f} s or a little more"
 
     def _changes(self, name: str, before: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
         if state.faults > before.faults or (state.failing_s and state.reason != before.reason):
@@ -60,7 +45,7 @@ class RecordWatch:
         if state.lost and state.lost >= self._told_lost.get(name, 0) * LOST_EVERY:
             self._told_lost[name] = state.lost
             yield "alarm", f"{state.lost} rows lost{state.because}"
-        slow = state.sync_age_s > SLOW_S and not state.stalled_s > STALLED_S  # that is told for all files
+        slow = state.sync_age_s > SLOW_S and not state.stalled_s > STALLED_S  # of that there is an alarm, for all files
         if slow != (name in self._slow):
             self._slow ^= {name}
             if slow:

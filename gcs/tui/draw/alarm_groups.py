@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from gcs.health.alarm_rules import first_of
+from gcs.health.station_alarms import first_of
 from gcs.snapshot import Alarm
 
 __all__ = ["Group", "advice_of", "alike", "text_of"]

@@ -11,14 +11,14 @@ from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.health.alarm_rules import LOW_BYTES, LOW_S, STALLED_S
+from gcs.health.link_alarms import is_silent
+from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
-from gcs.snapshot import Health, LinkHealth, Snapshot
+from gcs.snapshot import Health, Snapshot
 from gcs.tui.draw.format import age, bytes_text, clock, duration, plain
 from gcs.tui.draw.strips import Part, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, WARN, ink
 from gcs.tui.panes.alarms import alarm_counts, count_parts
-from mavlink.state import SILENT_S
 
 __all__ = ["StatusBar"]
 
@@ -107,12 +107,8 @@ def _open(health: Health) -> list[Item]:
     return [_item(1, "NOTHING IS AUTHENTICATED", WARN)] if health.keys == 0 else []
 
 
-def _silent(link: LinkHealth) -> bool:
-    return not link.silent_s <= SILENT_S
-
-
 def _links(health: Health) -> Item:
-    silent = [link for link in health.links if _silent(link)]
+    silent = [link for link in health.links if is_silent(link)]
     if not health.links:
         return _item(2, "no link", ALARM)
     if not silent:
@@ -124,7 +120,7 @@ def _links(health: Health) -> Item:
 def _links_named(health: Health) -> list[Item]:
     parts: list[Part] = []
     for link in health.links:
-        parts.append((f"{plain(link.name)} ", ink(ALARM if _silent(link) else FAINT, HEAD)))
+        parts.append((f"{plain(link.name)} ", ink(ALARM if is_silent(link) else FAINT, HEAD)))
         lost = f" {link.bad} bad" * bool(link.bad) + f" {link.dropped} dropped" * bool(link.dropped)
         rate = f"{link.packets_per_s:.0f}/s" if math.isfinite(link.packets_per_s) else str(link.packets)
         parts.append((f"{rate}{lost} ", ink(WARN if link.dropped else FAINT, HEAD)))
@@ -147,7 +143,7 @@ def _video(health: Health) -> Item:
     if health.video != "ok":
         calm = health.video in ("none", "waiting", "ended")
         return _item(4, f"video {plain(health.video)}", FAINT if calm else ALARM)
-    late = health.lag_s > 0.5 or health.undecoded > 0
+    late = health.lag_s > LATE_S or health.undecoded > 0
     said = f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S)
     said += f" {health.undecoded} undecoded" * (health.undecoded > 0)
     return _item(4, f"video ok{said}", WARN if late else FAINT)

@@ -46,7 +46,7 @@ def test_a_disk_that_is_nearly_full_is_told(tmp_path, monkeypatch):
     assert found(tmp_path)["disk"].verdict == "ok"
     monkeypatch.setattr(machine, "LOW_BYTES", 10**18)
     assert found(tmp_path)["disk"].verdict == "short"
-    monkeypatch.setattr(machine, "ALMOST_FULL_BYTES", 10**18)
+    monkeypatch.setattr(machine, "FULL_BYTES", 10**18)
     assert found(tmp_path)["disk"].verdict == "bad"
 
 

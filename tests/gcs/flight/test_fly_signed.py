@@ -203,7 +203,7 @@ def test_an_operator_believes_a_held_vehicle_by_a_key_and_a_second_one(tmp_path)
     try:
         terminal.read_until(b"NAME")
         (session,) = terminal.sessions.iterdir()
-        speaks_until(lambda seen: b"held, since nothing" in seen)
+        speaks_until(lambda seen: b"held: nothing proves" in seen)
         os.write(terminal.keeper, b"b")
         speaks_until(lambda seen: b"Believe" in seen)
         os.write(terminal.keeper, b"y")

@@ -1,0 +1,56 @@
+"""What an alarm is: one entry of the tables in this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
+
+__all__ = ["CLEARS_AFTER_S", "GROWING_S", "AlarmRule"]
+
+CLEARS_AFTER_S = 3.0
+"""So long after its last sign an alarm is over: what is gone for a moment only is not told twice."""
+GROWING_S = 10.0
+"""A counter that should stand still counts as growing for so long after it grew: long enough to be seen."""
+
+Subject = TypeVar("Subject", VehicleRow, LinkHealth, Health)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmRule(Generic[Subject]):
+    """One alarm that each vehicle, each link, or the station may have.
+
+    Its functions take that of which it is (a row of the fleet table, a link, the health of the station) and the
+    snapshot that it is part of. Either ``condition`` or ``counter`` is given.
+    """
+
+    key: str
+    """Together with whose alarm it is, the key of the alarm. Rules of one key are levels of one alarm."""
+    level: Level
+    kind: str
+    """As an event's."""
+    text: str
+    """What is wrong; on the screen after the name of the vehicle or the link."""
+    meaning: str
+    """When it is raised, with the limit, as the operator's page has it."""
+    advice: str
+    """What the operator does about it."""
+    condition: Callable[[Subject, Snapshot], bool] | None = None
+    """Whether this is wrong now."""
+    counter: Callable[[Subject, Snapshot], int] | None = None
+    """A count that should stand still: this is wrong for ``GROWING_S`` after it grew."""
+    detail: Callable[[Subject, Snapshot], str] | None = None
+    """Reason or figure, said after the text."""
+    each_detail: bool = False
+    """Whether each detail is an alarm of its own."""
+    kept_while: Callable[[Subject, Snapshot], bool] | None = None
+    """While this holds, an alarm that was raised before is not over, and none is raised."""
+    lasts_s: float = 0.0
+    """It must last so long to be raised."""
+    clears_after_s: float = CLEARS_AFTER_S
+    """It must be gone so long to be over. 0 where what is asked holds on to it after its last sign already."""
+    logged_by: str = ""
+    """Module that writes the lines of the event log on it, with addresses or file names that the alarm does not have;
+    empty: the alarm's own coming and going is logged."""

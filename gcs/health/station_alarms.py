@@ -1,0 +1,240 @@
+"""Alarms of the station itself: its receiving, video, clock, recording and program."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from gcs.health.alarm_rule import AlarmRule
+from gcs.snapshot import Health, Snapshot, VehicleRow
+
+__all__ = ["LATE_S", "LOW_BYTES", "LOW_S", "STALLED_S", "STATION_RULES", "first_of"]
+
+UNHEARD_S = 15.0
+"""Vehicles are switched on one after the other."""
+BEHIND_S = 2.0
+"""Telemetry is processed five times a second and more; a moment's hold-up changes nothing that is shown."""
+LATE_S = 1.0
+"""A vehicle at 5 m/s is five metres from where an older frame shows it."""
+LATE_FOR_S = 3.0
+"""A hold-up of the video that is over by then needs nobody to act."""
+CLOCK_OFFSET_S = 0.1
+"""A vehicle at 5 m/s is half a metre elsewhere after a tenth of a second; also the 1σ up to which it is known."""
+CLOCK_OFFSET_FOR_S = 5.0
+"""The estimate is not settled before."""
+STEP_S = 0.5
+"""A time service slews what is less."""
+STALLED_S = 1.0
+"""A disk that has not answered for so long hangs: a busy one answers within some tenths."""
+LOW_BYTES, LOW_S = 2_000_000_000, 600.0
+"""Half an hour of video at 8 Mbit/s; ten minutes are enough to make room, or to land."""
+FULL_BYTES, FULL_S = 200_000_000, 120.0
+"""A tenth of it; two minutes are enough to end what is being done."""
+MOST_NAMES = 4
+"""In one line of text."""
+
+
+def first_of(names: Sequence[str]) -> str:
+    """``a, b, c, d and 16 more``."""
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(names[:MOST_NAMES]) + more
+
+
+def _unheard(now: Snapshot) -> list[str]:
+    """Names of vehicles that were never heard; one that is heard and rejected has an alarm for that."""
+
+    def rejected(row: VehicleRow) -> bool:
+        return bool(row.bad_signature or row.unsigned or row.held)
+
+    return [row.name for row in now.vehicles if math.isinf(row.heartbeat_age_s) and not rejected(row)]
+
+
+def _some_unheard(health: Health, now: Snapshot) -> bool:
+    # at the start of a flight it is everybody
+    return 0 < len(_unheard(now)) < len(now.vehicles)
+
+
+def _video_clock_off(health: Health, now: Snapshot) -> bool:
+    std_s = health.time_offset_std_s
+    return std_s < CLOCK_OFFSET_S and abs(health.time_offset_s) > CLOCK_OFFSET_S + std_s
+
+
+def _records(health: Health) -> bool:
+    """False: a replay, which records nothing."""
+    return health.keys is not None or bool(health.links)
+
+
+def _almost_full(health: Health, now: Snapshot) -> bool:
+    return _records(health) and (health.free_bytes < FULL_BYTES or health.full_in_s < FULL_S)
+
+
+def _low(health: Health, now: Snapshot) -> bool:
+    low = health.free_bytes < LOW_BYTES or health.full_in_s < LOW_S
+    return _records(health) and low and not _almost_full(health, now)
+
+
+def _space(health: Health, now: Snapshot) -> str:
+    left = f", {health.full_in_s / 60:.1f} min at this rate" if math.isfinite(health.full_in_s) else ""
+    return f"{health.free_bytes / 1e6:,.0f} MB free{left}"
+
+
+STATION_RULES: tuple[AlarmRule[Health], ...] = (
+    AlarmRule(
+        key="unheard",
+        level="warning",
+        kind="vehicle",
+        text="never heard",
+        meaning=f"in the mission, and not on the air {UNHEARD_S:g} s after others are",
+        advice="switch them on, check their system ids and keys against the mission, or take them out of it",
+        condition=_some_unheard,
+        detail=lambda _, now: first_of(_unheard(now)),
+        lasts_s=UNHEARD_S,
+    ),
+    AlarmRule(
+        key="no keys",
+        level="warning",
+        kind="link",
+        text="nothing is authenticated: anybody can pose as a vehicle",
+        meaning="no key is set",
+        advice="make keys with gcs keys and give them to the autopilots, or fly where nobody else transmits",
+        condition=lambda health, _: health.keys == 0,
+    ),
+    AlarmRule(
+        key="ingest",
+        level="alarm",
+        kind="link",
+        text="the receiving process had to be started again",
+        meaning="it died or hung, and another took over in its place",
+        advice="packets of that moment may be missing; note the time and keep the session for a report",
+        counter=lambda health, _: health.ingest_restarts,
+    ),
+    AlarmRule(
+        key="ring",
+        level="warning",
+        kind="link",
+        text="packets are recorded but not shown: the program is too slow",
+        meaning="packets waited too long to be processed; the recording is whole",
+        advice="free the processor: close other programs, or use a smaller detector",
+        counter=lambda health, _: health.ring_dropped,
+    ),
+    AlarmRule(
+        key="overload",
+        level="alarm",
+        kind="program",
+        text="this computer cannot keep up: telemetry is processed late",
+        meaning=f"what was received and recorded is processed {BEHIND_S:g} s late or more; ages are given for then, so "
+        "that nobody is called silent for it",
+        advice="what is shown is as old; free the processor: close other programs, or use a smaller detector",
+        condition=lambda health, _: health.behind_s > BEHIND_S,
+    ),
+    AlarmRule(
+        key="fault",
+        level="warning",
+        kind="program",
+        text="an error in this program was passed over",
+        meaning="one packet or frame could not be processed: the error is given",
+        advice="fly on: names may be missing for that moment, the recording is whole; send in the session's faults.txt",
+        counter=lambda health, _: health.faults,
+        detail=lambda health, _: health.fault,
+    ),
+    AlarmRule(
+        key="video",
+        level="alarm",
+        kind="video",
+        text="the video has stopped",
+        meaning="no frame for 1 s; it is opened again automatically",
+        advice="check the camera and its link; names are not renewed meanwhile",
+        condition=lambda health, _: health.video == "stalled",
+    ),
+    AlarmRule(
+        key="undecoded",
+        level="warning",
+        kind="video",
+        text="video frames cannot be decoded",
+        meaning="the video link loses data",
+        advice="lower its bit rate, or come closer",
+        counter=lambda health, _: health.undecoded,
+    ),
+    AlarmRule(
+        key="lag",
+        level="warning",
+        kind="video",
+        text=f"the video is more than {LATE_S:g} s late",
+        meaning=f"the detector cannot keep up, for {LATE_FOR_S:g} s",
+        advice="free the processor, or use a smaller detector or a smaller stream",
+        condition=lambda health, _: health.video == "ok" and health.lag_s > LATE_S,
+        lasts_s=LATE_FOR_S,
+    ),
+    AlarmRule(
+        key="video clock",
+        level="warning",
+        kind="video",
+        text="the video's clock differs from the telemetry's",
+        meaning=f"frames are dated {CLOCK_OFFSET_S:g} s or more after they were taken, or before, for "
+        f"{CLOCK_OFFSET_FOR_S:g} s: the estimate is given",
+        advice="it is corrected in flight; measure it and put it into the mission as video_offset_s",
+        condition=_video_clock_off,
+        detail=lambda health, _: f"{health.time_offset_s:+.1f} s",
+        lasts_s=CLOCK_OFFSET_FOR_S,
+    ),
+    AlarmRule(
+        key="clock step",
+        level="warning",
+        kind="recording",
+        text="this computer's clock was set during the flight",
+        meaning=f"by hand or by a time service, by {STEP_S:g} s or more",
+        advice="times in the session come from its own record of the clock; leave the clock alone in flight",
+        condition=lambda health, _: abs(health.clock_step_s) > STEP_S,
+    ),
+    AlarmRule(
+        key="disk",
+        level="alarm",
+        kind="recording",
+        text="the recording cannot be written",
+        meaning="the disk is full, failing or gone: the reason is given",
+        advice="packets wait in memory for a minute at least: free space or bring the disk back, it goes on by itself",
+        condition=lambda health, _: _records(health) and health.write_failing_s > 0,
+        detail=lambda health, _: health.write_reason,
+        logged_by="gcs.session.recording_events",
+    ),
+    AlarmRule(
+        key="disk hangs",
+        level="alarm",
+        kind="recording",
+        text="the disk does not answer: what comes is kept in memory",
+        meaning=f"no answer for {STALLED_S:g} s (network disk, failing drive, frozen file system); what waits in "
+        "memory is there also when a process dies meanwhile",
+        advice="packets wait in memory for a minute at least, video is not recorded: bring the disk back",
+        condition=lambda health, _: _records(health) and health.write_stalled_s > STALLED_S,
+    ),
+    AlarmRule(
+        key="lost",
+        level="alarm",
+        kind="recording",
+        text="telemetry could not be recorded and is lost",
+        meaning="it waited longer than memory lasts",
+        advice="land; what was flown since is in no file",
+        counter=lambda health, _: health.write_lost,
+        logged_by="gcs.session.recording_events",
+    ),
+    AlarmRule(
+        key="disk space",
+        level="warning",
+        kind="recording",
+        text="the disk will be full soon",
+        meaning=f"less than {LOW_BYTES / 1e9:g} GB free, or {LOW_S / 60:g} min at this rate",
+        advice="free space; nothing that was recorded is ever deleted by this program",
+        condition=_low,
+        detail=_space,
+    ),
+    AlarmRule(
+        key="disk space",
+        level="alarm",
+        kind="recording",
+        text="the disk is almost full",
+        meaning=f"less than {FULL_BYTES / 1e6:g} MB free, or {FULL_S / 60:g} min at this rate",
+        advice="free space; nothing that was recorded is ever deleted by this program",
+        condition=_almost_full,
+        detail=_space,
+    ),
+)

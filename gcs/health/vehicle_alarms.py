@@ -1,0 +1,241 @@
+"""Alarms of one vehicle, from its row of the fleet table."""
+
+from __future__ import annotations
+
+import math
+
+from gcs.health.alarm_rule import AlarmRule
+from gcs.snapshot import Snapshot, VehicleRow
+from mavlink.estimation.clock_health import CLOCK_ERROR_S, DRIFT_PPM
+from mavlink.estimation.origin import FLEET_SPAN_M
+from mavlink.estimation.positions import LOST_S
+from mavlink.state import SILENT_S
+
+__all__ = ["APART_M", "APART_S", "APART_STDS", "VEHICLE_RULES"]
+
+NO_HEARTBEAT_S = 10.0
+"""A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
+SPEAKS_S = 1.5
+"""A vehicle whose heartbeat is no older speaks: what it does not send is missing."""
+UNSTEADY_S = 1.0
+"""Positions may be stale, or be rejected, for so long without an alarm: radios hold them up."""
+BACK_S = 3.0
+"""A vehicle that is back sends heartbeats before positions, which may take so long."""
+NO_POSITION_S = 10.0
+"""A receiver that knows the satellites finds its position in this time."""
+NO_ATTITUDE_S = 3.0
+"""As long as a position takes to be lost."""
+HELD_S = 3.0
+"""Within this a vehicle that sends its time once a second has proved that its packets are new."""
+CLOCK_FAULT_S = 10.0
+"""A clock that was set a moment ago is still told by messages that were made before."""
+APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
+"""A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
+by some metres, and boxes stand next to each other."""
+
+
+def _heard(row: VehicleRow) -> bool:
+    return math.isfinite(row.heartbeat_age_s)
+
+
+def _silent(row: VehicleRow) -> bool:
+    positions_come = row.position_state == "ok" and row.heartbeat_age_s < NO_HEARTBEAT_S
+    return _heard(row) and row.heartbeat_age_s > SILENT_S and not positions_come
+
+
+def _answers(row: VehicleRow) -> bool:
+    """Whether it was heard before, and is."""
+    return _heard(row) and not _silent(row)
+
+
+def _is_held(row: VehicleRow, now: Snapshot) -> bool:
+    return not math.isnan(row.held_s)
+
+
+def _wrong_signatures(row: VehicleRow, now: Snapshot) -> int:
+    return row.bad_signature - row.replayed
+
+
+def _unsigned(row: VehicleRow, now: Snapshot) -> int:
+    return row.unsigned if now.health.keys else 0
+
+
+def _contradicted(row: VehicleRow, now: Snapshot) -> bool:
+    # without an attitude, where the image shows the ground is a guess
+    return row.system_id in now.conflicts and now.pose != "no attitude"
+
+
+def _no_attitude(row: VehicleRow, now: Snapshot) -> bool:
+    return row.role == "uav" and now.pose == "no attitude" and row.heartbeat_age_s < SPEAKS_S
+
+
+VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
+    AlarmRule(
+        key="silent",
+        level="alarm",
+        kind="vehicle",
+        text="no heartbeat",
+        meaning=f"nothing was heard for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
+        advice="its radio or power is gone, or it is out of range; its last position stays on the map",
+        condition=lambda row, _: _silent(row),
+    ),
+    # that a silent vehicle sends no positions goes without saying; what was wrong before is not over by that
+    AlarmRule(
+        key="position",
+        level="warning",
+        kind="vehicle",
+        text="position stale",
+        meaning=f"heartbeats come, and no position for twice its usual interval and more than {UNSTEADY_S:g} s",
+        advice="check its stream rates and its receiver; it cannot be named meanwhile",
+        condition=lambda row, _: row.position_state == "stale" and row.heartbeat_age_s < SPEAKS_S,
+        kept_while=lambda row, _: _silent(row) and row.position_state == "stale",
+        lasts_s=UNSTEADY_S,
+    ),
+    AlarmRule(
+        key="position",
+        level="alarm",
+        kind="vehicle",
+        text="position lost",
+        meaning=f"heartbeats come, and no position for more than {LOST_S:g} s",
+        advice="check its stream rates and its receiver; it cannot be named meanwhile",
+        condition=lambda row, _: row.position_state == "lost" and row.heartbeat_age_s < SPEAKS_S,
+        kept_while=lambda row, _: _silent(row) and row.position_state == "lost",
+        lasts_s=BACK_S,
+    ),
+    AlarmRule(
+        key="refused",
+        level="alarm",
+        kind="vehicle",
+        text="its positions cannot be right",
+        meaning="0/0, a jump, a position that jumps to and fro, an impossible height or speed, a place "
+        f"{FLEET_SPAN_M / 1e3:g} km from the others, for {UNSTEADY_S:g} s: the reason is given",
+        advice="its receiver fails, is jammed or is spoofed: do not act on its name",
+        condition=lambda row, _: row.position_state == "refused" and _answers(row),
+        detail=lambda row, _: row.refused_for,
+        each_detail=True,
+        kept_while=lambda row, _: _silent(row) and bool(row.refused_for),
+        lasts_s=UNSTEADY_S,
+    ),
+    AlarmRule(
+        key="no position",
+        level="warning",
+        kind="vehicle",
+        text="no position yet",
+        meaning=f"heard for {NO_POSITION_S:g} s, and no position",
+        advice="wait for its GPS fix; ask for its position stream",
+        condition=lambda row, _: row.position_state == "never" and _answers(row),
+        kept_while=lambda row, _: row.position_state == "never" and _silent(row),
+        lasts_s=NO_POSITION_S,
+    ),
+    AlarmRule(
+        key="doubted",
+        level="alarm",
+        kind="vehicle",
+        text="its autopilot doubts its position",
+        meaning="its filter rejects its receiver or has nothing that corrects it, GPS glitch, EKF failsafe, a receiver "
+        "elsewhere than the estimate, a jump: the reason is given. Its names are of little confidence then, and the "
+        "camera is not sent there",
+        advice="its receiver is jammed, spoofed or failing: do not act on its name; it may stop or land by itself",
+        condition=lambda row, _: bool(row.doubted_for) and _heard(row),
+        detail=lambda row, _: row.doubted_for,
+    ),
+    AlarmRule(
+        key="compass",
+        level="alarm",
+        kind="vehicle",
+        text="its compass contradicts its motion",
+        meaning="compass innovations are beyond what its filter allows",
+        advice="its heading is not used; a magnet, a current or a wrong calibration: do not let it steer by it",
+        condition=lambda row, _: row.compass_doubted and _heard(row),
+    ),
+    AlarmRule(
+        key="attitude",
+        level="alarm",
+        kind="vehicle",
+        text="no attitude",
+        meaning=f"the UAV's position comes, and its attitude has not for {NO_ATTITUDE_S:g} s",
+        advice="nothing can be named without it: check its stream rates (ArduPilot: SRn_EXTRA1, from 4.7 on "
+        "MAVn_EXTRA1)",
+        condition=_no_attitude,
+        lasts_s=NO_ATTITUDE_S,
+    ),
+    AlarmRule(
+        key="clock",
+        level="warning",
+        kind="vehicle",
+        text="its clock is wrong",
+        meaning=f"its date is off by more than {CLOCK_ERROR_S:g} s, or its clock drifts by more than {DRIFT_PPM:g} "
+        f"ppm, for {CLOCK_FAULT_S:g} s: how is given",
+        advice="its positions are dated by this computer's clock; check its GPS time, and restart it before the next "
+        "flight",
+        condition=lambda row, _: bool(row.clock_fault) and _heard(row),
+        detail=lambda row, _: row.clock_fault,
+        lasts_s=CLOCK_FAULT_S,
+    ),
+    AlarmRule(
+        key="contested",
+        level="alarm",
+        kind="vehicle",
+        text="several senders use its system id; none is believed",
+        meaning="an impostor, or two vehicles with one id: their positions, clocks, modes or boards cannot be one "
+        "vehicle's; with keys only the right one counts",
+        advice="find the second one by its address in the event log; switch it off or give it another id",
+        condition=lambda row, _: row.contested,
+        clears_after_s=0.0,
+        logged_by="mavlink.duplicate_id.duplicate_id",
+    ),
+    AlarmRule(
+        key="conflict",
+        level="alarm",
+        kind="identity",
+        text="its position contradicts the video",
+        meaning=f"the position or the name is wrong: for {APART_S:g} s its box is more than {APART_M:g} m and "
+        f"{APART_STDS:g} times its receiver's 1σ away from where it says it is. Other names are not touched by it",
+        advice="do not act on its name; compare its position with what you see",
+        condition=_contradicted,
+    ),
+    AlarmRule(
+        key="signature",
+        level="alarm",
+        kind="link",
+        text="packets with a wrong signature are rejected",
+        meaning="somebody poses as it, its key is another, or its autopilot signs more than ten minutes ahead of time",
+        advice="compare its key (gcs keys list), then look for the sender, whose address is in the event log",
+        counter=_wrong_signatures,
+        logged_by="mavlink.reception.reception",
+    ),
+    AlarmRule(
+        key="replay",
+        level="alarm",
+        kind="link",
+        text="a recording of its signed packets is replayed",
+        meaning="packets come again, seconds to days after newer ones: none is believed",
+        advice="look for the sender, whose address is in the event log",
+        counter=lambda row, _: row.replayed,
+        logged_by="mavlink.reception.reception",
+    ),
+    AlarmRule(
+        key="held",
+        level="alarm",
+        kind="link",
+        text="its packets are held: nothing proves that they are new",
+        meaning="its signatures are right, lag by more than a minute (AUTH says how far), and for "
+        f"{HELD_S:g} s no SYSTEM_TIME came: it drove before this station listened, or it is a recording",
+        advice="if you know that it drives, b accepts it (docs/signing.md); let it send SYSTEM_TIME; if all are held, "
+        "set this computer's clock",
+        condition=_is_held,
+        lasts_s=HELD_S,
+        logged_by="mavlink.reception.reception",
+    ),
+    AlarmRule(
+        key="unsigned",
+        level="warning",
+        kind="link",
+        text="unsigned packets are rejected",
+        meaning="signing is off in that vehicle, or somebody sends in its name: the right vehicle is believed all the "
+        "same",
+        advice="turn signing on in its autopilot; if it is on, somebody else sends in its name",
+        counter=_unsigned,
+        logged_by="mavlink.reception.reception",
+    ),
+)
