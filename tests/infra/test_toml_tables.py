@@ -41,7 +41,7 @@ def test_a_whole_number_may_have_a_point():
         ),
         (
             {"length_m": 1, "wheels": [{"bolts": "x"}]},
-            "c: [[wheels]] number 2: bolts is 'x'; a whole number is needed",
+            "c: [[wheels]] number 1: bolts is 'x'; a whole number is needed",
         ),
         ({"length_m": 1, "wheels": [{}]}, "c: falls over"),
         ({"length_m": 1, "wheels": [3, 4]}, "c: [[wheels]] number 1 must be a table of keys and values"),
