@@ -15,9 +15,10 @@ import socket
 import struct
 import sys
 
-__all__ = ["BATCH", "SO_TIMESTAMPNS", "STRIDE", "Datagrams", "available"]
+from infra.stamped_udp import STAMP
 
-SO_TIMESTAMPNS = 35
+__all__ = ["BATCH", "STRIDE", "Datagrams", "available"]
+
 BATCH = 256
 STRIDE = 65536
 # A row of six words beside each datagram: the sender, whose family, port and address are its first eight bytes of 16,
@@ -25,7 +26,7 @@ STRIDE = 65536
 _ROW_WORDS, _KIND, _SECONDS, _NANOSECONDS = 6, 3, 4, 5
 _ROW_BYTES, _NAME_BYTES, _CONTROL_BYTES = 48, 16, 32
 _HEADER_WORDS, _RECEIVED, _HEADER_BYTES = 16, 14, 64
-_STAMPED = int.from_bytes(struct.pack("=ii", socket.SOL_SOCKET, SO_TIMESTAMPNS), sys.byteorder)
+_STAMPED = int.from_bytes(struct.pack("=ii", *STAMP), sys.byteorder)
 _DONT_WAIT = 0x40
 
 

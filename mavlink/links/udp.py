@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import errno
 import socket
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from infra.stamped_udp import open_stamped_udp
 from mavlink.errors import LinkError
 from mavlink.links.base import LinkOptions
 from mavlink.links.counters import now_us
+from mavlink.links.port_owner import owner_of
 from mavlink.links.report import LinkReport
 from mavlink.links.udp_link import UdpLink
-from mavlink.links.udp_socket import bind_udp, connect_udp
 from mavlink.links.url import LinkUrl, network_url
 
 __all__ = ["UdpIn", "UdpOut"]
 
+_BUFFER_BYTES = 8 << 20
+"""Receive buffer asked for: about a second of 10,000 packets."""
 DEFAULT_PORT = 14550
 """Where ground stations listen."""
 _RECEIVERS = 8
@@ -41,7 +45,7 @@ class UdpIn(UdpLink):
         self, url: LinkUrl, options: LinkOptions | None = None, *, clock_s: Callable[[], float] = time.monotonic
     ) -> None:
         options = options or LinkOptions()
-        super().__init__(url, options, options.sock or bind_udp(url), clock_s)
+        super().__init__(url, options, options.sock or _bind(url), clock_s)
         self._most_receivers = _RECEIVERS if options.is_output else None
 
     @classmethod
@@ -52,7 +56,7 @@ class UdpIn(UdpLink):
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
         """Takes the port, which then outlives the process that receives, with what is in its buffer."""
-        return url, bind_udp(url)
+        return url, _bind(url)
 
     @property
     def port(self) -> int:
@@ -113,7 +117,7 @@ class UdpOut(UdpLink):
     def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
         options = options or LinkOptions()
         whoever = replace(options, system_ids=(), trusts_checksums=True)  # whoever wrote the URL trusts that address
-        super().__init__(url, whoever, options.sock or connect_udp(url))
+        super().__init__(url, whoever, options.sock or _connect(url))
 
     @classmethod
     def parse(cls, rest: str) -> LinkUrl:
@@ -123,7 +127,7 @@ class UdpOut(UdpLink):
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
         """Connects a socket that outlives the process that receives: the other end goes on to send to its port."""
-        return url, connect_udp(url)
+        return url, _connect(url)
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
         """Sends to the address, the only peer there is.
@@ -142,3 +146,36 @@ class UdpOut(UdpLink):
         except OSError as error:
             raise LinkError(f"{self.name}: cannot send: {error.strerror}") from error
         return not is_refused
+
+
+def _bind(url: LinkUrl) -> socket.socket:
+    """A socket on a port that is its own: two programs on one port would take packets from each other.
+
+    Raises:
+        LinkError: the port is in use, or the address is not one of this machine.
+    """
+    sock = open_stamped_udp(_BUFFER_BYTES)
+    try:
+        sock.bind((url.host, url.port))
+    except (OSError, UnicodeError) as error:
+        sock.close()
+        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+            text = f"{url.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
+            raise LinkError(text) from None
+        raise LinkError(f"{url.name}: cannot listen: {error}") from error
+    return sock
+
+
+def _connect(url: LinkUrl) -> socket.socket:
+    """A socket that hears one address only: the system drops what others send.
+
+    Raises:
+        LinkError: no such host.
+    """
+    sock = open_stamped_udp(_BUFFER_BYTES)
+    try:
+        sock.connect((url.host, url.port))
+    except (OSError, UnicodeError) as error:
+        sock.close()
+        raise LinkError(f"{url.name}: no such host: {error}") from error
+    return sock

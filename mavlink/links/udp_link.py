@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
-import struct
-import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Set
+from collections.abc import Callable, Sequence, Set
 from dataclasses import replace
 from itertools import chain
 
+from infra.stamped_udp import receive_stamped
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import MIXED, Batch, Claim, Sender, is_one_frame, looks_like_one_frame, system_of
 from mavlink.links.counters import now_us
 from mavlink.links.fair_shares import Coming
 from mavlink.links.flood_limiter import Gate, Limit
 from mavlink.links.peers import Peers, address_of, key_of
-from mavlink.links.recvmmsg import BATCH, SO_TIMESTAMPNS, STRIDE, Datagrams, available
+from mavlink.links.recvmmsg import BATCH, STRIDE, Datagrams, available
 from mavlink.links.report import LinkCounts, LinkReport
 from mavlink.links.url import LinkUrl
 from mavlink.protocol.dialect import DEFINITIONS
@@ -26,13 +26,12 @@ from mavlink.protocol.packet import Packet
 
 __all__ = ["UdpLink"]
 
-_LINUX = sys.platform.startswith("linux")
-_TIMESPEC = struct.Struct("=qq")
-_ANCILLARY = 128
 _CLOCK_GAP_US = 10_000_000
+"""A stamp that is older is of before the clock was set."""
 SUDDEN = 1000
 """Strangers' datagrams that cannot wait for the next tenth of a second: a socket has room for some ten thousand."""
 _WAITED_S = 10.0
+"""Nothing lies longer in the socket, as far as rates are concerned."""
 
 
 class UdpLink(Link):
@@ -220,16 +219,40 @@ class UdpLink(Link):
         assert datagrams is not None
         count = datagrams.receive()
         self._hurry = count == BATCH
-        if not count:
-            return
-        now = now_us()  # not before the call: what comes while this process is held up would be stamped too early
-        lengths, senders, times_us = datagrams.lengths(count), datagrams.senders(count), datagrams.times_us(count)
-        view, numbers = datagrams.view, self.peers.numbers
+        if count:
+            now = now_us()  # not before the call: what comes while this process is held up would be stamped too early
+            lengths, view = datagrams.lengths(count), datagrams.view
+            starts = range(0, count * STRIDE, STRIDE)
+            data = [bytes(view[at : at + size]) for at, size in zip(starts, lengths, strict=True)]
+            keys, times_us = datagrams.senders(count), datagrams.times_us(count)
+            datagrams.reset(count)
+            self._find_frames(batch, data, keys, times_us, now)
+
+    def _receive_each(self, batch: Batch) -> None:
+        """One datagram a system call, on systems without a better one."""
+        data: list[bytes] = []
+        keys: list[int] = []
+        times_us: list[int] = []
+        with contextlib.suppress(BlockingIOError, InterruptedError):
+            for _ in range(BATCH):
+                one, sender, t_us = receive_stamped(self._socket)
+                data.append(one)
+                keys.append(key_of(sender))
+                times_us.append(t_us)
+        self._hurry = len(data) == BATCH
+        self._find_frames(batch, data, keys, times_us, now_us())
+
+    def _find_frames(
+        self, batch: Batch, datagrams: Sequence[bytes], keys: Sequence[int], times_us: Sequence[int], now: int
+    ) -> None:
+        """Adds what is in datagrams, with their senders (:func:`mavlink.links.peers.key_of`) and stamps, to a batch.
+
+        A stamp that is not of the last seconds is replaced: the clock was set meanwhile.
+        """
+        numbers = self.peers.numbers
         add_time, add_frame, add_peer = batch.times_us.append, batch.frames.append, batch.peers.append
-        oldest, at, good = now - _CLOCK_GAP_US, 0, 0
-        for size, key, t_us in zip(lengths, senders, times_us, strict=True):
-            data = bytes(view[at : at + size])
-            at += STRIDE
+        oldest, good = now - _CLOCK_GAP_US, 0
+        for data, key, t_us in zip(datagrams, keys, times_us, strict=True):
             if not oldest <= t_us <= now:
                 t_us = now
             if is_one_frame(data):
@@ -239,32 +262,7 @@ class UdpLink(Link):
                 good += 1
             else:
                 self._search(batch, data, key, t_us)
-        datagrams.reset(count)
-        self._counters.add(sum(lengths), FrameCounts(good=good))
-
-    def _receive_each(self, batch: Batch) -> None:
-        """One datagram a system call, on systems without a better one."""
-        for _ in range(BATCH):
-            try:
-                received = self._receive()
-            except (BlockingIOError, InterruptedError):
-                return
-            self._counters.add(len(received[0]), FrameCounts())
-            self._search(batch, *received)
-
-    def _receive(self) -> tuple[bytes, int, int]:
-        """One datagram, its sender and its arrival in Unix µs."""
-        if not _LINUX:
-            data, sender = self._socket.recvfrom(STRIDE)
-            return data, key_of(sender), now_us()
-        data, ancillary, _, sender = self._socket.recvmsg(STRIDE, _ANCILLARY)
-        t_us = now_us()
-        for level, kind, value in ancillary:
-            if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(value) >= _TIMESPEC.size:
-                seconds, nanoseconds = _TIMESPEC.unpack_from(value)
-                arrived_us = seconds * 1_000_000 + nanoseconds // 1000
-                t_us = arrived_us if 0 <= t_us - arrived_us < _CLOCK_GAP_US else t_us
-        return data, key_of(sender), t_us
+        self._counters.add(sum(map(len, datagrams)), FrameCounts(good=good))
 
     def _search(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
         """Finds the frames in a datagram, whatever else is in it."""

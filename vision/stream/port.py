@@ -12,19 +12,18 @@ import errno
 import select
 import socket
 import struct
-import sys
 import time
 from collections.abc import Callable
 
+from infra.stamped_udp import open_stamped_udp, receive_stamped
 from vision.errors import VideoError
 
 __all__ = ["Port", "bind"]
 
 ANY = "0.0.0.0"
 BUFFER_BYTES = 4 << 20
-SO_TIMESTAMPNS = 35
-"""Linux notes when a datagram came, however long it lies there."""
-LARGEST = 65536
+REPORT_BUFFER_BYTES = 1 << 16
+"""Sender reports are some dozens of bytes, every few seconds."""
 SLICE_S = 0.2
 """Longest wait between two looks at whether to go on."""
 TAKEOVER_S = 0.5
@@ -42,11 +41,8 @@ def bind(host: str, port: int) -> socket.socket:
     Raises:
         VideoError: the port cannot be had.
     """
-    bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    bound = open_stamped_udp(BUFFER_BYTES)
     try:
-        bound.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
-        if sys.platform == "linux":
-            bound.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         _bind(bound, host, port)
     except OSError as error:
         bound.close()
@@ -147,21 +143,18 @@ class Port:
         found: list[tuple[bytes, float]] = []
         try:
             while len(found) < MOST_REPORTS:
-                data, extra, _, peer = self._control.recvmsg(LARGEST, 64)
+                data, peer, t_us = receive_stamped(self._control)
                 if self._peer is not None and peer[0] == self._peer[0]:
-                    found.append((data, _stamp(extra)))
+                    found.append((data, t_us * 1e-6))
         except OSError:
             pass  # nothing more
         return found
 
     def _next_port(self) -> socket.socket:
-        control = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        control.setblocking(False)
+        control = open_stamped_udp(REPORT_BUFFER_BYTES)
         address, port = self._socket.getsockname()[:2]
         if port % 2 == 0:
             with contextlib.suppress(OSError):
-                if sys.platform == "linux":
-                    control.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
                 control.bind((address, port + 1))
         return control
 
@@ -175,7 +168,7 @@ class Port:
         try:
             if not select.select([self._socket], [], [], SLICE_S)[0]:
                 return None
-            data, extra, _, peer = self._socket.recvmsg(LARGEST, 64)
+            data, peer, t_us = receive_stamped(self._socket)
         except OSError:
             # a refused answer or a lost interface is silence; the socket stays
             time.sleep(0.01)
@@ -183,13 +176,4 @@ class Port:
         if not data or (self._only and peer[0] != self._only):
             self.strangers += bool(data)
             return None
-        return data, (peer[0], peer[1]), _stamp(extra)
-
-
-def _stamp(extra: list[tuple[int, int, bytes]]) -> float:
-    """The kernel's time of arrival, else now."""
-    for level, kind, value in extra:
-        if (level, kind, len(value)) == (socket.SOL_SOCKET, SO_TIMESTAMPNS, 16):
-            seconds, nanoseconds = struct.unpack("=qq", value)
-            return float(seconds + nanoseconds * 1e-9)
-    return time.time()
+        return data, (peer[0], peer[1]), t_us * 1e-6
