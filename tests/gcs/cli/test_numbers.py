@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-import sys
 
 import pytest
 from typer.testing import CliRunner
 
-from gcs.cli.app import app, main
-from tests.support.paths import ROOT
+from gcs.cli.app import app
+from tests.support.bundled import SWARM
+from tests.support.command_line import run_gcs
 
-SWARM = ROOT / "sitl_logs" / "ardupilot-swarm"
 LOG = SWARM / "telemetry.tlog"
 FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
 OPTIONS = [
@@ -56,14 +55,11 @@ def test_every_option_that_takes_a_number_is_tried_here():
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-1e300", "-1", str(10**30)])
 @pytest.mark.parametrize(("command", "words", "option"), OPTIONS)
-def test_a_number_that_cannot_be_used(command, words, option, value, tmp_path, monkeypatch, capsys):
+def test_a_number_that_cannot_be_used(command, words, option, value, tmp_path, monkeypatch):
     if value == "-1" and option in ("--video-start", "--from", "--to"):
         pytest.skip("a second earlier")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["gcs", *command.split(), *map(str, words), option, value])
-    with pytest.raises(SystemExit) as left:
-        main()
-    told = capsys.readouterr().err
-    assert left.value.code == 2
+    code, _, told = run_gcs(*command.split(), *words, option, value)
+    assert code == 2
     assert option in told or (command == "sim" and option[2:] in told) or (command == "calibrate" and "square" in told)
     assert not list(tmp_path.iterdir())

@@ -19,9 +19,10 @@ from gcs.session.identity_replay import recorded
 from gcs.session.session import open_session
 from gcs.session.tables import MOST_BOXES, read_table
 from infra.session_format import TableFormat
-from tests.gcs.cli.test_cli import gcs, session_without
 from tests.gcs.session.test_metadata import MISSION
 from tests.mavlink.tlog.test_writer import packet
+from tests.support.bundled import swarm_session
+from tests.support.command_line import run_gcs
 from vision.errors import VideoError
 from vision.video.video import VideoFile
 
@@ -73,13 +74,13 @@ def peak_bytes(work):
 
 
 def test_bad_rows_cost_themselves_and_the_names_stay(tmp_path, capsys):
-    folder = session_without(tmp_path)
-    assert gcs("identify", folder, "-o", tmp_path / "before")[0] == 0
+    folder = swarm_session(tmp_path)
+    assert run_gcs("identify", folder, "-o", tmp_path / "before")[0] == 0
     for name, rows in ROWS.items():
         appended(folder, name, rows)
     (folder / "clock.csv").write_text("record,t_us,offset_us,step_us\n-5,1,1,1e300\n1e300,0,0,5\n")
     (folder / "refused.csv").write_text("record,t_us,link,peer,auth\n-1,0,0,0,3\n1e30,0,0,0,3\n0,1e30,0,0,1e9\n")
-    code, _, stderr = gcs("identify", folder, "-o", tmp_path / "after")
+    code, _, stderr = run_gcs("identify", folder, "-o", tmp_path / "after")
     assert code == 0, stderr
     assert "Traceback" not in stderr and "Warning" not in stderr
     assert f"frames.csv: {len(ROWS['frames.csv'])} rows cannot be used" in stderr
@@ -139,7 +140,7 @@ def test_a_clock_that_was_set_costs_no_row(tmp_path):
 
 
 def test_shuffled_frames_are_sorted_and_told(tmp_path):
-    folder = session_without(tmp_path)
+    folder = swarm_session(tmp_path)
     header, *rows = (folder / "frames.csv").read_text().split()
     order = np.random.default_rng(1).permutation(len(rows))
     (folder / "frames.csv").write_text("\n".join([header, *(rows[k] for k in order)]))

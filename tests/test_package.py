@@ -1,0 +1,31 @@
+"""What is published reads without the repository, and says what is tested."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+from tests.support.paths import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def test_the_description_links_to_nothing_that_only_the_repository_has():
+    text = (ROOT / PROJECT["readme"]).read_text(encoding="utf-8")
+    prose = re.sub(r"```.*?```|`[^`\n]*`", "", text, flags=re.DOTALL)
+    links = re.findall(r"\]\(([^)]*)\)|\]:\s*(\S+)|(?:src|href)=[\"']([^\"']*)", prose)
+    assert all(link.startswith(("https://", "#")) for found in links for link in found if link)
+    assert "docs/" not in text and ".venv" not in text
+
+
+def test_the_python_versions_told_are_those_that_ci_tries():
+    told = [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if re.fullmatch(r".*:: 3\.\d+", c)]
+    tried = re.search(r"python: \[(.*)\]", (ROOT / ".github" / "workflows" / "ci.yml").read_text())
+    assert told == re.findall(r"\d\.\d+", tried[1]) == ["3.11", "3.12", "3.13", "3.14"]
+    assert PROJECT["requires-python"] == f">={told[0]}"
+
+
+def test_whoever_looks_for_it_finds_it_and_may_use_it():
+    assert PROJECT["license"] == "MIT"
+    assert len(PROJECT["keywords"]) >= 5
+    assert PROJECT["scripts"]["gcs"] == "gcs.cli.start:main"
