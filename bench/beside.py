@@ -35,7 +35,7 @@ Seen = dict[int, int]
 """System id → positions heard, or 1 where only the system is known."""
 
 
-class Fleet:
+class SenderFleet:
     """A UAV and ground vehicles, each with a socket of its own, ten positions and one heartbeat a second."""
 
     def __init__(self, port: int, ground: int) -> None:
@@ -70,7 +70,7 @@ class Fleet:
             sock.close()
 
 
-def fly(link: Link, forwarder: Forwarder, fleet: Fleet, seconds: float) -> list[Packet]:
+def fly(link: Link, forwarder: Forwarder, fleet: SenderFleet, seconds: float) -> list[Packet]:
     """Listens and forwards for some seconds after all receivers are there; what was heard then."""
     heard: list[Packet] = []
     start_s, ticks, stop_s = time.monotonic(), 0, START_SECONDS
@@ -150,7 +150,7 @@ def compare(seconds: float, ground: int, mavproxy: str | None) -> bool:
     ours, theirs, sdk = free_port(), free_port(), free_port()
     link = open_link(f"udpin:127.0.0.1:{ours}")
     outs = [f"udpout:127.0.0.1:{port}?ro" for port in ([theirs] if mavproxy else []) + [sdk]]
-    fleet, forwarder = Fleet(ours, ground), Forwarder(outs)
+    fleet, forwarder = SenderFleet(ours, ground), Forwarder(outs)
     seen: dict[str, Seen] = {}
     with tempfile.TemporaryDirectory() as folder:
         proxy = start_mavproxy(mavproxy, theirs, Path(folder)) if mavproxy else None

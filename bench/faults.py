@@ -21,7 +21,7 @@ from mavlink.geodesy import separation_m
 from mavlink.protocol.decode import FilterStatus, GlobalPosition, GpsRaw, Sample, StatusText, decode
 from mavlink.tlog.log import Tlog
 
-__all__ = ["Fault", "Raised", "Row", "compare", "main", "page", "read_faults"]
+__all__ = ["Fault", "FaultRow", "Raised", "compare", "main", "page", "read_faults"]
 
 _LINE = re.compile(r"(?P<t>[\d.]+)\s+(?P<what>BEGIN|END)\s+(?P<kind>\S+)\s+(?P<name>.+)\((?P<id>\d+)\)\s*$")
 SOON_S, OVER_S = 3.0, 5.0
@@ -57,7 +57,7 @@ class Raised:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class FaultRow:
     """A fault and its alarms."""
 
     fault: Fault
@@ -195,7 +195,7 @@ def _alarms(session: Path) -> Iterator[tuple[int, Raised]]:
     yield from open_.values()
 
 
-def compare(session: Path) -> tuple[list[Row], list[Raised]]:
+def compare(session: Path) -> tuple[list[FaultRow], list[Raised]]:
     """Each fault with its alarms, and the alarms that belong to none.
 
     Raises:
@@ -215,11 +215,11 @@ def compare(session: Path) -> tuple[list[Row], list[Raised]]:
         ]
         taken |= {k for k, _ in own}
         found = [alarm for _, alarm in own]
-        rows.append(Row(fault=fault, known_s=known_s, known_over_s=over_s, alarms=found, wanted=wanted))
+        rows.append(FaultRow(fault=fault, known_s=known_s, known_over_s=over_s, alarms=found, wanted=wanted))
     return rows, [alarm for k, (_, alarm) in enumerate(alarms) if k not in taken]
 
 
-def page(rows: Sequence[Row], others: Sequence[Raised], zero_s: float) -> str:
+def page(rows: Sequence[FaultRow], others: Sequence[Raised], zero_s: float) -> str:
     """The table in Markdown."""
     lines = [
         "| fault | of | from, to (s) | can be known | alarm | raised after that | over after its end can be known |",

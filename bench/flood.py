@@ -32,7 +32,7 @@ _SETTLE_S = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class FloodCase:
     """One run."""
 
     name: str
@@ -42,7 +42,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
+class FloodResult:
     """What became of it."""
 
     sent: int
@@ -57,7 +57,7 @@ class Result:
     """99th percentile, from the kernel's stamp to the station."""
 
 
-def run(case: Case, seconds: float, folder: Path) -> Result:
+def run(case: FloodCase, seconds: float, folder: Path) -> FloodResult:
     """One case."""
     port, log = free_port(), folder / f"{case.name.replace(' ', '_')}.tlog"
     ingest = Ingest([f"udpin:127.0.0.1:{port}"], log, system_ids=range(1, VEHICLES + 1))
@@ -96,7 +96,7 @@ def run(case: Case, seconds: float, folder: Path) -> Result:
     ingest.stop()
     logged = Counter(Tlog.open(log).index.system_id.tolist())
     delays.sort()
-    return Result(
+    return FloodResult(
         sent=sent,
         logged=sum(count for system_id, count in logged.items() if system_id <= VEHICLES),
         taken=sum(count for system_id, count in taken.items() if system_id <= VEHICLES),
@@ -114,7 +114,7 @@ def _spin(stop: threading.Event) -> None:
         k = (k * 31 + 7) % 1_000_003
 
 
-def table(rows: list[tuple[Case, Result]], seconds: float) -> str:
+def table(rows: list[tuple[FloodCase, FloodResult]], seconds: float) -> str:
     """The results as Markdown."""
     names = ["case", "sent", "recorded", "lost", "handed over", "flood sent", "of it recorded", "turned away"]
     names += ["dropped by the system", "restarts", "p99 to the station", "CPU a record"]
@@ -142,10 +142,10 @@ def main() -> None:
     parser.add_argument("--markdown", type=Path)
     options = parser.parse_args()
     cases = [
-        Case(name="quiet", rate=options.rate),
-        Case(name="busy station", rate=options.rate, busy=options.busy),
-        Case(name="flood", rate=options.rate, flood=options.flood),
-        Case(name="busy station and flood", rate=options.rate, busy=options.busy, flood=options.flood),
+        FloodCase(name="quiet", rate=options.rate),
+        FloodCase(name="busy station", rate=options.rate, busy=options.busy),
+        FloodCase(name="flood", rate=options.rate, flood=options.flood),
+        FloodCase(name="busy station and flood", rate=options.rate, busy=options.busy, flood=options.flood),
     ]
     rows = []
     with tempfile.TemporaryDirectory() as folder:

@@ -43,7 +43,7 @@ _WRONG = bytes(range(100, 132))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class ClaimCase:
     """One attack."""
 
     name: str
@@ -57,18 +57,18 @@ class Case:
 
 
 CASES = (
-    Case(name="valid frames, 300 ports", kinds=("valid",), sources=300),
-    Case(name="valid frames, one port", kinds=("valid",)),
-    Case(name="valid frames, the vehicle's port", kinds=("valid",), spoofed=True),
-    Case(name="junk from the vehicle's port beside a flood", kinds=("junk", "bad"), spoofed=True),
-    Case(name="bad frames from the vehicle's port", kinds=("bad",), spoofed=True),
-    Case(name="junk from the vehicle's port beside a flood, keys", kinds=("junk", "bad"), spoofed=True, keys=True),
-    Case(name="wrongly signed from the vehicle's port, keys", kinds=("signed",), spoofed=True, keys=True),
+    ClaimCase(name="valid frames, 300 ports", kinds=("valid",), sources=300),
+    ClaimCase(name="valid frames, one port", kinds=("valid",)),
+    ClaimCase(name="valid frames, the vehicle's port", kinds=("valid",), spoofed=True),
+    ClaimCase(name="junk from the vehicle's port beside a flood", kinds=("junk", "bad"), spoofed=True),
+    ClaimCase(name="bad frames from the vehicle's port", kinds=("bad",), spoofed=True),
+    ClaimCase(name="junk from the vehicle's port beside a flood, keys", kinds=("junk", "bad"), spoofed=True, keys=True),
+    ClaimCase(name="wrongly signed from the vehicle's port, keys", kinds=("signed",), spoofed=True, keys=True),
 )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
+class ClaimResult:
     """What became of it."""
 
     sent: Sequence[int]
@@ -82,7 +82,7 @@ class Result:
     flood_s: float
 
 
-def run(case: Case, seconds: float, folder: Path) -> Result:
+def run(case: ClaimCase, seconds: float, folder: Path) -> ClaimResult:
     """One attack."""
     spawn, port = multiprocessing.get_context("spawn"), free_port()
     ports = [free_port() for _ in range(VEHICLES)]
@@ -164,17 +164,17 @@ def _said(raw: bytes) -> bytes:
     return raw[4 : 10 + raw[1]]
 
 
-def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flood_s: float) -> Result:
+def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flood_s: float) -> ClaimResult:
     owner = {_said(frame): k for k in range(VEHICLES) for frame in fleet_frames(k + 1)}
     logs = [Tlog.open(path) for path in segments(session / "telemetry.tlog")]
     counts = Counter(owner.get(_said(packet.raw), -1) for log in logs for packet in log.packets())
     rows = [json.loads(line) for line in (session / "events.jsonl").read_text().splitlines()]
     told = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
     recorded = [counts[k] for k in range(VEHICLES)]
-    return Result(sent=sent, recorded=recorded, flooded=flooded, of_it=counts[-1], told=told, flood_s=flood_s)
+    return ClaimResult(sent=sent, recorded=recorded, flooded=flooded, of_it=counts[-1], told=told, flood_s=flood_s)
 
 
-def table(rows: Sequence[tuple[Case, Result]]) -> str:
+def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
     """The results as Markdown."""
     lines = [
         f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight.",

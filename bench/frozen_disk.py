@@ -49,7 +49,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class FreezeCase:
     """One flight."""
 
     name: str
@@ -59,7 +59,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Result:
+class FreezeResult:
     """What became of it."""
 
     sent: int
@@ -99,7 +99,7 @@ def frozen(place: Path) -> Iterator[None]:
         subprocess.run(["fsfreeze", "-u", place], check=True)
 
 
-def fly(case: Case, vehicles: int, rate: float) -> Result:
+def fly(case: FreezeCase, vehicles: int, rate: float) -> FreezeResult:
     """One flight."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="frozen-")))
@@ -148,12 +148,12 @@ def _receiver(flight: int) -> int:
     return min(pid for pid, line in words.items() if "mavlink.ingest" in line)
 
 
-def _result(session: Path, sent: int, frozen_us: int) -> Result:
+def _result(session: Path, sent: int, frozen_us: int) -> FreezeResult:
     events = [json.loads(line) for part in sorted(session.glob("events*.jsonl")) for line in part.open()]
     log = SessionLog(session / "telemetry.tlog")
     heard = [event["time_us"] for event in events if "the disk does not answer" in event["text"]]
     texts = Counter(event["text"] for event in events)
-    return Result(
+    return FreezeResult(
         sent=sent,
         logged=len(log),
         counted=tomllib.loads((session / "session.toml").read_text())["session"]["packets"],
@@ -176,9 +176,9 @@ def main() -> None:
     if os.geteuid() or missing:
         print(f"skipped: needs root, to mount and to freeze{', and ' + ', '.join(missing) if missing else ''}")
         return
-    cases = [Case(name=f"{s:g} s", frozen_s=s) for s in chosen.seconds]
+    cases = [FreezeCase(name=f"{s:g} s", frozen_s=s) for s in chosen.seconds]
     least_s = min(chosen.seconds)
-    cases.append(Case(name=f"{least_s:g} s, receiver killed meanwhile", frozen_s=least_s, kill=True))
+    cases.append(FreezeCase(name=f"{least_s:g} s, receiver killed meanwhile", frozen_s=least_s, kill=True))
     lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
     for case in cases:
         r = fly(case, chosen.vehicles, chosen.rate)

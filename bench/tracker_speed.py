@@ -16,9 +16,9 @@ import numpy as np
 
 from bench.tracker.entrants import OURS, WITH_IDENTITIES, WITH_WARP, Entrant, entrants
 from bench.tracker.scene import SimulatedFrame, film
-from bench.tracker.scores import Score
+from bench.tracker.scores import TrackingScore
 
-__all__ = ["Line", "compare", "main", "verdict"]
+__all__ = ["TrackerLine", "compare", "main", "verdict"]
 
 SCENES = ((7, 6, 300), (50, 2, 250), (200, 1, 150))
 """Vehicles, seeds and frames of each."""
@@ -30,13 +30,13 @@ TURN = 25
 
 
 @dataclass(slots=True, kw_only=True)
-class Line:
+class TrackerLine:
     """What one tracker made of the scenes of one size."""
 
     tracker: str
     boxes: int
     ms: list[float] = field(default_factory=list)
-    scores: list[Score] = field(default_factory=list)
+    scores: list[TrackingScore] = field(default_factory=list)
 
     @property
     def median_ms(self) -> float:
@@ -54,9 +54,9 @@ class Line:
         return f"| {self.tracker} | {self.boxes} | {numbers} |"
 
 
-def compare(n: int, seeds: int, frames: int) -> tuple[list[Line], list[str]]:
+def compare(n: int, seeds: int, frames: int) -> tuple[list[TrackerLine], list[str]]:
     """All trackers on scenes of n vehicles, and a line for each that cannot run here."""
-    lines: dict[str, Line] = {}
+    lines: dict[str, TrackerLine] = {}
     skipped: list[str] = []
     for seed in range(seeds):
         scene = film(n, seed, frames)
@@ -65,7 +65,7 @@ def compare(n: int, seeds: int, frames: int) -> tuple[list[Line], list[str]]:
             made, skipped = entrants()
             rounds.append(_play(scene, made))
         for name in made:
-            line = lines.setdefault(name, Line(tracker=name, boxes=n))
+            line = lines.setdefault(name, TrackerLine(tracker=name, boxes=n))
             line.ms += np.min([times[name] for times, _ in rounds], axis=0)[TURN:].tolist()
             line.scores.append(rounds[0][1][name])
     return list(lines.values()), skipped
@@ -73,10 +73,10 @@ def compare(n: int, seeds: int, frames: int) -> tuple[list[Line], list[str]]:
 
 def _play(
     scene: Sequence[SimulatedFrame], made: Mapping[str, Entrant]
-) -> tuple[dict[str, list[float]], dict[str, Score]]:
+) -> tuple[dict[str, list[float]], dict[str, TrackingScore]]:
     """Times of each tracker, ms, and its score."""
     times: dict[str, list[float]] = {name: [] for name in made}
-    scores = {name: Score() for name in made}
+    scores = {name: TrackingScore() for name in made}
     for start in range(0, len(scene), TURN):
         for name, entrant in made.items():
             for frame in scene[start : start + TURN]:
@@ -86,7 +86,7 @@ def _play(
     return times, scores
 
 
-def verdict(lines: Sequence[Line]) -> str:
+def verdict(lines: Sequence[TrackerLine]) -> str:
     """Our figures of one size against the best peer of the same run."""
     by_name = {line.tracker: line for line in lines}
     peers = [line for line in lines if line.tracker not in (OURS, WITH_WARP, WITH_IDENTITIES)]

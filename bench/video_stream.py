@@ -26,7 +26,7 @@ import numpy as np
 from vision.stream.connection import READ_TIMEOUT_S, datagrams
 from vision.stream.messages import Settings
 from vision.stream.port import Port, bind
-from vision.stream.reader import Reader
+from vision.stream.reader import StreamReader
 from vision.stream.source import parse_source
 from vision.stream.stream import VideoStream
 from vision.video.frame_index import bgr
@@ -44,7 +44,7 @@ class Threaded:
         self._stop = threading.Event()
         source = parse_source(url)
         port = Port(bind(source.host, source.port), source.host, self._go_on, READ_TIMEOUT_S)
-        self._reader = Reader(Settings(source=url, record=str(path)), self._go_on, lambda progress: None)
+        self._reader = StreamReader(Settings(source=url, record=str(path)), self._go_on, lambda progress: None)
 
         def read() -> None:
             opened = datagrams(source, port, self._go_on)

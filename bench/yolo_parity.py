@@ -33,7 +33,7 @@ from bench.yolo_models import DOTA, LAYOUTS, Layout, export, random_model
 from vision.detect.detector import open_detector
 from vision.detect.letterbox import letterbox
 
-__all__ = ["Line", "compared", "main"]
+__all__ = ["ParityLine", "compared", "main"]
 
 FAMILIES = ("yolov8n-obb", "yolo11n-obb", "yolo26n-obb")
 SIZES = ((1280, 720), (640, 640), (1920, 1080), (1277, 733), (333, 517))
@@ -48,7 +48,7 @@ Image = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
+class ParityLine:
     """One model on one image."""
 
     model: str
@@ -71,13 +71,13 @@ class Line:
         return f"| {self.model} | {self.layout} | {self.image} | {numbers} |"
 
 
-def compared(model: str, layout: str, image: str, theirs: Floats, ours: Floats) -> Line:
+def compared(model: str, layout: str, image: str, theirs: Floats, ours: Floats) -> ParityLine:
     """Pair two sets of boxes (m, 5) and (k, 5), cx cy w h angle."""
     px, degrees = _differences(theirs, ours)
     i, j = linear_sum_assignment(np.minimum(px, 8.0) + np.minimum(degrees, 8.0))
     near = np.hypot(*(theirs[i, :2] - ours[j, :2]).T) < 8.0
     px, degrees = px[i, j][near], degrees[i, j][near]
-    return Line(
+    return ParityLine(
         model=model,
         layout=layout,
         image=image,
@@ -139,7 +139,7 @@ def _predicted(predictor: Any, image: Image, batch: int, *, agnostic: bool) -> F
     return np.asarray(first.obb.xywhr.cpu().numpy(), dtype=np.float64).reshape(-1, 5)
 
 
-def random_lines(names: Sequence[str], family: str, images: Mapping[str, Image], folder: Path) -> Iterator[Line]:
+def random_lines(names: Sequence[str], family: str, images: Mapping[str, Image], folder: Path) -> Iterator[ParityLine]:
     """A family in all its layouts on all images; the raw layout also with one box for each vehicle."""
     ultralytics = importlib.import_module("ultralytics")
     canvases = [letterbox(image, (SIDE, SIDE))[0] for image in images.values()]
@@ -164,7 +164,7 @@ def _batch(layout: Layout) -> int:
     return 2 if layout.options.get("batch") == 2 and "dynamic" not in layout.options else 1
 
 
-def trained_lines(model: Path, reference: Path, images: Path) -> Iterator[Line]:
+def trained_lines(model: Path, reference: Path, images: Path) -> Iterator[ParityLine]:
     """A trained export against boxes recorded from their predictor."""
     detector = open_detector(model, score=SCORE)
     for name, told in json.loads(reference.read_text())["images"].items():
@@ -173,7 +173,7 @@ def trained_lines(model: Path, reference: Path, images: Path) -> Iterator[Line]:
         yield compared(model.name, "raw, recorded boxes", name, theirs, detector.detect(image).boxes)
 
 
-def report(lines: Sequence[Line]) -> str:
+def report(lines: Sequence[ParityLine]) -> str:
     """A page with the table."""
     whole = sum(line.parity for line in lines)
     boxes, same = sum(line.theirs for line in lines), sum(line.same for line in lines)
@@ -216,7 +216,7 @@ def main() -> int:
     except ImportError as error:
         sys.exit(f"{error}; install with: pip install ultralytics torch torchvision onnx onnxslim")
     images = {f"drawn {w}x{h}": drawn_image(w, h, 10 + k) for k, (w, h) in enumerate(SIZES)}
-    lines: list[Line] = []
+    lines: list[ParityLine] = []
     if chosen.trained and chosen.boxes and chosen.pictures:
         lines += trained_lines(chosen.trained, chosen.boxes, chosen.pictures)
         images |= {path.name: _photograph(path) for path in sorted(chosen.pictures.glob("Site?_*.jpg"))}

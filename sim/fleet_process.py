@@ -24,16 +24,16 @@ from typing import Any
 
 from sim.errors import PlayError
 from sim.faults.fault_traffic import Traffic, traffic
-from sim.faults.fleet_faults import LIES, Cast, Part
+from sim.faults.fleet_faults import LIES, SimulatedSender, SimulatedSenders
 
-__all__ = ["Sent", "cast_of", "main", "read_keys", "send", "system_ids"]
+__all__ = ["SendCounts", "cast_of", "main", "read_keys", "send", "system_ids"]
 
 UAV_ID, FIRST_UGV_ID, MOST = 1, 11, 245
 PAUSE_S = 0.002
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sent:
+class SendCounts:
     """What left."""
 
     packets: dict[str, int]
@@ -52,7 +52,7 @@ def system_ids(vehicles: int) -> list[int]:
     return [UAV_ID, *range(FIRST_UGV_ID, FIRST_UGV_ID + vehicles - 1)]
 
 
-def send(plan: Traffic, target: tuple[str, int], duration_s: float, stop: threading.Event | None = None) -> Sent:
+def send(plan: Traffic, target: tuple[str, int], duration_s: float, stop: threading.Event | None = None) -> SendCounts:
     """Send until the duration is over or ``stop`` is set; what is late is sent at once, nothing is left out."""
     stop = stop or threading.Event()
     outlets: dict[int, socket.socket] = {}
@@ -83,7 +83,7 @@ def send(plan: Traffic, target: tuple[str, int], duration_s: float, stop: thread
         for outlet in outlets.values():
             outlet.close()
     seconds = time.monotonic() - start
-    return Sent(packets=dict(packets), ports=ports, seconds=seconds, late_ms=late_s * 1e3, refused=refused)
+    return SendCounts(packets=dict(packets), ports=ports, seconds=seconds, late_ms=late_s * 1e3, refused=refused)
 
 
 def _outlet(target: tuple[str, int]) -> socket.socket:
@@ -121,9 +121,9 @@ def _key(path: Path) -> bytes:
         raise PlayError(f"{path}: is no key of 32 bytes or 64 hexadecimal digits: {error}") from error
 
 
-def cast_of(arguments: argparse.Namespace) -> Cast:
+def cast_of(arguments: argparse.Namespace) -> SimulatedSenders:
     """The senders that the command line asks for."""
-    parts = {i: Part(system_id=i, place=k) for k, i in enumerate(system_ids(arguments.vehicles))}
+    parts = {i: SimulatedSender(system_id=i, place=k) for k, i in enumerate(system_ids(arguments.vehicles))}
     try:
         for system_id, lie in arguments.lie:
             parts[system_id] = replace(parts[system_id], lie=lie)
@@ -148,7 +148,7 @@ def cast_of(arguments: argparse.Namespace) -> Cast:
         ]
     except KeyError as error:
         raise PlayError(f"system id {error} is not in this fleet of {len(parts)}") from error
-    return Cast(parts=(*parts.values(), *seconds), stop_and_go=arguments.stop_and_go)
+    return SimulatedSenders(parts=(*parts.values(), *seconds), stop_and_go=arguments.stop_and_go)
 
 
 def _lie(text: str) -> tuple[int, str]:
@@ -218,7 +218,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (PlayError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
-    said = {name: getattr(sent, name) for name in Sent.__slots__}
+    said = {name: getattr(sent, name) for name in SendCounts.__slots__}
     sys.stdout.write(json.dumps(said | {"total": sum(sent.packets.values())}) + "\n")
     return 0
 

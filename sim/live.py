@@ -19,7 +19,7 @@ from sim.telemetry.vehicle_telemetry import TALK_FROM_S, Spoken, speak
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.world import World
 
-__all__ = ["Played", "play"]
+__all__ = ["PlaybackCounts", "play"]
 
 TICK_S = 0.2
 LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4
@@ -29,7 +29,7 @@ BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Played:
+class PlaybackCounts:
     """What was sent."""
 
     packets: dict[int, int]
@@ -51,7 +51,7 @@ def play(
     stop: threading.Event | None = None,
     boot_noise: bool = False,
     truth_path: Path | None = None,
-) -> Played:
+) -> PlaybackCounts:
     """Play until the duration is over or ``stop`` is set.
 
     Telemetry begins two seconds before the video. Each vehicle has a socket, hence a source port, of its own. Frames
@@ -92,7 +92,7 @@ def play(
             sockets[packet.vehicle].sendto(packet.raw, target)
             packets[ids[packet.vehicle]] += 1
     frames, skipped = (sender.sent, sender.skipped) if sender is not None else (0, 0)
-    return Played(packets=packets, frames=frames, frames_skipped=skipped, start_us=start_us)
+    return PlaybackCounts(packets=packets, frames=frames, frames_skipped=skipped, start_us=start_us)
 
 
 def _on_time(

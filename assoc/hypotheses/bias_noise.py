@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from assoc.evidence.likelihood import PairState, taken
 from assoc.hypotheses.pose import BiasModels, log_evidence
-from assoc.hypotheses.search import Hypothesis, Scene
+from assoc.hypotheses.search import Hypothesis, UpdateContext
 
 __all__ = ["BIAS_STD_M", "BIAS_TAU_S", "learnt_bias"]
 
@@ -25,7 +25,12 @@ _KEEP = 0.6
 
 
 def learnt_bias(
-    scene: Scene, best: Hypothesis, tracks: IntArray, vehicles: IntArray, state: PairState, now: tuple[float, float]
+    scene: UpdateContext,
+    best: Hypothesis,
+    tracks: IntArray,
+    vehicles: IntArray,
+    state: PairState,
+    now: tuple[float, float],
 ) -> tuple[float, float]:
     """One step of σ_b and τ towards the likeliest candidates.
 

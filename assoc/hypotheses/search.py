@@ -19,7 +19,7 @@ from assoc.history import TrackHistory
 from assoc.hypotheses.marginals import best_assignment
 from assoc.hypotheses.pose import Fitted, PosePrior, fit, misfit, whiten
 
-__all__ = ["Hypothesis", "Scene", "keep_best", "refine", "shifts", "swaps"]
+__all__ = ["Hypothesis", "UpdateContext", "keep_best", "refine", "shifts", "swaps"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -38,7 +38,7 @@ _FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class UpdateContext:
     """All that an update works on. T tracks: the m live ones first, then confident ones that ended."""
 
     history: TrackHistory
@@ -98,7 +98,7 @@ class Hypothesis:
     blocks: Blocks
 
 
-def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
+def residual_blocks(scene: UpdateContext, theta: FloatArray) -> Blocks:
     """The scene's residuals linearised at θ."""
     start = scene.history.start(scene.first_block * scene.block_s + theta[OFFSET] - scene.gap_max_s)
     tracks = ground_tracks(scene.history, start, theta, scene.columns)
@@ -117,7 +117,7 @@ def residual_blocks(scene: Scene, theta: FloatArray) -> Blocks:
     return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s)
 
 
-def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
+def scores(scene: UpdateContext, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
     """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
     final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
     odds = scene.log_odds + scene.claim + scene.in_view
@@ -128,7 +128,7 @@ def scores(scene: Scene, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray,
     return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
 
 
-def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
+def _pairs(scene: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArray]:
     """Rows and vehicles that carry the pose: the assigned live tracks and the anchors."""
     rows = np.flatnonzero(vehicle >= 0)
     ended = np.arange(scene.live, len(scene.columns))
@@ -136,7 +136,7 @@ def _pairs(scene: Scene, vehicle: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def refine(
-    scene: Scene, theta: FloatArray, vehicle: IntArray | None = None, blocks: Blocks | None = None
+    scene: UpdateContext, theta: FloatArray, vehicle: IntArray | None = None, blocks: Blocks | None = None
 ) -> Hypothesis:
     """Turn by turn from a start to a joint optimum.
 
@@ -162,7 +162,7 @@ def refine(
 
 
 def _weighed(
-    scene: Scene,
+    scene: UpdateContext,
     fitted: Fitted,
     vehicle: IntArray,
     score: FloatArray,
@@ -184,7 +184,7 @@ def _weighed(
     )
 
 
-def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
+def swaps(scene: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesis]:
     """Neighbours of a hypothesis: two tracks exchange their vehicles and θ follows."""
     rows = np.flatnonzero(best.vehicle >= 0)
     if len(rows) < 2:
@@ -206,7 +206,7 @@ def swaps(scene: Scene, best: Hypothesis, most: int) -> list[Hypothesis]:
     return found
 
 
-def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
+def _forced(scene: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
     """The hypothesis with a given assignment and the θ that suits it; None when that gains too little."""
     white = whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise)
     fitted = fit(white, scene.prior)
@@ -221,7 +221,7 @@ def _forced(scene: Scene, best: Hypothesis, vehicle: IntArray) -> Hypothesis | N
     return _weighed(scene, fitted, vehicle, score, states, best.blocks)
 
 
-def shifts(scene: Scene, best: Hypothesis, most: int) -> list[FloatArray]:
+def shifts(scene: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:
     """Starts that move the whole image so that one track falls on another vehicle: formations 'shifted by one'."""
     residual = (
         best.blocks.mean[:, : scene.live].sum(axis=0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.hypotheses.labels import names
-from assoc.hypotheses.search import Hypothesis, Scene
+from assoc.hypotheses.search import Hypothesis, UpdateContext
 
 __all__ = ["ConflictWatch"]
 
@@ -56,7 +56,9 @@ class ConflictWatch:
         self._was: dict[int, int] = {}
         self._gone_since: dict[int, float] = {}
 
-    def review(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray) -> tuple[FloatArray, tuple[int, ...]]:
+    def review(
+        self, t: float, scene: UpdateContext, best: Hypothesis, p: FloatArray
+    ) -> tuple[FloatArray, tuple[int, ...]]:
         """Marginals in which doubles share their tracks, and the vehicles in conflict.
 
         Where it is known who jumped to the other's place, the log is told to compare that one's reports no more.
@@ -83,7 +85,7 @@ class ConflictWatch:
         gone = self._gone(t, scene, choice, p)
         return p, tuple(sorted({v for pair in lasting for v in pair} | gone))
 
-    def _note_doubles(self, t: float, scene: Scene, best: Hypothesis, choice: IntArray) -> None:
+    def _note_doubles(self, t: float, scene: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
         """Keep the pairs of vehicles that report one place, the track there, and who came there by a jump."""
         place, heard = scene.log.extrapolated(t)[0], t - scene.log.last_t < _HEARD_S
         reach = 2.5 * scene.noise.bias_std + float(np.sqrt(scene.noise.white_var))
@@ -115,7 +117,7 @@ class ConflictWatch:
                 found[list(pair)] = True
         return found
 
-    def _gone(self, t: float, scene: Scene, choice: IntArray, p: FloatArray) -> set[int]:
+    def _gone(self, t: float, scene: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
         """Vehicles whose track, still seen, has long been surely not theirs any more, and who have no other."""
         age = t - scene.log.last_t
         ids = scene.history.track_id[scene.columns[: scene.live]].tolist()

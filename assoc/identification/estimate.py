@@ -14,7 +14,7 @@ from assoc.hypotheses.bias_memory import BiasMemory
 from assoc.hypotheses.bias_noise import learnt_bias
 from assoc.hypotheses.labels import mixed_marginals, weights
 from assoc.hypotheses.priors import noise_of, prior_of
-from assoc.hypotheses.search import Hypothesis, Scene, keep_best, refine, shifts, swaps, turns
+from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.identification.conflicts import ConflictWatch
 from assoc.params import IdentifierParams
 from assoc.records import CameraState, Sighting
@@ -154,7 +154,7 @@ class Estimator:
         old = age[np.maximum(vehicle, 0)] if len(p) else np.full(len(vehicle), np.nan)
         return np.where(named, away, np.nan), np.where(named, old, np.nan)
 
-    def _scene(self, t: float, live: IntArray, camera: CameraState) -> Scene:
+    def _scene(self, t: float, live: IntArray, camera: CameraState) -> UpdateContext:
         """What this update works on."""
         q = self._params
         last = int(np.floor(t / q.block_s)) + 1
@@ -173,7 +173,7 @@ class Estimator:
             patience=q.patience * view,
         )
         window_s = q.calm_window_s if self._locked else q.window_s
-        return Scene(
+        return UpdateContext(
             history=self._history,
             columns=columns,
             live=len(live),
@@ -232,7 +232,7 @@ class Estimator:
         chance = chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
         return np.where(self._log.useless, _ANYWHERE, chance)
 
-    def _search(self, scene: Scene, camera: CameraState) -> list[Hypothesis]:
+    def _search(self, scene: UpdateContext, camera: CameraState) -> list[Hypothesis]:
         """Best joint hypotheses, from few starts when locked and from many when not."""
         free = not camera.attitude_known
         if self._locked:
@@ -246,7 +246,7 @@ class Estimator:
         found += swaps(scene, found[0], 2 if self._locked else 6)
         return keep_best(found, self._params.hypotheses)
 
-    def _starts(self, scene: Scene, free: bool) -> list[FloatArray]:
+    def _starts(self, scene: UpdateContext, free: bool) -> list[FloatArray]:
         """Corrections to start from: those of the last update and the prior's; of many tracks mostly the best alone."""
         everywhere, turn = turns(scene.prior, free), self._updates
         if not self._thetas or (turn % 6 == 1 and not self._large(scene)):
@@ -257,15 +257,15 @@ class Estimator:
         others += everywhere
         return [self._thetas[0]] if turn % 3 else [self._thetas[0], others[turn // 3 % len(others)]]
 
-    def _large(self, scene: Scene) -> bool:
+    def _large(self, scene: UpdateContext) -> bool:
         """Whether there are so many pairs that an update must do less."""
         return scene.live * self._log.n_vehicles > _LARGE
 
-    def _believed(self, scene: Scene) -> IntArray:
+    def _believed(self, scene: UpdateContext) -> IntArray:
         """(m,) vehicles that the live tracks surely were, −1 none."""
         return np.array([self._sure.get(column, -1) for column in scene.columns[: scene.live].tolist()], np.int64)
 
-    def _stranger_chance(self, t: float, scene: Scene) -> float:
+    def _stranger_chance(self, t: float, scene: UpdateContext) -> float:
         """Prior chance of a look-alike, larger while strangers are about or more is seen than is expected."""
         q, seen = self._params, max(int(np.sum(scene.gap_s <= 0.0)), 1)
         if t - self._stranger_s < _STRANGER_S:
@@ -274,7 +274,7 @@ class Estimator:
         left_over = max(seen - float(np.sum(scene.view)) - _SPARE, 0.0) / seen
         return q.interloper + (q.interloper_seen - q.interloper) * left_over
 
-    def _learn(self, t: float, scene: Scene, best: Hypothesis, p: FloatArray, share: float) -> None:
+    def _learn(self, t: float, scene: UpdateContext, best: Hypothesis, p: FloatArray, share: float) -> None:
         """Keep what is sure: biases, strangers, anchors, and whether the search may rest."""
         n = p.shape[1] - 1
         live = scene.columns[: scene.live]
@@ -309,7 +309,7 @@ class Estimator:
         if t - self._strained_s > _STRAINED_S:
             self._offset_std_s = max(self._offset_std_s, self._params.unknown_offset_std_s)
 
-    def _note_shaken(self, t: float, scene: Scene, best: Hypothesis) -> None:
+    def _note_shaken(self, t: float, scene: UpdateContext, best: Hypothesis) -> None:
         """Open the search again when what was believed of a track has suddenly become doubtful."""
         top = np.max(best.score, axis=1)
         now = {int(c): float(s) for c, s, gap in zip(scene.columns, top, scene.gap_s, strict=False) if gap <= 0.0}
@@ -317,7 +317,7 @@ class Estimator:
             self._shaken_s = t
         self._standing = now
 
-    def _fold(self, scene: Scene, best: Hypothesis) -> None:
+    def _fold(self, scene: UpdateContext, best: Hypothesis) -> None:
         """Move evidence that leaves the window into the state."""
         assert self._first_block is not None
         if scene.fold:

@@ -39,7 +39,7 @@ from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.writer import TlogWriter
 from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import TALK_FROM_S, speak
-from sim.world.scenario import UAV_ID, Camera, Scenario
+from sim.world.scenario import UAV_ID, Scenario, ScenarioCamera
 from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
@@ -51,7 +51,7 @@ TOGETHER_US = 4_000
 """Datagrams so close are one batch."""
 IDLE_US = 200_000
 """Without a frame for so long the fold looks at the fleet alone."""
-CAMERA = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
+CAMERA = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
 DESCRIBED = 3
 """The mission's camera is described for frames so many times as large."""
 IMPOSTOR_M = 120.0
@@ -96,7 +96,7 @@ class Troubles:
     """The detector fails."""
 
 
-class _Links:
+class _ScriptedLinks:
     """Two links of which only the names matter."""
 
     def __init__(self, name: str) -> None:
@@ -134,7 +134,7 @@ class _Datagram:
     raw: bytes
 
 
-class _Flight:
+class _ScriptedFlight:
     """The classes of a flight, and the script's clock."""
 
     def __init__(self, folder: Path, scenario: Scenario, troubles: Troubles, start_us: int) -> None:
@@ -152,7 +152,7 @@ class _Flight:
         self.recorder = Recorder(folder / "sessions", self.mission, video=True, telemetry=False, notes=notes)
         self.memory_fd = make_ingest_memory(troubles.ring_bytes)
         self.memory = IngestMemory(self.memory_fd)
-        self.links = [_Links("first"), _Links("second")]
+        self.links = [_ScriptedLinks("first"), _ScriptedLinks("second")]
         self.log, self.receiver = self._receive(None)
         self.detector = _Scripted()
         pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
@@ -210,7 +210,7 @@ def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
         troubles: what goes wrong.
     """
     scenario = replace(scenario, camera=CAMERA)
-    flight = _Flight(folder, scenario, troubles, scenario.start_us)
+    flight = _ScriptedFlight(folder, scenario, troubles, scenario.start_us)
     rng = np.random.default_rng(scenario.seed)
     worlds = _worlds(scenario, troubles)
     datagrams = heapq.merge(*(_spoken(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
@@ -270,7 +270,7 @@ def _worlds(scenario: Scenario, troubles: Troubles) -> list[tuple[World, float, 
     return [(World(scenario), TALK_FROM_S, off_s), (second, on_s, scenario.duration_s)]
 
 
-def _spoken(world: World, start_s: float, stop_s: float, flight: _Flight) -> Iterator[_Datagram]:
+def _spoken(world: World, start_s: float, stop_s: float, flight: _ScriptedFlight) -> Iterator[_Datagram]:
     """Datagrams of one fleet by time of arrival."""
     troubles, base_us = flight.troubles, flight.start_us
     streams = [_told(world, start_s, stop_s, flight, link=0, delay_us=0)]
@@ -285,9 +285,9 @@ def _spoken(world: World, start_s: float, stop_s: float, flight: _Flight) -> Ite
 
 
 def _told(
-    world: World, start_s: float, stop_s: float, flight: _Flight, *, link: int, delay_us: int
+    world: World, start_s: float, stop_s: float, flight: _ScriptedFlight, *, link: int, delay_us: int
 ) -> Iterator[_Datagram]:
-    signer = _Signer() if flight.troubles.signed else None
+    signer = _ScriptedSigner() if flight.troubles.signed else None
     booted = _Rebooted() if start_s > 0 else None
     for number, said in enumerate(speak(world)):
         if start_s * S <= said.t_us - flight.start_us < stop_s * S:
@@ -296,7 +296,7 @@ def _told(
             yield _Datagram(said.t_us + delay_us, number, link, said.vehicle + 2 + 100 * bool(booted), raw)
 
 
-def _forged(world: World, flight: _Flight) -> Iterator[_Datagram]:
+def _forged(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
     """Somebody else under the first ground vehicle's id, elsewhere; without its key."""
     troubles, victim = flight.troubles, world.scenario.ugv_ids[0]
     speaker = Speaker(victim, key=bytes(32) if troubles.signed else None)
@@ -327,7 +327,7 @@ class _Rebooted:
         return self._speakers.setdefault(system_id, Speaker(system_id)).pack(message)
 
 
-class _Signer:
+class _ScriptedSigner:
     """Puts signatures on frames, with stamps that follow the clock."""
 
     def __init__(self) -> None:
@@ -355,7 +355,7 @@ def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
 
 
 def _frames(
-    worlds: list[tuple[World, float, float]], flight: _Flight, rng: np.random.Generator
+    worlds: list[tuple[World, float, float]], flight: _ScriptedFlight, rng: np.random.Generator
 ) -> Iterator[tuple[int, Frame, Detections, bool]]:
     """When each frame is there, the frame, what is seen in it, and whether looking at it fails."""
     troubles, index, last_us = flight.troubles, 0, 0

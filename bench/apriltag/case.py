@@ -17,7 +17,7 @@ from gcs.session.tables import Table
 from sim.world.scenario import Scenario
 from vision.video.video import VideoFile
 
-__all__ = ["SETTLED_S", "Case", "Outcome", "TagCount", "count_tags", "play"]
+__all__ = ["SETTLED_S", "TagCase", "TagCount", "TagOutcome", "count_tags", "play"]
 
 Bools = NDArray[np.bool_]
 
@@ -26,7 +26,7 @@ SETTLED_S = 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class TagCase:
     """What is flown."""
 
     camera: str
@@ -53,10 +53,10 @@ class TagCount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class TagOutcome:
     """Counts of boxes of our vehicles in view."""
 
-    case: Case
+    case: TagCase
     vehicle_px: float
     """Median length of a vehicle."""
     tags: tuple[TagCount, ...]
@@ -70,7 +70,7 @@ class Outcome:
     late_right: int
 
 
-def play(case: Case) -> Outcome:
+def play(case: TagCase) -> TagOutcome:
     """Film a flight, read its tags, let the product name its vehicles."""
     scenario = scenario_of(case.camera, case.height_m, case.duration_s, case.fps, case.seed)
     with tempfile.TemporaryDirectory(prefix="apriltag-") as folder:
@@ -82,7 +82,7 @@ def play(case: Case) -> Outcome:
     ours = matched.truth > 0
     right = ours & (matched.named == matched.truth)
     late = ours & (matched.frame >= SETTLED_S * case.fps)
-    return Outcome(
+    return TagOutcome(
         case=case,
         vehicle_px=float(np.median(truth["w"][truth["system_id"] > 0])),
         tags=tags,

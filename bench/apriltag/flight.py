@@ -22,7 +22,7 @@ from sim.render.render import Renderer
 from sim.session import frame_times, write_session
 from sim.telemetry.detections import truth_rows
 from sim.world.presets import nominal
-from sim.world.scenario import Attitude, Camera, Flight, Gnss, Scenario, Targets
+from sim.world.scenario import Gnss, Scenario, ScenarioAttitude, ScenarioCamera, ScenarioFlight, Targets
 from sim.world.view import project
 from sim.world.world import World
 
@@ -43,12 +43,12 @@ NO_CAMERA = Exposure(vignette=0.0, noise=0.0)
 CLOCK = 90_000
 
 
-def camera_of(name: str) -> Camera:
+def camera_of(name: str) -> ScenarioCamera:
     """A camera that looks straight down."""
     width, height = CAMERAS[name]
     # f = ½ diagonal / tan(½ field of view)
     f = 0.5 * float(np.hypot(width, height)) / float(np.tan(np.radians(0.5 * DIAGONAL_DEG)))
-    return Camera(width=width, height=height, fx=f, fy=f, cx=0.5 * width, cy=0.5 * height, crf=CRF)
+    return ScenarioCamera(width=width, height=height, fx=f, fy=f, cx=0.5 * width, cy=0.5 * height, crf=CRF)
 
 
 def scenario_of(camera: str, height_m: float, duration_s: float, fps: float, seed: int = 1) -> Scenario:
@@ -57,12 +57,12 @@ def scenario_of(camera: str, height_m: float, duration_s: float, fps: float, see
     return replace(
         usual,
         gnss=Gnss(white_m=0.3, bias_m=1.0, uav_bias_m=1.0),
-        attitude=Attitude(compass_bias_deg=3.0, tilt_pitch_deg=0.7, tilt_roll_deg=0.5),
+        attitude=ScenarioAttitude(compass_bias_deg=3.0, tilt_pitch_deg=0.7, tilt_roll_deg=0.5),
         name=f"apriltag-{camera}-{height_m:g}",
         duration_s=duration_s,
         fps=fps,
         camera=camera_of(camera),
-        flight=Flight(height_m=height_m),
+        flight=ScenarioFlight(height_m=height_m),
         ground=replace(usual.ground, spacing_m=SPACING_M),
         targets=Targets(lookalikes=1),
     )

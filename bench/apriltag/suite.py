@@ -9,7 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-from bench.apriltag.case import Case, Outcome, play
+from bench.apriltag.case import TagCase, TagOutcome, play
 from bench.apriltag.figure import MISSING, draw_heights
 from bench.apriltag.flight import CAMERAS
 from bench.apriltag.tables import report as tables
@@ -25,11 +25,11 @@ QUICK_S = 5.0
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def cases(quick: bool) -> list[Case]:
+def cases(quick: bool) -> list[TagCase]:
     """The flights of a run, the longest first."""
     heights, duration_s = (QUICK_HEIGHTS_M, QUICK_S) if quick else (HEIGHTS_M, DURATION_S)
     cameras = [camera for camera in reversed(CAMERAS) if not quick or camera == "1080p"]
-    return [Case(camera=c, height_m=h, duration_s=duration_s, fps=FPS) for c in cameras for h in reversed(heights)]
+    return [TagCase(camera=c, height_m=h, duration_s=duration_s, fps=FPS) for c in cameras for h in reversed(heights)]
 
 
 def run(
@@ -64,7 +64,7 @@ def run(
     return text
 
 
-def _played(todo: list[Case], workers: int, report: Callable[[int, int], None]) -> list[Outcome]:
+def _played(todo: list[TagCase], workers: int, report: Callable[[int, int], None]) -> list[TagOutcome]:
     outcomes = []
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     # numerical libraries read these when a worker loads them
@@ -80,7 +80,7 @@ def _played(todo: list[Case], workers: int, report: Callable[[int, int], None]) 
     return outcomes
 
 
-def _one(case: Case) -> Outcome:
+def _one(case: TagCase) -> TagOutcome:
     import cv2
 
     cv2.setNumThreads(1)

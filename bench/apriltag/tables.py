@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.apriltag.case import SETTLED_S, Outcome
+from bench.apriltag.case import SETTLED_S, TagOutcome
 from bench.apriltag.flight import CAMERAS, CRF, DIAGONAL_DEG, SHUTTER_S, SIDES_M, SPACING_M, camera_of
 
 __all__ = ["METHODS", "report", "shares", "write_csv"]
@@ -20,14 +20,14 @@ METHODS = (
 """Columns of both tables."""
 
 
-def shares(o: Outcome) -> dict[str, float]:
+def shares(o: TagOutcome) -> dict[str, float]:
     """Share of vehicles in view that each method identifies, 0 to 1, NaN where none is in view."""
     parts = [part for tag in o.tags for part in ((tag.plain, tag.boxes), (tag.read, tag.boxes), (tag.known, tag.boxes))]
     parts += [(o.right, o.boxes), (o.late_right, o.late_boxes)]
     return {name: part / whole if whole else float("nan") for name, (part, whole) in zip(METHODS, parts, strict=True)}
 
 
-def write_csv(outcomes: Sequence[Outcome], path: Path) -> None:
+def write_csv(outcomes: Sequence[TagOutcome], path: Path) -> None:
     """One row a flight; shares 0 to 1."""
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
@@ -39,7 +39,7 @@ def write_csv(outcomes: Sequence[Outcome], path: Path) -> None:
             rows.writerow((o.case.camera, f"{o.case.height_m:g}", f"{gsd:.4f}", f"{o.vehicle_px:.0f}", o.boxes, *cells))
 
 
-def report(outcomes: Sequence[Outcome], quick: bool) -> str:
+def report(outcomes: Sequence[TagOutcome], quick: bool) -> str:
     """A table for each camera, in Markdown."""
     parts = [f"# Tags on roofs, and the product, against height{' (quick look)' if quick else ''}", _words(outcomes)]
     for camera in CAMERAS:
@@ -49,7 +49,7 @@ def report(outcomes: Sequence[Outcome], quick: bool) -> str:
     return "\n\n".join([*parts, "![share against height](apriltag.png)"]) + "\n"
 
 
-def _words(outcomes: Sequence[Outcome]) -> str:
+def _words(outcomes: Sequence[TagOutcome]) -> str:
     case = outcomes[0].case
     return f"""\
 Share of our vehicles in view that are identified, percent of boxes. Seven rovers of 2.2 × 1.4 m, {SPACING_M:g} m
@@ -68,14 +68,14 @@ identifier on the same decoded frames; right names of our boxes, from the first 
 tags, and needs every vehicle's telemetry; a tag needs none."""
 
 
-def _limits(mine: Sequence[Outcome]) -> str:
+def _limits(mine: Sequence[TagOutcome]) -> str:
     """Up to where tags are read in half of the frames."""
     lines = [f"Tags of {side:g} m are read in at least half of the frames {_reach(mine, side)}." for side in SIDES_M]
     least = min(shares(o)["product, later"] for o in mine)
     return " ".join([*lines, f"The product names at least {100 * least:.1f} % rightly from second {SETTLED_S:g} on."])
 
 
-def _reach(mine: Sequence[Outcome], side: float) -> str:
+def _reach(mine: Sequence[TagOutcome], side: float) -> str:
     """``plain up to 20 m, in crops up to 40 m``."""
     parts = []
     for how, name in (("plain", f"tag {side:g} m, plain"), ("in crops", f"tag {side:g} m")):
@@ -84,7 +84,7 @@ def _reach(mine: Sequence[Outcome], side: float) -> str:
     return ", ".join(parts)
 
 
-def _table(mine: Sequence[Outcome]) -> str:
+def _table(mine: Sequence[TagOutcome]) -> str:
     head = ("height, m", "vehicle, px", "boxes", *METHODS, "wrong of names")
     lines = [head, ["---:"] * len(head)]
     for o in mine:
@@ -93,7 +93,7 @@ def _table(mine: Sequence[Outcome]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _wrong_names(o: Outcome) -> float:
+def _wrong_names(o: TagOutcome) -> float:
     return (o.named - o.right) / o.named if o.named else float("nan")
 
 

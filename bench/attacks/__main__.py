@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Final
 
 from bench.attacks import contests, disclosure, disk, floods, folders, quiet, signed, streams, takeover
-from bench.attacks.report import Row, page, read_rows, write_rows
+from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Attack, Options
 
 __all__ = ["ATTACKS", "main"]
@@ -64,13 +64,15 @@ def _options(chosen: argparse.Namespace) -> Options:
     )
 
 
-def _play(name: str, options: Options) -> list[Row]:
+def _play(name: str, options: Options) -> list[AttackRow]:
     """One attack; one that cannot be played is a row that says why."""
     began_s = time.monotonic()
     try:
         rows = ATTACKS[name](options)
     except Exception as error:  # noqa: BLE001 - the others are still to be played, and the row tells
-        rows = [Row(attack=name, case="cannot be judged", held=False, note=f"{type(error).__name__}: {error}"[:300])]
+        rows = [
+            AttackRow(attack=name, case="cannot be judged", held=False, note=f"{type(error).__name__}: {error}"[:300])
+        ]
     print(f"{name}: {time.monotonic() - began_s:.0f} s", file=sys.stderr, flush=True)
     for row in rows:
         print(f"  {'held    ' if row.held else 'NOT HELD'} {row.case}: {row.summary}", file=sys.stderr, flush=True)
@@ -113,17 +115,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if all(row.held for row in rows) else 1
 
 
-def _results(files: Sequence[Path]) -> list[Row]:
+def _results(files: Sequence[Path]) -> list[AttackRow]:
     """Kept results; of a case that was played again, the last."""
     rows = [row for file in files for row in read_rows(file)]
     return list({(row.attack, row.case): row for row in rows}.values())
 
 
-def _played(chosen: argparse.Namespace) -> list[Row]:
+def _played(chosen: argparse.Namespace) -> list[AttackRow]:
     options = _options(chosen)
     # as Ctrl-C: what was started is ended, what was mounted or frozen is set free
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    rows: list[Row] = []
+    rows: list[AttackRow] = []
     try:
         for name in chosen.names or ATTACKS:
             rows += _play(name, options)

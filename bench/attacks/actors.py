@@ -7,8 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from bench.attacks.stage import TRUE, Line, Party, Send
-from bench.attacks.wire import AUTOPILOT, COPTER, ROVER, Voice
+from bench.attacks.stage import TRUE, PacketSchedule, Party, Send
+from bench.attacks.wire import AUTOPILOT, COPTER, ROVER, ComponentEncoder
 
 __all__ = ["DATED", "FULL", "HOME", "UAV_ID", "Body", "lines_of", "place_of", "rover", "uav"]
 
@@ -88,7 +88,7 @@ def place_of(body: Body, t_s: float) -> tuple[float, float, float, float]:
 
 def lines_of(
     body: Body,
-    voice: Voice,
+    voice: ComponentEncoder,
     send: Send,
     role: str = TRUE,
     *,
@@ -101,7 +101,7 @@ def lines_of(
     silent_s: tuple[float, float] = (math.inf, math.inf),
     delay_s: float = 0.0,
     before: Callable[[float], None] = lambda t_s: None,
-) -> list[Line]:
+) -> list[PacketSchedule]:
     """What a vehicle sends.
 
     Args:
@@ -139,13 +139,13 @@ def lines_of(
         "time": lambda t: voice.time(round((time.time() + body.date_s - delay_s) * 1e3) * 1000, body.boot_ms(t)),
     }
 
-    def line(k: int, name: str) -> Line:
+    def line(k: int, name: str) -> PacketSchedule:
         def packets(t_s: float) -> list[bytes]:
             before(t_s)
             return [make[name](t_s - delay_s)]
 
         phase_s = (0.013 * body.system_id + 0.031 * k) % 0.19
-        return Line(
+        return PacketSchedule(
             party=party,
             make=packets,
             send=send,

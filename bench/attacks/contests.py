@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 from bench.attacks.actors import DATED, Body, lines_of, rover, uav
 from bench.attacks.records import first_told, frames, sender_of, told
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, Door, Line, Send, Sent
-from bench.attacks.station import Station, mission_text
+from bench.attacks.stage import FALSE, Door, PacketSchedule, Send, StageCounts
+from bench.attacks.station import AttackedStation, mission_text
 from bench.attacks.takeover import CONTEST
-from bench.attacks.wire import Voice
+from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 
 __all__ = ["duplicates", "jammed", "late_links"]
@@ -62,19 +62,19 @@ TWINS = (
 )
 
 
-def duplicates(options: Options) -> list[Row]:
+def duplicates(options: Options) -> list[AttackRow]:
     """A second vehicle with the same id: a grid of boot clocks, distances and rates."""
     ids = {11 + k: twin for k, twin in enumerate(TWINS)}
 
-    def lines(door: Door) -> list[Line]:
-        found = lines_of(uav(), Voice(1), door())
+    def lines(door: Door) -> list[PacketSchedule]:
+        found = lines_of(uav(), ComponentEncoder(1), door())
         for system_id, twin in ids.items():
             body = rover(system_id, boot_s=300.0)
-            found += lines_of(body, Voice(system_id), door())
+            found += lines_of(body, ComponentEncoder(system_id), door())
             boot_s = FROM_BOOT if twin.clock_s != twin.clock_s else body.boot_s + twin.clock_s
             other = replace(body.moved(twin.apart_m), boot_s=boot_s, phase=body.phase + 1.0)
             found += lines_of(
-                other, Voice(system_id), door(), FALSE, rates_hz={"position": twin.rate_hz}, start_s=BEGIN_S
+                other, ComponentEncoder(system_id), door(), FALSE, rates_hz={"position": twin.rate_hz}, start_s=BEGIN_S
             )
         return found
 
@@ -82,12 +82,14 @@ def duplicates(options: Options) -> list[Row]:
     return [*(_judge_twin(flown, system_id, twin) for system_id, twin in ids.items()), _documented(options)]
 
 
-def _documented(options: Options) -> Row:
+def _documented(options: Options) -> AttackRow:
     """The fleet with an impostor that docs/operations.md shows: both speak from the start."""
     port, system_id = free_port(), 13
     words = [sys.executable, "-m", "sim.fleet_process", "--vehicles", "8", "--duplicate", str(system_id)]
     ids = range(11, 18)
-    station = Station(options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"])
+    station = AttackedStation(
+        options.gcs, options.folder / "documented", mission_text(ids), [f"udpin:127.0.0.1:{port}"]
+    )
     try:
         done = subprocess.run(
             [*words, "--to", f"127.0.0.1:{port}", "--duration", "10"],
@@ -101,8 +103,8 @@ def _documented(options: Options) -> Row:
     packets: dict[str, int] = json.loads(done.stdout)["packets"]
     sent, false = packets[str(system_id)], packets[f"impostor {system_id}"]
     times_us = [t_us for t_us, raw in frames(station.session) if sender_of(raw) == system_id]
-    alarm = first_told(told(station.session, Sent(start_us=times_us[0])), TWO_SENDERS, system_id)
-    return Row(
+    alarm = first_told(told(station.session, StageCounts(start_us=times_us[0])), TWO_SENDERS, system_id)
+    return AttackRow(
         attack="duplicates",
         case="the fleet of docs/operations.md",
         sent=sent,
@@ -115,7 +117,7 @@ def _documented(options: Options) -> Row:
     )
 
 
-def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> Row:
+def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> AttackRow:
     begin_s = flown.sent.first_s[FALSE, system_id]
     alarm = first_told(flown.told, TWO_SENDERS, system_id)
     after_s = alarm.t_s - begin_s if alarm else NAN
@@ -123,7 +125,7 @@ def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> Row:
     since_s = begin_s + PROMISE_S + SLACK_S
     wrong_s = believed_false_s(flown.believed(system_id), true, twin.apart_m, since_s, flown.flown_s)
     held = 0.0 <= after_s <= PROMISE_S + SLACK_S and wrong_s == 0.0
-    return Row(
+    return AttackRow(
         attack="duplicates",
         case=twin.name,
         **flown.counts(system_id),
@@ -185,22 +187,28 @@ LINKS = tuple(SecondLink(delay_s=delay_s, copied=copied) for copied in (True, Fa
 LOSS = 0.1
 
 
-def late_links(options: Options) -> list[Row]:
+def late_links(options: Options) -> list[AttackRow]:
     """Innocent: two links of one vehicle, the second 0 to 10 s late, with losses and reordering."""
     ids = {11 + k: link for k, link in enumerate(LINKS)}
 
-    def lines(door: Door, other: Door) -> list[Line]:
-        found = lines_of(uav(), Voice(1), door())
+    def lines(door: Door, other: Door) -> list[PacketSchedule]:
+        found = lines_of(uav(), ComponentEncoder(1), door())
         for system_id, link in ids.items():
             body, second = rover(system_id), other()
             if link.copied:
                 echo = Echo(door(), link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
-                found += lines_of(body, Voice(system_id), echo.send, says=DATED)
-                found.append(Line(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
+                found += lines_of(body, ComponentEncoder(system_id), echo.send, says=DATED)
+                found.append(PacketSchedule(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
             else:
-                found += lines_of(body, Voice(system_id), door(), says=DATED)
+                found += lines_of(body, ComponentEncoder(system_id), door(), says=DATED)
                 found += lines_of(
-                    body, Voice(system_id), second, FALSE, says=DATED, start_s=link.delay_s, delay_s=link.delay_s
+                    body,
+                    ComponentEncoder(system_id),
+                    second,
+                    FALSE,
+                    says=DATED,
+                    start_s=link.delay_s,
+                    delay_s=link.delay_s,
                 )
         return found
 
@@ -208,7 +216,7 @@ def late_links(options: Options) -> list[Row]:
     return [_judge_quiet(flown, "late links", system_id, link.name) for system_id, link in ids.items()]
 
 
-def _judge_quiet(flown: Flown, attack: str, system_id: int, case: str) -> Row:
+def _judge_quiet(flown: Flown, attack: str, system_id: int, case: str) -> AttackRow:
     """Of a vehicle that is all right: no alarm, believed throughout."""
     alarms = [event for event in flown.told if event.loud and event.system_id == system_id and event.kind != "text"]
     seen = [belief for belief in flown.believed(system_id) if belief.t_s > 2.0]
@@ -217,7 +225,7 @@ def _judge_quiet(flown: Flown, attack: str, system_id: int, case: str) -> Row:
     counts = flown.counts(system_id)
     note = f"told: {alarms[0].text}" if alarms else f"not believed for {unsure_s:.1f} s" if unsure_s >= 1.0 else ""
     held = not alarms and unsure_s < 1.0 and wrong_s == 0.0 and not counts["lost"]
-    return Row(attack=attack, case=case, **counts, believed_s=wrong_s, held=held, note=note)
+    return AttackRow(attack=attack, case=case, **counts, believed_s=wrong_s, held=held, note=note)
 
 
 class Jumping(Body):
@@ -233,15 +241,15 @@ class Jumping(Body):
 JUMP_M = 111.0
 
 
-def jammed(options: Options) -> list[Row]:
+def jammed(options: Options) -> list[AttackRow]:
     """Innocent: one receiver that jumps by 111 m twice a second is no second sender, but has an alarm."""
     steady = rover(11)
     jumping = Jumping(**{name: getattr(steady, name) for name in Body.__slots__})
 
-    def lines(door: Door) -> list[Line]:
-        found = lines_of(uav(), Voice(1), door())
-        found += lines_of(jumping, Voice(11), door())
-        return found + lines_of(rover(12), Voice(12), door())
+    def lines(door: Door) -> list[PacketSchedule]:
+        found = lines_of(uav(), ComponentEncoder(1), door())
+        found += lines_of(jumping, ComponentEncoder(11), door())
+        return found + lines_of(rover(12), ComponentEncoder(12), door())
 
     flown = fly(options, "jammed", [11, 12], lines, 15.0)
     wrong = first_told(flown.told, CONTEST, 11)
@@ -249,7 +257,7 @@ def jammed(options: Options) -> list[Row]:
     after_s = alarm.t_s - BEGIN_S if alarm else NAN
     note = f"told as: {wrong.text}" if wrong else "" if alarm else "no alarm"
     held = wrong is None and after_s <= PROMISE_S + SLACK_S
-    jumps = Row(
+    jumps = AttackRow(
         attack="jammed",
         case="jumps of 111 m from one address",
         **flown.counts(11),

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from bench.attacks.actors import lines_of, rover, uav
 from bench.attacks.records import frames, told
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
-from bench.attacks.stage import Sent, Stage, udp_to
-from bench.attacks.station import Station, StationError, mission_text
-from bench.attacks.wire import Voice
+from bench.attacks.stage import Stage, StageCounts, udp_to
+from bench.attacks.station import AttackedStation, StationError, mission_text
+from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 from bench.process_tree import family
 
@@ -30,7 +30,7 @@ SET_MODE = 176
 ROVERS = (11, 12)
 
 
-def video_password(options: Options) -> list[Row]:
+def video_password(options: Options) -> list[AttackRow]:
     """A password in the video's address: in no file, no word and no process list but the command that has it."""
     url = f"rtsp://operator:{PASSWORD}@127.0.0.1:{free_port(socket.SOCK_STREAM)}/main"
     return [
@@ -39,9 +39,11 @@ def video_password(options: Options) -> list[Row]:
     ]
 
 
-def _password(options: Options, case: str, mission: str, words: Sequence[str], name: str) -> Row:
+def _password(options: Options, case: str, mission: str, words: Sequence[str], name: str) -> AttackRow:
     folder = options.folder / f"password-{name}"
-    station = Station(options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words)
+    station = AttackedStation(
+        options.gcs, folder, mission_text([11], more=mission), [f"udpin:127.0.0.1:{free_port()}"], words
+    )
     try:
         tried = _tried(station.session)
         # what the user typed is the user's; what the station starts is its own
@@ -59,14 +61,14 @@ def _password(options: Options, case: str, mission: str, words: Sequence[str], n
         + [f"in {name}" for name in files]
         + [f"in {len(listed)} process lists"] * bool(listed)
     )
-    return Row(attack="video password", case=case, held=not notes, note="; ".join(notes))
+    return AttackRow(attack="video password", case=case, held=not notes, note="; ".join(notes))
 
 
 def _tried(session: Path) -> bool:
     """Whether the event log tells of the video's failure, waited for: whatever names the address is written by then."""
     until_s = time.monotonic() + TRY_S
     while time.monotonic() < until_s:
-        if any(event.loud and event.kind == "video" for event in told(session, Sent())):
+        if any(event.loud and event.kind == "video" for event in told(session, StageCounts())):
             time.sleep(1.0)
             return True
         time.sleep(0.2)
@@ -87,7 +89,7 @@ class Operator:
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._sock.bind(("127.0.0.1", 0))
         self._stop = threading.Event()
-        self._voice = Voice(OPERATOR, 190)
+        self._voice = ComponentEncoder(OPERATOR, 190)
         self.sent: set[bytes] = set()
         self._thread = threading.Thread(target=self._answer, daemon=True)
         self._thread.start()
@@ -115,7 +117,7 @@ class Operator:
                 self._sock.sendto(raw, address)  # type: ignore[arg-type]
 
 
-def behind_an_output(options: Options) -> list[Row]:
+def behind_an_output(options: Options) -> list[AttackRow]:
     """A program behind --out orders everybody to hold: how many of its frames reach whom, and what is recorded."""
     cases: list[tuple[str, str, tuple[str, ...]]] = [
         ("--out, listening only", "", ()),
@@ -126,11 +128,11 @@ def behind_an_output(options: Options) -> list[Row]:
     return [_ordered(options, k, *case) for k, case in enumerate(cases)]
 
 
-def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[str]) -> Row:
+def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[str]) -> AttackRow:
     operator, port = Operator(), free_port()
     sockets = {system_id: udp_to(port) for system_id in (1, *ROVERS)}
     try:
-        station = Station(
+        station = AttackedStation(
             options.gcs,
             options.folder / f"out-{k}",
             mission_text(ROVERS),
@@ -142,10 +144,14 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
         for sock in sockets.values():
             sock.close()
         refused = "command" in str(error) and not words
-        return Row(attack="program behind --out", case=case, held=refused, note=f"refused: {str(error)[-120:]}")
+        return AttackRow(attack="program behind --out", case=case, held=refused, note=f"refused: {str(error)[-120:]}")
     bodies = [uav(), *map(rover, ROVERS)]
     stage = Stage(
-        [line for body in bodies for line in lines_of(body, Voice(body.system_id), sockets[body.system_id].send)]
+        [
+            line
+            for body in bodies
+            for line in lines_of(body, ComponentEncoder(body.system_id), sockets[body.system_id].send)
+        ]
     )
     stage.start()
     try:
@@ -164,7 +170,7 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
     may = bool(query and words)
     held = not rovers and (orders <= in_log if may else not orders)
     note = f"{rovers} orders reached rovers, {reached[1]} the UAV; {in_log} of them in the log"
-    return Row(
+    return AttackRow(
         attack="program behind --out",
         case=case,
         false_sent=len(operator.sent),

@@ -13,11 +13,11 @@ from pathlib import Path
 
 from bench.attacks.actors import lines_of, rover, uav
 from bench.attacks.records import first_told
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import TRUE, Door, Line, Stage
-from bench.attacks.station import Station
-from bench.attacks.wire import Voice
+from bench.attacks.stage import TRUE, Door, PacketSchedule, Stage
+from bench.attacks.station import AttackedStation
+from bench.attacks.wire import ComponentEncoder
 from bench.process_tree import family
 
 __all__ = ["frozen_disk", "stopped_processes"]
@@ -30,14 +30,14 @@ STOPS_S = 2.0
 IMAGE_BYTES = 256_000_000
 
 
-def _lines(door: Door) -> list[Line]:
-    found = lines_of(uav(), Voice(1), door())
+def _lines(door: Door) -> list[PacketSchedule]:
+    found = lines_of(uav(), ComponentEncoder(1), door())
     for system_id in IDS:
-        found += lines_of(rover(system_id), Voice(system_id), door())
+        found += lines_of(rover(system_id), ComponentEncoder(system_id), door())
     return found
 
 
-def _judge(flown: Flown, attack: str, case: str) -> Row:
+def _judge(flown: Flown, attack: str, case: str) -> AttackRow:
     sent = sum(count for party, count in flown.sent.count.items() if party[0] == TRUE)
     found = sum(count for party, count in flown.recorded.items() if party[0] == TRUE)
     false = [event for event in flown.told if event.loud and "no heartbeat" in event.text]
@@ -45,16 +45,16 @@ def _judge(flown: Flown, attack: str, case: str) -> Row:
     notes = [f"{len(false)} false 'no heartbeat'"] * bool(false)
     notes += ["the receiving process was replaced"] * bool(restarted)
     notes += [f"ends with {flown.exit_code}"] * (flown.exit_code != 0)
-    return Row(
+    return AttackRow(
         attack=attack, case=case, sent=sent, lost=sent - found, held=sent == found and not false, note="; ".join(notes)
     )
 
 
-def frozen_disk(options: Options) -> list[Row]:
+def frozen_disk(options: Options) -> list[AttackRow]:
     """A frozen file system under the recording (needs root): nothing is lost, nobody is said to be silent."""
     tools = [shutil.which(name) for name in ("mkfs.ext4", "mount", "umount", "fsfreeze")]
     if sys.platform != "linux" or os.geteuid() != 0 or None in tools:
-        return [Row(attack="frozen disk", case="ext4", held=True, note="not played: needs root and mkfs.ext4")]
+        return [AttackRow(attack="frozen disk", case="ext4", held=True, note="not played: needs root and mkfs.ext4")]
     with _mounted(options.folder / "image") as mount:
         flown = fly(options, "frozen", IDS, _lines, FLY_S, more=["--sessions", str(mount)], during=_freezing(mount))
         longest_s = max(length_s for _, length_s in FREEZES_S)
@@ -76,8 +76,8 @@ def _mounted(image: Path) -> Iterator[Path]:
         subprocess.run(["umount", mount], check=True)
 
 
-def _freezing(mount: Path) -> Callable[[Station, Stage], None]:
-    def during(station: Station, stage: Stage) -> None:
+def _freezing(mount: Path) -> Callable[[AttackedStation, Stage], None]:
+    def during(station: AttackedStation, stage: Stage) -> None:
         for at_s, length_s in FREEZES_S:
             stage.wait(at_s)
             subprocess.run(["fsfreeze", "-f", mount], check=True)
@@ -89,13 +89,13 @@ def _freezing(mount: Path) -> Callable[[Station, Stage], None]:
     return during
 
 
-def stopped_processes(options: Options) -> list[Row]:
+def stopped_processes(options: Options) -> list[AttackRow]:
     """SIGSTOP for two seconds, to the process that writes the log and to the one that folds: nothing is lost."""
     return [_stopped(options, "the receiving process", _writers), _stopped(options, "the station", lambda s: [s.pid])]
 
 
-def _stopped(options: Options, case: str, whom: Callable[[Station], Sequence[int]]) -> Row:
-    def during(station: Station, stage: Stage) -> None:
+def _stopped(options: Options, case: str, whom: Callable[[AttackedStation], Sequence[int]]) -> AttackRow:
+    def during(station: AttackedStation, stage: Stage) -> None:
         stage.wait(4.0)
         pids = whom(station)
         if not pids:
@@ -117,7 +117,7 @@ def _signal(pids: Sequence[int], number: signal.Signals) -> None:
             continue  # replaced meanwhile
 
 
-def _writers(station: Station) -> list[int]:
+def _writers(station: AttackedStation) -> list[int]:
     """Children that have the telemetry log open."""
     found = []
     for pid in family(station.pid)[1:]:

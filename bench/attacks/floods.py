@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from bench.attacks.actors import lines_of, rover, uav
 from bench.attacks.flooder import Flood
 from bench.attacks.records import first_told
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import FALSE, TRUE, Door, Line, Party, Stage
-from bench.attacks.station import Station, key_of, write_keys
-from bench.attacks.wire import Voice, ticks_now
+from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule, Party, Stage
+from bench.attacks.station import AttackedStation, key_of, write_keys
+from bench.attacks.wire import ComponentEncoder, ticks_now
 
 __all__ = ["known_id", "spoofed_junk"]
 
@@ -34,7 +34,7 @@ FAIR = 0.5
 """A vehicle whose id is flooded keeps at least this share of its packets: it is one of two who speak."""
 
 
-def _padding(voice: Voice) -> Callable[[float], list[bytes]]:
+def _padding(voice: ComponentEncoder) -> Callable[[float], list[bytes]]:
     """Further traffic of a vehicle, each packet with another value."""
     numbers = itertools.count()
     return lambda t_s: [voice.parameter(next(numbers))]
@@ -48,7 +48,7 @@ def _words_of(size: int) -> Callable[[float], list[bytes]]:
 def _junk() -> list[bytes]:
     """Mostly frames with a wrong checksum, which nobody can tell from good ones before they are read."""
     rng = random.Random(7)
-    forged = bytearray(Voice(201).heartbeat())
+    forged = bytearray(ComponentEncoder(201).heartbeat())
     forged[-1] ^= 1
     return [each for k in range(64) for each in (b"\xfd\xff\x00", rng.randbytes(1 + k * 3), *[bytes(forged)] * 4)]
 
@@ -61,7 +61,7 @@ def _flooded(
     options: Options,
     name: str,
     ids: Sequence[int],
-    lines: Callable[..., list[Line]],
+    lines: Callable[..., list[PacketSchedule]],
     party: Party,
     rate_hz: float,
     senders: int,
@@ -71,7 +71,7 @@ def _flooded(
     """A flight with a flood from :data:`BEGIN_S` until just before its end."""
     length_s = 12.0 if options.quick else 20.0
 
-    def during(station: Station, stage: Stage) -> None:
+    def during(station: AttackedStation, stage: Stage) -> None:
         stage.wait(BEGIN_S)
         for raw in datagrams:
             stage.sent.owners[raw][party] = WITHOUT_END
@@ -85,27 +85,33 @@ def _flooded(
     return fly(options, name, ids, lines, length_s, keys=keys, during=during)
 
 
-def spoofed_junk(options: Options) -> list[Row]:
+def spoofed_junk(options: Options) -> list[AttackRow]:
     """Junk of 8 bytes from a vehicle's own address and port, beside a flood of strangers; without and with keys."""
     return [_spoofed(options, signed) for signed in (False, True)]
 
 
-def _spoofed(options: Options, signed: bool) -> Row:
+def _spoofed(options: Options, signed: bool) -> AttackRow:
     ids = (11, 12, 13)
     keys = write_keys(options.folder / "keys-junk", (1, *ids)) if signed else "none"
 
-    def voice(system_id: int) -> Voice:
-        return Voice(system_id, key=key_of(system_id), stamp=ticks_now()) if signed else Voice(system_id)
+    def voice(system_id: int) -> ComponentEncoder:
+        return (
+            ComponentEncoder(system_id, key=key_of(system_id), stamp=ticks_now())
+            if signed
+            else ComponentEncoder(system_id)
+        )
 
-    def lines(door: Door) -> list[Line]:
+    def lines(door: Door) -> list[PacketSchedule]:
         found = lines_of(uav(), voice(1), door())
         for system_id in ids:
             speaks, send = voice(system_id), door()
             found += lines_of(rover(system_id), speaks, send)
-            found.append(Line(party=(TRUE, system_id), make=_padding(speaks), send=send, rate_hz=PADDING_HZ))
+            found.append(PacketSchedule(party=(TRUE, system_id), make=_padding(speaks), send=send, rate_hz=PADDING_HZ))
             if system_id == ids[0]:
                 found.append(
-                    Line(party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ, start_s=BEGIN_S)
+                    PacketSchedule(
+                        party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ, start_s=BEGIN_S
+                    )
                 )
         return found
 
@@ -116,7 +122,7 @@ def _spoofed(options: Options, signed: bool) -> Row:
     counts = flown.counts(ids[0])
     notes = [f"{others} of others lost"] * bool(others) + ([f"false: {silent.text}"] if silent else [])
     notes += [] if limited else ["nothing told"]
-    return Row(
+    return AttackRow(
         attack="spoofed junk",
         case="with keys" if signed else "without keys",
         **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, STRANGER]},
@@ -126,27 +132,27 @@ def _spoofed(options: Options, signed: bool) -> Row:
     )
 
 
-def known_id(options: Options) -> list[Row]:
+def known_id(options: Options) -> list[AttackRow]:
     """Valid frames of a vehicle's id in a flood, from 300 ports and from one, beside a fleet of 2,400 packets/s."""
     return [_known(options, ports) for ports in (PORTS, 1)]
 
 
-def _known(options: Options, ports: int) -> Row:
+def _known(options: Options, ports: int) -> AttackRow:
     ids = [11 + k for k in range(FLEET - 1)]
 
-    def lines(door: Door) -> list[Line]:
-        found = lines_of(uav(), Voice(1), door())
+    def lines(door: Door) -> list[PacketSchedule]:
+        found = lines_of(uav(), ComponentEncoder(1), door())
         for system_id in ids:
-            voice, send = Voice(system_id), door()
+            voice, send = ComponentEncoder(system_id), door()
             found += lines_of(rover(system_id), voice, send)
             found.append(
-                Line(
+                PacketSchedule(
                     party=(TRUE, system_id), make=_padding(voice), send=send, rate_hz=FLEET_HZ * options.rate / len(ids)
                 )
             )
         return found
 
-    false = Voice(ids[0])
+    false = ComponentEncoder(ids[0])
     frames = [false.parameter(-1.0 - k) for k in range(256)]
     flown = _flooded(options, f"known-id-{ports}", ids, lines, (FALSE, ids[0]), KNOWN_HZ, ports, frames)
     others = _lost(flown, ids[1:])
@@ -161,7 +167,7 @@ def _known(options: Options, ports: int) -> Row:
     notes += [f"sender {flown.sent.late_s:.1f} s late"] if flown.sent.late_s > 0.5 else []
     begun_s = flown.sent.first_s[FALSE, ids[0]]
     told_s = alarm.t_s - begun_s if alarm else float("nan")
-    return Row(
+    return AttackRow(
         attack="flood of a known id",
         case=f"from {ports} ports" if ports > 1 else "from one port",
         **counts,

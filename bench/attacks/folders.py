@@ -6,9 +6,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
-from bench.attacks.station import Station, StationError, mission_text
+from bench.attacks.station import AttackedStation, StationError, mission_text
 from bench.ports import free_port
 
 __all__ = ["CASES", "hostile_folders", "one_folder"]
@@ -91,20 +91,20 @@ CASES: dict[str, Callable[[Path, Path], None]] = {
 }
 
 
-def hostile_folders(options: Options) -> list[Row]:
+def hostile_folders(options: Options) -> list[AttackRow]:
     """Hostile folders under sessions/: whether a flight starts, how soon, and whether anything outside is changed."""
     usual_s = _start(options, "none", lambda folder, victim: folder.rmdir())[0]
     return [one_folder(options, k, name, make, usual_s) for k, (name, make) in enumerate(CASES.items())]
 
 
-def one_folder(options: Options, k: int, name: str, make: Callable[[Path, Path], None], usual_s: float) -> Row:
+def one_folder(options: Options, k: int, name: str, make: Callable[[Path, Path], None], usual_s: float) -> AttackRow:
     """One flight that starts beside a folder that ``make`` has filled; ``usual_s`` is how long a start takes."""
     took_s, said, changed = _start(options, str(k), make)
     late = not took_s <= usual_s + MOST_S
     note = f"starts in {took_s:.1f} s (without: {usual_s:.1f} s)" if took_s < PATIENCE_S else f"does not start: {said}"
     notes = [note, *(["a file outside is written over"] if changed else [])]
     notes += ["traceback"] if "Traceback" in said else []
-    return Row(
+    return AttackRow(
         attack="hostile folders",
         case=name,
         held=not late and not changed and "Traceback" not in said,
@@ -122,7 +122,7 @@ def _start(options: Options, name: str, make: Callable[[Path, Path], None]) -> t
     make(folder, victim)
     outside = {path: path.read_bytes() for path in [victim, *base.glob("elsewhere/*")]}
     try:
-        station = Station(
+        station = AttackedStation(
             options.gcs, base, mission_text([11]), [f"udpin:127.0.0.1:{free_port()}"], patience_s=PATIENCE_S
         )
     except StationError as error:

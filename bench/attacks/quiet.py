@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bench.attacks.actors import DATED, lines_of, rover, uav
-from bench.attacks.records import Told, frames, sender_of, told
-from bench.attacks.report import Row
+from bench.attacks.records import LoggedEvent, frames, sender_of, told
+from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import TRUE, Door, Line, Send, Stage
-from bench.attacks.station import Station
-from bench.attacks.wire import Voice, redated
+from bench.attacks.stage import TRUE, Door, PacketSchedule, Send, Stage
+from bench.attacks.station import AttackedStation
+from bench.attacks.wire import ComponentEncoder, redated
 from bench.ports import free_port
 
 __all__ = ["healthy_fleet", "played_recording"]
@@ -25,18 +25,18 @@ OF_THE_RECORDING = rf"{EXPECTED}|comes at .* Hz|the gimbal reports another direc
 """True of it as well: its messages were thinned out, and its gimbal says otherwise than its mission file."""
 
 
-def _false_alarms(events: Sequence[Told], until_s: float, expected: str = EXPECTED) -> list[Told]:
+def _false_alarms(events: Sequence[LoggedEvent], until_s: float, expected: str = EXPECTED) -> list[LoggedEvent]:
     loud = [event for event in events if event.loud and event.t_s < until_s and event.kind != "text"]
     return [event for event in loud if not re.search(expected, event.text)]
 
 
-def healthy_fleet(options: Options) -> list[Row]:
+def healthy_fleet(options: Options) -> list[AttackRow]:
     """Innocent: a UAV and twelve vehicles that do nothing wrong, for --minutes."""
 
-    def lines(door: Door) -> list[Line]:
-        found = lines_of(uav(), Voice(1), door(), says=DATED)
+    def lines(door: Door) -> list[PacketSchedule]:
+        found = lines_of(uav(), ComponentEncoder(1), door(), says=DATED)
         for system_id in FLEET:
-            found += lines_of(rover(system_id), Voice(system_id), door(), says=DATED)
+            found += lines_of(rover(system_id), ComponentEncoder(system_id), door(), says=DATED)
         return found
 
     flown: Flown = fly(options, "quiet", FLEET, lines, 60.0 * (0.25 if options.quick else options.minutes))
@@ -47,10 +47,12 @@ def healthy_fleet(options: Options) -> list[Row]:
     note = f"{flown.flown_s / 60:.1f} min, {len(false)} false alarms" + (f": {false[0].text}" if false else "")
     note += f"; not believed for {unsure_s:.1f} s" if unsure_s > 0.5 else ""
     note += f"; sender {flown.sent.late_s:.1f} s late" if flown.sent.late_s > 0.5 else ""
-    return [Row(attack="quiet", case="a healthy fleet", sent=sent, lost=lost, held=not false and not lost, note=note)]
+    return [
+        AttackRow(attack="quiet", case="a healthy fleet", sent=sent, lost=lost, held=not false and not lost, note=note)
+    ]
 
 
-def played_recording(options: Options) -> list[Row]:
+def played_recording(options: Options) -> list[AttackRow]:
     """Innocent: a recording played live with its own timing, a port for each vehicle."""
     records = list(frames(options.recording))
     start_us = records[0][0]
@@ -73,8 +75,8 @@ def played_recording(options: Options) -> list[Row]:
         (outlets.get(sender) or outlets.setdefault(sender, door()))(raw)
 
     mission = (options.recording / "session.toml").read_text()
-    station = Station(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
-    stage = Stage([Line(party=(TRUE, 0), make=due, send=send, rate_hz=200.0)])
+    station = AttackedStation(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
+    stage = Stage([PacketSchedule(party=(TRUE, 0), make=due, send=send, rate_hz=200.0)])
     shift_us = time.time_ns() // 1000 - start_us
     stage.start()
     try:
@@ -89,4 +91,4 @@ def played_recording(options: Options) -> list[Row]:
     shown = f"{options.recording.name}, {length_s:.0f} s"
     note = f"{len(false)} false alarms" + (f": {false[0].text}" if false else "")
     note += f"; sender {sent.late_s:.1f} s late" if sent.late_s > 0.5 else ""
-    return [Row(attack="quiet", case=shown, sent=count, lost=max(count - found, 0), held=not false, note=note)]
+    return [AttackRow(attack="quiet", case=shown, sent=count, lost=max(count - found, 0), held=not false, note=note)]

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bench.attacks.stage import Party, Sent
+from bench.attacks.stage import Party, StageCounts
 
-__all__ = ["Belief", "Told", "beliefs", "beliefs_of", "first_told", "frames", "recorded", "sender_of", "told"]
+__all__ = ["Belief", "LoggedEvent", "beliefs", "beliefs_of", "first_told", "frames", "recorded", "sender_of", "told"]
 
 FOLD_S = 900.0
 _BARE = {0xFD: 12, 0xFE: 8}
@@ -45,7 +45,7 @@ def sender_of(raw: bytes) -> int:
     return raw[5] if raw[0] == 0xFD else raw[3]
 
 
-def recorded(session: Path, sent: Sent) -> Counter[Party]:
+def recorded(session: Path, sent: StageCounts) -> Counter[Party]:
     """How many of each party's packets were recorded.
 
     Bytes that two sent are counted for the one who sent them first, as often as it did.
@@ -61,7 +61,7 @@ def recorded(session: Path, sent: Sent) -> Counter[Party]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class LoggedEvent:
     """One line of the event log."""
 
     t_s: float
@@ -77,14 +77,14 @@ class Told:
         return self.level in ("warning", "alarm")
 
 
-def told(session: Path, sent: Sent) -> list[Told]:
+def told(session: Path, sent: StageCounts) -> list[LoggedEvent]:
     """The event log in its order."""
     found = []
     for path in sorted(session.glob("events*.jsonl")):
         for line in path.read_text(errors="replace").splitlines():
             row = json.loads(line)
             found.append(
-                Told(
+                LoggedEvent(
                     t_s=(row["time_us"] - sent.start_us) * 1e-6,
                     level=row["level"],
                     kind=row["kind"],
@@ -95,7 +95,9 @@ def told(session: Path, sent: Sent) -> list[Told]:
     return found
 
 
-def first_told(events: Sequence[Told], pattern: str, system_id: int = 0, since_s: float = 0.0) -> Told | None:
+def first_told(
+    events: Sequence[LoggedEvent], pattern: str, system_id: int = 0, since_s: float = 0.0
+) -> LoggedEvent | None:
     """The first warning or alarm since a time whose text has the pattern; of one system, or 0 of any."""
     for event in events:
         its = system_id in (0, event.system_id) or (not event.system_id and re.search(rf"\b{system_id}\b", event.text))
@@ -122,7 +124,7 @@ class Belief:
         return self.place is not None and not self.contested and self.state in ("ok", "stale")
 
 
-def beliefs(python: str, session: Path, sent: Sent) -> list[dict[str, Any]]:
+def beliefs(python: str, session: Path, sent: StageCounts) -> list[dict[str, Any]]:
     """What the station under test believes of its recording, five times a second.
 
     Raises:

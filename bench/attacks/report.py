@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-__all__ = ["Row", "page", "read_rows", "write_rows"]
+__all__ = ["AttackRow", "page", "read_rows", "write_rows"]
 
 NAN = math.nan
 MOST_TEXT = 110
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class AttackRow:
     """What became of one case of an attack."""
 
     attack: str
@@ -58,7 +58,7 @@ HEAD = (
 )
 
 
-def page(rows: Sequence[Row], title: str, words: str, before: Sequence[Row] = ()) -> str:
+def page(rows: Sequence[AttackRow], title: str, words: str, before: Sequence[AttackRow] = ()) -> str:
     """A Markdown page.
 
     Args:
@@ -105,19 +105,19 @@ def _seconds(value: float) -> str:
     return f"{value:.1f} s" if math.isfinite(value) else "–"
 
 
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
+def write_rows(path: Path, rows: Sequence[AttackRow]) -> None:
     """Keep results for a later comparison."""
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
-        table.writerow([each.name for each in fields(Row)])
-        table.writerows([getattr(row, each.name) for each in fields(Row)] for row in rows)
+        table.writerow([each.name for each in fields(AttackRow)])
+        table.writerows([getattr(row, each.name) for each in fields(AttackRow)] for row in rows)
 
 
-def read_rows(path: Path) -> list[Row]:
+def read_rows(path: Path) -> list[AttackRow]:
     """What :func:`write_rows` wrote."""
     with path.open(newline="", encoding="utf-8") as file:
         return [
-            Row(
+            AttackRow(
                 attack=row["attack"],
                 case=row["case"],
                 sent=int(row["sent"]),

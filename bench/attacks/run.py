@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from bench.attacks.actors import Body
-from bench.attacks.records import Belief, Told, beliefs, beliefs_of, recorded, told
-from bench.attacks.report import Row
-from bench.attacks.stage import FALSE, TRUE, Door, Line, Party, Sent, Stage
-from bench.attacks.station import Station, mission_text
+from bench.attacks.records import Belief, LoggedEvent, beliefs, beliefs_of, recorded, told
+from bench.attacks.report import AttackRow
+from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule, Party, Stage, StageCounts
+from bench.attacks.station import AttackedStation, mission_text
 from bench.ports import free_port
 
 __all__ = ["Attack", "Flown", "Options", "believed_false_s", "fly"]
@@ -47,7 +47,7 @@ class Options:
     """For sessions, mission files and keys."""
 
 
-Attack = Callable[[Options], list[Row]]
+Attack = Callable[[Options], list[AttackRow]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class Flown:
 
     options: Options
     session: Path
-    sent: Sent
+    sent: StageCounts
     said: str
     exit_code: int
     flown_s: float
@@ -67,7 +67,7 @@ class Flown:
         return recorded(self.session, self.sent)
 
     @cached_property
-    def told(self) -> list[Told]:
+    def told(self) -> list[LoggedEvent]:
         """The event log."""
         return told(self.session, self.sent)
 
@@ -95,13 +95,13 @@ def fly(
     options: Options,
     name: str,
     ugvs: Sequence[int],
-    lines: Callable[..., list[Line]],
+    lines: Callable[..., list[PacketSchedule]],
     duration_s: float,
     *,
     ports: int = 1,
     more: Sequence[str] = (),
     keys: str = "none",
-    during: Callable[[Station, Stage], None] | None = None,
+    during: Callable[[AttackedStation, Stage], None] | None = None,
 ) -> Flown:
     """Fly while lines are played; the station ends before they do, so that nobody falls silent in flight.
 
@@ -123,7 +123,7 @@ def fly(
         for door in doors:
             stack.callback(door.close)
         links = [f"udpin:127.0.0.1:{port}" for port in listened]
-        station = Station(options.gcs, folder, mission_text(ugvs, keys), links, more)
+        station = AttackedStation(options.gcs, folder, mission_text(ugvs, keys), links, more)
         stack.callback(station.kill)
         stage = Stage(lines(*doors))
         stage.start()

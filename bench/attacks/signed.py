@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from bench.attacks.actors import DATED, FULL, UAV_ID, Body, lines_of, rover, uav
-from bench.attacks.records import Told, beliefs, beliefs_of, first_told, frames, sender_of, told
-from bench.attacks.report import Row
+from bench.attacks.records import LoggedEvent, beliefs, beliefs_of, first_told, frames, sender_of, told
+from bench.attacks.report import AttackRow
 from bench.attacks.run import PROMISE_S, SLACK_S, Options
-from bench.attacks.stage import FALSE, TRUE, Door, Line, Party, Sent, Stage
-from bench.attacks.station import Station, StationError, key_of, mission_text, write_keys
-from bench.attacks.wire import Voice, ticks_now
+from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule, Party, Stage, StageCounts
+from bench.attacks.station import AttackedStation, StationError, key_of, mission_text, write_keys
+from bench.attacks.wire import ComponentEncoder, ticks_now
 from bench.ports import free_port
 
 __all__ = ["late_start", "replayed", "restarts"]
@@ -37,7 +37,7 @@ BOOT_AHEAD_S = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clock:
+class StampClock:
     """How one vehicle stamps."""
 
     name: str
@@ -53,10 +53,10 @@ class Clock:
     cycled: bool = False
     """It is switched off and on in flight, and boots with its stamp a minute on."""
 
-    def voice(self) -> Voice:
-        return Voice(self.system_id, key=key_of(self.system_id), stamp=ticks_now(self.ahead_s))
+    def voice(self) -> ComponentEncoder:
+        return ComponentEncoder(self.system_id, key=key_of(self.system_id), stamp=ticks_now(self.ahead_s))
 
-    def tick(self, voice: Voice) -> Callable[[float], None]:
+    def tick(self, voice: ComponentEncoder) -> Callable[[float], None]:
         """Sets the stamp ahead of each packet."""
 
         def set_stamp(t_s: float) -> None:
@@ -67,31 +67,33 @@ class Clock:
 
 
 LATE = (
-    Clock(name="ArduPilot armed, 110 s behind", system_id=11, ahead_s=-110.0, runs=False),
-    Clock(name="ArduPilot armed, 150 s behind", system_id=12, ahead_s=-150.0, runs=False),
-    Clock(name="ArduPilot armed, 195 s behind", system_id=13, ahead_s=-195.0, runs=False),
-    Clock(
+    StampClock(name="ArduPilot armed, 110 s behind", system_id=11, ahead_s=-110.0, runs=False),
+    StampClock(name="ArduPilot armed, 150 s behind", system_id=12, ahead_s=-150.0, runs=False),
+    StampClock(name="ArduPilot armed, 195 s behind", system_id=13, ahead_s=-195.0, runs=False),
+    StampClock(
         name="ArduPilot armed, 150 s behind, without SYSTEM_TIME", system_id=20, ahead_s=-150.0, runs=False, dated=False
     ),
-    Clock(name="PX4, the time itself", system_id=14, ahead_s=0.0, runs=True),
-    Clock(name="ArduPilot disarmed, a minute ahead", system_id=15, ahead_s=BOOT_AHEAD_S - 0.5, runs=True),
-    Clock(name="ArduPilot, switched off and on", system_id=18, ahead_s=-30.0, runs=False, cycled=True),
-    Clock(
+    StampClock(name="PX4, the time itself", system_id=14, ahead_s=0.0, runs=True),
+    StampClock(name="ArduPilot disarmed, a minute ahead", system_id=15, ahead_s=BOOT_AHEAD_S - 0.5, runs=True),
+    StampClock(name="ArduPilot, switched off and on", system_id=18, ahead_s=-30.0, runs=False, cycled=True),
+    StampClock(
         name="ArduPilot armed, 150 s behind, switched off and on", system_id=19, ahead_s=-150.0, runs=False, cycled=True
     ),
-    Clock(name="hostile: a recording of yesterday", system_id=16, ahead_s=-DAY_S, runs=True, recorded=True),
-    Clock(name="hostile: a recording of an hour ago", system_id=17, ahead_s=-3600.0, runs=True, recorded=True),
-    Clock(name="hostile: a recording of three minutes ago", system_id=21, ahead_s=-180.0, runs=True, recorded=True),
+    StampClock(name="hostile: a recording of yesterday", system_id=16, ahead_s=-DAY_S, runs=True, recorded=True),
+    StampClock(name="hostile: a recording of an hour ago", system_id=17, ahead_s=-3600.0, runs=True, recorded=True),
+    StampClock(
+        name="hostile: a recording of three minutes ago", system_id=21, ahead_s=-180.0, runs=True, recorded=True
+    ),
 )
 STEADY = (
-    Clock(name="ArduPilot armed", system_id=11, ahead_s=0.0, runs=False),
+    StampClock(name="ArduPilot armed", system_id=11, ahead_s=0.0, runs=False),
     *(clock for clock in LATE if clock.system_id in (14, 15)),
 )
 
 
-def _lines(door: Door, clocks: tuple[Clock, ...]) -> list[Line]:
+def _lines(door: Door, clocks: tuple[StampClock, ...]) -> list[PacketSchedule]:
     found = []
-    for clock in (Clock(name="UAV", system_id=UAV_ID, ahead_s=0.0, runs=True), *clocks):
+    for clock in (StampClock(name="UAV", system_id=UAV_ID, ahead_s=0.0, runs=True), *clocks):
         voice, send = clock.voice(), door()
         body: Body = uav() if clock.system_id == UAV_ID else rover(clock.system_id)
         if clock.recorded:
@@ -125,7 +127,7 @@ class Heard:
     python: str
     """Interpreter of the station that recorded it."""
     folder: Path
-    sent: Sent
+    sent: StageCounts
 
     @cached_property
     def refused(self) -> set[int]:
@@ -161,9 +163,9 @@ def refused_records(session: Path) -> set[int]:
     return found
 
 
-def _row(attack: str, case: str, judged: Judged, hostile: bool) -> Row:
+def _row(attack: str, case: str, judged: Judged, hostile: bool) -> AttackRow:
     if hostile:
-        return Row(
+        return AttackRow(
             attack=attack,
             case=case,
             false_sent=judged.sent,
@@ -174,7 +176,7 @@ def _row(attack: str, case: str, judged: Judged, hostile: bool) -> Row:
         )
     after_s = judged.believed_after_s
     note = f"believed after {after_s:.1f} s" if judged.sure_s else "never believed"
-    return Row(
+    return AttackRow(
         attack=attack,
         case=case,
         sent=judged.sent,
@@ -184,13 +186,13 @@ def _row(attack: str, case: str, judged: Judged, hostile: bool) -> Row:
     )
 
 
-def late_start(options: Options) -> list[Row]:
+def late_start(options: Options) -> list[AttackRow]:
     """A signed fleet that was armed long before the station starts: stamps that stand still, minutes behind."""
     port, ids = free_port(), [clock.system_id for clock in LATE]
     keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
     with ExitStack() as stack:
         door = stack.enter_context(closing(Door(port)))
-        station = Station(
+        station = AttackedStation(
             options.gcs, options.folder / "late", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )
         stack.callback(station.kill)
@@ -204,7 +206,7 @@ def late_start(options: Options) -> list[Row]:
         return [_late_row(heard, clock, events) for clock in LATE]
 
 
-def _late_row(heard: Heard, clock: Clock, events: list[Told]) -> Row:
+def _late_row(heard: Heard, clock: StampClock, events: list[LoggedEvent]) -> AttackRow:
     """Who proves nothing, not even with a date, is as good as a recording: that has to be told."""
     judged = heard.judge(clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0)
     row = _row("signed, late start", clock.name, judged, clock.recorded)
@@ -215,7 +217,7 @@ def _late_row(heard: Heard, clock: Clock, events: list[Told]) -> Row:
     return row if clock.dated else replace(row, held=alarm is not None)
 
 
-def restarts(options: Options) -> list[Row]:
+def restarts(options: Options) -> list[AttackRow]:
     """A signed fleet whose station is killed and started again, then ended and started again; with replays."""
     port, ids = free_port(), [clock.system_id for clock in STEADY]
     keys = write_keys(options.folder / "keys-restart", (UAV_ID, *ids))
@@ -257,23 +259,23 @@ def restarts(options: Options) -> list[Row]:
     return rows
 
 
-def _started(options: Options, stage: Stage, mission: str, port: int) -> Station:
+def _started(options: Options, stage: Stage, mission: str, port: int) -> AttackedStation:
     """A flight on a port that the one before may still hold for a moment."""
     until_s = stage.now_s + RETRY_S
     while True:
         try:
-            return Station(options.gcs, options.folder / "restart", mission, [f"udpin:127.0.0.1:{port}"])
+            return AttackedStation(options.gcs, options.folder / "restart", mission, [f"udpin:127.0.0.1:{port}"])
         except StationError:
             if stage.now_s > until_s:
                 raise
             stage.wait(stage.now_s + 0.5)
 
 
-def _replayed_row(session: Path, packets: Set[bytes], case: str) -> Row:
+def _replayed_row(session: Path, packets: Set[bytes], case: str) -> AttackRow:
     numbers = refused_records(session)
     found = [number for number, (_, raw) in enumerate(frames(session)) if raw in packets]
     believed = sum(number not in numbers for number in found)
-    return Row(
+    return AttackRow(
         attack="signed, restart",
         case=case,
         false_sent=len(packets),
@@ -289,7 +291,7 @@ SLOW_S = 12.0
 """A slow link may be late by as much: until then it is no alarm, but refused all the same."""
 
 
-def replayed(options: Options) -> list[Row]:
+def replayed(options: Options) -> list[AttackRow]:
     """Signed packets that come again from another address, 5 or 20 s later: refused, and told for what they are."""
     port, ids = free_port(), [clock.system_id for clock in STEADY]
     keys = write_keys(options.folder / "keys-replay", (UAV_ID, *ids))
@@ -310,9 +312,9 @@ def replayed(options: Options) -> list[Row]:
 
     with ExitStack() as stack:
         door = stack.enter_context(closing(Door(port)))
-        lines = [Line(party=(FALSE, i), make=again(i), send=door(), rate_hz=50.0) for i in DELAYS_S]
+        lines = [PacketSchedule(party=(FALSE, i), make=again(i), send=door(), rate_hz=50.0) for i in DELAYS_S]
         stage = Stage([*_lines(door, STEADY), *lines], keep)
-        station = Station(
+        station = AttackedStation(
             options.gcs, options.folder / "replay", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )
         stack.callback(station.kill)
@@ -325,7 +327,7 @@ def replayed(options: Options) -> list[Row]:
         return [_again_row(station.session, sent, system_id, events) for system_id in DELAYS_S]
 
 
-def _again_row(session: Path, sent: Sent, system_id: int, events: list[Told]) -> Row:
+def _again_row(session: Path, sent: StageCounts, system_id: int, events: list[LoggedEvent]) -> AttackRow:
     """Of each packet the first record is the vehicle's and the next one is the copy."""
     numbers, seen = refused_records(session), set[bytes]()
     lost = copies = believed = 0
@@ -339,7 +341,7 @@ def _again_row(session: Path, sent: Sent, system_id: int, events: list[Told]) ->
     late_s = DELAYS_S[system_id]
     after_s = alarm.t_s - sent.first_s[FALSE, system_id] if alarm else float("nan")
     note = f"{believed} believed" + (f"; told: {alarm.text}" if alarm else "; nothing told")
-    return Row(
+    return AttackRow(
         attack="signed, replayed",
         case=f"{late_s:g} s later, from another address",
         sent=sent.count[TRUE, system_id],

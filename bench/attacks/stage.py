@@ -12,7 +12,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["FALSE", "TRUE", "Door", "Line", "Party", "Send", "Sent", "Stage", "udp_to"]
+__all__ = ["FALSE", "TRUE", "Door", "PacketSchedule", "Party", "Send", "Stage", "StageCounts", "udp_to"]
 
 Send = Callable[[bytes], object]
 Party = tuple[str, int]
@@ -47,7 +47,7 @@ class Door:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Line:
+class PacketSchedule:
     """Packets of one kind from one sender.
 
     ``make`` gets the time since the stage began and gives what leaves together; it is asked ``rate_hz`` times a second.
@@ -64,7 +64,7 @@ class Line:
 
 
 @dataclass(slots=True)
-class Sent:
+class StageCounts:
     """What left."""
 
     start_us: int = 0
@@ -87,8 +87,10 @@ class Stage:
         tap: also told of every packet, with the time since the beginning.
     """
 
-    def __init__(self, lines: Sequence[Line], tap: Callable[[float, Party, bytes], None] | None = None) -> None:
-        self.sent = Sent()
+    def __init__(
+        self, lines: Sequence[PacketSchedule], tap: Callable[[float, Party, bytes], None] | None = None
+    ) -> None:
+        self.sent = StageCounts()
         self._lines, self._tap = lines, tap
         self._stop = threading.Event()
         self._failed: BaseException | None = None
@@ -114,7 +116,7 @@ class Stage:
             if not self._thread.is_alive():
                 time.sleep(max(until_s - self.now_s, 0.0))
 
-    def stop(self) -> Sent:
+    def stop(self) -> StageCounts:
         """End the lines."""
         self._stop.set()
         self._thread.join()
@@ -146,7 +148,7 @@ class Stage:
             if not line.silent_s[0] <= at_s < line.silent_s[1]:
                 self._send(line, at_s)
 
-    def _send(self, line: Line, at_s: float) -> None:
+    def _send(self, line: PacketSchedule, at_s: float) -> None:
         for raw in line.make(at_s):
             try:
                 line.send(raw)

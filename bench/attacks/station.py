@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bench.process_tree import family
 
-__all__ = ["Station", "StationError", "key_of", "mission_text", "write_keys"]
+__all__ = ["AttackedStation", "StationError", "key_of", "mission_text", "write_keys"]
 
 START_S, END_S = 40.0, 40.0
 """Patience with a flight that begins, and with one that seals its recording."""
@@ -45,7 +45,7 @@ def write_keys(folder: Path, ids: Sequence[int]) -> Path:
     return folder
 
 
-class Station:
+class AttackedStation:
     """Starts the flight and waits until it records.
 
     Args:

@@ -12,10 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bench.attacks.records import frames
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
-from bench.attacks.station import Station, mission_text
-from bench.attacks.wire import Voice
+from bench.attacks.station import AttackedStation, mission_text
+from bench.attacks.wire import ComponentEncoder
 from bench.ports import free_port
 
 __all__ = ["over_serial", "over_tcp", "poison", "swallowed_frames"]
@@ -28,7 +28,7 @@ EVERY = 97
 """Frames between two of poison on the serial port."""
 
 
-def swallowed_frames(options: Options) -> list[Row]:
+def swallowed_frames(options: Options) -> list[AttackRow]:
     """FD FF 00 in front of good frames on TCP and on a serial port: how many are recorded, and how soon."""
     return [*over_tcp(options), over_serial(options)]
 
@@ -37,19 +37,19 @@ def _open_tcp(port: int) -> socket.socket:
     return socket.create_connection(("127.0.0.1", port), timeout=5.0)
 
 
-def over_tcp(options: Options) -> list[Row]:
+def over_tcp(options: Options) -> list[AttackRow]:
     """Over a connection that stays and one that is closed at once."""
     port = free_port(socket.SOCK_STREAM)
-    station = Station(options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"])
+    station = AttackedStation(options.gcs, options.folder / "tcp", mission_text([11, 12]), [f"tcpin:127.0.0.1:{port}"])
     try:
         return poison(port, station.session)
     finally:
         station.end()
 
 
-def poison(port: int, session: Path) -> list[Row]:
+def poison(port: int, session: Path) -> list[AttackRow]:
     """Three bytes and good frames over two connections to a flight, and what of them is in its log in a moment."""
-    waits, closes = Voice(11), Voice(12)
+    waits, closes = ComponentEncoder(11), ComponentEncoder(12)
     sent = {voice: [voice.parameter(1000.0 * voice.system_id + k) for k in range(GOOD)] for voice in (waits, closes)}
     with _open_tcp(port) as kept, _open_tcp(port) as closed:
         kept.sendall(POISON + b"".join(sent[waits]))
@@ -63,13 +63,15 @@ def poison(port: int, session: Path) -> list[Row]:
     ]
 
 
-def over_serial(options: Options) -> Row:
+def over_serial(options: Options) -> AttackRow:
     """Over a pseudo terminal, which a program opens as it does a serial port."""
     ours, theirs = pty.openpty()
     tty.setraw(theirs)
-    station = Station(options.gcs, options.folder / "serial", mission_text([11]), [f"{os.ttyname(theirs)},115200"])
+    station = AttackedStation(
+        options.gcs, options.folder / "serial", mission_text([11]), [f"{os.ttyname(theirs)},115200"]
+    )
     try:
-        voice = Voice(11)
+        voice = ComponentEncoder(11)
         sent = [voice.parameter(float(k)) for k in range(SERIAL_FRAMES)]
         _write(sent, lambda data: _all(ours, data))
         time.sleep(WAIT_S)
@@ -95,9 +97,9 @@ def _all(fd: int, data: bytes) -> None:
         data = data[os.write(fd, data) :]
 
 
-def _row(case: str, sent: list[bytes], found: Counter[bytes], when: str) -> Row:
+def _row(case: str, sent: list[bytes], found: Counter[bytes], when: str) -> AttackRow:
     lost = sum(not found[raw] for raw in sent)
-    return Row(
+    return AttackRow(
         attack="three bytes",
         case=case,
         sent=len(sent),

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from bench.attacks.actors import FULL, HOME, Body, lines_of, rover, uav
 from bench.attacks.records import Belief, first_told
-from bench.attacks.report import Row
+from bench.attacks.report import AttackRow
 from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, TRUE, Door, Line
-from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, Voice
+from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule
+from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, ComponentEncoder
 
 __all__ = ["CASES", "CONTEST", "components", "first_position", "judge"]
 
@@ -25,7 +25,7 @@ APART_M = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class TakeoverCase:
     """A second source of one vehicle's reports."""
 
     name: str
@@ -44,20 +44,22 @@ class Case:
 
 
 CASES = (
-    Case(name="component 200, 3 s ahead", system_id=11, component_id=200),
-    Case(name="component 200, in a gap of 4 s", system_id=12, component_id=200, gap=True),
-    Case(name="component 2, all messages, 3 s ahead", system_id=13, component_id=2, says=FULL),
-    Case(
+    TakeoverCase(name="component 200, 3 s ahead", system_id=11, component_id=200),
+    TakeoverCase(name="component 200, in a gap of 4 s", system_id=12, component_id=200, gap=True),
+    TakeoverCase(name="component 2, all messages, 3 s ahead", system_id=13, component_id=2, says=FULL),
+    TakeoverCase(
         name="companion 191 that says no autopilot, 3 s ahead",
         system_id=14,
         component_id=191,
         kind=COMPANION_TYPE,
         autopilot=NO_AUTOPILOT,
     ),
-    Case(name="component 200, positions only, 3 s ahead", system_id=15, component_id=200, says=("position",)),
-    Case(name="component 1, in a gap of 4 s", system_id=16, component_id=1, gap=True),
-    Case(name="component 220, all messages, in a gap of 4 s", system_id=17, component_id=220, says=FULL, gap=True),
-    Case(
+    TakeoverCase(name="component 200, positions only, 3 s ahead", system_id=15, component_id=200, says=("position",)),
+    TakeoverCase(name="component 1, in a gap of 4 s", system_id=16, component_id=1, gap=True),
+    TakeoverCase(
+        name="component 220, all messages, in a gap of 4 s", system_id=17, component_id=220, says=FULL, gap=True
+    ),
+    TakeoverCase(
         name="innocent: companion 191 that repeats its positions",
         system_id=18,
         component_id=191,
@@ -65,7 +67,7 @@ CASES = (
         autopilot=NO_AUTOPILOT,
         apart_m=0.0,
     ),
-    Case(
+    TakeoverCase(
         name="innocent: gimbal 154 with attitudes of its own",
         system_id=19,
         component_id=154,
@@ -74,7 +76,7 @@ CASES = (
         says=("beat", "attitude"),
         apart_m=0.0,
     ),
-    Case(
+    TakeoverCase(
         name="innocent: second GPS, component 221",
         system_id=20,
         component_id=221,
@@ -86,26 +88,28 @@ CASES = (
 )
 
 
-def components(options: Options) -> list[Row]:
+def components(options: Options) -> list[AttackRow]:
     """Components of a system 1 km away from it, begun before it or while it is silent."""
     duration_s = 16.0 if options.quick else 30.0
     flown = fly(options, "components", [case.system_id for case in CASES], _lines, duration_s)
     return [judge(flown, case) for case in CASES]
 
 
-def _lines(door: Door) -> list[Line]:
-    lines = lines_of(uav(), Voice(1), door())
+def _lines(door: Door) -> list[PacketSchedule]:
+    lines = lines_of(uav(), ComponentEncoder(1), door())
     for case in CASES:
         body = rover(case.system_id)
         ahead = case.hostile and not case.gap
         silent = (GAP_AT_S, GAP_AT_S + GAP_S) if case.gap else (1e9, 1e9)
         send = door()
-        lines += lines_of(body, Voice(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent)
+        lines += lines_of(
+            body, ComponentEncoder(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent
+        )
         begin_s = silent[0] if case.gap else 0.0
         elsewhere = replace(body.moved(case.apart_m), speed_m_s=3.0 if case.hostile else body.speed_m_s)
         lines += lines_of(
             elsewhere,
-            Voice(case.system_id, case.component_id),
+            ComponentEncoder(case.system_id, case.component_id),
             door() if case.hostile else send,
             FALSE,
             says=case.says,
@@ -116,7 +120,7 @@ def _lines(door: Door) -> list[Line]:
     return lines
 
 
-def judge(flown: Flown, case: Case) -> Row:
+def judge(flown: Flown, case: TakeoverCase) -> AttackRow:
     """What became of one of :data:`CASES`."""
     body: Body = rover(case.system_id)
     both_s = GAP_AT_S + GAP_S if case.gap else START_S
@@ -129,7 +133,7 @@ def judge(flown: Flown, case: Case) -> Row:
         held = alarm is None and unsure < 1.0 and not counts["lost"]
         note = f"not believed for {unsure:.1f} s" if unsure >= 1.0 else ""
         note = f"false alarm: {alarm.text}" if alarm else note
-        return Row(attack="components", case=case.name, **counts, held=held, note=note)
+        return AttackRow(attack="components", case=case.name, **counts, held=held, note=note)
     since_s = both_s + PROMISE_S + SLACK_S
     wrong_s = believed_false_s(seen, body, case.apart_m, since_s, flown.flown_s)
     after_s = alarm.t_s - both_s if alarm else float("nan")
@@ -140,7 +144,7 @@ def judge(flown: Flown, case: Case) -> Row:
         # nobody who is no autopilot may speak for the vehicle: to go on believing the true one is as good as an alarm
         held = wrong_s == 0.0 and not counts["lost"] and (bool(alarm) or true_s > 1.0)
         note = "" if alarm else "the true one is believed, without an alarm" if held else "no alarm"
-    return Row(
+    return AttackRow(
         attack="components",
         case=case.name,
         **counts,
@@ -167,21 +171,21 @@ NEAR_M = 3.0
 """Within this a place relative to the UAV's is right: our degrees are those of a sphere, half a per cent off."""
 
 
-def first_position(options: Options) -> list[Row]:
+def first_position(options: Options) -> list[AttackRow]:
     """One false position in the UAV's name before it speaks itself."""
     names = list(ELSEWHERE)[:1] if options.quick else list(ELSEWHERE)
     return [_one(options, name) for name in names]
 
 
-def _one(options: Options, name: str) -> Row:
+def _one(options: Options, name: str) -> AttackRow:
     vehicles = (11, 12, 13)
 
-    def lines(door: Door) -> list[Line]:
+    def lines(door: Door) -> list[PacketSchedule]:
         false = replace(uav(), home=ELSEWHERE[name])
-        found = lines_of(false, Voice(1), door(), FALSE, says=("beat", "position"), stop_s=0.2)
-        found += lines_of(uav(), Voice(1), door(), start_s=SPEAKS_S)
+        found = lines_of(false, ComponentEncoder(1), door(), FALSE, says=("beat", "position"), stop_s=0.2)
+        found += lines_of(uav(), ComponentEncoder(1), door(), start_s=SPEAKS_S)
         for system_id in vehicles:
-            found += lines_of(rover(system_id), Voice(system_id), door())
+            found += lines_of(rover(system_id), ComponentEncoder(system_id), door())
         return found
 
     flown = fly(options, f"origin-{name.split()[0]}", vehicles, lines, 20.0)
@@ -196,7 +200,7 @@ def _one(options: Options, name: str) -> Row:
     note = note if right else (note + "; no place is right").strip("; ")
     sent, found = flown.sent.count, flown.recorded
     true = [party for party in sent if party[0] == TRUE]
-    return Row(
+    return AttackRow(
         attack="first position",
         case=name,
         sent=sum(sent[party] for party in true),

@@ -7,7 +7,16 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-__all__ = ["AUTOPILOT", "COPTER", "NO_AUTOPILOT", "ROVER", "SIGNING_EPOCH_S", "Voice", "redated", "ticks_now"]
+__all__ = [
+    "AUTOPILOT",
+    "COPTER",
+    "NO_AUTOPILOT",
+    "ROVER",
+    "SIGNING_EPOCH_S",
+    "ComponentEncoder",
+    "redated",
+    "ticks_now",
+]
 
 ROVER: Final = 10
 COPTER: Final = 2
@@ -28,7 +37,7 @@ def ticks_now(ahead_s: float = 0.0) -> int:
     return int((time.time() + ahead_s - SIGNING_EPOCH_S) * 1e5)
 
 
-class Voice:
+class ComponentEncoder:
     """One component of one system, with its own sequence counter.
 
     Args:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.world.scenario import Attitude, Gnss, Ground, Scenario
+from sim.world.scenario import Gnss, Scenario, ScenarioAttitude, ScenarioGround
 
 __all__ = ["gnss", "road", "session", "signed", "slight"]
 
@@ -23,14 +23,14 @@ def signed(rng: np.random.Generator, least: float, most: float) -> float:
     return float(rng.uniform(least, most) * rng.choice((-1.0, 1.0)))
 
 
-def slight(rng: np.random.Generator, **parts: Any) -> Attitude:  # noqa: ANN401 - the fields of an attitude
+def slight(rng: np.random.Generator, **parts: Any) -> ScenarioAttitude:  # noqa: ANN401 - the fields of an attitude
     """Errors of attitude that a good UAV has: compass within 4°, tilt within 0.8°."""
     ordinary = {
         "compass_bias_deg": float(np.clip(rng.normal(0.0, 2.0), -4.0, 4.0)),
         "tilt_pitch_deg": float(np.clip(rng.normal(0.0, 0.4), -0.8, 0.8)),
         "tilt_roll_deg": float(np.clip(rng.normal(0.0, 0.4), -0.8, 0.8)),
     }
-    return Attitude(**(ordinary | parts))
+    return ScenarioAttitude(**(ordinary | parts))
 
 
 def gnss(rng: np.random.Generator, *, white: float = 0.3, bias: float = 0.5, **parts: Any) -> Gnss:  # noqa: ANN401
@@ -38,7 +38,7 @@ def gnss(rng: np.random.Generator, *, white: float = 0.3, bias: float = 0.5, **p
     return Gnss(**({"white_m": white, "bias_m": bias, "height_bias_m": float(rng.normal(0.0, 0.3))} | parts))
 
 
-def road(k: int, *, vehicles: int = 7, **parts: Any) -> Ground:  # noqa: ANN401 - the fields of a ground
+def road(k: int, *, vehicles: int = 7, **parts: Any) -> ScenarioGround:  # noqa: ANN401 - the fields of a ground
     """Straight, curved or open, in turn."""
     ordinary: dict[str, Any] = {"kind": ("straight", "curved", "open")[k % 3], "spacing_m": 8.0, "bend_deg": 35.0}
-    return Ground(**(ordinary | {"vehicles": vehicles} | parts))
+    return ScenarioGround(**(ordinary | {"vehicles": vehicles} | parts))

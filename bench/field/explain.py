@@ -26,7 +26,7 @@ BRIDGE_S = 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Said:
+class _BoxEvidence:
     """What the log says of one box besides the name."""
 
     residual_m: float
@@ -81,11 +81,11 @@ def spans(m: Matched, fps: float) -> list[Span]:
     return found
 
 
-def _said(path: Path) -> dict[tuple[int, int], _Said]:
+def _said(path: Path) -> dict[tuple[int, int], _BoxEvidence]:
     table = {}
     for line in path.read_text().splitlines():
         row = json.loads(line)
-        table[row["frame"], row["track_id"] or 0] = _Said(
+        table[row["frame"], row["track_id"] or 0] = _BoxEvidence(
             residual_m=math.nan if row["residual_m"] is None else row["residual_m"],
             runner_up=row["runner_up"] or 0,
             runner_up_confidence=row["runner_up_confidence"] or 0.0,
@@ -93,7 +93,7 @@ def _said(path: Path) -> dict[tuple[int, int], _Said]:
     return table
 
 
-def _span_line(span: Span, m: Matched, said: dict[tuple[int, int], _Said], scenario: Scenario) -> str:
+def _span_line(span: Span, m: Matched, said: dict[tuple[int, int], _BoxEvidence], scenario: Scenario) -> str:
     rows = span.rows
     start, stop = (m.frame[rows[k]] / scenario.fps for k in (0, -1))
     notes = [said[int(m.frame[r]), span.track] for r in rows if (int(m.frame[r]), span.track) in said]

@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.field.summary import NAN, Outcome, Summary, summarise
 
-__all__ = ["GOALS", "Goal", "Verdict", "judge"]
+__all__ = ["GOALS", "Goal", "GoalResult", "judge"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class GoalResult:
     """A goal and what was reached; NaN where it could not be measured."""
 
     goal: Goal
@@ -62,21 +62,21 @@ _MEASURES: dict[str, Callable[[Summary], float]] = {
 }
 
 
-def judge(goal: Goal, outcomes: Sequence[Outcome]) -> Verdict:
+def judge(goal: Goal, outcomes: Sequence[Outcome]) -> GoalResult:
     """Measure one goal on the sessions of a run."""
     mine = [o for o in outcomes if (o.family, o.hard) == (goal.family, goal.hard)]
     mine = [o for o in mine if o.label not in goal.without and (not goal.only or o.label in goal.only)]
     if not mine:
-        return Verdict(goal=goal, value=NAN)
+        return GoalResult(goal=goal, value=NAN)
     if goal.measure == "p95 ms":
         large = [o.cpu_ms for o in mine if o.vehicles >= 50]
-        return Verdict(goal=goal, value=float(np.percentile(np.concatenate(large), 95)) if large else NAN)
+        return GoalResult(goal=goal, value=float(np.percentile(np.concatenate(large), 95)) if large else NAN)
     if goal.measure == "spoof flagged":
         spoofs = [o for o in mine if o.spoofed]
-        return Verdict(
+        return GoalResult(
             goal=goal, value=float(np.mean([bool(o.spoofed & o.accused) for o in spoofs])) if spoofs else NAN
         )
-    return Verdict(goal=goal, value=_MEASURES[goal.measure](summarise([o.product for o in mine])))
+    return GoalResult(goal=goal, value=_MEASURES[goal.measure](summarise([o.product for o in mine])))
 
 
 _GRID = {(9, True): ("grid 4 m",)}

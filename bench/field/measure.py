@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.field.scene import Scene
+from bench.field.scene import SessionFrames
 from bench.field.windows import UNANSWERED
 from gcs.report.score import Matched, score
 
-__all__ = ["EDGES", "Tally", "delays", "matched_names", "tally"]
+__all__ = ["EDGES", "BoxCounts", "delays", "matched_names", "tally"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -28,7 +28,7 @@ EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tally:
+class BoxCounts:
     """Counts of boxes unless said otherwise."""
 
     frames: int
@@ -56,13 +56,13 @@ class Tally:
     """The same of later ones."""
 
 
-def tally(m: Matched, fps: float) -> Tally:
+def tally(m: Matched, fps: float) -> BoxCounts:
     """Count matched boxes; names below 0 are unanswered."""
     whole = score(m)
     ours, false, named = m.truth > 0, (m.truth <= 0) & (m.named > UNANSWERED), m.named > 0
     right = ours & (m.named == m.truth)
     first, again = _appearances(m, right, fps)
-    return Tally(
+    return BoxCounts(
         frames=whole.frames,
         ours=int(ours.sum()),
         false=int(false.sum()),
@@ -81,7 +81,7 @@ def tally(m: Matched, fps: float) -> Tally:
     )
 
 
-def matched_names(scene: Scene, answers: list[IntArray]) -> Matched:
+def matched_names(scene: SessionFrames, answers: list[IntArray]) -> Matched:
     """A competitor's answers as matched boxes; every box is its own true box."""
     truth = np.concatenate([look.truth for look in scene.looks])
     frame = np.repeat(np.arange(len(scene.looks)), [len(look.body) for look in scene.looks])

@@ -17,11 +17,11 @@ from gcs.session.frame_tables import read_truth
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.session import open_session
 
-__all__ = ["Played", "identify"]
+__all__ = ["ProductRun", "identify"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Played:
+class ProductRun:
     """What the product made of a session."""
 
     matched: Matched
@@ -33,7 +33,7 @@ class Played:
     """System ids whose reports were said to contradict the video."""
 
 
-def identify(folder: Path, out: Path) -> Played:
+def identify(folder: Path, out: Path) -> ProductRun:
     """Fold the session in ``folder``; its logs go to ``out``, which must not exist."""
     analysis = Analysis(open_session(folder))
     wall, cpu = [], []
@@ -54,7 +54,7 @@ def identify(folder: Path, out: Path) -> Played:
     finally:
         analysis.close()
     true = read_truth(folder / "truth.csv")
-    return Played(
+    return ProductRun(
         matched=match(true, read_identity(out / "identity.csv")),
         wall_ms=np.array(wall),
         cpu_ms=np.array(cpu),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from bench.field.scene import Look, Scene
+from bench.field.scene import SessionFrame, SessionFrames
 
 __all__ = ["mean_residual"]
 
@@ -23,9 +23,9 @@ MEMORY_S = 2.0
 LIMIT_M = 6.0
 
 
-def mean_residual(scene: Scene) -> list[IntArray]:
+def mean_residual(scene: SessionFrames) -> list[IntArray]:
     """Names of every frame's boxes: (m,) system ids, 0 nobody."""
-    memory: deque[Look] = deque(maxlen=max(1, round(MEMORY_S * scene.fps)))
+    memory: deque[SessionFrame] = deque(maxlen=max(1, round(MEMORY_S * scene.fps)))
     answers = []
     for look in scene.looks:
         memory.append(look)
@@ -39,7 +39,7 @@ def mean_residual(scene: Scene) -> list[IntArray]:
     return answers
 
 
-def _distances(memory: deque[Look], bodies: IntArray, n: int) -> FloatArray:
+def _distances(memory: deque[SessionFrame], bodies: IntArray, n: int) -> FloatArray:
     """(k, n) metres; inf where the two were never known together."""
     total, count = np.zeros((len(bodies), n, 2)), np.zeros((len(bodies), n, 1))
     for look in memory:

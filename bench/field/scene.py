@@ -22,7 +22,7 @@ from sim.world.scenario import Scenario
 from sim.world.world import World
 from vision.camera.camera import Intrinsics, camera_pose, ground
 
-__all__ = ["Look", "Scene", "scene_of"]
+__all__ = ["SessionFrame", "SessionFrames", "scene_of"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -32,7 +32,7 @@ LEVEL_NORTH = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class SessionFrame:
     """One frame: m boxes, n vehicles."""
 
     body: IntArray
@@ -56,7 +56,7 @@ class Look:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class SessionFrames:
     """All frames of a session."""
 
     ids: IntArray
@@ -64,10 +64,10 @@ class Scene:
     fps: float
     center_px: FloatArray
     """(2,) middle of the image."""
-    looks: tuple[Look, ...]
+    looks: tuple[SessionFrame, ...]
 
 
-def scene_of(scenario: Scenario) -> Scene:
+def scene_of(scenario: Scenario) -> SessionFrames:
     """Play a scenario for the competitors; equal to the session that ``write_session`` writes."""
     world = World(scenario)
     mission = parse_mission(session_toml(scenario), scenario.name)
@@ -87,7 +87,7 @@ def scene_of(scenario: Scenario) -> Scene:
             ahead = next(packets, None)
         state = fleet.at(stamp_us - round(offset * 1e6))
         looks.append(_look(detector.detect(now), state, mission, intrinsics))
-    return Scene(
+    return SessionFrames(
         ids=np.array(mission.ugv_ids, np.int64),
         fps=scenario.fps,
         center_px=np.array([intrinsics.cx, intrinsics.cy]),
@@ -95,12 +95,12 @@ def scene_of(scenario: Scenario) -> Scene:
     )
 
 
-def _look(rows: DetectedRows, state: FleetState, mission: Mission, intrinsics: Intrinsics) -> Look:
+def _look(rows: DetectedRows, state: FleetState, mission: Mission, intrinsics: Intrinsics) -> SessionFrame:
     uav = state.uav
     R_enu_body = uav.R_enu_body if uav.attitude_valid else LEVEL_NORTH
     pose = camera_pose(mount_of(mission.camera), uav.p_enu, R_enu_body)
     uv = rows.values[:, :2]
-    return Look(
+    return SessionFrame(
         body=rows.body,
         truth=rows.system_id,
         uv=uv,

@@ -8,7 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from bench.field.draws import gnss, road, session, signed, slight
-from sim.world.scenario import Camera, Detector, Fault, Flight, Ground, Scenario, Targets, Timing
+from sim.world.scenario import (
+    Scenario,
+    ScenarioCamera,
+    ScenarioDetector,
+    ScenarioFault,
+    ScenarioFlight,
+    ScenarioGround,
+    ScenarioTiming,
+    Targets,
+)
 
 __all__ = [
     "attitude",
@@ -53,11 +62,13 @@ def paper_noise(k: int, rng: np.random.Generator) -> Scenario:
     """White noise alone, six in view and one outside, positions ten times a second."""
     kind, sigma, _, yaw = VIEWS[k].split()
     return session(
-        ground=Ground(kind="straight" if kind == "straight" else "curved", vehicles=6, outside=1, bend_deg=35.0),
-        flight=Flight(height_m=48.0, yaw_deg=float(yaw.rstrip("°"))),
+        ground=ScenarioGround(
+            kind="straight" if kind == "straight" else "curved", vehicles=6, outside=1, bend_deg=35.0
+        ),
+        flight=ScenarioFlight(height_m=48.0, yaw_deg=float(yaw.rstrip("°"))),
         gnss=gnss(rng, white=float(sigma), bias=0.0),
         attitude=slight(rng),
-        timing=Timing(rate_min_hz=10.0, rate_max_hz=10.0),
+        timing=ScenarioTiming(rate_min_hz=10.0, rate_max_hz=10.0),
     )
 
 
@@ -84,7 +95,7 @@ def timing(k: int, rng: np.random.Generator) -> Scenario:
         ground=road(k),
         gnss=gnss(rng),
         attitude=slight(rng),
-        timing=Timing(
+        timing=ScenarioTiming(
             video_offset_s=signed(rng, 0.25, 0.5),
             declared_offset="auto",
             jitter_s=float(rng.uniform(0.05, 0.3)),
@@ -101,18 +112,18 @@ def false_positives(k: int, rng: np.random.Generator) -> Scenario:
         gnss=gnss(rng),
         attitude=slight(rng),
         targets=Targets(still=2, moving=2, persons=2),
-        detector=Detector(miss=float(rng.uniform(0.05, 0.15)), clutter=0.3),
+        detector=ScenarioDetector(miss=float(rng.uniform(0.05, 0.15)), clutter=0.3),
     )
 
 
 def occlusion(k: int, rng: np.random.Generator) -> Scenario:
-    bursts = Detector(bursts_per_min=4.0, burst_min_s=1.0, burst_max_s=4.0)
+    bursts = ScenarioDetector(bursts_per_min=4.0, burst_min_s=1.0, burst_max_s=4.0)
     return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng), detector=bursts)
 
 
 def in_out(k: int, rng: np.random.Generator) -> Scenario:
     """The UAV roams about the fleet, or the fleet drives about a field wider than the frame."""
-    flight = Flight() if k % 3 == 2 else Flight(roam_m=26.0)
+    flight = ScenarioFlight() if k % 3 == 2 else ScenarioFlight(roam_m=26.0)
     return session(ground=road(k, area_m=(90.0, 50.0)), flight=flight, gnss=gnss(rng), attitude=slight(rng))
 
 
@@ -120,29 +131,33 @@ def hard_geometry(k: int, rng: np.random.Generator) -> Scenario:
     """Formations at 5-8 m that move as one body; three vehicles and a person taken for one; a car park."""
     errors = {"gnss": gnss(rng, bias=0.6), "attitude": slight(rng)}
     if FORMATIONS[k] == "3 + person":
-        few = Ground(kind="open", vehicles=3, area_m=(30.0, 16.0))
-        return session(ground=few, targets=Targets(persons=1), flight=Flight(height_m=39.0), **errors)
+        few = ScenarioGround(kind="open", vehicles=3, area_m=(30.0, 16.0))
+        return session(ground=few, targets=Targets(persons=1), flight=ScenarioFlight(height_m=39.0), **errors)
     if FORMATIONS[k] == "parked":
-        return session(ground=Ground(kind="parked", vehicles=7, spacing_m=6.0), **errors)
-    ground = Ground(
+        return session(ground=ScenarioGround(kind="parked", vehicles=7, spacing_m=6.0), **errors)
+    ground = ScenarioGround(
         kind="formation",
         formation=("line", "column", "wedge", "grid")[k],
         vehicles=9 if k == 3 else 5,
         spacing_m=float(rng.uniform(5.0, 8.0)),
     )
-    return session(ground=ground, flight=Flight(height_m=48.0), **errors)
+    return session(ground=ground, flight=ScenarioFlight(height_m=48.0), **errors)
 
 
 def oblique(k: int, rng: np.random.Generator) -> Scenario:
     """Oblique, turning, climbing and fixed cameras."""
-    camera = {0: Camera(pitch_deg=-45.0), 1: Camera(pitch_deg=-45.0), 4: Camera(mount="fixed")}
-    camera[5] = Camera(mount="fixed", pitch_deg=-60.0)
-    flight = {1: Flight(height_m=45.0, yaw_rate_dps=6.0), 2: Flight(climb_mps=1.0), 3: Flight(yaw_rate_dps=12.0)}
+    camera = {0: ScenarioCamera(pitch_deg=-45.0), 1: ScenarioCamera(pitch_deg=-45.0), 4: ScenarioCamera(mount="fixed")}
+    camera[5] = ScenarioCamera(mount="fixed", pitch_deg=-60.0)
+    flight = {
+        1: ScenarioFlight(height_m=45.0, yaw_rate_dps=6.0),
+        2: ScenarioFlight(climb_mps=1.0),
+        3: ScenarioFlight(yaw_rate_dps=12.0),
+    }
     area = (30.0, 18.0)
     return session(
         ground=road(k, vehicles=6, area_m=area),
-        camera=camera.get(k, Camera()),
-        flight=flight.get(k, Flight(height_m=45.0)),
+        camera=camera.get(k, ScenarioCamera()),
+        flight=flight.get(k, ScenarioFlight(height_m=45.0)),
         gnss=gnss(rng),
         attitude=slight(rng),
     )
@@ -150,8 +165,8 @@ def oblique(k: int, rng: np.random.Generator) -> Scenario:
 
 def scale(k: int, rng: np.random.Generator) -> Scenario:
     n = CROWDS[k]
-    ground = Ground(kind=("straight", "curved")[k % 2], vehicles=n, lanes=4, spacing_m=8.0, bend_deg=30.0)
-    return session(ground=ground, flight=Flight(height_m=35.0 + n), gnss=gnss(rng), attitude=slight(rng))
+    ground = ScenarioGround(kind=("straight", "curved")[k % 2], vehicles=n, lanes=4, spacing_m=8.0, bend_deg=30.0)
+    return session(ground=ground, flight=ScenarioFlight(height_m=35.0 + n), gnss=gnss(rng), attitude=slight(rng))
 
 
 def no_heading(k: int, rng: np.random.Generator) -> Scenario:
@@ -159,7 +174,7 @@ def no_heading(k: int, rng: np.random.Generator) -> Scenario:
         ground=road(k),
         gnss=gnss(rng),
         attitude=slight(rng, ugv_heading_missing=True),
-        detector=Detector(heading_missing=True),
+        detector=ScenarioDetector(heading_missing=True),
     )
 
 
@@ -169,13 +184,13 @@ def bad_telemetry(k: int, rng: np.random.Generator) -> Scenario:
     start = float(rng.uniform(10.0, 14.0))
     stop = start + 10.0 if FAULTS[k].endswith("back") or kind == "zero" else 1e9
     vehicle, other = (int(v) for v in rng.choice(7, 2, replace=False))
-    faults = (Fault(vehicle=vehicle, kind=kind, start_s=start, stop_s=stop, other=other),)  # type: ignore[arg-type]
+    faults = (ScenarioFault(vehicle=vehicle, kind=kind, start_s=start, stop_s=stop, other=other),)  # type: ignore[arg-type]
     return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng), faults=faults)
 
 
 def pose_free(k: int, rng: np.random.Generator) -> Scenario:
     """The UAV says where it is and nothing of where it looks."""
-    flight = Flight(height_m=48.0, yaw_deg=float(rng.uniform(0.0, 360.0)))
+    flight = ScenarioFlight(height_m=48.0, yaw_deg=float(rng.uniform(0.0, 360.0)))
     return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng, missing=True), flight=flight)
 
 
@@ -187,10 +202,13 @@ def unmodelled(k: int, rng: np.random.Generator) -> Scenario:
         2: gnss(rng, steps_per_min=2.0, step_m=1.5),
     }
     ground = {3: road(k, slope_deg=3.0, uphill_deg=float(rng.uniform(0.0, 360.0))), 4: road(1, lane_width_m=2.4)}
-    detector = {4: Detector(merge_lengths=1.15), 5: Detector(pixel_noise=4.0, angle_noise_deg=8.0, flip=0.05)}
+    detector = {
+        4: ScenarioDetector(merge_lengths=1.15),
+        5: ScenarioDetector(pixel_noise=4.0, angle_noise_deg=8.0, flip=0.05),
+    }
     return session(
         ground=ground.get(k, road(k)),
         gnss=errors.get(k, gnss(rng)),
         attitude=slight(rng),
-        detector=detector.get(k, Detector()),
+        detector=detector.get(k, ScenarioDetector()),
     )

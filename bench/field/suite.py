@@ -13,7 +13,7 @@ from pathlib import Path
 
 from bench.field.families import FAMILIES, Split, label_of, scenario_of, seeds_of
 from bench.field.figure import MISSING, draw_reliability
-from bench.field.measure import Tally, matched_names, tally
+from bench.field.measure import BoxCounts, matched_names, tally
 from bench.field.product import identify
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
@@ -52,7 +52,7 @@ def play(task: Task) -> Outcome:
         session = Path(folder) / "session"
         write_session(scenario, session)
         played = identify(session, Path(folder) / "out")
-    rivals: dict[str, Tally] = {}
+    rivals: dict[str, BoxCounts] = {}
     if task.rivals:
         scene = scene_of(scenario)
         answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.field.measure import EDGES, Tally
+from bench.field.measure import EDGES, BoxCounts
 
 __all__ = ["NAN", "Outcome", "Summary", "ece_of", "percentile", "summarise"]
 
@@ -29,8 +29,8 @@ class Outcome:
     seed: int
     label: str
     vehicles: int
-    product: Tally
-    rivals: dict[str, Tally]
+    product: BoxCounts
+    rivals: dict[str, BoxCounts]
     wall_ms: FloatArray
     cpu_ms: FloatArray
     faulty: frozenset[int]
@@ -77,7 +77,7 @@ class Summary:
         return self.answered >= 100.0 * ANSWERS_AT_LEAST
 
 
-def summarise(tallies: Sequence[Tally]) -> Summary:
+def summarise(tallies: Sequence[BoxCounts]) -> Summary:
     """Add up."""
     total = {name: sum(int(getattr(t, name)) for t in tallies) for name in _COUNTS}
     first = [wait for t in tallies for wait in t.first_s]
@@ -113,7 +113,7 @@ def ece_of(bins: FloatArray) -> float:
     """Σ share · |mean confidence − share right| over ten bins; the fine ones above 0.9 are put together.
 
     Args:
-        bins: (bins, 3) as :class:`~bench.field.measure.Tally` has them.
+        bins: (bins, 3) as :class:`~bench.field.measure.BoxCounts` has them.
     """
     tenth = np.minimum((EDGES * 10 + 1e-9).astype(np.int64), 9)
     ten = np.zeros((10, 3))

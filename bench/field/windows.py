@@ -20,7 +20,7 @@ from assoc.methods.belief import fuse, masses
 from assoc.methods.projection import Projection, associate_by_projection, reprojection_errors
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
 from assoc.methods.tts import associate_by_tts
-from bench.field.scene import Look, Scene
+from bench.field.scene import SessionFrame, SessionFrames
 
 __all__ = ["METHODS", "UNANSWERED", "Method", "by_windows"]
 
@@ -37,7 +37,7 @@ UNANSWERED = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Window:
+class _SessionWindow:
     """T frames, n vehicles, m tracks."""
 
     vehicle: IntArray
@@ -55,7 +55,7 @@ class _Window:
     yaw: float
 
 
-def by_windows(scene: Scene) -> dict[Method, list[IntArray]]:
+def by_windows(scene: SessionFrames) -> dict[Method, list[IntArray]]:
     """Names of every frame's boxes by each method: (m,) system ids, 0 nobody, −1 unanswered."""
     answers: dict[Method, list[IntArray]] = {method: [] for method in METHODS}
     length = HISTORY + FUTURE
@@ -68,7 +68,7 @@ def by_windows(scene: Scene) -> dict[Method, list[IntArray]]:
     return answers
 
 
-def _named(look: Look, window: _Window | None, vehicle: IntArray | None, ids: IntArray) -> IntArray:
+def _named(look: SessionFrame, window: _SessionWindow | None, vehicle: IntArray | None, ids: IntArray) -> IntArray:
     if window is None or vehicle is None:
         return np.full(len(look.body), UNANSWERED, np.int64)
     named = np.zeros(len(look.body), np.int64)
@@ -78,7 +78,7 @@ def _named(look: Look, window: _Window | None, vehicle: IntArray | None, ids: In
     return named
 
 
-def _window(looks: tuple[Look, ...]) -> _Window | None:
+def _window(looks: tuple[SessionFrame, ...]) -> _SessionWindow | None:
     bodies, counts = np.unique(np.concatenate([np.unique(look.body) for look in looks]), return_counts=True)
     bodies = bodies[(counts >= LEAST_SEEN) & (bodies >= 0)]
     p = np.stack([look.p for look in looks])
@@ -90,7 +90,7 @@ def _window(looks: tuple[Look, ...]) -> _Window | None:
     for k, look in enumerate(looks):
         _, mine, theirs = np.intersect1d(bodies, look.body, return_indices=True)
         y[k, mine], heading[mine] = look.uv[theirs], look.heading[theirs]
-    return _Window(
+    return _SessionWindow(
         vehicle=vehicle,
         body=bodies,
         x=(p - np.stack([look.uav for look in looks])[:, None])[:, vehicle],
@@ -110,7 +110,7 @@ def _filled(y: FloatArray) -> FloatArray:
     return y
 
 
-def _ask(window: _Window, center_px: FloatArray) -> dict[Method, IntArray]:
+def _ask(window: _SessionWindow, center_px: FloatArray) -> dict[Method, IntArray]:
     """(m,) place in ``window.vehicle`` of each track, −1 nobody, by the methods that answer."""
     offset = (window.y[-1] - center_px) * (1.0, -1.0)
     image = topology_angles(offset, window.heading)
@@ -127,7 +127,7 @@ def _ask(window: _Window, center_px: FloatArray) -> dict[Method, IntArray]:
     return said
 
 
-def _project(window: _Window) -> Projection | None:
+def _project(window: _SessionWindow) -> Projection | None:
     try:
         return associate_by_projection(window.x, window.y, history=HISTORY, most=MOST_ASSIGNMENTS)
     except AssocError:

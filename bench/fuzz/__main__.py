@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 
 from bench.fuzz.datagrams import BLOCK, DatagramScore, fuzz_datagrams
-from bench.fuzz.logs import Score, fuzz_logs
+from bench.fuzz.logs import LogScore, fuzz_logs
 from bench.fuzz.missions import GOOD, fuzz_missions
 from bench.fuzz.report import datagrams_text, logs_text, missions_text, streams_text, write_section
 
@@ -17,10 +17,10 @@ _STEP = 200
 
 
 def _logs(first: int, count: int) -> str:
-    scores: dict[str, Score] = {}
+    scores: dict[str, LogScore] = {}
     for seed in range(first, first + count, _STEP):
         for kind, score in fuzz_logs(range(seed, min(seed + _STEP, first + count))).items():
-            scores.setdefault(kind, Score()).add(score)
+            scores.setdefault(kind, LogScore()).add(score)
         _say(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
     return logs_text(scores)
 

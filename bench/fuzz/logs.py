@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from bench.fuzz.damage import DAMAGES, interleaved
 from bench.fuzz.frames import TUNNEL_ID, UNKNOWN_ID, frame_pool, is_signed
-from bench.fuzz.marked import Marked, Truth, marked_log
+from bench.fuzz.marked import Marked, MarkedTruth, marked_log
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.index import TlogIndex, build_index
 
-__all__ = ["Case", "Score", "compare", "draw_case", "fuzz_logs", "run_case"]
+__all__ = ["LogCase", "LogScore", "compare", "draw_case", "fuzz_logs", "run_case"]
 
 _T0_US = 1_790_000_000_123_456
 _HOUR_US = 3_600_000_000
@@ -31,19 +31,19 @@ _CLOCKS = ("steady", "steady", "step", "silences", "jitter")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Case:
+class LogCase:
     """One damaged log."""
 
     seed: int
     layout: str
     clock: str
     damages: tuple[str, ...]
-    truth: Truth
+    truth: MarkedTruth
     log: Marked
 
 
 @dataclass(slots=True, kw_only=True)
-class Score:
+class LogScore:
     """Sums over cases."""
 
     logs: int = 0
@@ -72,7 +72,7 @@ class Score:
     slowest_ms: float = 0.0
     failures: list[str] = field(default_factory=list)
 
-    def add(self, other: Score) -> None:
+    def add(self, other: LogScore) -> None:
         for f in fields(self):
             mine, theirs = getattr(self, f.name), getattr(other, f.name)
             setattr(self, f.name, max(mine, theirs) if f.name == "slowest_ms" else mine + theirs)
@@ -90,7 +90,7 @@ def _times(count: int, clock: str, rng: random.Random) -> NDArray[np.int64]:
     return t_us
 
 
-def draw_case(seed: int) -> Case:
+def draw_case(seed: int) -> LogCase:
     """The same case for the same seed."""
     rng = random.Random(seed)
     pool = frame_pool()
@@ -107,7 +107,7 @@ def draw_case(seed: int) -> Case:
     frames = pool[first : first + t_us.size]
     if order == "<":  # the programs that wrote such logs were gone before signing came
         frames = tuple(frame if not is_signed(frame) else unsigned[i % len(unsigned)] for i, frame in enumerate(frames))
-    truth = Truth(frames=frames, t_us=t_us, order=order)
+    truth = MarkedTruth(frames=frames, t_us=t_us, order=order)
     log = marked_log(truth, range(count))
     if two:
         log = interleaved(log, marked_log(truth, range(count, 2 * count)), rng)
@@ -115,10 +115,10 @@ def draw_case(seed: int) -> Case:
     for name in damages:
         if log.size > 40:
             log = DAMAGES[name](log, rng)
-    return Case(seed=seed, layout=layout, clock=clock, damages=damages, truth=truth, log=log)
+    return LogCase(seed=seed, layout=layout, clock=clock, damages=damages, truth=truth, log=log)
 
 
-def run_case(case: Case) -> Score:
+def run_case(case: LogCase) -> LogScore:
     """Index one log and compare."""
     start = time.process_time()
     index = build_index(case.log.data)
@@ -128,11 +128,11 @@ def run_case(case: Case) -> Score:
     return score
 
 
-def compare(case: Case, index: TlogIndex) -> Score:
+def compare(case: LogCase, index: TlogIndex) -> LogScore:
     """What the reader made of a log against what is in it."""
     whole, partly = case.truth.standing(case.log)
     found = {int(offset): row for row, offset in enumerate(index.offset)}
-    score = Score(logs=1, whole=len(whole), wrong_counts=int(not _counts_agree(index, case.log.size)))
+    score = LogScore(logs=1, whole=len(whole), wrong_counts=int(not _counts_agree(index, case.log.size)))
     # bytes that must not be named as damaged, and bytes that may be or not
     stands, either = np.zeros((2, case.log.size), dtype=np.bool_)
     for offset, record in whole:
@@ -160,7 +160,7 @@ def compare(case: Case, index: TlogIndex) -> Score:
 
 
 def _judge_whole(
-    case: Case, index: TlogIndex, offset: int, record: int, found: dict[int, int], score: Score, stands: _Mask
+    case: LogCase, index: TlogIndex, offset: int, record: int, found: dict[int, int], score: LogScore, stands: _Mask
 ) -> None:
     frame, width = case.truth.frames[record], case.truth.width
     row = found.get(offset)
@@ -178,7 +178,7 @@ def _judge_whole(
 
 
 def _judge_partly(
-    case: Case, index: TlogIndex, offset: int, record: int, found: dict[int, int], score: Score, either: _Mask
+    case: LogCase, index: TlogIndex, offset: int, record: int, found: dict[int, int], score: LogScore, either: _Mask
 ) -> None:
     width = case.truth.width
     either[max(0, offset - width) : offset + len(case.truth.frames[record])] = True
@@ -189,7 +189,7 @@ def _judge_partly(
         score.stamps_believed += bool(width and index.time_ok[row] and off_us > _HIDDEN_US)
 
 
-def _unprovable(case: Case, frame: bytes) -> bool:
+def _unprovable(case: LogCase, frame: bytes) -> bool:
     """An unknown message in a file without times is kept only beside others: else nothing speaks for it."""
     return not case.truth.order and Packet(0, frame).message_id == UNKNOWN_ID
 
@@ -198,7 +198,7 @@ def _lonely(index: TlogIndex, row: int, t_us: int) -> bool:
     return not (np.abs(index.t_us[[max(0, row - 1), min(len(index) - 1, row + 1)]] - t_us) <= _HIDDEN_US).any()
 
 
-def _carried(case: Case, offset: int) -> bool:
+def _carried(case: LogCase, offset: int) -> bool:
     """A frame inside a tunnel that is damaged, in a file without times: nothing tells it from any other."""
     record = int(case.log.record[offset])
     return not case.truth.order and record >= 0 and Packet(0, case.truth.frames[record]).message_id == TUNNEL_ID
@@ -217,15 +217,15 @@ def _counts_agree(index: TlogIndex, size: int) -> bool:
     )
 
 
-def fuzz_logs(seeds: Sequence[int]) -> dict[str, Score]:
+def fuzz_logs(seeds: Sequence[int]) -> dict[str, LogScore]:
     """Scores of many cases by kind: of everything, of each layout, clock and damage."""
-    scores: dict[str, Score] = {"all": Score()}
+    scores: dict[str, LogScore] = {"all": LogScore()}
     for seed in seeds:
         case = draw_case(seed)
         try:
             score = run_case(case)
         except Exception as error:  # noqa: BLE001  (that there is none is what is being measured)
-            score = Score(logs=1, failures=[f"{seed}: {error!r}"])
+            score = LogScore(logs=1, failures=[f"{seed}: {error!r}"])
         for kind in ("all", f"layout: {case.layout}", f"clock: {case.clock}", *sorted(set(case.damages))):
-            scores.setdefault(kind, Score()).add(score)
+            scores.setdefault(kind, LogScore()).add(score)
     return scores

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2
 
-__all__ = ["Marked", "Truth", "marked_log"]
+__all__ = ["Marked", "MarkedTruth", "marked_log"]
 
 _FOREIGN = -1
 
@@ -68,7 +68,7 @@ def joined(parts: Sequence[Marked]) -> Marked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Truth:
+class MarkedTruth:
     """What was written: stamps (count,) of eight bytes or none, and frames."""
 
     frames: tuple[bytes, ...]
@@ -112,7 +112,7 @@ class Truth:
         return whole, partly
 
 
-def marked_log(truth: Truth, records: Sequence[int]) -> Marked:
+def marked_log(truth: MarkedTruth, records: Sequence[int]) -> Marked:
     """These records, one after the other."""
     parts = [truth.stamp(i) + truth.frames[i] for i in records]
     sizes = [len(part) for part in parts]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.fuzz.datagrams import DatagramScore
 from bench.fuzz.frames import frame_pool
-from bench.fuzz.logs import Score
+from bench.fuzz.logs import LogScore
 from bench.fuzz.missions import MissionScore
 from bench.fuzz.streams import INPUTS, lost, read_with_ours, read_with_pymavlink
 
@@ -32,7 +32,7 @@ def write_section(path: Path, title: str, text: str) -> None:
     path.write_text(new.rstrip() + "\n", encoding="utf-8")
 
 
-def logs_text(scores: Mapping[str, Score]) -> str:
+def logs_text(scores: Mapping[str, LogScore]) -> str:
     """Sums by kind of damage."""
     total = scores["all"]
     share = total.phantoms / max(1, total.whole)

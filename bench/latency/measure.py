@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Timing", "timed"]
+__all__ = ["MethodTiming", "timed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timing:
+class MethodTiming:
     """Times of the calls of one method at one size, ms."""
 
     method: str
@@ -27,13 +27,13 @@ class Timing:
     wall_p95_ms: float
 
     @staticmethod
-    def of(method: str, variant: str, size: tuple[int, int], cpu_s: list[float], wall_s: list[float]) -> Timing:
+    def of(method: str, variant: str, size: tuple[int, int], cpu_s: list[float], wall_s: list[float]) -> MethodTiming:
         """Summary of single calls, in seconds."""
 
         def ms(values: list[float], q: float) -> float:
             return float(1e3 * np.percentile(np.array(values), q))
 
-        return Timing(
+        return MethodTiming(
             method=method,
             variant=variant,
             vehicles=size[0],

@@ -13,7 +13,7 @@ from assoc.methods.projection import associate_by_projection
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
 from assoc.methods.tts import associate_by_tts_once, tts_similarity
 from bench.latency import literal
-from bench.latency.measure import Timing, timed
+from bench.latency.measure import MethodTiming, timed
 from bench.latency.scenes import Snap, snap
 
 __all__ = ["OURS", "measure_methods"]
@@ -26,7 +26,7 @@ OURS = "ours"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
+class TimedMethod:
     """One way of solving one problem."""
 
     method: str
@@ -36,7 +36,7 @@ class Entry:
     """Timed calls at each size (vehicles, tracks)."""
 
 
-def entries(quick: bool) -> list[Entry]:
+def entries(quick: bool) -> list[TimedMethod]:
     """All ways, literal ones first."""
     few = 1 if quick else 5
     small = {(7, 6): few} if quick else {(7, 6): few, (8, 7): 1}
@@ -45,21 +45,21 @@ def entries(quick: bool) -> list[Entry]:
     sizes = ((7, 6), (20, 20)) if quick else ((7, 6), (20, 20), (50, 50))
     slow, fast = {size: 5 if quick else 20 for size in sizes}, {size: 20 if quick else 200 for size in sizes}
     return [
-        Entry(method="projection", variant="literal, lstsq", solve=_projection_literal, calls=small),
-        Entry(method="projection", variant="loop, arrays inside", solve=_projection_loop, calls=grown),
-        Entry(method="projection", variant=OURS, solve=_projection, calls=exhaustive),
-        Entry(method="topology", variant="literal", solve=_topology_literal, calls=slow),
-        Entry(method="topology", variant=OURS, solve=_topology, calls=fast),
-        Entry(method="TTS", variant="literal", solve=_tts_literal, calls=slow),
-        Entry(method="TTS", variant=OURS, solve=_tts, calls=fast),
-        Entry(method="fusion", variant="literal", solve=_fusion_literal, calls=slow),
-        Entry(method="fusion", variant=OURS, solve=_fusion, calls=fast),
+        TimedMethod(method="projection", variant="literal, lstsq", solve=_projection_literal, calls=small),
+        TimedMethod(method="projection", variant="loop, arrays inside", solve=_projection_loop, calls=grown),
+        TimedMethod(method="projection", variant=OURS, solve=_projection, calls=exhaustive),
+        TimedMethod(method="topology", variant="literal", solve=_topology_literal, calls=slow),
+        TimedMethod(method="topology", variant=OURS, solve=_topology, calls=fast),
+        TimedMethod(method="TTS", variant="literal", solve=_tts_literal, calls=slow),
+        TimedMethod(method="TTS", variant=OURS, solve=_tts, calls=fast),
+        TimedMethod(method="fusion", variant="literal", solve=_fusion_literal, calls=slow),
+        TimedMethod(method="fusion", variant=OURS, solve=_fusion, calls=fast),
     ]
 
 
 def measure_methods(
     quick: bool, report: Callable[[int, int], None] = lambda done, total: None
-) -> tuple[list[Timing], list[str]]:
+) -> tuple[list[MethodTiming], list[str]]:
     """Time every method at every size.
 
     Returns:
@@ -74,7 +74,7 @@ def measure_methods(
         for size, calls in entry.calls.items():
             scenes = [snap(*size, seed) for seed in range(min(calls, SCENES))]
             cpu, wall, results = timed(_over(entry.solve, scenes), calls)
-            timings.append(Timing.of(entry.method, entry.variant, size, cpu, wall))
+            timings.append(MethodTiming.of(entry.method, entry.variant, size, cpu, wall))
             report(len(timings), total)
             peer = first.setdefault((entry.method, size), results[: len(scenes)])
             if not all(_same(a, b) for a, b in zip(peer, results, strict=False)):

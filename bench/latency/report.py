@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from bench.latency.measure import Timing
+from bench.latency.measure import MethodTiming
 from bench.latency.methods import OURS, measure_methods
 from bench.latency.stream import measure_streams
 from bench.paper.published import LATENCY_MS
@@ -33,12 +33,12 @@ def measure(out: Path, quick: bool, machine: str, report: Callable[[int, int], N
     timings = methods + measure_streams(quick)
     text = _text(timings, odd, machine)
     out.mkdir(parents=True, exist_ok=True)
-    write(out / "latency.csv", Timing, timings)
+    write(out / "latency.csv", MethodTiming, timings)
     (out / "latency.md").write_text(text, encoding="utf-8")
     return text
 
 
-def _text(timings: list[Timing], odd: list[str], machine: str) -> str:
+def _text(timings: list[MethodTiming], odd: list[str], machine: str) -> str:
     load = os.getloadavg()[0]
     head = (
         f"# Latency\n\nMilliseconds. One thread, {machine}, load {load:.1f} on {os.cpu_count()} cores at the end. "
@@ -60,7 +60,7 @@ def _text(timings: list[Timing], odd: list[str], machine: str) -> str:
     return head + "\n".join(lines) + f"\n\n{tail}\n"
 
 
-def _faster(t: Timing, timings: list[Timing]) -> str:
+def _faster(t: MethodTiming, timings: list[MethodTiming]) -> str:
     """How many times faster than the fastest peer; empty for peers and where there is none."""
     what = (t.method, t.vehicles, t.tracks)
     peers = [o.cpu_median_ms for o in timings if (o.method, o.vehicles, o.tracks) == what and o.variant != OURS]

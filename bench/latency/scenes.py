@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from assoc.methods.projection import reprojection_errors
 from assoc.methods.topology import topology_angles, topology_cost
-from sim.world.scenario import Camera, Flight, Gnss, Ground, Scenario
+from sim.world.scenario import Gnss, Scenario, ScenarioCamera, ScenarioFlight, ScenarioGround
 
 __all__ = ["Snap", "crowd", "snap"]
 
@@ -73,8 +73,10 @@ def crowd(n: int, seconds: float) -> Scenario:
         name=f"crowd-{n}",
         seed=n,
         duration_s=seconds,
-        ground=Ground(kind="curved", vehicles=n, lanes=4, spacing_m=12.0, bend_deg=20.0, lane_changes_per_min=4.0),
-        flight=Flight(height_m=max(40.0, 10.0 * rows)),
-        camera=Camera(),
+        ground=ScenarioGround(
+            kind="curved", vehicles=n, lanes=4, spacing_m=12.0, bend_deg=20.0, lane_changes_per_min=4.0
+        ),
+        flight=ScenarioFlight(height_m=max(40.0, 10.0 * rows)),
+        camera=ScenarioCamera(),
         gnss=Gnss(white_m=0.0, bias_m=0.0),
     )

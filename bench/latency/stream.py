@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from bench.latency.measure import Timing
+from bench.latency.measure import MethodTiming
 from bench.latency.scenes import crowd
 from bench.paper.streams import Ours, camera_motion, frame_us, walk
 from vision.track.tracker import Tracker
@@ -12,7 +12,7 @@ from vision.track.tracker import Tracker
 __all__ = ["measure_streams"]
 
 
-def measure_streams(quick: bool) -> list[Timing]:
+def measure_streams(quick: bool) -> list[MethodTiming]:
     """Time of each part on every frame, with 7, 20 and 50 vehicles."""
     result = []
     for n in (7,) if quick else (7, 20, 50):
@@ -20,7 +20,7 @@ def measure_streams(quick: bool) -> list[Timing]:
     return result
 
 
-def _flight(n: int, seconds: float) -> list[Timing]:
+def _flight(n: int, seconds: float) -> list[MethodTiming]:
     what = walk(crowd(n, seconds))
     tracker, keeper = Tracker(), Ours(what)
     times: dict[str, tuple[list[float], list[float]]] = {"tracker": ([], []), "identifier": ([], []), "both": ([], [])}
@@ -34,4 +34,4 @@ def _flight(n: int, seconds: float) -> list[Timing]:
         for name, start, stop in (("tracker", began, tracked), ("identifier", tracked, named), ("both", began, named)):
             for kind in (0, 1):
                 times[name][kind].append(stop[kind] - start[kind])
-    return [Timing.of(name, "per frame", (n, n), cpu, wall) for name, (cpu, wall) in times.items()]
+    return [MethodTiming.of(name, "per frame", (n, n), cpu, wall) for name, (cpu, wall) in times.items()]

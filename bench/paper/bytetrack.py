@@ -29,7 +29,7 @@ _F = np.eye(8) + np.eye(8, k=4)
 
 
 @dataclass(slots=True, eq=False)
-class _Track:
+class _KalmanTrack:
     """One vehicle: x = centre u, v, aspect, height and their change per frame."""
 
     track_id: int
@@ -45,7 +45,7 @@ class ByteTrack:
     """Follows boxes from frame to frame by overlap."""
 
     def __init__(self) -> None:
-        self._tracks: list[_Track] = []
+        self._tracks: list[_KalmanTrack] = []
         self._next_id = 1
         self._frame = 0
 
@@ -83,7 +83,7 @@ class ByteTrack:
 
     def _round(
         self,
-        tracks: list[_Track],
+        tracks: list[_KalmanTrack],
         boxes: FloatArray,
         chosen: NDArray[np.bool_],
         limit: float,
@@ -118,7 +118,7 @@ class ByteTrack:
         for k in np.flatnonzero(free & (score >= NEW)).tolist():
             x, P = _born(boxes[k])
             first = self._frame == 1
-            self._tracks.append(_Track(track_id=self._next_id, x=x, P=P, confirmed=first, detection=k))
+            self._tracks.append(_KalmanTrack(track_id=self._next_id, x=x, P=P, confirmed=first, detection=k))
             self._next_id += 1
 
     def _seen(self, detections: Detections) -> Tracks:
@@ -151,7 +151,7 @@ def _aligned(detections: Detections) -> FloatArray:
     return np.column_stack([0.5 * (low + high), size[:, 0] / size[:, 1], size[:, 1]])
 
 
-def _box(track: _Track) -> FloatArray:
+def _box(track: _KalmanTrack) -> FloatArray:
     return track.x[:4]
 
 
@@ -170,7 +170,7 @@ def _born(z: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([z, np.zeros(4)]), np.diag(np.square(std))
 
 
-def _predict(track: _Track) -> None:
+def _predict(track: _KalmanTrack) -> None:
     h = float(track.x[3])
     std = [_PLACE * h, _PLACE * h, 1e-2, _PLACE * h, _SPEED * h, _SPEED * h, 1e-5, _SPEED * h]
     if track.lost:
@@ -180,7 +180,7 @@ def _predict(track: _Track) -> None:
     track.lost, track.detection = track.lost + 1, -1
 
 
-def _correct(track: _Track, z: FloatArray, detection: int) -> None:
+def _correct(track: _KalmanTrack, z: FloatArray, detection: int) -> None:
     h = float(track.x[3])
     R = np.diag(np.square([_PLACE * h, _PLACE * h, 1e-1, _PLACE * h]))
     # K = P Hᵀ (H P Hᵀ + R)⁻¹

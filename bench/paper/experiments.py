@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bench.paper.films import dense_road, false_box_road, field, film, paper_road
-from bench.paper.methods import METHODS, Answer, Noise, identify
+from bench.paper.methods import METHODS, ConditionNoise, MethodAnswer, identify
 from bench.paper.windows import Window, windows
 from sim.world.scenario import Scenario
 
@@ -26,7 +26,7 @@ class Condition:
     experiment: str
     case: str
     rotation_deg: float = 0.0
-    noise: Noise
+    noise: ConditionNoise
     methods: tuple[str, ...]
     flights: tuple[Scenario, ...]
     frames: int = FRAMES
@@ -130,7 +130,7 @@ def _figure7(quick: bool) -> list[Condition]:
             experiment="figure 7",
             case=road,
             rotation_deg=rotation,
-            noise=Noise(position_m=sigma, topology=0.0),
+            noise=ConditionNoise(position_m=sigma, topology=0.0),
             methods=("projection", "mean residual", *_asked(rotation == 0.0 or sigma % 1.0 == 0.0)),
             flights=_roads(road, rotation, quick),
             most=_most(quick),
@@ -148,7 +148,7 @@ def _figure8(quick: bool) -> list[Condition]:
             experiment="figure 8",
             case=road,
             rotation_deg=rotation,
-            noise=Noise(position_m=sigma, topology=sigma, heading_deg=sigma),
+            noise=ConditionNoise(position_m=sigma, topology=sigma, heading_deg=sigma),
             methods=(*TOPOLOGY, *_asked(rotation == 0.0 and sigma % 2.0 == 0.0)),
             flights=_roads(road, rotation, quick),
             most=_most(quick),
@@ -166,7 +166,7 @@ def _figure9(quick: bool) -> list[Condition]:
             experiment="figure 9",
             case=road,
             rotation_deg=rotation,
-            noise=Noise(position_m=sigma, topology=sigma + 0.5, heading_deg=sigma + 0.5),
+            noise=ConditionNoise(position_m=sigma, topology=sigma + 0.5, heading_deg=sigma + 0.5),
             methods=("projection", "topology", "fusion", *_asked(rotation == 0.0 and sigma % 0.75 == 0.25)),
             flights=_roads(road, rotation, quick),
             most=_most(quick),
@@ -182,7 +182,7 @@ def _variants(quick: bool) -> list[Condition]:
     result = []
     for road in ROADS:
         for sigma in (1.0, 4.0):
-            noise = Noise(position_m=sigma, topology=sigma)
+            noise = ConditionNoise(position_m=sigma, topology=sigma)
             flights = _roads(road, 0.0, quick)
             told = ("identifier, yaw unknown", "identifier, no headings")
             result.append(_variant("12 frames", road, noise, told, flights, _most(quick)))
@@ -190,7 +190,7 @@ def _variants(quick: bool) -> list[Condition]:
                 _variant("36 frames", road, noise, ("identifier",), flights, _most(quick) // 3 + 1, frames=36)
             )
         close = tuple(dense_road(road, seed) for seed in range(1, 2 if quick else 9))
-        noise = Noise(position_m=4.0, topology=4.0, report_every=2)
+        noise = ConditionNoise(position_m=4.0, topology=4.0, report_every=2)
         asked = (
             "topology",
             "least squares, true places",
@@ -210,7 +210,7 @@ def _variants(quick: bool) -> list[Condition]:
 def _variant(
     name: str,
     road: str,
-    noise: Noise,
+    noise: ConditionNoise,
     methods: tuple[str, ...],
     flights: tuple[Scenario, ...],
     most: int,
@@ -238,7 +238,7 @@ def _false(quick: bool) -> list[Condition]:
         Condition(
             experiment="false box",
             case=kind,
-            noise=Noise(position_m=sigma, topology=sigma),
+            noise=ConditionNoise(position_m=sigma, topology=sigma),
             methods=("projection", "topology", "TTS", "TTS one step", "identifier"),
             flights=tuple(false_box_road(kind, seed) for seed in range(1, 2 if quick else 9)),
             boxes=7,
@@ -251,7 +251,7 @@ def _false(quick: bool) -> list[Condition]:
 
 def _field(quick: bool) -> list[Condition]:
     """Three vehicles and a person, receivers that wander: cold windows, and whole flights."""
-    noise = Noise(position_m=0.0, topology=0.0)
+    noise = ConditionNoise(position_m=0.0, topology=0.0)
     flights = tuple(field(seed) for seed in range(1, 2 if quick else 13))
     cold = ("projection", "topology", "TTS", "TTS one step", "mean residual", "identifier")
     plans = (("12 frames", 12, cold), ("36 frames", 36, ("identifier",)), ("flights", 240, (CONTINUOUS,)))
@@ -300,12 +300,14 @@ def _cut(condition: Condition, scenario: Scenario) -> list[Window]:
     )
 
 
-def _ask(method: str, window: Window, noise: Noise) -> list[Answer]:
+def _ask(method: str, window: Window, noise: ConditionNoise) -> list[MethodAnswer]:
     """One answer for the last frame; of the continuous identifier one for every frame."""
     return identify(window, noise) if method == CONTINUOUS else [METHODS[method](window, noise)]
 
 
-def _count(condition: Condition, method: str, answers: list[tuple[Scenario, Window, Answer]], frames: int) -> Count:
+def _count(
+    condition: Condition, method: str, answers: list[tuple[Scenario, Window, MethodAnswer]], frames: int
+) -> Count:
     truth = np.concatenate([window.vehicle for _, window, _ in answers]) if answers else np.empty(0, np.int64)
     said = np.concatenate([a.vehicle for _, _, a in answers]) if answers else np.empty(0, np.int64)
     ours = truth >= 0
@@ -325,7 +327,7 @@ def _count(condition: Condition, method: str, answers: list[tuple[Scenario, Wind
     )
 
 
-def _misses(condition: Condition, method: str, scenario: Scenario, window: Window, a: Answer) -> list[Miss]:
+def _misses(condition: Condition, method: str, scenario: Scenario, window: Window, a: MethodAnswer) -> list[Miss]:
     return [
         Miss(
             experiment=condition.experiment,

@@ -14,17 +14,26 @@ from numpy.typing import NDArray
 
 from sim.telemetry.sensors import Sensors
 from sim.world.boxes import in_image, true_boxes
-from sim.world.scenario import Attitude, Camera, Detector, Flight, Gnss, Ground, Scenario, Targets
+from sim.world.scenario import (
+    Gnss,
+    Scenario,
+    ScenarioAttitude,
+    ScenarioCamera,
+    ScenarioDetector,
+    ScenarioFlight,
+    ScenarioGround,
+    Targets,
+)
 from sim.world.world import World
 
-__all__ = ["CAMERA", "FPS", "Film", "dense_road", "false_box_road", "field", "film", "paper_road"]
+__all__ = ["CAMERA", "FPS", "FilmedFlight", "dense_road", "false_box_road", "field", "film", "paper_road"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 FPS = 10.0
-CAMERA = Camera()
+CAMERA = ScenarioCamera()
 FLIP, FRONT_NOISE_DEG = 0.04, 3.0
 """The front classifier: share of boxes turned about, and the angle noise of the boxes."""
 COMPASS_DEG = 2.0
@@ -32,7 +41,7 @@ COMPASS_DEG = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Film:
+class FilmedFlight:
     """One flight of F frames."""
 
     fps: float
@@ -68,7 +77,7 @@ def paper_road(road: str, yaw_deg: float, seed: int) -> Scenario:
         seed=seed,
         duration_s=28.0,
         fps=FPS,
-        ground=Ground(
+        ground=ScenarioGround(
             kind="straight" if road == "straight" else "curved",
             vehicles=6,
             outside=1,
@@ -80,11 +89,11 @@ def paper_road(road: str, yaw_deg: float, seed: int) -> Scenario:
             lane_changes_per_min=5.0,
             stops_per_min=0.0,
         ),
-        flight=Flight(height_m=70.0, yaw_deg=yaw_deg),
+        flight=ScenarioFlight(height_m=70.0, yaw_deg=yaw_deg),
         camera=CAMERA,
         gnss=Gnss(white_m=0.0, bias_m=0.0),
-        attitude=Attitude(compass_bias_deg=float(rng.normal(0.0, COMPASS_DEG))),
-        detector=Detector(angle_noise_deg=FRONT_NOISE_DEG, flip=FLIP),
+        attitude=ScenarioAttitude(compass_bias_deg=float(rng.normal(0.0, COMPASS_DEG))),
+        detector=ScenarioDetector(angle_noise_deg=FRONT_NOISE_DEG, flip=FLIP),
     )
 
 
@@ -95,7 +104,7 @@ def dense_road(road: str, seed: int) -> Scenario:
         base,
         name=f"dense-{road}",
         ground=replace(base.ground, vehicles=9, outside=0, speed_mps=5.0, spacing_m=9.5, lanes=3),
-        flight=Flight(height_m=50.0),
+        flight=ScenarioFlight(height_m=50.0),
     )
 
 
@@ -112,15 +121,15 @@ def field(seed: int) -> Scenario:
     return replace(
         base,
         name="field",
-        ground=Ground(kind="open", vehicles=3, speed_mps=2.0, area_m=(30.0, 20.0), length_m=1.1, width_m=0.8),
-        flight=Flight(height_m=39.0),
+        ground=ScenarioGround(kind="open", vehicles=3, speed_mps=2.0, area_m=(30.0, 20.0), length_m=1.1, width_m=0.8),
+        flight=ScenarioFlight(height_m=39.0),
         gnss=Gnss(white_m=0.2, bias_m=1.5, tau_s=60.0),
         targets=Targets(persons=1),
     )
 
 
 @lru_cache(maxsize=48)
-def film(scenario: Scenario) -> Film:
+def film(scenario: Scenario) -> FilmedFlight:
     """Fly and measure; equal scenarios give equal films."""
     world = World(scenario)
     sensors = Sensors(world)
@@ -133,7 +142,7 @@ def film(scenario: Scenario) -> Film:
     velocity = np.stack([track[1] for track in tracks], axis=1)
     told = np.stack([sensors.ugv(i, t).p_enu for i in range(n)], axis=1)
     uav = sensors.uav(t, "paper")
-    return Film(
+    return FilmedFlight(
         fps=scenario.fps,
         uv=uv,
         front=front,

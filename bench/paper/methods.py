@@ -25,9 +25,18 @@ from assoc.methods.topology import (
 from assoc.methods.tts import associate_by_tts, associate_by_tts_once, tts_similarity
 from bench.paper.films import CAMERA
 from bench.paper.windows import Window
-from vision.camera.camera import Intrinsics, Mount, Pose, camera_pose, ground
+from vision.camera.camera import CameraPose, Intrinsics, Mount, camera_pose, ground
 
-__all__ = ["LENS", "METHODS", "START_US", "Answer", "Noise", "camera_state", "identify", "vehicle_reports"]
+__all__ = [
+    "LENS",
+    "METHODS",
+    "START_US",
+    "ConditionNoise",
+    "MethodAnswer",
+    "camera_state",
+    "identify",
+    "vehicle_reports",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -39,7 +48,7 @@ _CENTRE = np.array([CAMERA.cx, CAMERA.cy])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class ConditionNoise:
     """White noise of one condition."""
 
     position_m: float
@@ -53,7 +62,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answer:
+class MethodAnswer:
     """What a method says of the last frame."""
 
     vehicle: IntArray
@@ -62,86 +71,86 @@ class Answer:
     """(m,) NaN where the method has none."""
 
 
-Method = Callable[[Window, Noise], Answer]
+Method = Callable[[Window, ConditionNoise], MethodAnswer]
 
 
-def _plain(vehicle: IntArray) -> Answer:
-    return Answer(vehicle=vehicle, confidence=np.full(len(vehicle), np.nan))
+def _plain(vehicle: IntArray) -> MethodAnswer:
+    return MethodAnswer(vehicle=vehicle, confidence=np.full(len(vehicle), np.nan))
 
 
-def _relative(window: Window, noise: Noise) -> FloatArray:
+def _relative(window: Window, noise: ConditionNoise) -> FloatArray:
     """(T, n, 3) last report of each vehicle minus the UAV's position."""
     frame = np.arange(len(window.uv)) // noise.report_every * noise.report_every
     return np.asarray((window.positions(noise.position_m) - window.uav_enu[:, None])[frame])
 
 
-def _project(window: Window, noise: Noise) -> Projection | None:
+def _project(window: Window, noise: ConditionNoise) -> Projection | None:
     try:
         return associate_by_projection(_relative(window, noise), window.uv, history=HISTORY)
     except DegenerateError:
         return None
 
 
-def projection(window: Window, noise: Noise) -> Answer:
+def projection(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """Section 3.2: ten frames of history, the next two vote."""
     found = _project(window, noise)
     return _plain(found.vehicle if found else np.full(window.uv.shape[1], -1, np.int64))
 
 
-def _topology_views(window: Window, noise: Noise) -> tuple[tuple[FloatArray, FloatArray], ...]:
+def _topology_views(window: Window, noise: ConditionNoise) -> tuple[tuple[FloatArray, FloatArray], ...]:
     """Offsets and headings of the last frame, in the image and in the world; v₀ of the world."""
     away = window.uv[-1] - _CENTRE
     offset = (window.positions(noise.topology, second=True)[-1] - window.uav_enu[-1])[:, :2]
     return (away * (1.0, -1.0), window.front[-1]), (offset, window.headings(noise.topology)[-1])
 
 
-def _topology_cost(window: Window, noise: Noise) -> FloatArray:
+def _topology_cost(window: Window, noise: ConditionNoise) -> FloatArray:
     image, world = _topology_views(window, noise)
     return topology_cost(topology_angles(*image), topology_angles(*world, float(window.uav_yaw[-1])))
 
 
-def topology(window: Window, noise: Noise) -> Answer:
+def topology(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """Section 3.3, unsigned angles as printed."""
     return _plain(associate_by_topology(_topology_cost(window, noise)))
 
 
-def topology_signed(window: Window, noise: Noise) -> Answer:
+def topology_signed(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The same with signed angles."""
     image, world = _topology_views(window, noise)
     cost = signed_topology_cost(signed_angles(*image), signed_angles(*world, float(window.uav_yaw[-1])))
     return _plain(associate_by_topology(cost))
 
 
-def fusion(window: Window, noise: Noise) -> Answer:
+def fusion(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """Section 3.4 and Algorithm 1: the vehicle of the largest fused mass."""
     found = _project(window, noise)
     if found is None:
         return topology(window, noise)
     errors = reprojection_errors(_relative(window, noise)[-1], window.uv[-1], found.theta)
     fused = fuse(masses(errors), masses(_topology_cost(window, noise)))
-    return Answer(vehicle=np.argmax(fused, axis=1), confidence=np.max(fused, axis=1))
+    return MethodAnswer(vehicle=np.argmax(fused, axis=1), confidence=np.max(fused, axis=1))
 
 
-def _tts_views(window: Window, noise: Noise) -> tuple[FloatArray, FloatArray]:
+def _tts_views(window: Window, noise: ConditionNoise) -> tuple[FloatArray, FloatArray]:
     return window.uv[-1] * (1.0, -1.0), _relative(window, noise)[-1, :, :2]
 
 
-def tts(window: Window, noise: Noise) -> Answer:
+def tts(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """Triangular topological sequence, both steps."""
     return _plain(associate_by_tts(*_tts_views(window, noise)))
 
 
-def tts_one_step(window: Window, noise: Noise) -> Answer:
+def tts_one_step(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """Its first step alone."""
     return _plain(associate_by_tts_once(tts_similarity(*_tts_views(window, noise))))
 
 
-def tts_pairs(window: Window, noise: Noise) -> Answer:
+def tts_pairs(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """Both steps with the other reading: all pairs of triangles."""
     return _plain(associate_by_tts(*_tts_views(window, noise), "pairs"))
 
 
-def mean_residual(window: Window, noise: Noise) -> Answer:
+def mean_residual(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The plain way with a known pose: boxes on the ground, mean distance to the reports, everybody assigned."""
     heard = np.arange(0, len(window.uv), noise.report_every)
     seen = np.stack([_on_ground(window, int(k)) for k in heard])
@@ -149,7 +158,7 @@ def mean_residual(window: Window, noise: Noise) -> Answer:
     return _plain(associate_by_topology(np.linalg.norm(np.mean(away, axis=0), axis=2)))
 
 
-def bound(window: Window, noise: Noise) -> Answer:
+def bound(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """What positions can tell at most: true places against the noisy reports, least squares, everybody assigned."""
     heard = np.arange(0, len(window.uv), noise.report_every)
     true = window.p_enu[heard][:, window.vehicle, :2]
@@ -160,26 +169,26 @@ def bound(window: Window, noise: Noise) -> Answer:
 def _on_ground(window: Window, k: int) -> FloatArray:
     """(m, 2) where the boxes of frame k stand, at the UAV's word."""
     camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]))
-    pose = Pose(R_enu_cam=camera.R_enu_cam, p_enu=camera.p_enu)
+    pose = CameraPose(R_enu_cam=camera.R_enu_cam, p_enu=camera.p_enu)
     return np.asarray(ground(LENS, pose, window.uv[k], camera.ground_z)[:, :2])
 
 
-def identifier(window: Window, noise: Noise) -> Answer:
+def identifier(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """A new identifier at the window's first frame, with the UAV's telemetry."""
     return identify(window, noise)[-1]
 
 
-def identifier_no_yaw(window: Window, noise: Noise) -> Answer:
+def identifier_no_yaw(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The same without any heading of the UAV."""
     return identify(window, noise, yaw_known=False)[-1]
 
 
-def identifier_no_heading(window: Window, noise: Noise) -> Answer:
+def identifier_no_heading(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The same without headings of the vehicles and without fronts of the boxes."""
     return identify(window, noise, headings=False)[-1]
 
 
-def identifier_every_frame(window: Window, noise: Noise) -> Answer:
+def identifier_every_frame(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The same, but thinking on every frame instead of four times a second."""
     return identify(window, noise, params=IdentifierParams(every_s=0.0))[-1]
 
@@ -203,12 +212,12 @@ METHODS: dict[str, Method] = {
 
 def identify(
     window: Window,
-    noise: Noise,
+    noise: ConditionNoise,
     *,
     yaw_known: bool = True,
     headings: bool = True,
     params: IdentifierParams | None = None,
-) -> list[Answer]:
+) -> list[MethodAnswer]:
     """Feed a window to a new identifier, frame by frame.
 
     Args:
@@ -231,7 +240,7 @@ def identify(
         heard = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
         camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]) if yaw_known else None)
         said = who.update(_sighting(t_us, window, k, front[k]), camera, heard)
-        answers.append(Answer(vehicle=said.system_id - 1, confidence=said.confidence))
+        answers.append(MethodAnswer(vehicle=said.system_id - 1, confidence=said.confidence))
     return answers
 
 

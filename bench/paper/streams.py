@@ -18,7 +18,7 @@ from gcs.fold.evidence import sighting_of
 from sim.telemetry.detections import DetectorModel
 from sim.world.scenario import Scenario
 from sim.world.world import World
-from vision.camera.camera import Pose, image_warp
+from vision.camera.camera import CameraPose, image_warp
 from vision.detect.detections import Detections
 from vision.track.tracks import Stitch, Tracks
 
@@ -82,7 +82,7 @@ def camera_motion(walk: Walk, frame: int) -> FloatArray | None:
     """(3, 3) homography from the frame before to this one, as telemetry has it; None for the first."""
     if frame == 0:
         return None
-    before, now = (Pose(R_enu_cam=c.R_enu_cam, p_enu=c.p_enu) for c in walk.cameras[frame - 1 : frame + 1])
+    before, now = (CameraPose(R_enu_cam=c.R_enu_cam, p_enu=c.p_enu) for c in walk.cameras[frame - 1 : frame + 1])
     return image_warp(LENS, before, now, 0.0)
 
 

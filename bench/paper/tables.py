@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from bench.latency.measure import Timing
+from bench.latency.measure import MethodTiming
 from bench.paper import published
 from bench.paper.experiments import CONTINUOUS, Count
 from bench.paper.occlusion import Kept
@@ -157,7 +157,7 @@ def _figure10(counts: list[Count]) -> str:
 
 def _table1(latency: Path) -> str:
     """Published times beside those of the last latency run, where there is one."""
-    timings = read(latency, Timing) if latency.is_file() else []
+    timings = read(latency, MethodTiming) if latency.is_file() else []
     rows = []
     for name, ms in published.LATENCY_MS.items():
         mine = [t for t in timings if t.method == name and (t.vehicles, t.tracks) == (7, 6)]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.paper.films import Film
+from bench.paper.films import FilmedFlight
 
 __all__ = ["Window", "windows"]
 
@@ -58,7 +58,14 @@ class Window:
 
 
 def windows(
-    film: Film, frames: int, seed: int, *, boxes: int, visible: int, wander: bool = False, span_m: float = np.inf
+    film: FilmedFlight,
+    frames: int,
+    seed: int,
+    *,
+    boxes: int,
+    visible: int,
+    wander: bool = False,
+    span_m: float = np.inf,
 ) -> list[Window]:
     """All windows of a flight that fit the experiment, one after the other.
 
@@ -90,7 +97,7 @@ def _span(p: FloatArray) -> float:
     return float(np.max(np.linalg.norm(p[:, :, None] - p[:, None], axis=3)))
 
 
-def _window(film: Film, part: slice, rows: IntArray, seed: int, wander: bool) -> Window:
+def _window(film: FilmedFlight, part: slice, rows: IntArray, seed: int, wander: bool) -> Window:
     rng = np.random.default_rng([seed, part.start, part.stop])
     order = rng.permutation(rows)
     p = film.p_enu[part].copy()

@@ -35,7 +35,7 @@ class Entrant(Protocol):
         ...
 
 
-class _Ours:
+class _RollcallEntrant:
     def __init__(self, told: bool) -> None:
         self._tracker, self._told = Tracker(), told
 
@@ -59,7 +59,7 @@ class _Identified:
         return _said(tracks, len(frame.boxes)), 1e3 * took
 
 
-class _ByteTrack:
+class _ByteTrackEntrant:
     def __init__(self) -> None:
         self._tracker = ByteTrack()
 
@@ -70,7 +70,7 @@ class _ByteTrack:
         return _said(tracks, len(frame.boxes), 1), 1e3 * took
 
 
-class _Sort:
+class _SortEntrant:
     def __init__(self, tracker: Sort) -> None:
         self._tracker = tracker
 
@@ -80,7 +80,7 @@ class _Sort:
         return said, 1e3 * (time.thread_time() - began)
 
 
-class _Published:
+class _LibraryEntrant:
     def __init__(self, name: str) -> None:
         self._tracker = Published(name)
 
@@ -95,17 +95,17 @@ class _Published:
 def entrants() -> tuple[dict[str, Entrant], list[str]]:
     """New trackers by name, and a line for each that cannot run here."""
     made: dict[str, Entrant] = {
-        OURS: _Ours(False),
-        WITH_WARP: _Ours(True),
+        OURS: _RollcallEntrant(False),
+        WITH_WARP: _RollcallEntrant(True),
         WITH_IDENTITIES: _Identified(),
-        "SORT": _Sort(Sort()),
-        "ByteTrack": _ByteTrack(),
-        "OC-SORT": _Sort(OcSort()),
+        "SORT": _SortEntrant(Sort()),
+        "ByteTrack": _ByteTrackEntrant(),
+        "OC-SORT": _SortEntrant(OcSort()),
     }
     skipped = []
     for name in PUBLISHED:
         try:
-            made[name] = _Published(name)
+            made[name] = _LibraryEntrant(name)
         except Absent as why:
             skipped.append(f"skipped: {name} ({why})")
     return made, skipped

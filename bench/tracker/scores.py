@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-__all__ = ["Score"]
+__all__ = ["TrackingScore"]
 
 IntArray = NDArray[np.int64]
 
 
 @dataclass(slots=True)
-class Score:
+class TrackingScore:
     """Fed with one frame after the other."""
 
     switches: int = 0

@@ -14,7 +14,7 @@ from gcs.mission.mission import Camera, Mission
 from gcs.snapshot import NAN, Box, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
-from vision.camera.camera import Mount, Pose, ground
+from vision.camera.camera import CameraPose, Mount, ground
 from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
@@ -36,7 +36,7 @@ class View:
     """The camera at one frame."""
 
     intrinsics: Intrinsics
-    pose: Pose
+    pose: CameraPose
     ground_z: float
     """Height of the ground plane, ENU metres."""
     attitude_known: bool

@@ -39,7 +39,7 @@ class Replay:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
         """
         self._analysis = Analysis(session, redetect=redetect)
-        self._frame = _DecodedFrames(session, self._analysis.video)
+        self._decoded = _DecodedFrames(session, self._analysis.video)
         self._times = self._analysis.times_us
         self._done: list[Snapshot] = []
         self._events: list[Event] = []
@@ -142,7 +142,7 @@ class Replay:
         for thread in self._threads:
             thread.join(timeout=5)
         self._analysis.close()
-        self._frame.close()
+        self._decoded.close()
 
     def _guard(self, work: Callable[[], None]) -> None:
         """Run a thread's work; what ends it is kept for the screen to tell."""
@@ -189,7 +189,7 @@ class Replay:
         with self._lock:
             done = self._done[place] if place < len(self._done) else None
             last = self._done[-1] if self._done else None
-        frame = self._frame.at(place)
+        frame = self._decoded.at(place)
         base = done or (replace(last, boxes=(), events=(), t_us=int(self._times[place]), frame=place) if last else None)
         if base is not None:
             self._latest = replace(base, image=frame.image if frame else None)

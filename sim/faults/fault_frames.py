@@ -10,7 +10,7 @@ from fastcrc import crc16
 
 from mavlink.protocol.dialect import DEFINITIONS
 
-__all__ = ["ATTITUDE", "GPS", "HEARTBEAT", "POSITION", "TEXT", "Voice"]
+__all__ = ["ATTITUDE", "GPS", "HEARTBEAT", "POSITION", "TEXT", "SenderEncoder"]
 
 HEARTBEAT, GPS, ATTITUDE, POSITION, TEXT = 0, 24, 30, 33, 253
 """Message ids."""
@@ -25,7 +25,7 @@ _V1, _V2, _STAMP, _CRC = Struct("<BBBBBB"), Struct("<BBBBBBBHB"), Struct("<BIH")
 _SIGNING_EPOCH_US = 1_420_070_400_000_000
 
 
-class Voice:
+class SenderEncoder:
     """One sender's frames, numbered and signed as its autopilot would.
 
     Args:

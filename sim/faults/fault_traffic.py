@@ -12,11 +12,11 @@ from itertools import count
 import numpy as np
 
 from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER
-from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, Voice
+from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, SenderEncoder
 from sim.faults.fault_texts import BOOT_WORDS, HOSTILE_TEXTS, poison
-from sim.faults.fleet_faults import AGL_M, Cast, Part, places
+from sim.faults.fleet_faults import AGL_M, SimulatedSender, SimulatedSenders, places
 
-__all__ = ["STRANGER", "Datagram", "Traffic", "traffic"]
+__all__ = ["STRANGER", "ScheduledDatagram", "Traffic", "traffic"]
 
 BATCH_S = 0.1
 REPLAY_AFTER_S = 10.0
@@ -26,7 +26,7 @@ STRANGER = -1
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Datagram:
+class ScheduledDatagram:
     """One thing to send; no bytes: the outlet gets a new source port."""
 
     t_s: float
@@ -40,7 +40,7 @@ class Datagram:
 class Traffic:
     """How much of what."""
 
-    cast: Cast
+    cast: SimulatedSenders
     rate_hz: float
     """Vehicles' packets a second, all together."""
     keys: Mapping[int, bytes]
@@ -54,19 +54,19 @@ class Traffic:
     seed: int = 1
 
 
-def traffic(plan: Traffic, start_us: int) -> Iterator[Datagram]:
+def traffic(plan: Traffic, start_us: int) -> Iterator[ScheduledDatagram]:
     """Everything, without end, by time since the start.
 
     Args:
         plan: what.
         start_us: Unix time of the start.
     """
-    stage = _Stage(plan, start_us)
+    stage = _SenderCounters(plan, start_us)
     for batch in count():
         yield from stage.batch(batch * BATCH_S, (batch + 1) * BATCH_S)
 
 
-class _Stage:
+class _SenderCounters:
     """The senders' counters."""
 
     def __init__(self, plan: Traffic, start_us: int) -> None:
@@ -77,12 +77,12 @@ class _Stage:
         self._each_hz = plan.rate_hz / len(plan.cast.parts)
         self._slots = np.zeros(len(plan.cast.parts), dtype=np.int64)
         self._phase = np.arange(len(plan.cast.parts)) / len(plan.cast.parts)
-        self._later: list[Datagram] = []
+        self._later: list[ScheduledDatagram] = []
         self._order = count()
         self._texts = count()
         self._good = b"\xfd\x09"
 
-    def batch(self, from_s: float, until_s: float) -> list[Datagram]:
+    def batch(self, from_s: float, until_s: float) -> list[ScheduledDatagram]:
         """Everything of a tenth of a second."""
         due = self._vehicles(until_s) + self._extras(from_s, until_s)
         while self._later and self._later[0].t_s < until_s:
@@ -90,13 +90,13 @@ class _Stage:
         due.sort()
         return due
 
-    def _voice(self, part: Part) -> Voice:
+    def _voice(self, part: SimulatedSender) -> SenderEncoder:
         key = self._plan.keys.get(part.system_id)
         if key and part.signs == "wrong":
             key = self._rng.randbytes(32)
-        return Voice(part.system_id, version=part.version, key=None if part.signs == "never" else key)
+        return SenderEncoder(part.system_id, version=part.version, key=None if part.signs == "never" else key)
 
-    def _vehicles(self, until_s: float) -> list[Datagram]:
+    def _vehicles(self, until_s: float) -> list[ScheduledDatagram]:
         # slot n of sender k is due at (n + φ_k) / rate
         stop = np.ceil(until_s * self._each_hz - self._phase).astype(np.int64)
         who = np.repeat(np.arange(len(stop)), stop - self._slots)
@@ -113,7 +113,9 @@ class _Stage:
         ]
         return sent
 
-    def _spoken(self, k: int, slot: int, t: float, said: list[int], v: list[float], heading: float) -> Datagram:
+    def _spoken(
+        self, k: int, slot: int, t: float, said: list[int], v: list[float], heading: float
+    ) -> ScheduledDatagram:
         part, voice = self._plan.cast.parts[k], self._voices[k]
         boot_ms, unix_us = part.boot_ms(t, self._booted_s[k]), self._start_us + int(t * 1e6)
         wrong = math.isnan(heading)
@@ -133,32 +135,34 @@ class _Stage:
         self._good = raw
         if part.system_id in self._plan.replayed:
             label = f"replayed {part.system_id}"
-            heapq.heappush(self._later, Datagram(t + REPLAY_AFTER_S, next(self._order), -2 - k, label, raw))
-        return Datagram(t, next(self._order), k, part.label or str(part.system_id), raw)
+            heapq.heappush(self._later, ScheduledDatagram(t + REPLAY_AFTER_S, next(self._order), -2 - k, label, raw))
+        return ScheduledDatagram(t, next(self._order), k, part.label or str(part.system_id), raw)
 
-    def _extras(self, from_s: float, until_s: float) -> list[Datagram]:
+    def _extras(self, from_s: float, until_s: float) -> list[ScheduledDatagram]:
         """Reboots, new ports, boot banners, floods and garbage."""
-        due: list[Datagram] = []
+        due: list[ScheduledDatagram] = []
         for k, part in enumerate(self._plan.cast.parts):
             moves = (part.reboot_s, part.move_port_s)
-            due += [Datagram(moment, -1, k, "", b"") for moment in moves if from_s <= moment < until_s]
+            due += [ScheduledDatagram(moment, -1, k, "", b"") for moment in moves if from_s <= moment < until_s]
             if from_s <= part.reboot_s < until_s or (self._plan.banner and from_s == 0.0):
                 moment = part.reboot_s if from_s <= part.reboot_s < until_s else 0.0
-                due += [Datagram(moment + 1e-3, next(self._order), k, "boot words", word) for word in BOOT_WORDS]
+                due += [
+                    ScheduledDatagram(moment + 1e-3, next(self._order), k, "boot words", word) for word in BOOT_WORDS
+                ]
         plan = self._plan
         due += [self._text(t) for t in _moments(plan.flood_hz, from_s, until_s)]
         due += [
-            Datagram(t, next(self._order), STRANGER, "garbage", poison(self._rng, self._good))
+            ScheduledDatagram(t, next(self._order), STRANGER, "garbage", poison(self._rng, self._good))
             for t in _moments(plan.garbage_hz, from_s, until_s)
         ]
         return due
 
-    def _text(self, t: float) -> Datagram:
+    def _text(self, t: float) -> ScheduledDatagram:
         number = next(self._texts)
         at = min(1, len(self._voices) - 1)
         words = HOSTILE_TEXTS[number % len(HOSTILE_TEXTS)].encode("utf-8", "replace")[:50]
         raw = self._voices[at].frame(self._start_us + int(t * 1e6), TEXT, number % 8, words)
-        return Datagram(t, next(self._order), at, "texts", raw)
+        return ScheduledDatagram(t, next(self._order), at, "texts", raw)
 
 
 def _moments(rate_hz: float, from_s: float, until_s: float) -> list[float]:

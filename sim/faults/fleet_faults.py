@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.world.earth import to_geodetic
 
-__all__ = ["LIES", "Cast", "Part", "places"]
+__all__ = ["LIES", "SimulatedSender", "SimulatedSenders", "places"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -33,7 +33,7 @@ _INT32_MAX, _UNKNOWN_HEADING = 2**31 - 1, 65535
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class SimulatedSender:
     """One sender."""
 
     system_id: int
@@ -58,14 +58,14 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cast:
+class SimulatedSenders:
     """Everybody who speaks as a vehicle, and how they drive."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[SimulatedSender, ...]
     stop_and_go: bool = False
 
 
-def places(cast: Cast, who: IntArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def places(cast: SimulatedSenders, who: IntArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """What is said of places.
 
     Args:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim.world.view import Road, Scene
 
-__all__ = ["Ground", "GroundStyle", "Window", "blotches", "grain", "halvings"]
+__all__ = ["Ground", "GroundStyle", "GroundWindow", "blotches", "grain", "halvings"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -51,7 +51,7 @@ class GroundStyle:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
+class GroundWindow:
     """A square of ground, once per halving of its size, so that far ground does not sparkle."""
 
     levels: tuple[Image, ...]
@@ -90,14 +90,14 @@ class Ground:
         self.style = style
         self._open, self._grain = _open_ground(style, rng)
         self._strokes = [stroke for road in scene.roads for stroke in _strokes(road, style, rng)]
-        self._windows: dict[tuple[float, int, int], Window] = {}
+        self._windows: dict[tuple[float, int, int], GroundWindow] = {}
 
     @cached_property
     def mean(self) -> FloatArray:
         """(3,) mean colour, for what lies too far to be drawn."""
         return np.asarray(self._open[::16, ::16].mean(axis=(0, 1)), dtype=np.float64)
 
-    def around(self, x: float, y: float, radius: float) -> Window:
+    def around(self, x: float, y: float, radius: float) -> GroundWindow:
         """The window that holds the square of ±radius about a point, metres; the same for points near each other."""
         m_per_px, side = self.style.m_per_px, self.style.side_px
         while side * m_per_px < 4.0 * radius:
@@ -111,7 +111,7 @@ class Ground:
             self._windows[key] = self._paint(*key)
         return self._windows[key]
 
-    def _paint(self, m_per_px: float, column: int, row: int) -> Window:
+    def _paint(self, m_per_px: float, column: int, row: int) -> GroundWindow:
         side = self.style.side_px
         half = side // 2
         west, north = (column - 1) * half * m_per_px, (row + 1) * half * m_per_px
@@ -122,7 +122,7 @@ class Ground:
         if mask.any():
             grain = cv2.merge([np.roll(self._grain, shift, axis=(0, 1))] * 3)
             cv2.copyTo(cv2.multiply(road, grain, scale=1.0 / 128.0), mask, image)
-        return Window(levels=halvings(image), m_per_px=m_per_px, west=west, north=north)
+        return GroundWindow(levels=halvings(image), m_per_px=m_per_px, west=west, north=north)
 
     def _draw_roads(self, m_per_px: float, west: float, north: float) -> tuple[Image, Image]:
         side = self.style.side_px

@@ -26,7 +26,7 @@ __all__ = [
     "FIRST_KIND",
     "SIZES",
     "VEHICLES",
-    "Sort",
+    "ObjectKind",
     "car_color",
     "random_cast",
     "random_leaf",
@@ -42,7 +42,7 @@ Draw = Callable[[np.random.Generator], Model]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sort:
+class ObjectKind:
     """One sort of thing as it looks today."""
 
     name: str
@@ -134,17 +134,17 @@ SIZES: Mapping[int, tuple[Range, Range, Range]] = {
 """Ranges of length, width and height in metres."""
 
 
-def random_cast(rng: np.random.Generator, road: int = 8, rovers: int = 3, clutter: int = 10) -> tuple[Sort, ...]:
+def random_cast(rng: np.random.Generator, road: int = 8, rovers: int = 3, clutter: int = 10) -> tuple[ObjectKind, ...]:
     """So many sorts of each group, frequent ones more often."""
     groups = (("road", ROAD, road), ("rover", ROVERS, rovers), ("clutter", CLUTTER, clutter))
     return tuple(_sort(group, table, rng) for group, table, count in groups for _ in range(count))
 
 
-def _sort(group: str, table: tuple[Entry, ...], rng: np.random.Generator) -> Sort:
+def _sort(group: str, table: tuple[Entry, ...], rng: np.random.Generator) -> ObjectKind:
     share = np.array([entry[1] for entry in table])
     name, _, length, width, height, draw = table[int(rng.choice(len(table), p=share / share.sum()))]
     size = (float(rng.uniform(*length)), float(rng.uniform(*width)), float(rng.uniform(*height)))
-    return Sort(name=name, model=draw(rng), size=size, group=group)
+    return ObjectKind(name=name, model=draw(rng), size=size, group=group)
 
 
 def car_color(rng: np.random.Generator) -> NDArray[np.int64]:
@@ -161,7 +161,7 @@ def car_color(rng: np.random.Generator) -> NDArray[np.int64]:
     return np.asarray(np.clip(grey, 8, 252), dtype=np.int64)
 
 
-def random_style(rng: np.random.Generator, cast: tuple[Sort, ...] | None = None) -> Style:
+def random_style(rng: np.random.Generator, cast: tuple[ObjectKind, ...] | None = None) -> Style:
     """A light and a camera drawn from all, for a cast; without one, also a ground, and a model for each kind."""
     if cast is None:
         models = {kind: entry[5](rng) for kind, entry in _OF_KIND.items()}

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sim.render.exposure import Exposure, expose
 from sim.render.foliage import Tree, draw_tree, tree_shadow
-from sim.render.ground import Ground, GroundStyle, Window
+from sim.render.ground import Ground, GroundStyle, GroundWindow
 from sim.render.training_ground import Yard
 from sim.world.bodies import Block, Model, car, person, rover
 from sim.world.view import PERSON, STRANGER, UGV, Bodies, CameraView, Scene, project, ray_ground
@@ -105,7 +105,7 @@ class Renderer:
 def draw_ground(ground: Ground | Yard, view: CameraView) -> Image:
     """The ground as the camera sees it, sky above the horizon: (height, width, 3)."""
     x, y, radius = _footprint(view)
-    window: Window = ground.around(x, y, radius)
+    window: GroundWindow = ground.around(x, y, radius)
     level = window.level_for(_ground_gsd(view))
     texture, flags = window.levels[level], cv2.INTER_LINEAR
     # ground point (e, n, 1) → camera: Rᵀ [e_x e_y −c]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sim.render.exposure import Exposure
 from sim.render.ground import GroundStyle
 from sim.render.ground_canvas import near
-from sim.render.randomise import FIRST_KIND, Sort, car_color, random_cast, random_leaf
+from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_cast, random_leaf
 from sim.render.render import DEFAULT_MODELS, Style
 from sim.world.view import OCCLUDER, Bodies, FloatArray, Scene
 from sim.world.world import World, random_stream
@@ -49,7 +49,7 @@ def joined(first: Bodies, second: Bodies) -> Bodies:
     return Bodies(**{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in fields})
 
 
-def _style(cast: tuple[Sort, ...], rng: np.random.Generator) -> Style:
+def _style(cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Style:
     """A clear or a dull day, never so dark that nothing could be seen."""
     dull = rng.random() < 0.4
     ground = GroundStyle()
@@ -79,7 +79,7 @@ def _style(cast: tuple[Sort, ...], rng: np.random.Generator) -> Style:
     )
 
 
-def _beside(world: World, cast: tuple[Sort, ...], rng: np.random.Generator) -> Bodies:
+def _beside(world: World, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
     """Things and trees at random places off the roads and off everybody's way."""
     times = np.arange(0.0, world.scenario.duration_s, 0.5)
     ways = np.concatenate([world.at(float(t)).xy for t in times])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.render.ground import Ground, GroundStyle, Window, blotches, halvings
+from sim.render.ground import Ground, GroundStyle, GroundWindow, blotches, halvings
 from sim.render.ground_canvas import Color, Sheet, near
 from sim.render.open_scene import random_ground, random_scene
 from sim.world.view import FloatArray
@@ -45,7 +45,7 @@ class Slots:
 class Yard:
     """A painted yard, standing in for ``sim.render.ground.Ground``."""
 
-    window: Window
+    window: GroundWindow
     slots: Slots
     street: float
     """Main direction, radians clockwise from north."""
@@ -60,7 +60,7 @@ class Yard:
         """(3,) mean colour."""
         return np.asarray(self.window.levels[-1].mean(axis=(0, 1)), dtype=np.float64)
 
-    def around(self, _x: float, _y: float, _radius: float) -> Window:
+    def around(self, _x: float, _y: float, _radius: float) -> GroundWindow:
         """The image, from which what lies beyond follows by repeating it."""
         return self.window
 
@@ -100,7 +100,7 @@ def _town(rng: np.random.Generator) -> Yard:
     table = np.array(slots).reshape(-1, 4).T
     # sheet: u to the east, v to the south
     places = Slots(x=table[0], y=-table[1], heading=table[2], length=table[3])
-    window = Window(levels=halvings(image), m_per_px=M_PER_PX, west=0.0, north=0.0)
+    window = GroundWindow(levels=halvings(image), m_per_px=M_PER_PX, west=0.0, north=0.0)
     return Yard(window=window, slots=places, street=street)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.scenario import Fault
+from sim.world.scenario import ScenarioFault
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
 __all__ = ["Sensors", "UavReading", "UgvReading", "gauss_markov"]
@@ -143,7 +143,7 @@ class Sensors:
                 offset[self._t >= start, vehicle] = rng.normal(0.0, gnss.step_m, 2)
         return offset
 
-    def _faults(self, vehicle: int) -> tuple[Fault, ...]:
+    def _faults(self, vehicle: int) -> tuple[ScenarioFault, ...]:
         return tuple(fault for fault in self.scenario.faults if fault.vehicle == vehicle)
 
     def _shift(self, vehicle: int, t: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -173,7 +173,7 @@ def gauss_markov(
     return values
 
 
-def _faulty_time(t: FloatArray, faults: tuple[Fault, ...]) -> FloatArray:
+def _faulty_time(t: FloatArray, faults: tuple[ScenarioFault, ...]) -> FloatArray:
     """The time of which a vehicle speaks at time t: earlier when it lags, standing still when it is frozen."""
     seen = t.copy()
     for fault in faults:
@@ -191,7 +191,7 @@ def _held(noise: FloatArray, seen: FloatArray) -> FloatArray:
     return np.asarray(noise[np.maximum.accumulate(np.where(first, np.arange(len(seen)), 0))])
 
 
-def _during(t: FloatArray, faults: tuple[Fault, ...], kind: str) -> NDArray[np.bool_]:
+def _during(t: FloatArray, faults: tuple[ScenarioFault, ...], kind: str) -> NDArray[np.bool_]:
     active = np.zeros(len(t), dtype=bool)
     for fault in faults:
         active |= (fault.kind == kind) & (t >= fault.start_s) & (t < fault.stop_s)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim.render.foliage import Tree, draw_tree
 from sim.render.footage import as_footage
-from sim.render.randomise import FIRST_KIND, Sort, random_cast, random_style
+from sim.render.randomise import FIRST_KIND, ObjectKind, random_cast, random_style
 from sim.render.render import Renderer, body_outline
 from sim.render.training_ground import Yard, random_yard
 from sim.training.placing import random_bodies
@@ -74,7 +74,7 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
     return np.column_stack([uv[:, 0], length, width, heading])
 
 
-def crop(yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Crop:
+def crop(yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Crop:
     """One random image of a yard with a cast."""
     over = float(rng.choice(OVER))
     view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))

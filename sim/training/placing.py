@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.render.randomise import FIRST_KIND, Sort, car_color, random_leaf
+from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_leaf
 from sim.render.training_ground import Yard
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ray_ground
 
@@ -65,7 +65,7 @@ class _Placed:
         )
 
 
-def random_bodies(view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> Bodies:
+def random_bodies(view: CameraView, yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
     """Vehicles and much else on what the camera sees."""
     placed = _Placed()
     mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all sorts anywhere
@@ -119,7 +119,9 @@ def _thicket(placed: _Placed, view: CameraView, yard: Yard, rng: np.random.Gener
         _tree(placed, at, wide * float(rng.uniform(0.7, 1.3)), np.clip(leaf + rng.normal(0.0, 8.0, 3), 5, 250), rng)
 
 
-def _crowd(placed: _Placed, view: CameraView, kind: int, cast: tuple[Sort, ...], rng: np.random.Generator) -> None:
+def _crowd(
+    placed: _Placed, view: CameraView, kind: int, cast: tuple[ObjectKind, ...], rng: np.random.Generator
+) -> None:
     """Many small things of one sort close together: people, bicycles at a rack, goods."""
     x, y = _ground_point(view, rng)
     reach = cast[kind].size[0] * rng.uniform(2.0, 8.0)
@@ -136,7 +138,9 @@ def _ground_point(view: CameraView, rng: np.random.Generator) -> tuple[float, fl
     return float(view.p_enu[0]), float(view.p_enu[1])
 
 
-def _buildings(placed: _Placed, view: CameraView, yard: Yard, cast: tuple[Sort, ...], rng: np.random.Generator) -> None:
+def _buildings(
+    placed: _Placed, view: CameraView, yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator
+) -> None:
     large = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] >= LARGE_M]
     if not large or rng.random() < 0.4:
         return
@@ -185,7 +189,7 @@ def _in_slots(
     placed: _Placed,
     view: CameraView,
     yard: Yard,
-    cast: tuple[Sort, ...],
+    cast: tuple[ObjectKind, ...],
     fleet: NDArray[np.int64] | None,
     rng: np.random.Generator,
 ) -> None:
@@ -208,7 +212,7 @@ def _anywhere(
     view: CameraView,
     yard: Yard,
     kinds: list[int],
-    cast: tuple[Sort, ...],
+    cast: tuple[ObjectKind, ...],
     rng: np.random.Generator,
     count: int,
     team: bool = False,

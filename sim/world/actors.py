@@ -15,7 +15,7 @@ from sim.world.scenario import Scenario
 from sim.world.traffic import RoadAgents, drive_road
 from sim.world.view import PERSON, STRANGER, UGV, Road, Scene
 
-__all__ = ["Cast", "Roles", "cast_roles", "play"]
+__all__ = ["Actors", "Roles", "cast_roles", "play"]
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Roles:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cast:
+class Actors:
     """The bodies, how they move, and the roads."""
 
     roles: Roles
@@ -77,11 +77,11 @@ def cast_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
     return Roles(role=role, system_id=system_id, kind=kind, size=size, color=color)
 
 
-def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Cast:
+def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Actors:
     """Move everybody over the time grid t (T,), which begins no later than 0."""
     roles = cast_roles(scenario, rng)
     if scenario.ground.kind in ("open", "parked"):
-        return Cast(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
+        return Actors(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
     path = _path(scenario, float(t[-1]), rng)
     if scenario.ground.kind == "formation":
         traffic, half_width = _in_formation(scenario, roles, path, t, rng), _formation_half_width(scenario)
@@ -91,7 +91,7 @@ def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Cast:
         road = Road(centre=path.xy, width=_road_width(scenario), lanes=scenario.ground.lanes)
         scene = Scene(roads=(road,))
     motion = joined(traffic, _roadside(scenario, roles, path, t, half_width, rng))
-    return Cast(roles=roles, motion=motion, scene=scene)
+    return Actors(roles=roles, motion=motion, scene=scene)
 
 
 def reach_m(scenario: Scenario) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from sim.world.motion import STEP_S
-from sim.world.scenario import Camera, Flight
+from sim.world.scenario import ScenarioCamera, ScenarioFlight
 
 __all__ = ["UavMotion", "UavTruth", "fly"]
 
@@ -47,7 +47,9 @@ class UavMotion:
         return UavTruth(p_enu=v[..., :3], v_enu=v[..., 3:6], yaw=v[..., 6], pitch=v[..., 7], roll=v[..., 8])
 
 
-def fly(t: FloatArray, filmed_xy: FloatArray, flight: Flight, camera: Camera, rng: np.random.Generator) -> UavMotion:
+def fly(
+    t: FloatArray, filmed_xy: FloatArray, flight: ScenarioFlight, camera: ScenarioCamera, rng: np.random.Generator
+) -> UavMotion:
     """Fly so that the filmed ground stays in view.
 
     Args:
@@ -79,7 +81,7 @@ def fly(t: FloatArray, filmed_xy: FloatArray, flight: Flight, camera: Camera, rn
     return UavMotion(t=t, values=np.concatenate([p, v, yaw[:, None], tilt], axis=1))
 
 
-def _roaming(t: FloatArray, flight: Flight, rng: np.random.Generator) -> FloatArray:
+def _roaming(t: FloatArray, flight: ScenarioFlight, rng: np.random.Generator) -> FloatArray:
     """(T, 2) ENU metres: twice as wide across the mean direction of view as along it."""
     if flight.roam_m == 0.0:
         return np.zeros((len(t), 2))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sim.world.motion import STEP_S, Motion
 from sim.world.roads import Path
-from sim.world.scenario import Ground
+from sim.world.scenario import ScenarioGround
 from sim.world.traffic import fleet_speed
 
 __all__ = ["drive_formation", "slots"]
@@ -37,7 +37,9 @@ def slots(formation: str, n: int, spacing_m: float) -> FloatArray:
     return centred
 
 
-def drive_formation(path: Path, t: FloatArray, places: FloatArray, ground: Ground, rng: np.random.Generator) -> Motion:
+def drive_formation(
+    path: Path, t: FloatArray, places: FloatArray, ground: ScenarioGround, rng: np.random.Generator
+) -> Motion:
     """Hold places (n, 2) relative to a point that moves along the path, to within the station keeping."""
     cruise = fleet_speed(t, ground.speed_mps, rng)
     reference = np.concatenate([[0.0], np.cumsum(cruise[:-1]) * STEP_S])

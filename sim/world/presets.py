@@ -6,7 +6,16 @@ import difflib
 from collections.abc import Callable
 
 from sim.errors import ScenarioError
-from sim.world.scenario import Camera, Flight, Gnss, Ground, Occlusion, Scenario, Targets, Timing
+from sim.world.scenario import (
+    Gnss,
+    Occlusion,
+    Scenario,
+    ScenarioCamera,
+    ScenarioFlight,
+    ScenarioGround,
+    ScenarioTiming,
+    Targets,
+)
 
 __all__ = ["PRESETS", "curved_road", "nominal", "preset"]
 
@@ -16,7 +25,7 @@ def nominal(seed: int = 1) -> Scenario:
     return Scenario(
         name="nominal",
         seed=seed,
-        ground=Ground(kind="curved", vehicles=7, spacing_m=8.0, lanes=2, bend_deg=35.0),
+        ground=ScenarioGround(kind="curved", vehicles=7, spacing_m=8.0, lanes=2, bend_deg=35.0),
         gnss=Gnss(white_m=0.3, bias_m=0.5),
     )
 
@@ -28,11 +37,11 @@ def curved_road(seed: int = 2) -> Scenario:
         seed=seed,
         duration_s=32.0,
         scenery="dressed",
-        ground=Ground(kind="curved", vehicles=6, outside=1, speed_mps=3.2, spacing_m=9.0, lanes=3),
-        flight=Flight(height_m=40.0, sway_m=0.8),
+        ground=ScenarioGround(kind="curved", vehicles=6, outside=1, speed_mps=3.2, spacing_m=9.0, lanes=3),
+        flight=ScenarioFlight(height_m=40.0, sway_m=0.8),
         gnss=Gnss(white_m=0.3, bias_m=0.6, tau_s=60.0),
-        camera=Camera(crf=31),
-        timing=Timing(rate_min_hz=5.0, rate_max_hz=5.0),
+        camera=ScenarioCamera(crf=31),
+        timing=ScenarioTiming(rate_min_hz=5.0, rate_max_hz=5.0),
         targets=Targets(parked_lookalikes=1),
         occlusions=(Occlusion(vehicle=0, t_s=20.0, duration_s=2.2),),
     )

@@ -17,18 +17,18 @@ from sim.errors import ScenarioError
 __all__ = [
     "FIRST_UGV_ID",
     "UAV_ID",
-    "Attitude",
     "Blackout",
-    "Camera",
-    "Detector",
-    "Fault",
-    "Flight",
     "Gnss",
-    "Ground",
     "Occlusion",
     "Scenario",
+    "ScenarioAttitude",
+    "ScenarioCamera",
+    "ScenarioDetector",
+    "ScenarioFault",
+    "ScenarioFlight",
+    "ScenarioGround",
+    "ScenarioTiming",
     "Targets",
-    "Timing",
 ]
 
 UAV_ID = 1
@@ -38,7 +38,7 @@ MOST_REPORTING = 240
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ground:
+class ScenarioGround:
     """The fleet and the ground it drives on."""
 
     kind: Literal["straight", "curved", "open", "formation", "parked"] = "curved"
@@ -76,7 +76,7 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flight:
+class ScenarioFlight:
     """How the UAV really flies."""
 
     height_m: Annotated[float, Meta(ge=3.0, le=500.0)] = 40.0
@@ -98,7 +98,7 @@ class Flight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Camera:
+class ScenarioCamera:
     """Intrinsics in pixels and mount, as in ``session.toml``."""
 
     width: int = 1920
@@ -139,7 +139,7 @@ class Gnss:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Attitude:
+class ScenarioAttitude:
     """Errors of what the vehicles say of their orientation."""
 
     compass_bias_deg: float = 0.0
@@ -160,7 +160,7 @@ class Attitude:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timing:
+class ScenarioTiming:
     """Clocks, rates and the radio."""
 
     video_offset_s: float = 0.0
@@ -180,7 +180,7 @@ class Timing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Detector:
+class ScenarioDetector:
     """What an oriented detector makes of the image."""
 
     pixel_noise: float = 1.0
@@ -235,7 +235,7 @@ class Blackout:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class ScenarioFault:
     """One vehicle's telemetry goes wrong."""
 
     vehicle: int
@@ -265,17 +265,17 @@ class Scenario:
     scenery: Literal["bare", "dressed"] = "bare"
     """What video shows beside the vehicles: nothing, or things and trees beside the road, another light, weathered
     ground and the camera's noise."""
-    ground: Ground = field(default_factory=Ground)
-    flight: Flight = field(default_factory=Flight)
-    camera: Camera = field(default_factory=Camera)
+    ground: ScenarioGround = field(default_factory=ScenarioGround)
+    flight: ScenarioFlight = field(default_factory=ScenarioFlight)
+    camera: ScenarioCamera = field(default_factory=ScenarioCamera)
     gnss: Gnss = field(default_factory=Gnss)
-    attitude: Attitude = field(default_factory=Attitude)
-    timing: Timing = field(default_factory=Timing)
-    detector: Detector = field(default_factory=Detector)
+    attitude: ScenarioAttitude = field(default_factory=ScenarioAttitude)
+    timing: ScenarioTiming = field(default_factory=ScenarioTiming)
+    detector: ScenarioDetector = field(default_factory=ScenarioDetector)
     targets: Targets = field(default_factory=Targets)
     occlusions: tuple[Occlusion, ...] = ()
     blackouts: tuple[Blackout, ...] = ()
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[ScenarioFault, ...] = ()
 
     def __post_init__(self) -> None:
         _check(self)
@@ -311,7 +311,7 @@ def _check(scenario: Scenario) -> None:
             f"scenario: [timing]: rate_min_hz is {timing.rate_min_hz}; it must not be above rate_max_hz, "
             f"{timing.rate_max_hz:g}"
         )
-    indexed: tuple[Occlusion | Fault, ...] = (*scenario.occlusions, *scenario.faults)
+    indexed: tuple[Occlusion | ScenarioFault, ...] = (*scenario.occlusions, *scenario.faults)
     named = [("vehicle", what.vehicle, what) for what in indexed]
     named += [("other", fault.other, fault) for fault in scenario.faults]
     for key, vehicle, what in named:

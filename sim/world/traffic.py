@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.world.motion import STEP_S, Motion
 from sim.world.roads import Path
-from sim.world.scenario import Ground
+from sim.world.scenario import ScenarioGround
 
 __all__ = ["RoadAgents", "drive_road", "fleet_speed", "lane_offset"]
 
@@ -46,7 +46,7 @@ class RoadAgents:
     """(n,) never changes lane."""
 
 
-def lane_offset(lane: IntArray | int, ground: Ground) -> FloatArray:
+def lane_offset(lane: IntArray | int, ground: ScenarioGround) -> FloatArray:
     """Metres to the right of the centre line of a lane's middle."""
     return (np.asarray(lane, dtype=np.float64) - 0.5 * (ground.lanes - 1)) * ground.lane_width_m
 
@@ -58,9 +58,11 @@ def fleet_speed(t: FloatArray, speed_mps: float, rng: np.random.Generator) -> Fl
     return np.asarray(speed_mps * (1.0 + 0.35 * waves))
 
 
-def drive_road(path: Path, t: FloatArray, agents: RoadAgents, ground: Ground, rng: np.random.Generator) -> Motion:
+def drive_road(
+    path: Path, t: FloatArray, agents: RoadAgents, ground: ScenarioGround, rng: np.random.Generator
+) -> Motion:
     """Drive all vehicles over the time grid t (T,)."""
-    traffic = _Traffic(path, agents, ground, rng)
+    traffic = _RoadState(path, agents, ground, rng)
     cruise = fleet_speed(t, ground.speed_mps, rng)
     reference = np.concatenate([[0.0], np.cumsum(cruise[:-1]) * STEP_S])
     shape = (len(t), len(agents.s))
@@ -72,10 +74,10 @@ def drive_road(path: Path, t: FloatArray, agents: RoadAgents, ground: Ground, rn
     return Motion(t=t, xy=xy, heading=theta + np.arctan(slope), speed=v * np.sqrt(1.0 + slope * slope))
 
 
-class _Traffic:
+class _RoadState:
     """State of all vehicles on the road at one instant."""
 
-    def __init__(self, path: Path, agents: RoadAgents, ground: Ground, rng: np.random.Generator) -> None:
+    def __init__(self, path: Path, agents: RoadAgents, ground: ScenarioGround, rng: np.random.Generator) -> None:
         n = len(agents.s)
         self._path, self._agents, self._ground, self._rng = path, agents, ground, rng
         self.s = agents.s.copy()

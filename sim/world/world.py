@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.actors import Cast, Roles, play
+from sim.world.actors import Actors, Roles, play
 from sim.world.camera import view_from
 from sim.world.flight import UavMotion, UavTruth, fly
 from sim.world.motion import time_grid
@@ -47,7 +47,7 @@ class World:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         t = time_grid(-LEAD_S, scenario.duration_s + TAIL_S)
-        self._cast: Cast = play(scenario, t, random_stream(scenario, "cast"))
+        self._cast: Actors = play(scenario, t, random_stream(scenario, "cast"))
         self._flight = self._fly(t)
         self._R_enu_ground = _sloping(scenario)
         self._canopies = self._place_canopies()

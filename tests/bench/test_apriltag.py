@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.apriltag.case import Case, Outcome, TagCount
+from bench.apriltag.case import TagCase, TagCount, TagOutcome
 from bench.apriltag.flight import CAMERAS, DIAGONAL_DEG, SIDES_M, camera_of, filmed, scenario_of, tags_of
 from bench.apriltag.suite import cases
 from bench.apriltag.tables import METHODS, report, shares, write_csv
@@ -129,8 +129,8 @@ def outcome(height_m=40.0, camera="1080p", **change):
         TagCount(side_m=s, boxes=10, plain=r // 2, read=r, known=10, wrong=0)
         for s, r in zip(SIDES_M, (2, 8), strict=True)
     )
-    base = Outcome(
-        case=Case(camera=camera, height_m=height_m, duration_s=5.0, fps=4.0), vehicle_px=70.0, tags=tags,
+    base = TagOutcome(
+        case=TagCase(camera=camera, height_m=height_m, duration_s=5.0, fps=4.0), vehicle_px=70.0, tags=tags,
         boxes=20, right=18, named=20, late_boxes=10, late_right=10,
     )  # fmt: skip
     return replace(base, **change)

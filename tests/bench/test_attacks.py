@@ -16,10 +16,10 @@ from bench.attacks import streams, takeover
 from bench.attacks.__main__ import ATTACKS, main
 from bench.attacks.actors import rover
 from bench.attacks.records import frames, recorded, sender_of, told
-from bench.attacks.report import Row, page, read_rows, write_rows
+from bench.attacks.report import AttackRow, page, read_rows, write_rows
 from bench.attacks.run import Flown, Options, believed_false_s, fly
-from bench.attacks.stage import TRUE, Door, Line, Sent
-from bench.attacks.wire import Voice, redated
+from bench.attacks.stage import TRUE, Door, PacketSchedule, StageCounts
+from bench.attacks.wire import ComponentEncoder, redated
 from tests.support.ports import free_port
 
 DEAF = """#!{python}
@@ -65,7 +65,7 @@ def event(t_s: float, text: str, level: str = "alarm", system_id: int = 11) -> d
 
 
 def flown(
-    options: Options, session: Path, sent: Sent, places: dict[int, tuple[float, float]], contested: bool = False
+    options: Options, session: Path, sent: StageCounts, places: dict[int, tuple[float, float]], contested: bool = False
 ) -> Flown:
     """A flight of 30 s after which each of these places was believed throughout."""
     rows = {
@@ -89,7 +89,7 @@ def test_records_are_those_that_pymavlink_reads():
 
 
 def test_packets_are_counted_for_whoever_sent_them_first(tmp_path):
-    voice, sent = Voice(11), Sent()
+    voice, sent = ComponentEncoder(11), StageCounts()
     packets = [voice.parameter(k) for k in range(4)]
     for raw in packets:
         sent.owners[raw][TRUE, 11] += 1
@@ -119,11 +119,11 @@ def test_a_false_place_counts_from_when_it_could_be_known(tmp_path, deaf):
     true = rover(11)
     east, north = true.east_m + 1000.0, true.north_m
     write_log(tmp_path / "session", [])
-    false = flown(deaf, tmp_path / "session", Sent(start_us=START_US), {11: (east, north)})
+    false = flown(deaf, tmp_path / "session", StageCounts(start_us=START_US), {11: (east, north)})
     assert believed_false_s(false.believed(11), true, 1000.0, 6.0, 16.0) == pytest.approx(10.2)
-    contested = flown(deaf, tmp_path / "session", Sent(start_us=START_US), {11: (east, north)}, contested=True)
+    contested = flown(deaf, tmp_path / "session", StageCounts(start_us=START_US), {11: (east, north)}, contested=True)
     assert believed_false_s(contested.believed(11), true, 1000.0, 6.0, 16.0) == 0.0
-    right = flown(deaf, tmp_path / "session", Sent(start_us=START_US), {11: (true.east_m, true.north_m)})
+    right = flown(deaf, tmp_path / "session", StageCounts(start_us=START_US), {11: (true.east_m, true.north_m)})
     assert believed_false_s(right.believed(11), true, 1000.0, 6.0, 16.0) == 0.0
 
 
@@ -133,7 +133,7 @@ def test_a_false_place_counts_from_when_it_could_be_known(tmp_path, deaf):
      (False, 4.0, 1, False)],
 )  # fmt: skip
 def test_a_takeover_is_held_only_with_an_alarm_in_time_and_nothing_lost(tmp_path, deaf, believed, alarm_s, lost, held):
-    case, voice, sent = takeover.CASES[0], Voice(11), Sent(start_us=START_US)
+    case, voice, sent = takeover.CASES[0], ComponentEncoder(11), StageCounts(start_us=START_US)
     packets = [voice.parameter(k) for k in range(10)]
     for raw in packets:
         sent.owners[raw][TRUE, 11] += 1
@@ -166,8 +166,8 @@ def test_names_that_are_none_are_refused(capsys):
 
 def test_results_are_kept_and_compared(tmp_path):
     rows = [
-        Row(attack="a", case="b|c", sent=10, lost=2, held=False, note="x"),
-        Row(attack="a", case="d", false_sent=5, alarm_s=1.25, held=True),
+        AttackRow(attack="a", case="b|c", sent=10, lost=2, held=False, note="x"),
+        AttackRow(attack="a", case="d", false_sent=5, alarm_s=1.25, held=True),
     ]
     write_rows(tmp_path / "rows.csv", rows)
     before = read_rows(tmp_path / "rows.csv")
@@ -180,17 +180,17 @@ def test_results_are_kept_and_compared(tmp_path):
 def test_a_real_flight_is_heard_told_and_ended(station):
     """The whole path in one flight: what is sent is recorded to the packet, told, and not hidden by three bytes."""
     port = free_port(socket.SOCK_STREAM)
-    rows: list[Row] = []
+    rows: list[AttackRow] = []
 
-    def beats(voice: Voice, door: Door) -> Line:
+    def beats(voice: ComponentEncoder, door: Door) -> PacketSchedule:
         party = (TRUE, voice.system_id)
-        return Line(party=party, make=lambda t_s: [voice.heartbeat()], send=door(), rate_hz=20.0)
+        return PacketSchedule(party=party, make=lambda t_s: [voice.heartbeat()], send=door(), rate_hz=20.0)
 
     done = fly(
         station,
         "heard",
         [13],
-        lambda door: [beats(Voice(i), door) for i in (1, 13)],
+        lambda door: [beats(ComponentEncoder(i), door) for i in (1, 13)],
         2.5,
         more=["-l", f"tcpin:127.0.0.1:{port}"],
         during=lambda flight, stage: rows.extend(streams.poison(port, flight.session)),

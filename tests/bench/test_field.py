@@ -8,7 +8,7 @@ import pytest
 from bench.field.explain import spans
 from bench.field.families import FAMILIES, label_of, scenario_of, seeds_of
 from bench.field.goals import GOALS, Goal, judge
-from bench.field.measure import EDGES, Tally, delays, matched_names, tally
+from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
 from bench.field.suite import Task, play, tasks_of
@@ -16,7 +16,7 @@ from bench.field.summary import Outcome, ece_of, percentile, summarise
 from bench.field.tables import report, write_reliability, write_sessions
 from bench.field.windows import METHODS, by_windows
 from gcs.report.score import Matched
-from sim.world.scenario import Attitude, Detector, Flight, Gnss, Ground, Scenario
+from sim.world.scenario import Gnss, Scenario, ScenarioAttitude, ScenarioDetector, ScenarioFlight, ScenarioGround
 from sim.world.world import World
 
 VERSIONS = [(number, hard) for number in FAMILIES for hard in (False, True)]
@@ -24,11 +24,11 @@ EASY = Scenario(
     seed=4,
     duration_s=4.8,
     fps=10.0,
-    ground=Ground(kind="open", vehicles=4, area_m=(36.0, 20.0)),
+    ground=ScenarioGround(kind="open", vehicles=4, area_m=(36.0, 20.0)),
     gnss=Gnss(white_m=0.02, bias_m=0.0, uav_bias_m=0.0, uav_white_m=0.0),
-    attitude=Attitude(noise_deg=0.0, ugv_heading_bias_deg=0.0, ugv_heading_noise_deg=0.0),
-    flight=Flight(tilt_sway_deg=0.0),
-    detector=Detector(pixel_noise=0.2, flip=0.0, angle_noise_deg=0.2, miss=0.05),
+    attitude=ScenarioAttitude(noise_deg=0.0, ugv_heading_bias_deg=0.0, ugv_heading_noise_deg=0.0),
+    flight=ScenarioFlight(tilt_sway_deg=0.0),
+    detector=ScenarioDetector(pixel_noise=0.2, flip=0.0, angle_noise_deg=0.2, miss=0.05),
 )
 
 
@@ -110,7 +110,7 @@ def test_a_scene_is_the_session_that_is_written(tmp_path, easy_scene):
 
 
 def test_projection_gives_no_answer_where_too_many_assignments_would_have_to_be_tried():
-    crowd = Ground(kind="open", vehicles=9, area_m=(44.0, 24.0))
+    crowd = ScenarioGround(kind="open", vehicles=9, area_m=(44.0, 24.0))
     scene = scene_of(dataclasses.replace(EASY, ground=crowd, duration_s=1.2))
     answers = {m: summarise([tally(matched_names(scene, said), 10.0)]) for m, said in by_windows(scene).items()}
     assert not answers["projection"].applicable
@@ -176,7 +176,7 @@ def test_spans_join_what_is_wrong_alike():
 
 
 def outcome(family, hard, label, right, named=100, **parts):
-    product = Tally(
+    product = BoxCounts(
         frames=10, ours=100, false=0, named=named, right=right, ours_named=named, false_named=0, answered=100,
         switches=0, swaps=0, wrong_sure_s=0.0, track_idf1=1.0, first_s=(0.1, 0.2),
     )  # fmt: skip

@@ -10,13 +10,13 @@ from assoc.methods.belief import fuse, masses
 from assoc.methods.projection import associate_by_projection
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
 from bench.latency import literal
-from bench.latency.measure import Timing, timed
+from bench.latency.measure import MethodTiming, timed
 from bench.latency.scenes import crowd, snap
 from bench.paper import figures
 from bench.paper.bytetrack import ByteTrack
 from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, evaluate
 from bench.paper.films import dense_road, false_box_road, field, film, paper_road
-from bench.paper.methods import METHODS, Noise
+from bench.paper.methods import METHODS, ConditionNoise
 from bench.paper.occlusion import KEEPERS, Kept, hidden_at_turns
 from bench.paper.rows import read, write
 from bench.paper.streams import walk
@@ -24,7 +24,7 @@ from bench.paper.tables import percent, pooled, published_at, write_tables
 from bench.paper.windows import windows
 from vision.detect.detections import Detections
 
-QUIET = Noise(position_m=0.0, topology=0.0)
+QUIET = ConditionNoise(position_m=0.0, topology=0.0)
 
 
 def short(scenario, seconds=2.4):
@@ -110,7 +110,7 @@ def test_without_noise_everybody_is_found(cut, name):
 
 
 def test_the_identifier_does_without_yaw_and_headings_and_stands_noise(cut):
-    noise = Noise(position_m=2.0, topology=2.0, report_every=2)
+    noise = ConditionNoise(position_m=2.0, topology=2.0, report_every=2)
     for name in ("identifier, yaw unknown", "identifier, no headings"):
         assert np.sum(METHODS[name](cut[0], noise).vehicle == cut[0].vehicle) >= 5
 
@@ -123,7 +123,7 @@ def test_who_the_reports_come_from_is_what_decides(cut):
 
 
 def test_fusion_names_every_box_with_a_mass(cut):
-    answer = METHODS["fusion"](cut[0], Noise(position_m=1.0, topology=1.0))
+    answer = METHODS["fusion"](cut[0], ConditionNoise(position_m=1.0, topology=1.0))
     assert (answer.vehicle >= 0).all() and (answer.confidence > 1.0 / 7.0).all()
 
 
@@ -173,7 +173,7 @@ def test_a_condition_counts_boxes_and_lists_what_was_missed():
     condition = Condition(
         experiment="false box",
         case="look-alike",
-        noise=Noise(position_m=6.0, topology=6.0),
+        noise=ConditionNoise(position_m=6.0, topology=6.0),
         methods=("projection", "TTS", "identifier"),
         flights=(short(false_box_road("look-alike", 1)),),
         boxes=7,
@@ -188,7 +188,7 @@ def test_a_condition_counts_boxes_and_lists_what_was_missed():
 
 
 def test_the_continuous_identifier_is_asked_on_every_frame():
-    noise, flights = Noise(position_m=0.0, topology=0.0), (short(field(1)),)
+    noise, flights = ConditionNoise(position_m=0.0, topology=0.0), (short(field(1)),)
     condition = Condition(
         experiment="field",
         case="flights",
@@ -242,8 +242,8 @@ def test_tables_show_published_theirs_and_ours_side_by_side(tmp_path):
 
 def test_measured_times_stand_beside_the_published_ones(tmp_path):
     (tmp_path / "latency").mkdir()
-    timing = Timing.of("projection", "ours", (7, 6), [0.004], [0.004])
-    write(tmp_path / "latency" / "latency.csv", Timing, [timing])
+    timing = MethodTiming.of("projection", "ours", (7, 6), [0.004], [0.004])
+    write(tmp_path / "latency" / "latency.csv", MethodTiming, [timing])
     (tmp_path / "paper").mkdir()
     write_tables(tmp_path / "paper", [], [], quick=False)
     text = (tmp_path / "paper" / "table_1.md").read_text()
@@ -311,7 +311,7 @@ def test_every_keeper_follows_a_flight():
 def test_times_are_of_single_calls():
     cpu, wall, results = timed(lambda k: np.array([k]), 3)
     assert len(cpu) == len(wall) == 3 and [int(r[0]) for r in results] == [0, 1, 2]
-    timing = Timing.of("x", "y", (7, 6), [0.001, 0.003, 0.002], [0.1, 0.1, 0.1])
+    timing = MethodTiming.of("x", "y", (7, 6), [0.001, 0.003, 0.002], [0.1, 0.1, 0.1])
     assert timing.cpu_median_ms == pytest.approx(2.0) and timing.wall_p95_ms == pytest.approx(100.0)
 
 

@@ -17,7 +17,7 @@ from bench.soak_report import Run, report
 from gcs.mission.mission import load_mission
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import TlogWriter
-from sim.faults.fault_frames import HEARTBEAT, Voice
+from sim.faults.fault_frames import HEARTBEAT, SenderEncoder
 
 KEY = bytes(range(32))
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -25,7 +25,7 @@ LINUX = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 def test_records_are_counted_by_system_over_all_segments(tmp_path):
     watch = LogWatch(tmp_path)
-    voices = (Voice(1), Voice(11, version=1), Voice(12, key=KEY))
+    voices = (SenderEncoder(1), SenderEncoder(11, version=1), SenderEncoder(12, key=KEY))
     for path in (tmp_path / "telemetry.tlog", tmp_path / "telemetry.1.tlog"):
         writer = TlogWriter(path)
         for k in range(30):
@@ -39,7 +39,7 @@ def test_records_are_counted_by_system_over_all_segments(tmp_path):
 
 def test_a_record_that_is_still_being_written_is_counted_later(tmp_path):
     watch = LogWatch(tmp_path)
-    record = bytes(8) + Voice(7).frame(0, HEARTBEAT, 0, 10, 3, 129, 4, 3)
+    record = bytes(8) + SenderEncoder(7).frame(0, HEARTBEAT, 0, 10, 3, 129, 4, 3)
     with (tmp_path / "telemetry.tlog").open("ab", buffering=0) as file:
         file.write(record + record[:15])
         watch.read()
@@ -82,6 +82,6 @@ def test_the_page_says_what_is_missing():
     chosen = argparse.Namespace(
         seconds=1000.0, rate=100.0, vehicles=2, video=Path("a.mp4"), fleet=["--flood", "5"], out=Path(), name="soak"
     )
-    page = report(run, chosen, image="")
+    page = report(run, chosen, plot="")
     assert "| packets sent by vehicles | 115 |" in page and "| not in the recording | 2 |" in page
     assert "+360.0 MB an hour" in page and "+0.0%; " in page and "-- --flood 5" in page

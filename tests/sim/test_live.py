@@ -14,9 +14,9 @@ from sim.errors import PlayError
 from sim.live import play
 from sim.telemetry.vehicle_telemetry import Spoken
 from sim.world.presets import curved_road
-from sim.world.scenario import Camera
+from sim.world.scenario import ScenarioCamera
 
-CAMERA = Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
+CAMERA = ScenarioCamera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
 SMALL = dataclasses.replace(curved_road(), camera=CAMERA, occlusions=())
 
 

@@ -10,14 +10,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim.errors import SessionWriteError
 from sim.session import frame_times, write_session
 from sim.world.presets import curved_road
-from sim.world.scenario import Blackout, Camera, Timing
+from sim.world.scenario import Blackout, ScenarioCamera, ScenarioTiming
 from sim.world.scenario_file import load_scenario
 
 SHORT = dataclasses.replace(
     curved_road(), duration_s=4.0, occlusions=(), blackouts=(Blackout(start_s=0.95, stop_s=1.95),)
 )
 SMALL = dataclasses.replace(
-    SHORT, duration_s=0.6, camera=Camera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
+    SHORT, duration_s=0.6, camera=ScenarioCamera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0)
 )
 
 
@@ -109,7 +109,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
 
 @pytest.mark.parametrize(("declared", "said"), [("exact", 0.35), ("zero", 0.0), ("auto", "auto")])
 def test_the_video_offset_is_in_the_stamps_and_declared_as_asked(declared, said, tmp_path):
-    scenario = dataclasses.replace(SHORT, timing=Timing(video_offset_s=0.35, declared_offset=declared))
+    scenario = dataclasses.replace(SHORT, timing=ScenarioTiming(video_offset_s=0.35, declared_offset=declared))
     t, stamps = frame_times(scenario)
     np.testing.assert_allclose((stamps - scenario.start_us) / 1e6 - t, 0.35, atol=1e-6)
     write_session(scenario, tmp_path / "s")

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.camera.calibrate_views import Board, View
+from vision.camera.calibrate_views import Board, BoardView
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import CORNER_PX
 from vision.errors import CameraError
@@ -57,7 +57,7 @@ class Calibration:
     """1σ of the pixel of a ray where it is least sure, which is a corner of the image."""
     tilt: float
     """Angle between board and image that a quarter of the views reach, rad."""
-    views: tuple[View, ...]
+    views: tuple[BoardView, ...]
     """Those that were used."""
     covered: NDArray[np.bool_]
     """(rows, columns) cells of the image in which a board was seen."""
@@ -68,7 +68,7 @@ class Calibration:
         return float(self.covered.mean())
 
 
-def calibrate(views: Sequence[View], board: Board, size: tuple[int, int]) -> Calibration:
+def calibrate(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -> Calibration:
     """Fit a camera to views, leave out those that do not fit, and fit again.
 
     Args:
@@ -146,7 +146,7 @@ class _Fit:
     """(n,) RMS of each view, px."""
 
 
-def _fit(views: Sequence[View], board: Board, size: tuple[int, int]) -> _Fit:
+def _fit(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -> _Fit:
     until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-9)
     corners = [view.corners.reshape(-1, 1, 2) for view in views]
     rms_px, K, lens, turns, places, _, _, errors = cv2.calibrateCameraExtended(
@@ -161,7 +161,7 @@ def _fit(views: Sequence[View], board: Board, size: tuple[int, int]) -> _Fit:
     )
 
 
-def _covariance(fit: _Fit, views: Sequence[View], board: Board) -> Floats:
+def _covariance(fit: _Fit, views: Sequence[BoardView], board: Board) -> Floats:
     """(9, 9) of :data:`PARAMETERS`, with the boards' poses unknown as well.
 
     With A_i, B_i the derivatives of the corners of view i by the camera and by its pose,
@@ -198,7 +198,7 @@ def _project(points: Floats, turn: Floats, place: Floats, fit: _Fit) -> tuple[Fl
     return uv[:, 0], derivatives[:, : 6 + len(PARAMETERS)]
 
 
-def _covered(views: Sequence[View], board: Board, size: tuple[int, int]) -> NDArray[np.bool_]:
+def _covered(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -> NDArray[np.bool_]:
     """Cells of the image that lie on a board, which is seen half a square beyond its corners."""
     seen = np.zeros((CELLS[1], CELLS[0]), np.uint8)
     scale = np.array(CELLS) / size

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vision.errors import CameraError
 from vision.video.video import Frame, VideoFile
 
-__all__ = ["Board", "View", "chosen", "find_view", "find_views"]
+__all__ = ["Board", "BoardView", "chosen", "find_view", "find_views"]
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class BoardView:
     """The board in one frame."""
 
     frame: int
@@ -70,7 +70,7 @@ class View:
 
 def find_views(
     video: VideoFile, board: Board, report: Callable[[int, int], None] = lambda done, total: None
-) -> tuple[list[View], int]:
+) -> tuple[list[BoardView], int]:
     """Sharp views of the whole board, and how many frames were looked at.
 
     Args:
@@ -88,7 +88,7 @@ def find_views(
     return views, len(range(0, video.n, step))
 
 
-def find_view(frame: Frame, board: Board) -> View | None:
+def find_view(frame: Frame, board: Board) -> BoardView | None:
     """The board in one frame, None where it is not whole."""
     grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
     height, width = grey.shape
@@ -105,15 +105,17 @@ def find_view(frame: Frame, board: Board) -> View | None:
     # middles of pixels stay in the middle: (x + 1/2) / scale − 1/2
     full = ((corners.reshape(-1, 1, 2) + 0.5) / scale - 0.5).astype(np.float32)
     refined = _refined(grey, full, board).reshape(-1, 2)
-    return View(frame=frame.index, corners=refined, blur_px=float(blur_px), pose=_pose(refined, board, (width, height)))
+    return BoardView(
+        frame=frame.index, corners=refined, blur_px=float(blur_px), pose=_pose(refined, board, (width, height))
+    )
 
 
-def chosen(views: Iterable[View], most: int) -> list[View]:
+def chosen(views: Iterable[BoardView], most: int) -> list[BoardView]:
     """At most so many views that differ from each other, the sharper one of two that do not; in order of the video."""
     sharpest_first = sorted(views, key=lambda view: view.blur_px)
     apart = APART
     while True:
-        kept: list[View] = []
+        kept: list[BoardView] = []
         for view in sharpest_first:
             if all(np.linalg.norm(view.pose - other.pose) >= apart for other in kept):
                 kept.append(view)

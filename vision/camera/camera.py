@@ -19,9 +19,9 @@ from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
 __all__ = [
+    "CameraPose",
     "Intrinsics",
     "Mount",
-    "Pose",
     "camera_pose",
     "footprint",
     "ground",
@@ -64,7 +64,7 @@ class Mount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pose:
+class CameraPose:
     """Where the camera is and how it is turned."""
 
     R_enu_cam: Floats
@@ -73,7 +73,9 @@ class Pose:
     """(3,) m."""
 
 
-def camera_pose(mount: Mount, p_enu: ArrayLike, R_enu_body: ArrayLike, R_enu_gimbal: ArrayLike | None = None) -> Pose:
+def camera_pose(
+    mount: Mount, p_enu: ArrayLike, R_enu_body: ArrayLike, R_enu_gimbal: ArrayLike | None = None
+) -> CameraPose:
     """Pose of the camera of a vehicle.
 
     Args:
@@ -86,15 +88,15 @@ def camera_pose(mount: Mount, p_enu: ArrayLike, R_enu_body: ArrayLike, R_enu_gim
     position = np.array(p_enu, dtype=np.float64)
     if R_enu_gimbal is not None and mount.kind == "stabilized":
         R_enu_gimbal = np.asarray(R_enu_gimbal, dtype=np.float64)
-        return Pose(R_enu_cam=R_enu_gimbal @ _turn_x(mount.roll) @ R_GIMBAL_CAM, p_enu=position)
+        return CameraPose(R_enu_cam=R_enu_gimbal @ _turn_x(mount.roll) @ R_GIMBAL_CAM, p_enu=position)
     R_enu_body = np.asarray(R_enu_body, dtype=np.float64)
     base = R_enu_body if mount.kind == "fixed" else R_ENU_NED @ _turn_z(_yaw(R_enu_body))
     # R_base_gimbal = Rz(yaw) · Ry(pitch) · Rx(roll)
     R_base_gimbal = _turn_z(mount.yaw) @ _turn_y(mount.pitch) @ _turn_x(mount.roll)
-    return Pose(R_enu_cam=base @ R_base_gimbal @ R_GIMBAL_CAM, p_enu=position)
+    return CameraPose(R_enu_cam=base @ R_base_gimbal @ R_GIMBAL_CAM, p_enu=position)
 
 
-def project(intrinsics: Intrinsics, pose: Pose, p_enu: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+def project(intrinsics: Intrinsics, pose: CameraPose, p_enu: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
     """Pixels of world points.
 
     Args:
@@ -110,7 +112,7 @@ def project(intrinsics: Intrinsics, pose: Pose, p_enu: ArrayLike) -> tuple[Float
     return intrinsics.pixels(p_cam)
 
 
-def ground(intrinsics: Intrinsics, pose: Pose, uv: ArrayLike, z: ArrayLike) -> Floats:
+def ground(intrinsics: Intrinsics, pose: CameraPose, uv: ArrayLike, z: ArrayLike) -> Floats:
     """Where the rays through pixels (..., 2) meet the level plane at height z (m, broadcast over ...).
 
     Returns:
@@ -124,20 +126,25 @@ def ground(intrinsics: Intrinsics, pose: Pose, uv: ArrayLike, z: ArrayLike) -> F
     return np.asarray(pose.p_enu + reach[..., None] * ray)
 
 
-def footprint(intrinsics: Intrinsics, pose: Pose, z: float) -> Floats | None:
+def footprint(intrinsics: Intrinsics, pose: CameraPose, z: float) -> Floats | None:
     """Corners of the image on the ground (4, 2) east, north m, top left first; None when one is above the horizon."""
     border = ground(intrinsics, pose, intrinsics.corners, z)[:, :2]
     return border if np.isfinite(border).all() else None
 
 
-def ground_sampling(intrinsics: Intrinsics, pose: Pose, z: float) -> float:
+def ground_sampling(intrinsics: Intrinsics, pose: CameraPose, z: float) -> float:
     """Ground metres per pixel across the line of sight at the middle of the image; NaN above the horizon."""
     middle = ground(intrinsics, pose, np.array([intrinsics.width / 2, intrinsics.height / 2]), z)
     return float(np.linalg.norm(middle - pose.p_enu) / np.sqrt(intrinsics.fx * intrinsics.fy))
 
 
 def image_warp(
-    intrinsics: Intrinsics, pose_from: Pose, pose_to: Pose, z: float, *, intrinsics_to: Intrinsics | None = None
+    intrinsics: Intrinsics,
+    pose_from: CameraPose,
+    pose_to: CameraPose,
+    z: float,
+    *,
+    intrinsics_to: Intrinsics | None = None,
 ) -> Floats:
     """Homography (3, 3) that carries pixels of the ground at height z from one image to another.
 
@@ -163,7 +170,7 @@ def image_warp(
     return _fit_homography(before[seen], after[seen]) if seen.sum() >= 8 else np.eye(3)
 
 
-def _plane(intrinsics: Intrinsics, pose: Pose, z: float) -> Floats:
+def _plane(intrinsics: Intrinsics, pose: CameraPose, z: float) -> Floats:
     """Homography from (east, north, 1) relative to the camera's foot to pixels: K Rᵀ [e1 e2 z·e3 − c]."""
     basis = np.array([[1.0, 0.0, -pose.p_enu[0]], [0.0, 1.0, -pose.p_enu[1]], [0.0, 0.0, z - pose.p_enu[2]]])
     return np.asarray(intrinsics.K @ pose.R_enu_cam.T @ basis)

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TypeVar
 
 __all__ = [
-    *("FrameReply", "Progress", "Report", "Request", "Settings", "decode", "encode"),
+    *("FrameReply", "Progress", "WorkerReport", "Request", "Settings", "decode", "encode"),
     *("SLOT_BYTES", "make_slot", "map_slot"),
 ]
 
@@ -26,7 +26,7 @@ class Message:
     """Base of all."""
 
 
-class Report(Message):
+class WorkerReport(Message):
     """From process to parent."""
 
 
@@ -55,7 +55,7 @@ class Request(Message):
 
 
 @dataclass(slots=True, kw_only=True)
-class FrameReply(Report):
+class FrameReply(WorkerReport):
     """Process to parent: the answer; ``index`` is -1 when there was none, else the frame is in the slot."""
 
     number: int
@@ -66,7 +66,7 @@ class FrameReply(Report):
 
 
 @dataclass(slots=True, kw_only=True)
-class Progress(Report):
+class Progress(WorkerReport):
     """Process to parent: how far it is."""
 
     patience_s: float

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.stream.messages import SLOT_BYTES, Report, Request, Settings, decode, encode, map_slot
+from vision.stream.messages import SLOT_BYTES, Request, Settings, WorkerReport, decode, encode, map_slot
 
 __all__ = ["Process"]
 
@@ -59,7 +59,7 @@ class Process:
         """Ask for the newest frame."""
         self._send(encode(Request(number=number, wait_s=wait_s)))
 
-    def hear(self, timeout_s: float) -> Report | None:
+    def hear(self, timeout_s: float) -> WorkerReport | None:
         """The next message, None when none comes in time.
 
         Raises:
@@ -69,7 +69,7 @@ class Process:
         try:
             if not self._reports.poll(timeout_s):
                 return None
-            return decode(self._reports.recv_bytes(1 << 20), Report)
+            return decode(self._reports.recv_bytes(1 << 20), WorkerReport)
         except OSError as error:
             raise EOFError from error
 

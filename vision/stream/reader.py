@@ -21,7 +21,7 @@ from vision.stream.newest import Newest
 from vision.stream.stamps import Coded, Stamps
 from vision.video.recording import DisplayOrder, Recording
 
-__all__ = ["Reader"]
+__all__ = ["StreamReader"]
 
 BEHIND_S = 0.4
 """Decoding has fallen behind when no packet had to be waited for this long; then none is up to the next key frame."""
@@ -34,7 +34,7 @@ REMEMBERED = 256
 """Places of frames that may still come out of the decoder."""
 
 
-class Reader:
+class StreamReader:
     """All connections of one process.
 
     Args:
@@ -55,7 +55,7 @@ class Reader:
         """Held while packets are numbered and recorded."""
         self._tell = tell
         self._told_s = 0.0
-        self._connection: _Connection | None = None
+        self._connection: _OpenStream | None = None
 
     def alive(self, patience_s: float = READING_PATIENCE_S) -> None:
         """Tell that all is well and when to expect the next word; not oftener than needed."""
@@ -81,7 +81,7 @@ class Reader:
         """
         self.progress.connections += 1
         self.progress.error = ""
-        self._connection = _Connection(self, source, paced)
+        self._connection = _OpenStream(self, source, paced)
         try:
             self._connection.run()
         finally:
@@ -103,10 +103,10 @@ class Reader:
             connection.list(self.order.flush())
 
 
-class _Connection:
+class _OpenStream:
     """Packets of one connection."""
 
-    def __init__(self, reader: Reader, source: Input, paced: bool) -> None:
+    def __init__(self, reader: StreamReader, source: Input, paced: bool) -> None:
         self._reader = reader
         self._source = source
         self._stream = source.stream

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from vision.stream.source import Codec
 
-__all__ = ["TICK_HZ", "Datagram", "Depacketizer", "Unit", "guess_codec", "parse"]
+__all__ = ["TICK_HZ", "Depacketizer", "RtpPacket", "Unit", "guess_codec", "parse"]
 
 TICK_HZ = 90_000
 START = b"\0\0\0\1"
@@ -26,7 +26,7 @@ MPEG_TS = 33
 
 
 @dataclass(frozen=True, slots=True)
-class Datagram:
+class RtpPacket:
     """An RTP packet."""
 
     sequence: int
@@ -54,7 +54,7 @@ class Unit:
     """Whether nothing of it was lost."""
 
 
-def parse(data: bytes) -> Datagram | None:
+def parse(data: bytes) -> RtpPacket | None:
     """RFC 3550, section 5.1; None when it is no RTP packet (or RTCP on the same port)."""
     if len(data) < 12 or data[0] >> 6 != 2 or 72 <= data[1] & 0x7F <= 76:
         return None
@@ -67,7 +67,7 @@ def parse(data: bytes) -> Datagram | None:
     end = len(data) - (data[-1] if first & 32 else 0)
     if begin >= end:
         return None
-    return Datagram(sequence, time, source, bool(second & 128), second & 127, data[begin:end])
+    return RtpPacket(sequence, time, source, bool(second & 128), second & 127, data[begin:end])
 
 
 def guess_codec(payload: bytes) -> Codec:
@@ -83,14 +83,14 @@ def guess_codec(payload: bytes) -> Codec:
 
 
 @dataclass(slots=True)
-class _Order:
+class _ReorderBuffer:
     """Datagrams by sequence number."""
 
     lost: int = 0
     _next: int | None = None
-    _waiting: dict[int, Datagram] = field(default_factory=dict)
+    _waiting: dict[int, RtpPacket] = field(default_factory=dict)
 
-    def put(self, datagram: Datagram) -> list[tuple[Datagram, bool]]:
+    def put(self, datagram: RtpPacket) -> list[tuple[RtpPacket, bool]]:
         """Those whose turn it is, each with whether one before it is missing."""
         if self._next is None:
             self._next = datagram.sequence
@@ -107,15 +107,15 @@ class _Order:
             turn += [(gap[0][0], True), *gap[1:]]
         return turn
 
-    def far(self, datagram: Datagram) -> bool:
+    def far(self, datagram: RtpPacket) -> bool:
         """Whether its number is none that could come now."""
         return not -BACK <= self._ahead(datagram) <= AHEAD
 
-    def _ahead(self, datagram: Datagram) -> int:
+    def _ahead(self, datagram: RtpPacket) -> int:
         """16 bits, counted on from the next one."""
         return 0 if self._next is None else (datagram.sequence - self._next + 0x8000) % 0x10000 - 0x8000
 
-    def _take(self) -> list[tuple[Datagram, bool]]:
+    def _take(self) -> list[tuple[RtpPacket, bool]]:
         assert self._next is not None
         turn = []
         while self._next in self._waiting:
@@ -135,9 +135,9 @@ class Depacketizer:
 
     def __init__(self, codec: Codec = "") -> None:
         self.codec = codec
-        self._order = _Order()
+        self._order = _ReorderBuffer()
         self._source: int | None = None
-        self._odd: Datagram | None = None
+        self._odd: RtpPacket | None = None
         self._time: int | None = None
         self._full_time = 0
         self._nals: list[bytes] = []
@@ -156,7 +156,7 @@ class Depacketizer:
             return None
         return self._full_time + (time - self._time + (1 << 31)) % (1 << 32) - (1 << 31)
 
-    def feed(self, datagram: Datagram) -> list[Unit]:
+    def feed(self, datagram: RtpPacket) -> list[Unit]:
         """The access units that are complete with this packet."""
         if self._source == datagram.source and not self._order.far(datagram):
             return self._put(datagram)
@@ -168,18 +168,18 @@ class Depacketizer:
             return []
         return self._change(before) + self._put(datagram)
 
-    def _change(self, datagram: Datagram) -> list[Unit]:
+    def _change(self, datagram: RtpPacket) -> list[Unit]:
         """Another sender, or the same from other numbers on."""
         self._odd = None
-        self._order, self._source = _Order(self._order.lost), datagram.source
+        self._order, self._source = _ReorderBuffer(self._order.lost), datagram.source
         units = self._finish()
         self._time = None
         return units + self._put(datagram)
 
-    def _put(self, datagram: Datagram) -> list[Unit]:
+    def _put(self, datagram: RtpPacket) -> list[Unit]:
         return [unit for packet, gap in self._order.put(datagram) for unit in self._take(packet, gap)]
 
-    def _take(self, packet: Datagram, gap: bool) -> list[Unit]:
+    def _take(self, packet: RtpPacket, gap: bool) -> list[Unit]:
         units: list[Unit] = []
         if gap:
             self._fragment, self._whole = None, False

@@ -22,7 +22,7 @@ from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
 from vision.stream.messages import SLOT_BYTES, FrameReply, Progress, Request, Settings, decode, encode, map_slot
 from vision.stream.port import Port, bind
-from vision.stream.reader import Reader
+from vision.stream.reader import StreamReader
 from vision.stream.source import parse_source
 from vision.video.frame_index import reason
 
@@ -53,7 +53,7 @@ class Child:
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._once = threading.Lock()
-        self._reader = Reader(settings, self._go_on, self._tell)
+        self._reader = StreamReader(settings, self._go_on, self._tell)
 
     def run(self) -> None:
         """Until told to stop, or a file's end."""

@@ -16,7 +16,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-__all__ = ["Batch", "Pool"]
+__all__ = ["Pool", "TrainingBatch"]
 
 SIDE = 256
 """Side of the images that training sees, cut from larger ones."""
@@ -26,7 +26,7 @@ LEAST_LENGTH_PX, LEAST_WIDTH_PX = 8.0, 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Batch:
+class TrainingBatch:
     """What one training step sees."""
 
     images: Tensor
@@ -60,7 +60,7 @@ class Pool:
                 self.seen.add(path.name)
         return sum(len(n) for n in self.n)
 
-    def batch(self, rng: np.random.Generator, size: int) -> Batch:
+    def batch(self, rng: np.random.Generator, size: int) -> TrainingBatch:
         """A random, augmented batch of (SIDE, SIDE) images."""
         made = []
         for _ in range(size):
@@ -74,14 +74,14 @@ class Pool:
             row[: len(own)] = own
         images = torch.from_numpy(np.stack([image for image, _ in made])).permute(0, 3, 1, 2).float() / 255.0
         real = np.less(np.arange(boxes.shape[1]), n[:, None])
-        return Batch(images=_light(images, rng), boxes=torch.from_numpy(boxes), real=torch.from_numpy(real))
+        return TrainingBatch(images=_light(images, rng), boxes=torch.from_numpy(boxes), real=torch.from_numpy(real))
 
-    def all(self) -> Batch:
+    def all(self) -> TrainingBatch:
         """Every image as it is, uint8, for evaluation."""
         images, boxes, n = np.concatenate(self.images), np.concatenate(self.boxes), np.concatenate(self.n)
         real = np.arange(boxes.shape[1]) < n[:, None]
         tensor = torch.from_numpy(images).permute(0, 3, 1, 2)
-        return Batch(images=tensor, boxes=torch.from_numpy(boxes), real=torch.from_numpy(real))
+        return TrainingBatch(images=tensor, boxes=torch.from_numpy(boxes), real=torch.from_numpy(real))
 
 
 def _cut(

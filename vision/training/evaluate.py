@@ -8,19 +8,19 @@ from numpy.typing import NDArray
 
 from vision.detect.decode_heatmap import decode
 from vision.detect.detections import Detections
-from vision.training.data import Batch
+from vision.training.data import TrainingBatch
 from vision.training.net import STRIDE, Net
 from vision.training.quality import Quality, measure
 
 __all__ = ["evaluate", "look"]
 
 
-def evaluate(net: Net, batch: Batch) -> Quality:
+def evaluate(net: Net, batch: TrainingBatch) -> Quality:
     """Run a network over a batch and measure it."""
     return measure(*look(net, batch))
 
 
-def look(net: Net, batch: Batch, chunk: int = 32) -> tuple[list[Detections], list[NDArray[np.float64]]]:
+def look(net: Net, batch: TrainingBatch, chunk: int = 32) -> tuple[list[Detections], list[NDArray[np.float64]]]:
     """What a network finds on each image of a batch, and what is there."""
     net.eval()
     found: list[Detections] = []

@@ -29,7 +29,7 @@ SCORE, PRECISION = 0.3, 0.85
 images: a false alarm costs an operator more than a vehicle found a frame later."""
 
 
-class _Graph:
+class _FloatGraph:
     """Nodes and weights as they are added; every method returns the name of its result."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ def to_onnx(net: Net, version: str, nominal_length_px: float = NOMINAL_LENGTH_PX
         is the greatest of its 3 × 3 neighbours, else 0; the other channels as in ``net``.
     """
     net.eval()
-    g = _Graph()
+    g = _FloatGraph()
     image = g.node("Transpose", g.node("Cast", "image", to=TensorProto.FLOAT), perm=[0, 3, 1, 2])
     stem_first, stem_second = net.stem
     # the stem's kernel takes 0..255 in place of 0..1
@@ -131,7 +131,7 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
     onnx.save(to_onnx(net, version), str(out))
 
 
-def _model(g: _Graph, version: str, nominal_length_px: float) -> onnx.ModelProto:
+def _model(g: _FloatGraph, version: str, nominal_length_px: float) -> onnx.ModelProto:
     image = helper.make_tensor_value_info("image", TensorProto.UINT8, [1, "height", "width", 3])
     out = helper.make_tensor_value_info("map", TensorProto.FLOAT, [1, 9, "rows", "columns"])
     graph = helper.make_graph(g.nodes, "rollcall-obb", [image], [out], g.weights)

@@ -28,7 +28,7 @@ import torch
 from torch import Tensor
 
 from vision.training.curves import draw_curves
-from vision.training.data import Batch, Pool
+from vision.training.data import Pool, TrainingBatch
 from vision.training.evaluate import evaluate, look
 from vision.training.export import PRECISION, export
 from vision.training.loss import losses
@@ -61,7 +61,7 @@ class Trainer:
         self.step_count = 0
         self.spent_s = 0.0
 
-    def step(self, batch: Batch, progress: float) -> dict[str, float]:
+    def step(self, batch: TrainingBatch, progress: float) -> dict[str, float]:
         """One update; ``progress`` 0..1 sets the learning rate: a warm-up, then half a cosine."""
         warm = min(1.0, (self.step_count + 1) / WARM_UP_STEPS)
         rate = self.rate * warm * (0.5 + 0.5 * math.cos(math.pi * min(progress, 1.0))) + 1e-6
@@ -169,7 +169,7 @@ def run(
         maker.wait()
 
 
-def _batches(pool: Pool, rng: np.random.Generator, count: int) -> Iterator[Batch]:
+def _batches(pool: Pool, rng: np.random.Generator, count: int) -> Iterator[TrainingBatch]:
     """Batches, the next made while one is learnt from."""
     with ThreadPoolExecutor(1) as maker:
         coming = maker.submit(pool.batch, rng, BATCH)

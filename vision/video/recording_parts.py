@@ -15,7 +15,7 @@ from vision.errors import VideoError
 from vision.video.frame_index import FrameIndex, FrameReader, open_video, read_index
 from vision.video.recording import FIRST_FRAME, START_US
 
-__all__ = ["Part", "read_parts"]
+__all__ = ["RecordingPart", "read_parts"]
 
 MOST_BETWEEN = 1_000_000
 """Frames between two files, nine hours of them: a file that goes on later than that has somebody else's number."""
@@ -24,7 +24,7 @@ _DIGITS = 18
 """Of a number that 64 bits hold."""
 
 
-class Part:
+class RecordingPart:
     """A file with the frames ``first`` to ``end`` − 1 of a recording.
 
     Attributes:
@@ -68,7 +68,7 @@ class Part:
             self._reader = None
 
 
-def read_parts(path: Path) -> tuple[Part, ...]:
+def read_parts(path: Path) -> tuple[RecordingPart, ...]:
     """A video file and those that go on with it, in order.
 
     Raises:
@@ -76,7 +76,7 @@ def read_parts(path: Path) -> tuple[Part, ...]:
     """
     try:
         index, (first, start_us) = read_index(path), _place(path)
-        parts = [Part(path, index, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
+        parts = [RecordingPart(path, index, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
     except VideoError:
         # a first file without a frame is no reason to do without the others
         parts = list(_following(path))
@@ -98,13 +98,13 @@ def read_parts(path: Path) -> tuple[Part, ...]:
     return tuple(part for part in parts if part.n > 0)
 
 
-def _following(path: Path) -> list[Part]:
-    parts: list[Part] = []
+def _following(path: Path) -> list[RecordingPart]:
+    parts: list[RecordingPart] = []
     for further in _numbered(path):
         try:
             first, start_us = _place(further)
             if first >= 0:
-                parts.append(Part(further, read_index(further), first, start_us))
+                parts.append(RecordingPart(further, read_index(further), first, start_us))
         except VideoError:
             # broken off before its first frame
             continue

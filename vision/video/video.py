@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vision.errors import VideoError
-from vision.video.recording_parts import Part, read_parts
+from vision.video.recording_parts import RecordingPart, read_parts
 
 __all__ = ["Frame", "VideoFile"]
 
@@ -49,7 +49,9 @@ class VideoFile:
         missing: frames between two files of which there is no image.
     """
 
-    def __init__(self, path: Path, parts: tuple[Part, ...], times_us: NDArray[np.int64], mismatch: int) -> None:
+    def __init__(
+        self, path: Path, parts: tuple[RecordingPart, ...], times_us: NDArray[np.int64], mismatch: int
+    ) -> None:
         self.path = path
         self.n = len(times_us)
         self.width, self.height = parts[0].index.width, parts[0].index.height
@@ -131,7 +133,7 @@ class VideoFile:
         return Frame(index=index, t_us=int(self.times_us[index]), image=image)
 
 
-def _elapsed_us(parts: tuple[Part, ...]) -> NDArray[np.int64]:
+def _elapsed_us(parts: tuple[RecordingPart, ...]) -> NDArray[np.int64]:
     """Time of every frame after the first, by the files' own time stamps; what is missing lies evenly between."""
     begin_us = parts[0].start_us
     known = np.concatenate([np.arange(part.first, part.end) for part in parts])

@@ -14,7 +14,7 @@ from gcs.session.event_log import EventLog
 from gcs.snapshot import Event
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog, TlogWriter
-from sim.faults.fault_frames import HEARTBEAT, TEXT, Voice
+from sim.faults.fault_frames import HEARTBEAT, TEXT, SenderEncoder
 from sim.faults.fault_texts import HOSTILE_TEXTS
 from tests.support.fake_station import START_US, FakeStation
 from tests.support.tui_pilot import running, screen_text
@@ -30,7 +30,7 @@ def pipeline(tmp_path):
 
 
 def flood(number, hz=1000.0):
-    voice = Voice(11)
+    voice = SenderEncoder(11)
     for k in range(number):
         t_us = START_US + round(k / hz * 1e6)
         words = HOSTILE_TEXTS[k % len(HOSTILE_TEXTS)].encode("utf-8", "replace")[:50]
@@ -67,7 +67,7 @@ def test_a_thousand_texts_a_second_cost_no_memory_and_none_is_lost(pipeline, tmp
 
 
 def test_other_vehicles_are_heard_through_a_flood(pipeline):
-    other = Voice(12)
+    other = SenderEncoder(12)
     for k, packet in enumerate(flood(3000)):
         pipeline.feed(packet)
         if k == 2000:
@@ -86,7 +86,7 @@ def test_a_sender_that_falls_silent_is_summed_up_all_the_same(pipeline):
 
 
 def test_arming_and_disarming_without_end_is_bounded_too(pipeline):
-    voice = Voice(11)
+    voice = SenderEncoder(11)
     told = 0
     for k in range(5000):
         t_us = START_US + k * 10_000

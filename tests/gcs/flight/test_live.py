@@ -22,12 +22,12 @@ from gcs.session.session import open_session
 from mavlink.tlog.log import Tlog
 from sim.live import play
 from sim.world.presets import nominal
-from sim.world.scenario import Camera
+from sim.world.scenario import ScenarioCamera
 from tests.support.ingest_runs import until
 from tests.support.ports import free_port
 from vision.video.video import VideoFile
 
-SMALL = Camera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
+SMALL = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
 SCENARIO = replace(nominal(3), camera=SMALL, duration_s=60.0)
 MISSION = """
 [uav]

@@ -15,9 +15,9 @@ from gcs.playback.analysis import Analysis
 from gcs.session.fold_order import FoldOrder
 from gcs.session.session import open_session
 from sim.world.presets import nominal
-from sim.world.scenario import Ground
+from sim.world.scenario import ScenarioGround
 
-SCENARIO = replace(nominal(3), ground=Ground(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
+SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
 
 FLIGHTS = {
     "another size, a second link, an impostor, processes killed": Troubles(

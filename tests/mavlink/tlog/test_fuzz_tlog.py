@@ -9,7 +9,7 @@ import pytest
 from bench.fuzz.damage import DAMAGES
 from bench.fuzz.frames import frame_pool
 from bench.fuzz.logs import compare, draw_case, fuzz_logs, run_case
-from bench.fuzz.marked import Truth, marked_log
+from bench.fuzz.marked import MarkedTruth, marked_log
 from bench.fuzz.report import logs_text, write_section
 from mavlink.tlog.check import check
 from mavlink.tlog.index import Damage, build_index
@@ -79,7 +79,7 @@ def test_the_same_seed_makes_the_same_log():
 
 def test_an_untouched_log_is_whole():
     frames = frame_pool()[:500]
-    truth = Truth(frames=frames, t_us=1_790_000_000_000_000 + np.arange(500) * 1000, order=">")
+    truth = MarkedTruth(frames=frames, t_us=1_790_000_000_000_000 + np.arange(500) * 1000, order=">")
     index = build_index(marked_log(truth, range(500)).data)
     assert index.damage == () and len(index) == 500
 

@@ -9,7 +9,7 @@ from sim.telemetry.merging import merged_boxes
 from sim.telemetry.sensors import Sensors
 from sim.world.formation import slots
 from sim.world.presets import nominal
-from sim.world.scenario import Detector, Fault, Flight, Gnss, Ground, Scenario
+from sim.world.scenario import Gnss, Scenario, ScenarioDetector, ScenarioFault, ScenarioFlight, ScenarioGround
 from sim.world.scenario_file import load_scenario, save_scenario
 from sim.world.view import ray_ground
 from sim.world.world import World
@@ -31,7 +31,9 @@ def test_a_triangle_formation_has_equal_sides():
 
 
 def test_a_rigid_formation_keeps_its_distances():
-    ground = Ground(kind="formation", formation="grid", vehicles=9, spacing_m=5.0, station_keeping_m=0.0, bend_deg=0.0)
+    ground = ScenarioGround(
+        kind="formation", formation="grid", vehicles=9, spacing_m=5.0, station_keeping_m=0.0, bend_deg=0.0
+    )
     world = World(base(ground=ground))
     first, last = (world.at(t).xy[:9] for t in (0.0, 18.0))
     np.testing.assert_allclose(first - first[0], last - last[0], atol=1e-6)
@@ -39,13 +41,13 @@ def test_a_rigid_formation_keeps_its_distances():
 
 
 def test_a_spoofed_vehicle_speaks_of_another_ones_place():
-    faults = (Fault(vehicle=2, kind="spoof", start_s=8.0, other=4),)
+    faults = (ScenarioFault(vehicle=2, kind="spoof", start_s=8.0, other=4),)
     sensors = Sensors(World(base(gnss=Gnss(white_m=0.0, bias_m=0.0), faults=faults)))
     said, after = sensors.ugv(2, T), T >= 8.0
     for vehicle, rows in ((2, ~after), (4, after)):
         np.testing.assert_allclose(said.p_enu[rows, :2], sensors.world.track_of(vehicle, T[rows])[0], atol=1e-9)
     with pytest.raises(ScenarioError, match="other = 9 of fault does not exist"):
-        base(faults=(Fault(vehicle=0, kind="spoof", start_s=1.0, other=9),))
+        base(faults=(ScenarioFault(vehicle=0, kind="spoof", start_s=1.0, other=9),))
 
 
 def test_changes_of_satellites_move_the_reports_in_steps():
@@ -58,7 +60,7 @@ def test_changes_of_satellites_move_the_reports_in_steps():
 
 
 def test_gyroscopes_say_how_the_attitude_goes_on():
-    turning = World(base(flight=Flight(yaw_rate_dps=12.0, tilt_sway_deg=3.0)))
+    turning = World(base(flight=ScenarioFlight(yaw_rate_dps=12.0, tilt_sway_deg=3.0)))
     quiet = dataclasses.replace(turning.scenario.attitude, noise_deg=0.0)
     sensors = Sensors(World(dataclasses.replace(turning.scenario, attitude=quiet)))
     now, later = (sensors.uav(T + dt, "attitude") for dt in (0.0, 0.1))
@@ -71,14 +73,14 @@ def test_gyroscopes_say_how_the_attitude_goes_on():
 
 
 def test_a_roaming_view_goes_to_and_fro():
-    still, roaming = (World(base(flight=Flight(roam_m=m, sway_m=0.0))) for m in (0.0, 20.0))
+    still, roaming = (World(base(flight=ScenarioFlight(roam_m=m, sway_m=0.0))) for m in (0.0, 20.0))
     gap = np.array([roaming.at(t).uav.p_enu[:2] - still.at(t).uav.p_enu[:2] for t in T])
     assert 15.0 < np.linalg.norm(gap, axis=1).max() < 25.0
     assert abs(gap.mean(axis=0)).max() < 8.0
 
 
 def test_sloping_ground_is_seen_and_reported_at_its_height():
-    ground = Ground(kind="straight", vehicles=5, slope_deg=5.0, uphill_deg=90.0)
+    ground = ScenarioGround(kind="straight", vehicles=5, slope_deg=5.0, uphill_deg=90.0)
     world = World(base(ground=ground, gnss=Gnss(white_m=0.0, bias_m=0.0)))
     said = Sensors(world).ugv(0, T)
     # the road runs east, uphill: z = tan 5° · east
@@ -109,8 +111,8 @@ def test_neighbours_come_as_one_box_that_holds_both():
 
 
 def test_a_detector_that_merges_sees_fewer_and_says_which_body():
-    ground = Ground(kind="curved", vehicles=8, lane_width_m=2.4, spacing_m=6.0)
-    apart, merging = (base(ground=ground, detector=Detector(miss=0.0, merge_lengths=m)) for m in (0.0, 1.6))
+    ground = ScenarioGround(kind="curved", vehicles=8, lane_width_m=2.4, spacing_m=6.0)
+    apart, merging = (base(ground=ground, detector=ScenarioDetector(miss=0.0, merge_lengths=m)) for m in (0.0, 1.6))
     counts = []
     for scenario in (apart, merging):
         world = World(scenario)
@@ -125,11 +127,13 @@ def test_a_detector_that_merges_sees_fewer_and_says_which_body():
 
 def test_the_new_knobs_are_saved_and_loaded(tmp_path):
     scenario = Scenario(
-        ground=Ground(kind="formation", formation="triangle", station_keeping_m=0.3, slope_deg=2.0, uphill_deg=40.0),
-        flight=Flight(roam_m=10.0),
+        ground=ScenarioGround(
+            kind="formation", formation="triangle", station_keeping_m=0.3, slope_deg=2.0, uphill_deg=40.0
+        ),
+        flight=ScenarioFlight(roam_m=10.0),
         gnss=Gnss(steps_per_min=1.0),
-        detector=Detector(merge_lengths=1.5),
-        faults=(Fault(vehicle=1, kind="spoof", start_s=3.0, other=2),),
+        detector=ScenarioDetector(merge_lengths=1.5),
+        faults=(ScenarioFault(vehicle=1, kind="spoof", start_s=3.0, other=2),),
     )
     save_scenario(scenario, tmp_path / "s.toml")
     assert load_scenario(tmp_path / "s.toml") == scenario

@@ -8,7 +8,16 @@ from sim.telemetry.sensors import Sensors, gauss_markov
 from sim.world.boxes import true_boxes
 from sim.world.earth import to_geodetic
 from sim.world.presets import nominal
-from sim.world.scenario import Attitude, Blackout, Detector, Fault, Gnss, Ground, Scenario, Targets
+from sim.world.scenario import (
+    Blackout,
+    Gnss,
+    Scenario,
+    ScenarioAttitude,
+    ScenarioDetector,
+    ScenarioFault,
+    ScenarioGround,
+    Targets,
+)
 from sim.world.world import World
 
 T = np.arange(0.0, 20.0, 0.2)
@@ -49,7 +58,7 @@ def test_a_wandering_bias_is_slow_and_differs_between_vehicles():
 def test_the_uavs_errors_are_as_ordered():
     sensors = flight(
         gnss=Gnss(uav_white_m=0.0, uav_bias_m=1.5, height_bias_m=0.7),
-        attitude=Attitude(compass_bias_deg=8.0, noise_deg=0.0),
+        attitude=ScenarioAttitude(compass_bias_deg=8.0, noise_deg=0.0),
     )
     reading, truth = sensors.uav(T, "position"), sensors.world.at_uav(T)
     error = reading.p_enu - truth.p_enu
@@ -63,7 +72,7 @@ def test_the_uavs_errors_are_as_ordered():
     [("jump", 12.0, lambda t: np.full_like(t, 12.0)), ("drift", 0.5, lambda t: 0.5 * (t - 10.0))],
 )
 def test_a_spoofed_vehicle_is_off_by_what_was_asked(kind, size, growth):
-    faults = (Fault(vehicle=2, kind=kind, start_s=10.0, size=size),)
+    faults = (ScenarioFault(vehicle=2, kind=kind, start_s=10.0, size=size),)
     good, bad = flight(), flight(faults=faults)
     off = np.linalg.norm(bad.ugv(2, T).p_enu - good.ugv(2, T).p_enu, axis=1)
     assert off[T < 9.99].max() == 0.0
@@ -72,21 +81,26 @@ def test_a_spoofed_vehicle_is_off_by_what_was_asked(kind, size, growth):
 
 
 def test_a_lagging_vehicle_speaks_of_the_past():
-    sensors = flight(gnss=Gnss(white_m=0.0, bias_m=0.0), faults=(Fault(vehicle=0, kind="lag", start_s=5.0, size=3.0),))
+    sensors = flight(
+        gnss=Gnss(white_m=0.0, bias_m=0.0), faults=(ScenarioFault(vehicle=0, kind="lag", start_s=5.0, size=3.0),)
+    )
     late = T >= 5.0
     want = sensors.world.track_of(0, T[late] - 3.0)[0]
     np.testing.assert_allclose(sensors.ugv(0, T).p_enu[late, :2], want, atol=1e-9)
 
 
 def test_a_frozen_vehicle_repeats_itself_to_the_bit():
-    reading = flight(faults=(Fault(vehicle=0, kind="frozen", start_s=5.0, stop_s=9.0),)).ugv(0, T)
+    reading = flight(faults=(ScenarioFault(vehicle=0, kind="frozen", start_s=5.0, stop_s=9.0),)).ugv(0, T)
     held = (T >= 5.0) & (T < 9.0)
     assert len(np.unique(reading.p_enu[held], axis=0)) == 1
     assert len(np.unique(reading.p_enu[~held], axis=0)) == (~held).sum()
 
 
 def test_zero_and_silent_are_marked():
-    faults = (Fault(vehicle=0, kind="zero", start_s=5.0, stop_s=6.0), Fault(vehicle=1, kind="silent", start_s=3.0))
+    faults = (
+        ScenarioFault(vehicle=0, kind="zero", start_s=5.0, stop_s=6.0),
+        ScenarioFault(vehicle=1, kind="silent", start_s=3.0),
+    )
     sensors = flight(faults=faults)
     assert np.array_equal(sensors.ugv(0, T).zeroed, (T >= 5.0) & (T < 6.0))
     assert [sensors.silent(1, t) for t in (2.9, 3.0, 19.0)] == [False, True, True]
@@ -101,7 +115,7 @@ def test_geodetic_agrees_with_an_independent_oracle():
 
 
 def test_the_detectors_noise_is_as_ordered():
-    detector = Detector(pixel_noise=1.5, angle_noise_deg=3.0, miss=0.1, flip=0.05)
+    detector = ScenarioDetector(pixel_noise=1.5, angle_noise_deg=3.0, miss=0.1, flip=0.05)
     world = World(dataclasses.replace(nominal(), detector=detector))
     model, rows, seen = DetectorModel(world), [], 0
     for k in range(300):
@@ -125,9 +139,9 @@ def test_the_detectors_noise_is_as_ordered():
 def test_clutter_blackouts_bursts_and_strangers():
     scenario = Scenario(
         duration_s=20.0,
-        ground=Ground(kind="parked", vehicles=4),
+        ground=ScenarioGround(kind="parked", vehicles=4),
         targets=Targets(still=1, persons=1, lookalikes=1),
-        detector=Detector(miss=0.0, clutter=0.5, bursts_per_min=6.0, heading_missing=True),
+        detector=ScenarioDetector(miss=0.0, clutter=0.5, bursts_per_min=6.0, heading_missing=True),
         blackouts=(Blackout(start_s=5.0, stop_s=6.0),),
     )
     world = World(scenario)

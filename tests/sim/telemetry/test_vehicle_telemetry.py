@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim.telemetry.vehicle_telemetry import speak
 from sim.world.camera import body_rotation
 from sim.world.presets import nominal
-from sim.world.scenario import Attitude, Camera, Fault, Gnss, Timing
+from sim.world.scenario import Gnss, ScenarioAttitude, ScenarioCamera, ScenarioFault, ScenarioTiming
 from sim.world.world import World
 
 CLEAN = Gnss(white_m=0.0, bias_m=0.0, uav_white_m=0.0, uav_bias_m=0.0)
@@ -70,8 +70,8 @@ def test_arrivals_are_in_order_and_sequences_without_gaps():
 def test_positions_are_those_of_the_world():
     world = flight(
         gnss=CLEAN,
-        attitude=Attitude(ugv_heading_noise_deg=0.0, ugv_heading_bias_deg=0.0, noise_deg=0.0),
-        timing=Timing(latency_s=0.0, jitter_s=0.0),
+        attitude=ScenarioAttitude(ugv_heading_noise_deg=0.0, ugv_heading_bias_deg=0.0, noise_deg=0.0),
+        timing=ScenarioTiming(latency_s=0.0, jitter_s=0.0),
     )
     pairs, start = parsed(world), world.scenario.start_us
     for vehicle in (0, 5):
@@ -92,7 +92,7 @@ def test_positions_are_those_of_the_world():
 
 
 def test_the_gimbals_quaternion_points_the_camera():
-    pairs = parsed(flight(camera=Camera(pitch_deg=-45.0, yaw_deg=20.0)))
+    pairs = parsed(flight(camera=ScenarioCamera(pitch_deg=-45.0, yaw_deg=20.0)))
     q = of(pairs, "GIMBAL_DEVICE_ATTITUDE_STATUS", 1)[0][1].q
     w, x, y, z = q
     forward = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)]
@@ -101,7 +101,7 @@ def test_the_gimbals_quaternion_points_the_camera():
 
 
 def test_boot_clocks_differ_and_drift_within_bounds():
-    pairs = parsed(flight(timing=Timing(latency_s=0.0, jitter_s=0.0, clock_ppm=150.0)))
+    pairs = parsed(flight(timing=ScenarioTiming(latency_s=0.0, jitter_s=0.0, clock_ppm=150.0)))
     zeros = set()
     for system_id in (1, 11, 12, 13):
         rows = [(p.t_us / 1e6, m.time_boot_ms / 1e3) for p, m in of(pairs, "GLOBAL_POSITION_INT", system_id)]
@@ -112,7 +112,7 @@ def test_boot_clocks_differ_and_drift_within_bounds():
 
 
 def test_latency_jitter_loss_and_rates():
-    world = flight(timing=Timing(latency_s=0.1, jitter_s=0.05, loss=0.2, rate_min_hz=1.0, rate_max_hz=10.0))
+    world = flight(timing=ScenarioTiming(latency_s=0.1, jitter_s=0.05, loss=0.2, rate_min_hz=1.0, rate_max_hz=10.0))
     pairs = parsed(world)
     seqs = [m.get_seq() for _, m in pairs if m.get_srcSystem() == 1]
     gaps = sum((b - a) % 256 - 1 for a, b in itertools.pairwise(seqs))
@@ -121,7 +121,7 @@ def test_latency_jitter_loss_and_rates():
     assert max(rates) - min(rates) > 1.0
     assert all(0.7 < rate < 11.5 for rate in rates)
     delay = []
-    quick = flight(timing=Timing(latency_s=0.0, jitter_s=0.0, rate_min_hz=1.0, rate_max_hz=10.0))
+    quick = flight(timing=ScenarioTiming(latency_s=0.0, jitter_s=0.0, rate_min_hz=1.0, rate_max_hz=10.0))
     on_time = {m.time_boot_ms: p.t_us for p, m in of(parsed(quick), "ATTITUDE", 1)}
     delay = [(p.t_us - on_time[m.time_boot_ms]) / 1e6 for p, m in of(pairs, "ATTITUDE", 1)]
     assert min(delay) == pytest.approx(0.1, abs=0.01)
@@ -129,7 +129,7 @@ def test_latency_jitter_loss_and_rates():
 
 
 def test_unknown_attitude_and_heading_are_left_out():
-    pairs = parsed(flight(attitude=Attitude(missing=True, ugv_heading_missing=True)))
+    pairs = parsed(flight(attitude=ScenarioAttitude(missing=True, ugv_heading_missing=True)))
     types = {m.get_type() for _, m in pairs}
     assert "ATTITUDE" not in types
     assert "GIMBAL_DEVICE_ATTITUDE_STATUS" not in types
@@ -137,7 +137,7 @@ def test_unknown_attitude_and_heading_are_left_out():
 
 
 def test_faults_reach_the_air():
-    faults = (Fault(vehicle=0, kind="silent", start_s=2.0), Fault(vehicle=1, kind="zero", start_s=2.0))
+    faults = (ScenarioFault(vehicle=0, kind="silent", start_s=2.0), ScenarioFault(vehicle=1, kind="zero", start_s=2.0))
     world = flight(faults=faults, gnss=Gnss(altitude_quirk_m=550.0))
     pairs, turn_us = parsed(world), world.scenario.start_us + 2_200_000
     assert max(p.t_us for p, m in pairs if m.get_srcSystem() == 11) < turn_us

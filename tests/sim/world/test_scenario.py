@@ -5,17 +5,20 @@ import pytest
 
 from sim.errors import ScenarioError
 from sim.world.presets import PRESETS, curved_road, preset
-from sim.world.scenario import Blackout, Detector, Fault, Gnss, Ground, Occlusion, Scenario
+from sim.world.scenario import Blackout, Gnss, Occlusion, Scenario, ScenarioDetector, ScenarioFault, ScenarioGround
 from sim.world.scenario_file import load_scenario, parse_scenario, save_scenario
 
 
 def full_scenario():
     return Scenario(
         name="full",
-        ground=Ground(kind="open", vehicles=4, outside=2, area_m=(50.0, 30.0)),
+        ground=ScenarioGround(kind="open", vehicles=4, outside=2, area_m=(50.0, 30.0)),
         occlusions=(Occlusion(vehicle=1, t_s=3.0),),
         blackouts=(Blackout(start_s=1.0, stop_s=2.0),),
-        faults=(Fault(vehicle=5, kind="jump", start_s=4.0, size=12.0), Fault(vehicle=0, kind="zero", start_s=2.0)),
+        faults=(
+            ScenarioFault(vehicle=5, kind="jump", start_s=4.0, size=12.0),
+            ScenarioFault(vehicle=0, kind="zero", start_s=2.0),
+        ),
     )
 
 
@@ -88,4 +91,4 @@ def test_presets_by_name():
 
 def test_every_knob_is_frozen():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Detector().miss = 1.0
+        ScenarioDetector().miss = 1.0

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from sim.world.camera import body_rotation, view_from
 from sim.world.flight import UavTruth
-from sim.world.scenario import Attitude, Camera, Scenario
+from sim.world.scenario import Scenario, ScenarioAttitude, ScenarioCamera
 from sim.world.view import project, ray_ground
 
 BARREL = (-0.12, 0.03, 0.001, -0.0015, 0.002)
@@ -22,14 +22,16 @@ def uav(yaw=0.0, pitch=0.0, roll=0.0, p=(3.0, -5.0, 40.0)):
 
 
 def view(attitude=None, **camera):
-    return view_from(Scenario(camera=Camera(**camera), attitude=Attitude(**(attitude or {}))), uav())
+    return view_from(Scenario(camera=ScenarioCamera(**camera), attitude=ScenarioAttitude(**(attitude or {}))), uav())
 
 
 @settings(max_examples=40, deadline=None)
 @example(yaw=0.0, pitch=-6.103515625e-05, roll=0.0, mount=-90.0, seed=0)
 @given(yaw=angles, pitch=tilts, roll=tilts, mount=st.floats(-90.0, -30.0), seed=st.integers(0, 99))
 def test_projection_is_opencvs(yaw, pitch, roll, mount, seed):
-    scenario = Scenario(camera=Camera(mount="fixed", pitch_deg=mount, yaw_deg=10.0, roll_deg=3.0, distortion=BARREL))
+    scenario = Scenario(
+        camera=ScenarioCamera(mount="fixed", pitch_deg=mount, yaw_deg=10.0, roll_deg=3.0, distortion=BARREL)
+    )
     v = view_from(scenario, uav(yaw, pitch, roll))
     rng = np.random.default_rng(seed)
     along = v.R_enu_cam @ np.array([0.0, 0.0, 30.0])
@@ -47,7 +49,7 @@ def test_projection_is_opencvs(yaw, pitch, roll, mount, seed):
 @settings(max_examples=40, deadline=None)
 @given(u=st.floats(0, 1920), v=st.floats(0, 1080), yaw=angles, pitch=st.floats(-90.0, -50.0), z=st.floats(0, 3))
 def test_a_pixels_ground_point_projects_back(u, v, yaw, pitch, z):
-    camera = view_from(Scenario(camera=Camera(pitch_deg=pitch, distortion=BARREL)), uav(yaw))
+    camera = view_from(Scenario(camera=ScenarioCamera(pitch_deg=pitch, distortion=BARREL)), uav(yaw))
     ground = ray_ground(camera, [u, v], z)
     assert ground[2] == pytest.approx(z, abs=1e-9)
     uv, front = project(camera, ground)
@@ -69,7 +71,7 @@ def test_mount_yaw_turns_image_up_from_the_nose():
 
 def test_a_stabilized_camera_ignores_tilt_and_a_fixed_one_does_not():
     level, tilted = uav(30.0), uav(30.0, 5.0, -4.0)
-    stabilized, fixed = Scenario(), Scenario(camera=Camera(mount="fixed"))
+    stabilized, fixed = Scenario(), Scenario(camera=ScenarioCamera(mount="fixed"))
     assert np.array_equal(view_from(stabilized, level).R_enu_cam, view_from(stabilized, tilted).R_enu_cam)
     assert np.array_equal(view_from(fixed, level).R_enu_cam, view_from(stabilized, level).R_enu_cam)
     # nose up: the camera looks ahead of the point below

@@ -8,20 +8,24 @@ import pytest
 from sim.errors import ScenarioError
 from sim.world.boxes import in_image, true_boxes, visible_share
 from sim.world.presets import curved_road, nominal
-from sim.world.scenario import Flight, Ground, Scenario, Targets
+from sim.world.scenario import Scenario, ScenarioFlight, ScenarioGround, Targets
 from sim.world.view import OCCLUDER
 from sim.world.world import World
 
 CROWD = Targets(still=2, moving=1, persons=2, lookalikes=2, parked_lookalikes=1)
 KINDS = {
-    "straight": Ground(kind="straight", vehicles=10, outside=2, lanes=2, stops_per_min=2.0, lane_changes_per_min=6.0),
-    "curved": Ground(kind="curved", vehicles=12, outside=2, lanes=3, stops_per_min=2.0, lane_changes_per_min=6.0),
-    "open": Ground(kind="open", vehicles=10, outside=2),
-    "line": Ground(kind="formation", formation="line", vehicles=5, spacing_m=4.0),
-    "column": Ground(kind="formation", formation="column", vehicles=5, outside=1, spacing_m=5.0),
-    "wedge": Ground(kind="formation", formation="wedge", vehicles=7, spacing_m=5.0),
-    "grid": Ground(kind="formation", formation="grid", vehicles=9, spacing_m=4.0),
-    "parked": Ground(kind="parked", vehicles=8, outside=1, spacing_m=4.0),
+    "straight": ScenarioGround(
+        kind="straight", vehicles=10, outside=2, lanes=2, stops_per_min=2.0, lane_changes_per_min=6.0
+    ),
+    "curved": ScenarioGround(
+        kind="curved", vehicles=12, outside=2, lanes=3, stops_per_min=2.0, lane_changes_per_min=6.0
+    ),
+    "open": ScenarioGround(kind="open", vehicles=10, outside=2),
+    "line": ScenarioGround(kind="formation", formation="line", vehicles=5, spacing_m=4.0),
+    "column": ScenarioGround(kind="formation", formation="column", vehicles=5, outside=1, spacing_m=5.0),
+    "wedge": ScenarioGround(kind="formation", formation="wedge", vehicles=7, spacing_m=5.0),
+    "grid": ScenarioGround(kind="formation", formation="grid", vehicles=9, spacing_m=4.0),
+    "parked": ScenarioGround(kind="parked", vehicles=8, outside=1, spacing_m=4.0),
 }
 
 
@@ -134,8 +138,8 @@ def test_bodies_end_with_the_occluders_and_begin_with_ours():
 
 
 def test_the_uav_keeps_an_oblique_camera_on_the_fleet():
-    flight = Flight(height_m=45.0, yaw_rate_dps=12.0, climb_mps=0.3)
-    base = Scenario(duration_s=20.0, ground=Ground(kind="open", vehicles=5, area_m=(20.0, 12.0)), flight=flight)
+    flight = ScenarioFlight(height_m=45.0, yaw_rate_dps=12.0, climb_mps=0.3)
+    base = Scenario(duration_s=20.0, ground=ScenarioGround(kind="open", vehicles=5, area_m=(20.0, 12.0)), flight=flight)
     for pitch in (-45.0, -35.0):
         world = World(
             base.__class__(
@@ -148,11 +152,11 @@ def test_the_uav_keeps_an_oblique_camera_on_the_fleet():
 
 def test_fifty_vehicles_for_a_minute_take_seconds():
     began = time.process_time()
-    World(Scenario(ground=Ground(kind="open", vehicles=50, area_m=(120.0, 70.0))))
-    World(Scenario(ground=Ground(kind="curved", vehicles=50, lanes=4)))
+    World(Scenario(ground=ScenarioGround(kind="open", vehicles=50, area_m=(120.0, 70.0))))
+    World(Scenario(ground=ScenarioGround(kind="curved", vehicles=50, lanes=4)))
     assert time.process_time() - began < 8.0
 
 
 def test_too_many_for_the_ground_is_refused():
     with pytest.raises(ScenarioError, match=r"do not fit on the ground"):
-        World(Scenario(ground=Ground(kind="parked", vehicles=60, area_m=(20.0, 10.0))))
+        World(Scenario(ground=ScenarioGround(kind="parked", vehicles=60, area_m=(20.0, 10.0))))

@@ -6,7 +6,7 @@ import pytest
 
 from tests.support.board_video import BoardCamera, poses
 from vision.camera.calibrate import PARAMETERS, calibrate, doubts
-from vision.camera.calibrate_views import BLURRED_PX, Board, View, chosen, find_view
+from vision.camera.calibrate_views import BLURRED_PX, Board, BoardView, chosen, find_view
 from vision.errors import CameraError
 from vision.video.video import Frame
 
@@ -31,7 +31,7 @@ def views(n=40, noise_px=0.1, seed=0, **how):
 
 def view(frame, corners, blur_px=1.5, pose=None):
     pose = np.array([frame, 0, 0, 0, 0], dtype=float) if pose is None else np.asarray(pose, dtype=float)
-    return View(frame=frame, corners=corners, blur_px=blur_px, pose=pose)
+    return BoardView(frame=frame, corners=corners, blur_px=blur_px, pose=pose)
 
 
 def found(calibration):

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from vision.camera.camera import (
     R_ENU_NED,
+    CameraPose,
     Intrinsics,
     Mount,
-    Pose,
     camera_pose,
     footprint,
     ground,
@@ -156,7 +156,7 @@ def test_warp_carries_ground_pixels_between_images(roll, pitch, yaw, bent):
 
 
 def test_warp_without_ground_below_is_the_identity():
-    low = Pose(R_enu_cam=nadir().R_enu_cam, p_enu=np.array([0.0, 0.0, 0.0]))
+    low = CameraPose(R_enu_cam=nadir().R_enu_cam, p_enu=np.array([0.0, 0.0, 0.0]))
     np.testing.assert_array_equal(image_warp(camera(), low, nadir(), 0.0), np.eye(3))
 
 

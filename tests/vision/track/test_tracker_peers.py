@@ -7,7 +7,7 @@ import pytest
 
 from bench.tracker.entrants import OURS, WITH_IDENTITIES, WITH_WARP
 from bench.tracker.scene import film
-from bench.tracker.scores import Score
+from bench.tracker.scores import TrackingScore
 from bench.tracker.sort import OcSort, Sort
 from bench.tracker_speed import compare, verdict
 from vision.detect.detections import Detections
@@ -21,7 +21,7 @@ def boxes(*centres):
 
 
 def scored(*frames):
-    score = Score()
+    score = TrackingScore()
     for vehicle, track in frames:
         score.see(np.array(vehicle), np.array(track))
     return score.switches, score.fragments, pytest.approx(score.idf1)
@@ -42,7 +42,7 @@ def test_scores_of_known_answers(frames, expected):
 
 
 def test_the_truth_scores_best():
-    score = Score()
+    score = TrackingScore()
     for frame in film(6, 1, 60):
         score.see(frame.vehicle, frame.vehicle)
     assert (score.switches, score.fragments, score.idf1) == (0, 0, 1.0)

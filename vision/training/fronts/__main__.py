@@ -26,7 +26,7 @@ from vision.errors import LabelError, VisionError
 from vision.training.fronts.cluster import Clusters, ends_apart, paired_kmeans
 from vision.training.fronts.collect import WIDE, Crops, collect_folder, collect_video, detector_of, read_crops
 from vision.training.fronts.features import features, guesses, pretrained
-from vision.training.fronts.learn import Plan, draw_curve, learn, logits_of, save
+from vision.training.fronts.learn import TrainingPlan, draw_curve, learn, logits_of, save
 from vision.training.fronts.quality import quality, write_quality
 from vision.training.fronts.sheets import (
     UNDECIDED,
@@ -141,7 +141,7 @@ def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, said: Cor
     log.info("%d of %d crops have a front", len(known), len(crops))
     if len(known) < LEAST:
         raise LabelError(f"{args.out / 'corrections.csv'}: too few crops have a front; say right or left of a cluster")
-    plan = Plan(seed=args.seed, steps=args.steps, side=args.side, margin=margin, every=max(args.steps // 10, 1))
+    plan = TrainingPlan(seed=args.seed, steps=args.steps, side=args.side, margin=margin, every=max(args.steps // 10, 1))
     _forget_if_changed(args.out, known, right, plan)
     facing = np.zeros(len(crops), dtype=bool)
     facing[known] = right
@@ -159,7 +159,7 @@ def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, said: Cor
     log.info("wrote %s; name it as [detector] front in a mission file", args.out / "front.onnx")
 
 
-def _forget_if_changed(out: Path, known: np.ndarray, right: np.ndarray, plan: Plan) -> None:
+def _forget_if_changed(out: Path, known: np.ndarray, right: np.ndarray, plan: TrainingPlan) -> None:
     """Other labels or steps need another training."""
     path, now = out / "labels.csv", f"# {plan}\n"
     now += "".join(f"{crop},{'right' if front else 'left'}\n" for crop, front in zip(known, right, strict=True))

@@ -25,7 +25,7 @@ SCALE = ".scale"
 Weights = Mapping[str, NDArray[np.float32]]
 
 
-class _Graph:
+class _Int8Graph:
     """Nodes and weights as they are added; every method returns the name of its result."""
 
     def __init__(self, weights: Weights) -> None:
@@ -77,7 +77,7 @@ def to_onnx(weights: Weights, side: int, metadata: Mapping[str, str]) -> onnx.Mo
     Returns:
         A model: ``crops`` (N, 3, side, side) float32 normalised RGB → ``logits`` (N, classes) float32.
     """
-    g = _Graph(weights)
+    g = _Int8Graph(weights)
     x = g.node("Relu", g.conv_norm("crops", "conv1", "bn1", 2))
     x = g.node("MaxPool", x, kernel_shape=[3, 3], strides=[2, 2], pads=[1] * 4)
     for stage in range(1, STAGES + 1):

@@ -19,9 +19,9 @@ from torch import Tensor
 from vision.training.curves import plot, read_columns
 from vision.training.fronts.export import metadata, to_onnx
 from vision.training.fronts.resnet import ResNet18
-from vision.training.fronts.vehicles import Batch, Vehicles, crops_of
+from vision.training.fronts.vehicles import CropBatch, Vehicles, crops_of
 
-__all__ = ["Plan", "draw_curve", "learn", "logits_of", "save"]
+__all__ = ["TrainingPlan", "draw_curve", "learn", "logits_of", "save"]
 
 log = logging.getLogger(__name__)
 WARM_UP = 0.05
@@ -31,7 +31,7 @@ WEIGHT_DECAY = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class TrainingPlan:
     """What a run is determined by."""
 
     seed: int = 0
@@ -46,7 +46,7 @@ class Plan:
     """Steps between looks at the held-out vehicles, each with a checkpoint."""
 
 
-def learn(net: ResNet18, vehicles: Vehicles, held_out: Vehicles, plan: Plan, out: Path) -> None:
+def learn(net: ResNet18, vehicles: Vehicles, held_out: Vehicles, plan: TrainingPlan, out: Path) -> None:
     """Train a network in place; writes ``checkpoint.pt`` and ``learning.csv`` and goes on from the former.
 
     Every step draws from a generator seeded by the seed and the step's number, so a run that was stopped goes on as if
@@ -75,7 +75,9 @@ def learn(net: ResNet18, vehicles: Vehicles, held_out: Vehicles, plan: Plan, out
     net.eval()
 
 
-def logits_of(net: ResNet18, vehicles: Vehicles, plan: Plan, seed: int = 0) -> tuple[NDArray[np.float32], Batch]:
+def logits_of(
+    net: ResNet18, vehicles: Vehicles, plan: TrainingPlan, seed: int = 0
+) -> tuple[NDArray[np.float32], CropBatch]:
     """(n, classes) of one jittered crop of every vehicle, the same for the same seed; and those crops."""
     batch = _batch(vehicles, np.random.default_rng([seed, 1]), plan, light=False)
     net.eval()
@@ -84,7 +86,7 @@ def logits_of(net: ResNet18, vehicles: Vehicles, plan: Plan, seed: int = 0) -> t
     return torch.cat(parts).numpy(), batch
 
 
-def save(net: ResNet18, plan: Plan, trained_on: str, path: Path) -> None:
+def save(net: ResNet18, plan: TrainingPlan, trained_on: str, path: Path) -> None:
     """Write a trained network as a model for ``vision.detect.front``."""
     weights = {name: value.numpy() for name, value in net.state_dict().items()}
     notes = metadata(plan.seed, plan.classes, plan.margin, trained_on)
@@ -110,7 +112,7 @@ class _Mean:
         self.loss, self.right, self.n = self.loss + loss * n, self.right + right, self.n + n
 
 
-def _batch(vehicles: Vehicles, rng: np.random.Generator, plan: Plan, *, light: bool) -> Batch:
+def _batch(vehicles: Vehicles, rng: np.random.Generator, plan: TrainingPlan, *, light: bool) -> CropBatch:
     return crops_of(vehicles, rng, side=plan.side, margin=plan.margin, classes=plan.classes, light=light)
 
 
@@ -119,7 +121,7 @@ def _pace(progress: float) -> float:
     return min(1.0, (progress + 1e-3) / WARM_UP) * (0.5 + 0.5 * math.cos(math.pi * progress))
 
 
-def _step(net: ResNet18, optimiser: torch.optim.Optimizer, batch: Batch, rate: float) -> tuple[float, int, int]:
+def _step(net: ResNet18, optimiser: torch.optim.Optimizer, batch: CropBatch, rate: float) -> tuple[float, int, int]:
     for group in optimiser.param_groups:
         group["lr"] = rate
     net.train()
@@ -134,7 +136,7 @@ def _step(net: ResNet18, optimiser: torch.optim.Optimizer, batch: Batch, rate: f
     return float(loss.detach()), int((logits.argmax(dim=1) == label).sum()), len(label)
 
 
-def _note(net: ResNet18, held_out: Vehicles, plan: Plan, out: Path, step: int, seen: _Mean) -> None:
+def _note(net: ResNet18, held_out: Vehicles, plan: TrainingPlan, out: Path, step: int, seen: _Mean) -> None:
     logits, batch = logits_of(net, held_out, plan)
     right = float((logits.argmax(axis=1) == batch.label).mean()) if len(held_out) else math.nan
     row = {"step": step, "loss": seen.loss / seen.n, "accuracy": seen.right / seen.n, "held_out": right}

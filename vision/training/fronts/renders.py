@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vision.training.fronts.learn import Plan, draw_curve, learn, save
+from vision.training.fronts.learn import TrainingPlan, draw_curve, learn, save
 from vision.training.fronts.quality import quality, write_quality
 from vision.training.fronts.resnet import ResNet18, load_weights
 from vision.training.fronts.vehicles import Vehicles
@@ -47,7 +47,7 @@ def _render(folder: Path, seed: int, shards: int) -> Vehicles:
     return read_shards(folder)
 
 
-def run(out: Path, plan: Plan, shards: int, weights: Path | None) -> None:
+def run(out: Path, plan: TrainingPlan, shards: int, weights: Path | None) -> None:
     """Render what is missing, train, export, measure."""
     held_out = _render(out / "held_out", HELD_OUT_SEED, 2)
     vehicles = _render(out / "pool", 1000 * plan.seed, shards)
@@ -74,7 +74,7 @@ def main() -> None:
     args = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
     torch.set_num_threads(args.threads)
-    plan = Plan(seed=args.seed, steps=args.steps, rate=args.rate, classes=4)
+    plan = TrainingPlan(seed=args.seed, steps=args.steps, rate=args.rate, classes=4)
     run(args.out, plan, args.shards, args.weights)
 
 

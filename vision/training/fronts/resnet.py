@@ -14,12 +14,12 @@ from torch import Tensor, nn
 from vision.errors import ModelError
 from vision.training.fronts.export import read_weights
 
-__all__ = ["Block", "ResNet18", "load_weights"]
+__all__ = ["ResNet18", "ResidualBlock", "load_weights"]
 
 WIDTHS = (64, 128, 256, 512)
 
 
-class Block(nn.Module):  # type: ignore[misc]  # torch is not typed here
+class ResidualBlock(nn.Module):  # type: ignore[misc]  # torch is not typed here
     """Two 3 × 3 convolutions and a way past them."""
 
     def __init__(self, inputs: int, outputs: int, stride: int) -> None:
@@ -47,10 +47,10 @@ class ResNet18(nn.Module):  # type: ignore[misc]  # torch is not typed here
         self.conv1 = nn.Conv2d(3, WIDTHS[0], 7, 2, 3, bias=False)
         self.bn1 = nn.BatchNorm2d(WIDTHS[0])
         self.maxpool = nn.MaxPool2d(3, 2, 1)
-        self.layer1 = nn.Sequential(Block(64, 64, 1), Block(64, 64, 1))
-        self.layer2 = nn.Sequential(Block(64, 128, 2), Block(128, 128, 1))
-        self.layer3 = nn.Sequential(Block(128, 256, 2), Block(256, 256, 1))
-        self.layer4 = nn.Sequential(Block(256, 512, 2), Block(512, 512, 1))
+        self.layer1 = nn.Sequential(ResidualBlock(64, 64, 1), ResidualBlock(64, 64, 1))
+        self.layer2 = nn.Sequential(ResidualBlock(64, 128, 2), ResidualBlock(128, 128, 1))
+        self.layer3 = nn.Sequential(ResidualBlock(128, 256, 2), ResidualBlock(256, 256, 1))
+        self.layer4 = nn.Sequential(ResidualBlock(256, 512, 2), ResidualBlock(512, 512, 1))
         self.fc = nn.Linear(512, classes)
         for module in self.modules():
             if isinstance(module, nn.Conv2d):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vision.detect.front_crops import rectify
 
-__all__ = ["MEAN", "STD", "Batch", "Vehicles", "crops_of", "jittered", "planes_of"]
+__all__ = ["MEAN", "STD", "CropBatch", "Vehicles", "crops_of", "jittered", "planes_of"]
 
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -47,7 +47,7 @@ class Vehicles:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Batch:
+class CropBatch:
     """What a network sees."""
 
     planes: NDArray[np.float32]
@@ -58,7 +58,7 @@ class Batch:
 
 def crops_of(
     vehicles: Vehicles, rng: np.random.Generator, *, side: int, margin: float, classes: int, light: bool
-) -> Batch:
+) -> CropBatch:
     """A crop of every vehicle, turned at random, its box as inexact as a detector's.
 
     Args:
@@ -76,7 +76,7 @@ def crops_of(
     if light:
         crops, label = _mirrored(crops, label, rng, classes)
         crops = _lit(crops, rng)
-    return Batch(planes=planes_of(crops), label=label)
+    return CropBatch(planes=planes_of(crops), label=label)
 
 
 def planes_of(crops: Image) -> NDArray[np.float32]:

@@ -1,0 +1,22 @@
+"""A class name stands for one thing in the whole product."""
+
+import ast
+from collections import defaultdict
+from pathlib import Path
+
+ROOMS = ("gcs", "mavlink", "vision", "assoc", "sim", "infra", "bench")
+KNOWN = {
+    *("Allowance", "Camera", "Commands", "Heartbeat", "Ingest", "Journal", "Look", "Notice", "Piece", "Place"),
+    *("Receiver", "Row", "Signing", "Speaker", "Stream", "Vehicle", "View"),
+}
+"""Names that still stand in two places; none may be added."""
+
+
+def test_no_class_name_stands_in_two_places():
+    places = defaultdict(set)
+    for path in (path for room in ROOMS for path in Path(room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                places[node.name.lstrip("_")].add(str(path))
+    double = {name: found for name, found in places.items() if len(found) > 1}
+    assert not {name: found for name, found in double.items() if name not in KNOWN}
