@@ -1,47 +1,43 @@
-"""Who holds a port, where the system says so."""
+"""Why a port cannot be had, with who holds it where the system says so."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import errno
 from typing import Literal
 
-__all__ = ["owner_of"]
+import psutil
 
-_PROC = Path("/proc")
+from infra.plain_text import plain
+from mavlink.errors import LinkError
+from mavlink.links.url import LinkUrl
+
+__all__ = ["cannot_listen", "owner_of"]
+
+_Protocol = Literal["udp", "tcp"]
 
 
-def owner_of(protocol: Literal["udp", "tcp"], port: int) -> str:
-    """`` by process <id> (<name>)`` that holds a port, empty when it cannot be told.
+def cannot_listen(url: LinkUrl, protocol: _Protocol, error: Exception) -> LinkError:
+    """The error to raise when binding failed."""
+    if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+        held = f"{protocol.upper()} port {url.port} is in use{owner_of(protocol, url.port)}"
+        return LinkError(f"{url.name}: {held}; stop it or use another")
+    return LinkError(f"{url.name}: cannot listen: {error}")
+
+
+def owner_of(protocol: _Protocol, port: int) -> str:
+    """`` by process <id> (<name>)`` that holds a port, empty when it cannot be told: another user's, say.
 
     Of several the eldest is named: a station that lends its sockets to processes of its own is what a user would stop.
+    Looks at every process, some tens of milliseconds: for errors only.
     """
-    try:
-        inodes = _inodes((_PROC / "net" / protocol).read_text().splitlines()[1:], port)
-        holders = _processes_with(inodes) if inodes else []
-    except OSError:
-        return ""
+    holders = []
+    for process in psutil.process_iter():
+        try:
+            if any(held.laddr and held.laddr.port == port for held in process.net_connections(f"{protocol}4")):
+                holders.append((process.create_time(), process.pid, process.name()))
+        except (psutil.Error, OSError):
+            continue  # gone meanwhile, or somebody else's
     if not holders:
         return ""
     _, process_id, name = min(holders)
-    return f" by process {process_id} ({name})"
-
-
-def _inodes(lines: list[str], port: int) -> set[str]:
-    fields = (line.split() for line in lines)
-    return {field[9] for field in fields if len(field) > 9 and int(field[1].rpartition(":")[2], 16) == port}
-
-
-def _processes_with(inodes: set[str]) -> list[tuple[int, int, str]]:
-    """Start (ticks since boot, proc(5)), id and name of each process that holds one of these sockets."""
-    wanted = {f"socket:[{inode}]" for inode in inodes}
-    holders = []
-    for process in _PROC.iterdir():
-        if not process.name.isdigit():
-            continue
-        try:
-            if any(str(handle.readlink()) in wanted for handle in (process / "fd").iterdir()):
-                stat, name = ((process / file).read_text(errors="replace") for file in ("stat", "comm"))
-                holders.append((int(stat.rpartition(")")[2].split()[19]), int(process.name), name.strip()))
-        except OSError:
-            continue  # gone meanwhile, or somebody else's
-    return holders
+    return f" by process {process_id} ({plain(name)})"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import socket
 import time
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import Batch, Claim
 from mavlink.links.byte_stream import Connection, FrameStream
 from mavlink.links.counters import now_us
-from mavlink.links.port_owner import owner_of
+from mavlink.links.port_owner import cannot_listen
 from mavlink.links.report import LinkReport
 from mavlink.links.tcp_client import DEFAULT_PORT, tcp_connection
 from mavlink.links.url import LinkUrl, network_url
@@ -194,8 +193,5 @@ def _listen(url: LinkUrl) -> socket.socket:
         server.setblocking(False)
     except (OSError, UnicodeError) as error:
         server.close()
-        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            text = f"{url.name}: TCP port {url.port} is in use{owner_of('tcp', url.port)}; stop it or use another"
-            raise LinkError(text) from None
-        raise LinkError(f"{url.name}: cannot listen: {error}") from error
+        raise cannot_listen(url, "tcp", error) from error
     return server

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import socket
 import time
 from collections.abc import Callable
@@ -12,7 +11,7 @@ from infra.stamped_udp import open_stamped_udp
 from mavlink.errors import LinkError
 from mavlink.links.base import LinkOptions
 from mavlink.links.counters import now_us
-from mavlink.links.port_owner import owner_of
+from mavlink.links.port_owner import cannot_listen
 from mavlink.links.report import LinkReport
 from mavlink.links.udp_link import UdpLink
 from mavlink.links.url import LinkUrl, network_url
@@ -159,10 +158,7 @@ def _bind(url: LinkUrl) -> socket.socket:
         sock.bind((url.host, url.port))
     except (OSError, UnicodeError) as error:
         sock.close()
-        if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            text = f"{url.name}: UDP port {url.port} is in use{owner_of('udp', url.port)}; stop it or use another"
-            raise LinkError(text) from None
-        raise LinkError(f"{url.name}: cannot listen: {error}") from error
+        raise cannot_listen(url, "udp", error) from error
     return sock
 
 

@@ -1,54 +1,79 @@
-"""Who holds a port, on a system made of files."""
+"""Who holds a port."""
 
-from __future__ import annotations
+import os
+import socket
+import subprocess
+import sys
+from types import SimpleNamespace
 
-from pathlib import Path
-
+import psutil
 import pytest
 
-import mavlink.links.port_owner
 from mavlink.links.port_owner import owner_of
+from tests.support.ports import free_port
 
+HOST = "127.0.0.1"
 PORT = 14550
-TABLE = "  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode\n"
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell everybody")
 
 
-def holds(proc: Path, process_id: int, *, name: str = "python", start_ticks: int, inode: int = 77) -> None:
-    """A process with one socket, as proc(5) shows it."""
-    (proc / f"{process_id}" / "fd").mkdir(parents=True)
-    (proc / f"{process_id}" / "fd" / "5").symlink_to(f"socket:[{inode}]")
-    (proc / f"{process_id}" / "comm").write_text(f"{name}\n")
-    fields = ["S", *["0"] * 18, f"{start_ticks}", *["0"] * 30]
-    (proc / f"{process_id}" / "stat").write_text(f"{process_id} ({name}) {' '.join(fields)}\n")
+class Held:
+    """A process with one UDP socket, as psutil shows it."""
+
+    def __init__(self, pid, *, name="python", began_s, port=PORT, error=None):
+        self.pid, self._name, self._began_s, self._port, self._error = pid, name, began_s, port, error
+
+    def net_connections(self, kind):
+        if self._error:
+            raise self._error
+        unbound, bound = SimpleNamespace(laddr=()), SimpleNamespace(laddr=SimpleNamespace(port=self._port))
+        return [unbound, bound] if kind == "udp4" else []
+
+    def create_time(self):
+        return self._began_s
+
+    def name(self):
+        return self._name
 
 
 @pytest.fixture
-def proc(tmp_path, monkeypatch):
-    (tmp_path / "net").mkdir()
-    row = f"   1: 0100007F:{PORT:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000     0        0 77 2 0 0\n"
-    (tmp_path / "net" / "udp").write_text(TABLE + row)
-    monkeypatch.setattr(mavlink.links.port_owner, "_PROC", tmp_path)
-    return tmp_path
+def processes(monkeypatch):
+    held = []
+    monkeypatch.setattr(psutil, "process_iter", lambda: iter(held))
+    return held
 
 
 @pytest.mark.parametrize("child", [426, 31761], ids=["ids began again", "ids in order"])
-def test_a_station_is_named_not_the_process_it_lent_its_socket(proc, child):
-    holds(proc, 31760, name="gcs fly", start_ticks=5000)
-    holds(proc, child, start_ticks=5004)
-    holds(proc, 3, name="somebody else", start_ticks=1, inode=78)
+def test_a_station_is_named_not_the_process_it_lent_its_socket(processes, child):
+    processes += [
+        Held(3, name="somebody else", began_s=1.0, port=PORT + 1),
+        Held(child, began_s=50.04),
+        Held(31760, name="gcs fly", began_s=50.0),
+    ]
     assert owner_of("udp", PORT) == " by process 31760 (gcs fly)"
 
 
-def test_a_name_with_brackets_and_foreign_bytes_is_read(proc):
-    holds(proc, 9, name="a) S (b 1", start_ticks=7)
-    (proc / "9" / "comm").write_bytes(b"a) \xff\n")
-    assert owner_of("udp", PORT) == " by process 9 (a) \ufffd)"
+def test_a_name_with_brackets_and_foreign_bytes_is_one_plain_line(processes):
+    processes.append(Held(9, name="a) \udcff\n", began_s=7.0))
+    assert owner_of("udp", PORT) == " by process 9 (a) \ufffd\ufffd)"
 
 
-def test_nobody_is_named_where_nothing_can_be_told(proc):
+def test_nobody_is_named_where_nothing_can_be_told(processes):
     assert owner_of("udp", PORT) == ""
-    assert owner_of("udp", PORT + 1) == ""
-    assert owner_of("tcp", PORT) == ""
-    holds(proc, 9, start_ticks=7)
-    (proc / "9" / "stat").unlink()
-    assert owner_of("udp", PORT) == ""
+    for error in (psutil.AccessDenied(9), psutil.NoSuchProcess(9), PermissionError()):
+        processes[:] = [Held(9, began_s=7.0, error=error)]
+        assert owner_of("udp", PORT) == ""
+    processes[:] = [Held(9, began_s=7.0)]
+    assert owner_of("udp", PORT + 1) == "" == owner_of("tcp", PORT)
+
+
+@LINUX
+def test_a_socket_that_was_handed_to_a_child_is_this_process_s():
+    port = free_port()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind((HOST, port))
+        wait = "import sys; sys.stdin.read()"
+        with subprocess.Popen([sys.executable, "-c", wait], stdin=subprocess.PIPE, pass_fds=[sock.fileno()]) as child:
+            told = owner_of("udp", port)
+            child.stdin.close()
+    assert told.startswith(f" by process {os.getpid()} (")
