@@ -18,10 +18,10 @@ from gcs.session.session import mission_table
 from gcs.snapshot import Event
 from infra.plain_text import from_cell, plain, to_cell
 from mavlink.tlog.writer import TlogWriter
-from tests.gcs.session.test_identity_log import box, snapshot
 from tests.support.bundled import swarm_session
 from tests.support.command_line import run_gcs
 from tests.support.fake_station import HOSTILE
+from tests.support.snapshots import box, snapshot
 
 FORGED = "x\ngcs: all is well\x1b[31m\u202e\x9b"
 NAMES = {

@@ -4,8 +4,8 @@ import socket
 import time
 
 from infra.files.segments import segments
-from mavlink.protocol.encoder import Speaker
 from mavlink.tlog.log import Tlog
+from tests.support.waiting import until
 
 HOST = "127.0.0.1"
 PIECE = 200
@@ -28,13 +28,6 @@ def wait_for(ingest, count, timeout_s=10.0):
         late = time.monotonic() >= stop_s
         packets += ingest.read(0.1)
     return packets
-
-
-def until(condition, timeout_s=10.0):
-    stop_s = time.monotonic() + timeout_s
-    while not condition() and time.monotonic() < stop_s:
-        time.sleep(0.02)
-    return condition()
 
 
 def recorded(folder):
@@ -69,8 +62,3 @@ def send(sock, port, frames, taken):
 def bearable(ingest, rate):
     """A rate of which the system keeps two seconds in the buffer that it has granted; a datagram takes 832 bytes."""
     return min(rate, ingest.health().links[0].buffer_bytes / 832 / 2.0)
-
-
-def some_frames(count):
-    speakers = [Speaker(k + 1) for k in range(20)]
-    return [speakers[k % 20].heartbeat(custom_mode=k) for k in range(count)]

@@ -3,6 +3,11 @@
 import os
 import random
 import socket
+import sys
+
+import pytest
+
+needs_socket_filters = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
 
 _SLOTS = 8
 _WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]) % _SLOTS
@@ -21,3 +26,11 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
                 continue
             return port
     raise OSError("no port is left")
+
+
+def udp_socket():
+    """One that is bound to a port of its own and never waits."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind(("127.0.0.1", 0))
+    sock.setblocking(False)
+    return sock

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 import av
 
+from tests.support.numbered_video import FPS, GOP, image
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, GOP, image
 
 PATH = "/main"
 _SDP = (

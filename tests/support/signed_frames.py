@@ -21,6 +21,13 @@ def ring_of(*system_ids, default=None):
     return KeyRing(keys={i: Key(secret_of(i)) for i in system_ids}, default=Key(default) if default else None)
 
 
+def shown_anywhere(text, secret):
+    """Whether a text holds a secret in any of the ways that Python or people write bytes."""
+    ways = [secret.hex(), secret.hex().upper(), repr(secret)[2:-1], repr(bytearray(secret)), str(list(secret))]
+    parts = [way[k : k + 16] for way in ways for k in range(0, max(len(way) - 16, 1), 8)]
+    return any(part in text for part in parts)
+
+
 class Sender:
     """One vehicle that speaks through pymavlink, signed unless told otherwise."""
 

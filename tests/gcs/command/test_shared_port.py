@@ -11,8 +11,8 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
 from mavlink.transmit.transmitter import Outgoing
 from tests.support.fake_autopilot import FakeVehicle, rover
-from tests.support.ingest_runs import until
 from tests.support.ports import free_port
+from tests.support.waiting import until
 
 
 def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):

@@ -23,8 +23,8 @@ from mavlink.tlog.log import Tlog
 from sim.live import play
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioCamera
-from tests.support.ingest_runs import until
 from tests.support.ports import free_port
+from tests.support.waiting import until
 from vision.video.video import VideoFile
 
 SMALL = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)

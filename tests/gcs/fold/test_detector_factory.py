@@ -5,7 +5,7 @@ import pytest
 
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
-from tests.support.front_model import brightest_side, classifier, constant
+from tests.support.onnx_models import brightest_side, classifier, constant
 from tests.support.paths import ROOT
 from vision.errors import ModelError
 

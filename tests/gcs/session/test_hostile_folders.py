@@ -19,9 +19,9 @@ from infra.files.restorable_file import KeptFile
 from infra.files.safe_open import create, is_shared, open_to_append, read_small
 from mavlink.errors import TlogError
 from mavlink.tlog.log import Tlog
-from tests.gcs.session.test_metadata import MISSION
-from tests.mavlink.tlog.test_writer import expected
+from tests.support.frames import records
 from tests.support.ports import free_port
+from tests.support.snapshots import ONE_UGV
 
 MISSION_TOML = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n"
 INTERRUPTED = MISSION_TOML + "[session]\nformat = 1\nstarted = 2026-11-20T10:33:12Z\n"
@@ -32,7 +32,7 @@ def interrupted(parent, name, toml=INTERRUPTED):
     folder = parent / name
     folder.mkdir()
     (folder / "session.toml").write_text(toml)
-    (folder / "telemetry.tlog").write_bytes(expected(10))
+    (folder / "telemetry.tlog").write_bytes(records(10))
     return folder
 
 
@@ -92,9 +92,9 @@ def test_a_flight_starts_and_seals_the_good_session_among_the_bad_ones(tmp_path)
     assert victim.read_text() == "mine"
     assert (secret / "session.toml").read_text() == SECRET
     assert (reading / "session.toml").is_symlink()
-    for folder, records in ((good, 10), (linked, 10), (piped_log, 0)):
+    for folder, packets in ((good, 10), (linked, 10), (piped_log, 0)):
         notes = tomllib.loads((folder / "session.toml").read_text())["session"]
-        assert (notes["interrupted"], notes["packets"]) == (True, records), folder
+        assert (notes["interrupted"], notes["packets"]) == (True, packets), folder
     assert not list(sessions.glob("*/*.new")) or list(sessions.glob("*/*.new")) == [linked / "session.toml.new"]
     told = [line for line in said.splitlines() if "seal" in line]
     assert sum("; sealed" in line for line in told) == 3
@@ -140,7 +140,7 @@ def test_what_a_flight_notes_of_itself_follows_no_link(tmp_path):
     with pytest.raises(FileExistsError):
         KeptFile(tmp_path / "video.mkv")
     (tmp_path / "session.toml").symlink_to(victim)
-    SessionFile(tmp_path, MISSION).close({})
+    SessionFile(tmp_path, ONE_UGV).close({})
     assert victim.read_text() == "mine"
     assert not (tmp_path / "session.toml").is_symlink()
     assert not (tmp_path / "absent").exists()

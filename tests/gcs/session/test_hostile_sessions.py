@@ -19,10 +19,10 @@ from gcs.session.identity_replay import recorded
 from gcs.session.session import open_session
 from gcs.session.tables import MOST_BOXES, read_table
 from infra.session_format import TableFormat
-from tests.gcs.session.test_metadata import MISSION
-from tests.mavlink.tlog.test_writer import packet
 from tests.support.bundled import swarm_session
 from tests.support.command_line import run_gcs
+from tests.support.frames import packet
+from tests.support.snapshots import ONE_UGV
 from vision.errors import VideoError
 from vision.video.video import VideoFile
 
@@ -205,7 +205,7 @@ def test_an_identity_log_of_others_is_shown_as_far_as_it_goes(tmp_path):
     path.write_text(header + "".join(bad) + good)
     assert read_identity(path).skipped == len(bad)
     said = []
-    (shot,) = recorded(path, MISSION, None, said.append)
+    (shot,) = recorded(path, ONE_UGV, None, said.append)
     assert said == [f"{path}: {len(bad)} rows could not be used"]
     assert [box.system_id for box in shot.boxes] == [2]
 

@@ -6,42 +6,14 @@ import pytest
 from gcs.cli.rollcall import say_rollcall
 from gcs.errors import GcsError, SessionError
 from gcs.export import export_format
-from gcs.mission.mission import Mission, Vehicle
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import EventLog
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.identity_replay import recorded
-from gcs.snapshot import Box, Event, Health, Snapshot, VehicleRow
+from gcs.snapshot import Event
 from infra.session_format import IDENTITY
+from tests.support.snapshots import TWO_UGVS, box, snapshot
 from vision.video.video import VideoFile
-
-MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
-
-
-def box(track_id, system_id, **change):
-    place = {"cx": 10.0 * track_id, "cy": 20.0, "w": 30.0, "h": 15.0, "angle": 0.5, "heading": 2.0, "score": 0.9}
-    return Box(track_id=track_id, system_id=system_id, confidence=0.98, **place | change)
-
-
-def snapshot(frame=0, *, boxes=(), image=None, events=()):
-    rows = tuple(
-        VehicleRow(system_id=i, name=MISSION.name_of(i), role="uav" if i == 1 else "ugv", in_view=i == 2)
-        for i in (1, 2, 3)
-    )
-    return Snapshot(
-        t_us=1_795_171_704_000_000 + 100_000 * frame,
-        frame=frame,
-        width=64,
-        height=48,
-        image=image,
-        vehicles=rows,
-        boxes=tuple(boxes),
-        footprint_enu=None,
-        uav_enu=np.zeros(3),
-        uav_heading=0.0,
-        health=Health(),
-        events=tuple(events),
-    )
 
 
 def test_rows_have_the_columns_and_unknown_is_empty(tmp_path):
@@ -84,7 +56,7 @@ def test_a_log_read_back_says_the_same(tmp_path):
         for each in before:
             log.write(each)
     assert len(read_identity(tmp_path / "identity.csv")) == 6
-    after = list(recorded(tmp_path / "identity.csv", MISSION, None))
+    after = list(recorded(tmp_path / "identity.csv", TWO_UGVS, None))
     assert [s.t_us for s in after] == [s.t_us for s in before]
     said = [[(b.track_id, b.system_id, b.cx) for b in s.boxes] for s in after]
     assert said == [[(1, 2, 10.0), (2, 0, 20.0)]] * 3
@@ -121,7 +93,7 @@ def test_film_export_keeps_the_frames_times(tmp_path):
 
 
 def test_roll_call_counts_what_was_seen(capsys):
-    calls = RollCall(MISSION)
+    calls = RollCall(TWO_UGVS)
     for frame in range(4):
         calls.add(snapshot(frame, boxes=[box(1, 2 if frame else 0), box(2, 0)]))
     assert (calls.named, calls.boxes, calls.unnamed) == (1, 8, 5)

@@ -17,8 +17,7 @@ from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.writer import TlogWriter
-from tests.vision.video.test_video import steady
-from tests.vision.video.test_video import write as clip
+from tests.support.numbered_video import steady, write_clip
 
 T0 = 1_790_000_000_000_000
 HOUR_US = 3_600_000_000
@@ -89,7 +88,7 @@ def test_a_flight_with_frames_and_a_dead_radio_is_a_recording_too(tmp_path):
     (tmp_path / "frames.csv").write_text("frame,time_us\n" + "".join(f"{k},{T0 + k * 40_000}\n" for k in range(10)))
     with pytest.raises(TlogError, match="empty file"):
         write(tmp_path, b"")
-    clip(tmp_path / "video.mp4", steady(10))
+    write_clip(tmp_path / "video.mp4", steady(10))
     (tmp_path / "detections.csv").write_text("frame,cx,cy,w,h,angle,score,heading\n")
     log = write(tmp_path, b"", b"")
     assert (len(log), log.start_us, log.stop_us, list(log.packets())) == (0, 0, 0, [])

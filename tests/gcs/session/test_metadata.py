@@ -9,22 +9,21 @@ from pathlib import Path
 
 import pytest
 
-from gcs.mission.mission import Mission, Vehicle
 from gcs.session.metadata import SessionFile, recorded_folders, seal
 from gcs.session.recorder import Recorder
 from gcs.session.session import open_session
-from tests.mavlink.tlog.test_writer import expected
+from tests.support.frames import records
 from tests.support.paths import ROOT
+from tests.support.snapshots import ONE_UGV
 
-MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"),))
 FLIGHT = """
 import sys, time
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
 from gcs.session.recorder import Recorder
-from tests.gcs.session.test_metadata import MISSION
-from tests.mavlink.tlog.test_writer import packet
-recorder = Recorder(Path(sys.argv[1]), MISSION, video=True)
+from tests.support.snapshots import ONE_UGV
+from tests.support.frames import packet
+recorder = Recorder(Path(sys.argv[1]), ONE_UGV, video=True)
 for k in range(100):
     recorder.packet(packet(k))
 print(recorder.folder, flush=True)
@@ -65,7 +64,7 @@ def test_a_flight_is_left_alone_while_it_lives_and_sealed_when_it_was_killed(fli
     assert (found.folder, found.records, found.trouble) == (folder, 100, "")
     assert "100 telemetry records; sealed" in found.text
     assert content(folder) == data, "no data file is touched"
-    assert data["telemetry.tlog"] == expected(100)
+    assert data["telemetry.tlog"] == records(100)
     sealed = notes(folder)
     assert (sealed["interrupted"], sealed["packets"]) == (True, 100)
     assert sealed["ended"] >= sealed["started"].replace(microsecond=0)
@@ -74,7 +73,7 @@ def test_a_flight_is_left_alone_while_it_lives_and_sealed_when_it_was_killed(fli
 
 
 def test_a_flight_that_ended_and_what_is_no_flight_are_left_alone(tmp_path):
-    recorder = Recorder(tmp_path, MISSION, video=False)
+    recorder = Recorder(tmp_path, ONE_UGV, video=False)
     assert seal(recorder.folder) is None, "our own, going on"
     recorder.close()
     (tmp_path / "simulated").mkdir()
@@ -97,7 +96,7 @@ def test_a_damaged_session_file_is_said_and_left(tmp_path):
 def test_without_telemetry_there_is_nothing_to_count(tmp_path):
     folder = tmp_path / "a"
     folder.mkdir()
-    file = SessionFile(folder, MISSION)
+    file = SessionFile(folder, ONE_UGV)
     os.close(file._fd)  # its process is gone
     (found,) = seal_interrupted(tmp_path)
     assert found.records == 0
@@ -105,7 +104,7 @@ def test_without_telemetry_there_is_nothing_to_count(tmp_path):
 
 
 def test_a_session_file_that_cannot_be_written_leaves_no_half_of_one(tmp_path, monkeypatch):
-    file = SessionFile(tmp_path, MISSION)
+    file = SessionFile(tmp_path, ONE_UGV)
     before = (tmp_path / "session.toml").read_bytes()
 
     def full(fd):
@@ -118,7 +117,7 @@ def test_a_session_file_that_cannot_be_written_leaves_no_half_of_one(tmp_path, m
 
 
 def test_a_deleted_session_file_is_restored_and_stays_locked(tmp_path):
-    file = SessionFile(tmp_path, MISSION)
+    file = SessionFile(tmp_path, ONE_UGV)
     (tmp_path / "session.toml").unlink()
     file.restore()
     assert "started" in notes(tmp_path)

@@ -21,8 +21,9 @@ from infra.files.record_state import RecordState, overall
 from infra.files.segments import segments
 from infra.session_format import IDENTITY
 from mavlink.protocol.packet import Packet
-from tests.mavlink.tlog.test_writer import FRAMES, T0, expected, packet, until
 from tests.support.faulty_disk import FaultyDisk, HangingDisk, delete
+from tests.support.frames import FRAMES, T0, packet, records
+from tests.support.waiting import until
 from vision.detect.detections import Detections
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
@@ -136,7 +137,7 @@ def test_a_full_disk_never_stops_the_flight_and_costs_nothing(recorder, disk, co
         assert name == "telemetry.tlog" or lines.endswith(b"\n"), "whole lines only"
     assert alarms(recorder) == [], "told once"
     disk.room, disk.write_error = None, 0
-    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert until(lambda: not any(state.failing_s for state in recorder.states().values()))
     assert sum(event.text.endswith(": written again") for event in recorder.check()) == 1 + len(TEXTS)
     fly(recorder, range(400, 410))
     assert recorder.close() == ()
@@ -146,16 +147,16 @@ def test_a_full_disk_never_stops_the_flight_and_costs_nothing(recorder, disk, co
 def test_a_failing_disk_leaves_segments_that_read_as_one(recorder, disk):
     fly(recorder, range(10))
     disk.sync_error = errno.EIO
-    until(lambda: all(state.faults for state in recorder.states().values()))
+    assert until(lambda: all(state.faults for state in recorder.states().values()))
     fly(recorder, range(10, 20))
     disk.sync_error = 0
-    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert until(lambda: not any(state.failing_s for state in recorder.states().values()))
     assert any("Input/output error" in text for text in alarms(recorder))
     fly(recorder, range(20, 30))
     disk.room, disk.write_error = 0, errno.EIO
     fly(recorder, range(30, 40))
     disk.room, disk.write_error = None, 0
-    until(lambda: not any(state.failing_s for state in recorder.states().values()))
+    assert until(lambda: not any(state.failing_s for state in recorder.states().values()))
     assert recorder.close() == ()
     assert (recorder.folder / "detections.1.csv").read_text().startswith("frame,cx,cy,w,h,angle,score,heading\n")
     complete(recorder.folder, 40)
@@ -166,12 +167,12 @@ def goes_on(recorder, take_away):
     fly(recorder, range(10))
     take_away(recorder.folder)
     fly(recorder, range(10, 20))
-    until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
+    assert until(lambda: all((recorder.folder / name).exists() for name in ("telemetry.tlog", *TEXTS)))
     assert sum("deleted or moved while it was written" in text for text in alarms(recorder)) == 1 + len(TEXTS)
     fly(recorder, range(20, 30))
     assert recorder.close() == ()
     complete(recorder.folder, 30)
-    assert (recorder.folder / "telemetry.tlog").read_bytes() == expected(30)
+    assert (recorder.folder / "telemetry.tlog").read_bytes() == records(30)
 
 
 def test_a_deleted_session_is_made_anew(recorder):
@@ -226,17 +227,17 @@ def test_a_disk_that_hangs_holds_up_neither_the_flight_nor_its_end(tmp_path, mon
         recorder.detections(k, boxes(k))
         recorder.snapshot(snapshot(k))
     assert time.monotonic() - began_s < 0.5
-    until(lambda: recorder.states()["identity.csv"].stalled_s > 1.0, 10.0)
+    assert until(lambda: recorder.states()["identity.csv"].stalled_s > 1.0, 10.0)
     assert recorder.check() == (), "the alarm tells it, for all files"
     states = recorder.states()
     assert states["identity.csv"].waiting >= 49 and states["identity.csv"].stalled_s > 1.0
     assert len((recorder.folder / "events.jsonl").read_text().splitlines()) == 1
     disk.may_write.set()
-    until(lambda: not any(state.waiting for state in recorder.states().values()))
+    assert until(lambda: not any(state.waiting for state in recorder.states().values()))
     assert recorder.check() == ()
     disk.may_write.clear()
     recorder.snapshot(snapshot(50))
-    until(lambda: recorder.states()["identity.csv"].stalled_s > 0.0)
+    assert until(lambda: recorder.states()["identity.csv"].stalled_s > 0.0)
     began_s = time.monotonic()
     lost = recorder.close()
     assert time.monotonic() - began_s < 10.0

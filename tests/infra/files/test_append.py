@@ -14,8 +14,8 @@ from infra.files import append
 from infra.files.append import AppendFile
 from infra.files.segments import segment_path, segments
 from infra.files.write_buffer import Backlog
-from tests.mavlink.tlog.test_writer import until
 from tests.support.faulty_disk import FaultyDisk
+from tests.support.waiting import until
 
 CODES = (errno.ENOSPC, errno.EIO, errno.EROFS, errno.EDQUOT, errno.EFBIG)
 STEPS = st.one_of(
@@ -131,7 +131,7 @@ def test_a_disk_that_hangs_hangs_nobody_who_asks_or_closes(tmp_path, monkeypatch
     threads = [threading.Thread(target=file.write, args=(b"1\n",)), threading.Thread(target=file.tend)]
     for thread in threads:
         thread.start()
-    until(lambda: file.state.rows == 1)
+    assert until(lambda: file.state.rows == 1)
     assert file.state.sync_age_s > 0
     go_on.set()
     for thread in threads:
@@ -140,7 +140,7 @@ def test_a_disk_that_hangs_hangs_nobody_who_asks_or_closes(tmp_path, monkeypatch
     go_on.clear()
     syncing = threading.Thread(target=file.tend)
     syncing.start()
-    until(file._tending.locked)
+    assert until(file._tending.locked)
     assert file.close().lost == 0
     go_on.set()
     syncing.join()

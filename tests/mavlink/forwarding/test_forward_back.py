@@ -18,8 +18,9 @@ from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.plan import Outputs
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, Speaker
 from mavlink.protocol.packet import Packet
-from tests.support.ingest_runs import HOST, recorded, until, wait_for
+from tests.support.ingest_runs import HOST, recorded, wait_for
 from tests.support.ports import free_port
+from tests.support.waiting import until
 
 UAV, ROVER_ID, OTHER = 1, 11, 12
 PROGRAM = Speaker(255, 190)

@@ -14,7 +14,9 @@ from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.writer import TlogWriter
 from tests.support.faulty_disk import FaultyDisk, HangingDisk
-from tests.support.ingest_runs import bearable, recorded, some_frames, steady, until, wait_for
+from tests.support.frames import heartbeats
+from tests.support.ingest_runs import bearable, recorded, steady, wait_for
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")
 
@@ -52,7 +54,7 @@ def stuck(tmp_path, monkeypatch):
 def test_a_disk_that_hangs_is_waited_for_and_costs_nothing(started, sender, stuck, tmp_path):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
-    frames = some_frames(800)
+    frames = heartbeats(800)
     steady(sender, port, frames[:100], 1000)
     packets = wait_for(ingest, 100)
     assert until(lambda: ingest.health().packets == 100)
@@ -79,7 +81,7 @@ def test_a_disk_that_hangs_is_waited_for_and_costs_nothing(started, sender, stuc
 def test_who_dies_while_the_disk_hangs_leaves_nothing_behind_unwritten(started, sender, stuck, tmp_path, torn):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
-    frames = some_frames(600)
+    frames = heartbeats(600)
     stuck.write_text(torn)
     steady(sender, port, frames[:300], 1000)
     packets = wait_for(ingest, 300)
@@ -98,7 +100,7 @@ def test_who_dies_while_the_disk_hangs_leaves_nothing_behind_unwritten(started, 
 
 def test_an_end_while_the_disk_hangs_says_what_is_lost(started, sender, stuck, tmp_path):
     ingest, port = started()
-    frames = some_frames(50)
+    frames = heartbeats(50)
     steady(sender, port, frames[:20], 1000)
     wait_for(ingest, 20)
     assert until(lambda: ingest.health().packets == 20)
@@ -117,7 +119,7 @@ def test_what_is_killed_in_between_is_told(started, sender, tmp_path):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
     rate = bearable(ingest, 2000)
-    frames = some_frames(int(1.5 * rate))
+    frames = heartbeats(int(1.5 * rate))
     thread = threading.Thread(target=steady, args=(sender, port, frames, rate))
     thread.start()
     wait_for(ingest, int(0.5 * rate))

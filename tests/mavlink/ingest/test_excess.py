@@ -11,7 +11,8 @@ from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import Key, write_key
 from mavlink.signing.signer import Signer
-from tests.support.ingest_runs import HOST, recorded, until, wait_for
+from tests.support.ingest_runs import HOST, recorded, wait_for
+from tests.support.waiting import until
 
 FRAMES = {k: Speaker(k).heartbeat() for k in (11, 12)}
 REPORT = LinkReport(name="udp", counts=LinkCounts(turned_away=5))

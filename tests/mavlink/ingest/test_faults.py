@@ -16,8 +16,10 @@ from mavlink.ingest.lent import BUFFER_BYTES
 from mavlink.ingest.plan import Signing
 from mavlink.protocol.encoder import Speaker
 from mavlink.signing.keys import write_key
-from tests.support.ingest_runs import HOST, bearable, is_free, recorded, send, some_frames, steady, until, wait_for
+from tests.support.frames import heartbeats
+from tests.support.ingest_runs import HOST, bearable, is_free, recorded, send, steady, wait_for
 from tests.support.ports import free_port
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")
 
@@ -26,7 +28,7 @@ def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
     rate = bearable(ingest, 1500)
-    frames = some_frames(int(2 * rate))
+    frames = heartbeats(int(2 * rate))
     thread = threading.Thread(target=steady, args=(sender, port, frames, rate))
     thread.start()
     packets = wait_for(ingest, int(0.6 * rate))
@@ -76,7 +78,7 @@ def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp
     ingest, port = started()
     assert until(lambda: ingest._spare is not None)
     rate = bearable(ingest, 2000)
-    frames = some_frames(int(1.5 * rate))
+    frames = heartbeats(int(1.5 * rate))
     sender.sendto(frames[0], (HOST, port))
     packets = wait_for(ingest, 1)
     os.kill(ingest.pid, signal.SIGSTOP)
@@ -93,7 +95,7 @@ def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp
 def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender):
     """What came meanwhile is not known yet, so nobody may be called silent for it."""
     ingest, port = started()
-    sender.sendto(some_frames(1)[0], (HOST, port))
+    sender.sendto(heartbeats(1)[0], (HOST, port))
     packet, *_ = wait_for(ingest, 1)
 
     def heard_us():
@@ -121,7 +123,7 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
     station = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     try:
         pid = int(station.stdout.readline())
-        frames = some_frames(2001)
+        frames = heartbeats(2001)
         station.send_signal(signal.SIGSTOP)
         log, record_bytes = tmp_path / "telemetry.tlog", 8 + len(frames[0])
         send(sender, port, frames[:2000], lambda: log.stat().st_size // record_bytes)
@@ -140,7 +142,7 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
 
 def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started, sender, tmp_path):
     ingest, port = started(ring_bytes=8192)
-    frames = some_frames(1000)
+    frames = heartbeats(1000)
     send(sender, port, frames, lambda: ingest.health().packets)
     assert ingest.health().packets == 1000
     packets = wait_for(ingest, 1000, 0.5)
@@ -161,7 +163,7 @@ def test_a_flood_of_strangers_costs_no_known_vehicle_a_packet(started, sender, t
         "while time.monotonic() < end:\n"
         f"    for data in (b'\\xfd\\xff\\x00', b'junk' * 9, bytes(30)): s.sendto(data, ('{HOST}', {port}))\n"
     )
-    frames = some_frames(4000)
+    frames = heartbeats(4000)
     steady(sender, port, frames[:100], 1000)
     flood = subprocess.Popen([sys.executable, "-c", code])
     packets = wait_for(ingest, 100)

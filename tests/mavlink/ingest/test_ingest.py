@@ -14,15 +14,17 @@ from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import write_key
-from tests.support.ingest_runs import HOST, is_free, recorded, some_frames, until, wait_for
+from tests.support.frames import heartbeats
+from tests.support.ingest_runs import HOST, is_free, recorded, wait_for
 from tests.support.ports import free_port
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")
 
 
 def test_poison_costs_nobody_anything(started, sender, tmp_path):
     ingest, port = started()
-    frames, packets = some_frames(2000), []
+    frames, packets = heartbeats(2000), []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for k, frame in enumerate(frames):
             if k % 10 == 0:

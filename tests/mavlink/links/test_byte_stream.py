@@ -17,10 +17,11 @@ from mavlink.links.serial_port import patience_s
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.framing import Framer, checksum
-from tests.mavlink.protocol.test_framing import MIXED, some_frames
-from tests.support.ingest_runs import HOST, recorded, until, wait_for
+from tests.support.frames import EVERY_VERSION, some_frames
+from tests.support.ingest_runs import HOST, recorded, wait_for
 from tests.support.link_reader import open_reader
 from tests.support.ports import free_port
+from tests.support.waiting import until
 
 NOISE = [
     b"\xfd\xff\x00",
@@ -93,15 +94,15 @@ def test_the_end_of_a_stream_hides_nothing():
 @pytest.mark.parametrize("seed", range(5))
 def test_however_noise_pieces_and_pauses_fall_every_frame_comes_once_and_in_order(seed):
     rng, line, got = random.Random(seed), Line(), []
-    stream = b"".join(rng.choice(NOISE) * (rng.random() < 0.3) + frame for frame in MIXED)
+    stream = b"".join(rng.choice(NOISE) * (rng.random() < 0.3) + frame for frame in EVERY_VERSION)
     while stream:
         size = rng.randrange(1, 400)
         got += line.take(stream[:size], after_s=rng.choice([0.0, 0.05, 1.0]))
         got += line.take(after_s=rng.choice([0.0, PATIENCE_S]))
         stream = stream[size:]
     got += line.take(after_s=2 * PATIENCE_S)
-    assert [frame for frame in got if frame in MIXED] == MIXED
-    assert len(got) <= len(MIXED) + 2  # noise may look like a frame of an unknown message
+    assert [frame for frame in got if frame in EVERY_VERSION] == EVERY_VERSION
+    assert len(got) <= len(EVERY_VERSION) + 2  # noise may look like a frame of an unknown message
 
 
 def test_giving_up_keeps_what_may_still_be_finished():

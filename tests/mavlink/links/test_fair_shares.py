@@ -2,7 +2,6 @@
 
 import math
 import socket
-import sys
 
 import pytest
 from hypothesis import given
@@ -22,17 +21,10 @@ from mavlink.links.fair_shares import (
 from mavlink.links.flood_limiter import STRANGERS, TICK_S, Gate
 from mavlink.links.peers import GONE_US, NUMBERED, PLACES, TRUSTED, WAITING, Peers, key_of
 from mavlink.protocol.encoder import Speaker
+from tests.support.ports import needs_socket_filters, udp_socket
 
 HOST = "127.0.0.1"
-LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
 KEY = bytes(range(32))
-
-
-def udp():
-    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    sock.bind((HOST, 0))
-    sock.setblocking(False)
-    return sock
 
 
 def arrived(sock):
@@ -149,12 +141,12 @@ JUNK = [b"", b"\xfd", b"\xfd\xff\x00", b"\xfd\xff\x01", b"x" * 100, FRAMES["v2"]
 JUNK += [STRANGE_FLAG, FRAMES["v1"] + FRAMES["v2"], b"\xfe" * 9]
 
 
-@LINUX
+@needs_socket_filters
 @pytest.mark.parametrize("others", [0, 300])
 def test_the_filter_knows_senders_by_address_and_system_and_what_looks_like_a_frame(others):
     frames = list(FRAMES.values())
     crowd = [(0x7F000001, 1 + k, 7) for k in range(others)] + [(0x0A000000 + k, 5, 7) for k in range(others)]
-    with udp() as here, udp() as known, udp() as stranger:
+    with udp_socket() as here, udp_socket() as known, udp_socket() as stranger:
         to = here.getsockname()
         address = (0x7F000001, known.getsockname()[1])
 
@@ -180,10 +172,10 @@ def test_the_filter_knows_senders_by_address_and_system_and_what_looks_like_a_fr
         assert arrived(here) == [b"anybody"]
 
 
-@LINUX
+@needs_socket_filters
 @pytest.mark.parametrize("own", [False, True])
 def test_a_share_passes_at_random(own):
-    with udp() as here, udp() as sender:
+    with udp_socket() as here, udp_socket() as sender:
         here.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
         shares = {(0x7F000001, sender.getsockname()[1], MIXED): 0.25} if own else {}
         attach(here, program([], shares, 1.0, 1.0 if own else 0.25))
@@ -291,9 +283,9 @@ def test_a_large_fleet_is_let_in_whole():
 # ---- the gate
 
 
-@LINUX
+@needs_socket_filters
 def test_a_gate_that_cannot_work_lets_everybody_in():
-    with udp() as here, udp() as stranger:
+    with udp_socket() as here, udp_socket() as stranger:
         gate, peers = Gate(here), Peers()
         peers.systems = lambda: {(k, 1): 1 for k in range(5000)}  # more than the kernel takes
         peers.source = lambda sender: (sender[0], 1, 1)
@@ -303,9 +295,9 @@ def test_a_gate_that_cannot_work_lets_everybody_in():
         assert arrived(here) == [b"x"]
 
 
-@LINUX
+@needs_socket_filters
 def test_what_is_turned_away_is_not_called_lost_and_is_counted():
-    with udp() as here, udp() as stranger:
+    with udp_socket() as here, udp_socket() as stranger:
         gate, peers = Gate(here), Peers()
         gate.adapt(0.1, 0.1, Coming(0, 1_000_000, {}, {}), peers)
         for _ in range(500):

@@ -13,9 +13,8 @@ from mavlink.links.flood_limiter import TICK_S
 from mavlink.links.kinds import parse_url
 from mavlink.links.udp import UdpIn
 from mavlink.protocol.encoder import Speaker
-from tests.mavlink.links.test_fair_shares import LINUX, udp
 from tests.support.ingest_runs import HOST
-from tests.support.ports import free_port
+from tests.support.ports import free_port, needs_socket_filters, udp_socket
 
 FEW = 150
 """Datagrams that any system's receive buffer holds."""
@@ -34,7 +33,7 @@ class Field:
         self.link = UdpIn(url, options, clock_s=lambda: self.now_s)
         self.link._arrived_s = lambda: 0.0  # the kernel's stamps follow another clock than this test's
         stack.callback(self.link.close)
-        self.sockets = {k: stack.enter_context(udp()) for k in range(11, 19)}
+        self.sockets = {k: stack.enter_context(udp_socket()) for k in range(11, 19)}
         self.speakers = {k: Speaker(k) for k in self.sockets}
         self.sent = dict.fromkeys(self.sockets, 0)
         self.heard = dict.fromkeys(self.sockets, 0)
@@ -96,7 +95,7 @@ BESIDE = [bad(Speaker(99).heartbeat(custom_mode=k)) for k in range(16)]
 
 
 def crowd(field, ports, datagrams, count):
-    socks = [field.stack.enter_context(udp()) for _ in range(ports)]
+    socks = [field.stack.enter_context(udp_socket()) for _ in range(ports)]
     return lambda: [(socks[k % ports], datagrams[k % len(datagrams)]) for k in range(count)]
 
 
@@ -116,7 +115,7 @@ ATTACKS = {
 }
 
 
-@LINUX
+@needs_socket_filters
 @pytest.mark.parametrize("keys", [False, True])
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_a_flood_costs_no_vehicle_a_packet_and_is_told_as_long_as_it_lasts(attack, keys):
@@ -136,7 +135,7 @@ def test_a_flood_costs_no_vehicle_a_packet_and_is_told_as_long_as_it_lasts(attac
         assert field.link.counts.dropped == 0
 
 
-@LINUX
+@needs_socket_filters
 def test_where_nothing_tells_a_vehicle_from_who_imitates_it_both_have_their_part():
     with ExitStack() as stack:
         field = Field(stack)
@@ -154,7 +153,7 @@ def test_where_nothing_tells_a_vehicle_from_who_imitates_it_both_have_their_part
         assert field.of_flood < 1.2 * SENDER_PER_S * (SENDER_BURST_S + 3.0)
 
 
-@LINUX
+@needs_socket_filters
 def test_a_vehicle_that_reboots_in_a_flood_is_heard_again_whole():
     with ExitStack() as stack:
         field = Field(stack)
@@ -163,7 +162,7 @@ def test_a_vehicle_that_reboots_in_a_flood_is_heard_again_whole():
         flood = crowd(field, 300, CLAIM, 1200)
         for k in range(30):
             if k == 10:
-                field.sockets[12] = stack.enter_context(udp())
+                field.sockets[12] = stack.enter_context(udp_socket())
                 field.sent[12] = field.heard[12] = 0
             field.tick(flood())
         assert field.lost(12) < 10 * field.RATE

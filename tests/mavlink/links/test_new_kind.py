@@ -12,8 +12,9 @@ from mavlink.errors import LinkError
 from mavlink.ingest.plan import Outputs
 from mavlink.links.kinds import KINDS, parse_url
 from mavlink.protocol.encoder import Speaker
-from tests.support.ingest_runs import recorded, until, wait_for
+from tests.support.ingest_runs import recorded, wait_for
 from tests.support.unix_link import PEER, UnixLink
+from tests.support.waiting import until
 
 LINE = """from mavlink.links.kinds import KINDS
 from tests.support.unix_link import UnixLink

@@ -7,25 +7,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.dialect import DEFINITIONS, message_name
-from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.framing import FrameCounts, Framer, checksum, split
 from mavlink.protocol.packet import Packet
-
-
-def some_frames(count=200, *, version=2, key=None, system_id=7):
-    speaker = Speaker(system_id, version=version, key=key)
-    frames = []
-    for i in range(count):
-        kind = i % 4
-        if kind == 0:
-            frames.append(speaker.heartbeat())
-        elif kind == 1:
-            frames.append(speaker.attitude(i * 100, 0.1, -0.2, i * 0.01))
-        elif kind == 2:
-            frames.append(speaker.global_position_int(i * 100, -35.36, 149.16 + i * 1e-5, 584.0, 0.2, (1, 2, 0), 1.5))
-        else:
-            frames.append(speaker.statustext(f"Mission: {i} WP"))
-    return frames
+from tests.support.frames import EVERY_VERSION, some_frames
 
 
 def unknown_frame(payload=b"\x01\x02\x03", message_id=60_001, extra=77):
@@ -33,17 +17,14 @@ def unknown_frame(payload=b"\x01\x02\x03", message_id=60_001, extra=77):
     return frame + checksum(frame, extra).to_bytes(2, "little")
 
 
-MIXED = some_frames(40) + some_frames(40, version=1) + some_frames(40, key=b"k" * 32)
-
-
-@pytest.mark.parametrize("frame", MIXED[::7])
+@pytest.mark.parametrize("frame", EVERY_VERSION[::7])
 def test_one_frame_in_a_datagram(frame):
     assert split(frame) == ([frame], FrameCounts(good=1))
 
 
 def test_header_is_read_as_the_dialect_reads_it():
     parser = ardupilotmega.MAVLink(None)
-    for frame in MIXED:
+    for frame in EVERY_VERSION:
         (message,) = parser.parse_buffer(frame)
         packet = Packet(5, frame)
         assert packet.message_id == message.get_msgId()
@@ -53,8 +34,8 @@ def test_header_is_read_as_the_dialect_reads_it():
 
 
 def test_signed_and_version():
-    assert [Packet(0, MIXED[i]).signed for i in (0, 40, 80)] == [False, False, True]
-    assert [Packet(0, MIXED[i]).version for i in (0, 40, 80)] == [2, 1, 2]
+    assert [Packet(0, EVERY_VERSION[i]).signed for i in (0, 40, 80)] == [False, False, True]
+    assert [Packet(0, EVERY_VERSION[i]).version for i in (0, 40, 80)] == [2, 1, 2]
 
 
 def test_several_frames_and_text_in_one_datagram():
@@ -155,7 +136,7 @@ def test_unknown_after_noise_needs_a_good_frame_behind_it():
 @given(cuts=st.lists(st.integers(0, 6000), max_size=30), noise=st.binary(max_size=30))
 @settings(max_examples=40, deadline=None)
 def test_stream_gives_the_same_frames_however_it_is_cut(cuts, noise):
-    stream = b"".join(frame + noise * (i % 5 == 0) for i, frame in enumerate(MIXED))
+    stream = b"".join(frame + noise * (i % 5 == 0) for i, frame in enumerate(EVERY_VERSION))
     whole = Framer()
     expected = whole.feed(stream) + whole.finish()
     framer = Framer()
@@ -164,7 +145,7 @@ def test_stream_gives_the_same_frames_however_it_is_cut(cuts, noise):
     for start, stop in pairwise(edges):
         got += framer.feed(stream[start:stop])
     got += framer.finish()
-    assert [f for f in got if f in MIXED] == MIXED == [f for f in expected if f in MIXED]
+    assert [f for f in got if f in EVERY_VERSION] == EVERY_VERSION == [f for f in expected if f in EVERY_VERSION]
     counted = framer.counts
     assert sum(map(len, got)) + counted.junk_bytes == len(stream)
 

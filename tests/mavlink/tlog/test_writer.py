@@ -2,7 +2,6 @@ import errno
 import os
 import random
 import signal
-import struct
 import subprocess
 import sys
 import threading
@@ -14,33 +13,12 @@ from infra.files.append import AppendFile
 from infra.files.record_state import RecordState, overall
 from infra.files.segments import segments
 from mavlink.errors import TlogError
-from mavlink.protocol.encoder import Speaker
-from mavlink.protocol.packet import Auth, Packet
+from mavlink.protocol.packet import Auth
 from mavlink.tlog.writer import TlogWriter
 from tests.support.faulty_disk import FaultyDisk, delete
+from tests.support.frames import T0, packet, record, records
 from tests.support.paths import ROOT
-
-T0 = 1_790_000_000_000_000
-FRAMES = [Speaker(1 + k % 7).attitude(k, 0.1, 0.2, 0.01 * k) for k in range(50)]
-
-
-def packet(k, **more):
-    return Packet(T0 + k, FRAMES[k % len(FRAMES)], **more)
-
-
-def record(k):
-    return struct.pack(">Q", T0 + k) + FRAMES[k % len(FRAMES)]
-
-
-def expected(stop, start=0):
-    return b"".join(map(record, range(start, stop)))
-
-
-def until(condition, timeout_s=60.0):
-    end = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.01)
+from tests.support.waiting import until
 
 
 @pytest.fixture
@@ -63,9 +41,9 @@ def writer(path, disk):
 
 def test_records_have_running_numbers_and_batches_are_one_write(writer, path):
     assert writer.write(packet(0)) == 0
-    assert writer.write_records(expected(10, 1), 9) == 1
+    assert writer.write_records(records(10, 1), 9) == 1
     assert writer.write(packet(10)) == 10
-    assert path.read_bytes() == expected(11), "there before the writer is closed"
+    assert path.read_bytes() == records(11), "there before the writer is closed"
     assert writer.records == 11
     assert writer.state.failing_s == 0
 
@@ -75,7 +53,7 @@ def test_rows_are_synced_by_themselves(writer, disk):
     writer.write(packet(0))
     assert writer.state.sync_age_s > 0
     disk.may_sync.set()
-    until(lambda: writer.state.sync_age_s == 0)
+    assert until(lambda: writer.state.sync_age_s == 0)
     count = disk.syncs
     time.sleep(0.4)
     assert disk.syncs == count, "nothing new, nothing to sync"
@@ -87,15 +65,15 @@ def test_a_full_disk_keeps_whole_records_and_goes_on_in_the_same_file(writer, pa
     disk.room, disk.write_error = 20, code
     for k in range(1, 500):
         writer.write(packet(k))
-    assert path.read_bytes() == expected(1), "cut back to the last whole record"
+    assert path.read_bytes() == records(1), "cut back to the last whole record"
     state = writer.state
     assert (state.reason, state.waiting, state.lost) == (os.strerror(code), 499, 0)
     assert state.failing_s > 0
-    assert state.waiting_bytes == len(expected(500, 1))
+    assert state.waiting_bytes == len(records(500, 1))
     disk.room, disk.write_error = None, 0
-    until(lambda: writer.state.failing_s == 0)
+    assert until(lambda: writer.state.failing_s == 0)
     writer.write(packet(500))
-    assert path.read_bytes() == expected(501)
+    assert path.read_bytes() == records(501)
     assert segments(path) == [path]
     assert (writer.state.waiting, writer.state.lost) == (0, 0)
 
@@ -103,16 +81,16 @@ def test_a_full_disk_keeps_whole_records_and_goes_on_in_the_same_file(writer, pa
 def test_io_errors_begin_a_new_segment_and_lose_nothing(writer, path, disk):
     for k in range(100):
         writer.write(packet(k))
-    until(lambda: writer.state.sync_age_s == 0)
+    assert until(lambda: writer.state.sync_age_s == 0)
     disk.write_error = errno.EIO
     for k in range(100, 200):
         writer.write(packet(k))
     time.sleep(0.4)
     disk.write_error = 0
-    until(lambda: writer.state.failing_s == 0)
+    assert until(lambda: writer.state.failing_s == 0)
     writer.write(packet(200))
     first, second = segments(path)
-    assert (first.read_bytes(), second.read_bytes()) == (expected(100), expected(201, 100))
+    assert (first.read_bytes(), second.read_bytes()) == (records(100), records(201, 100))
     assert second.name == "telemetry.1.tlog"
 
 
@@ -120,47 +98,47 @@ def test_short_writes_are_completed(writer, path, disk):
     disk.most = 7
     for k in range(20):
         writer.write(packet(k))
-    assert path.read_bytes() == expected(20)
+    assert path.read_bytes() == records(20)
 
 
 def test_a_file_that_cannot_even_be_cut_is_cut_later(writer, path, disk):
     writer.write(packet(0))
     disk.room, disk.truncate_error = 20, errno.EIO
     writer.write(packet(1))
-    assert path.read_bytes() == expected(1) + record(1)[:20]
+    assert path.read_bytes() == records(1) + record(1)[:20]
     disk.room, disk.truncate_error = None, 0
-    until(lambda: writer.state.failing_s == 0)
-    assert path.read_bytes() == expected(2)
+    assert until(lambda: writer.state.failing_s == 0)
+    assert path.read_bytes() == records(2)
 
 
 def test_a_failed_sync_writes_again_what_it_may_have_lost(writer, path, disk):
     for k in range(50):
         writer.write(packet(k))
-    until(lambda: writer.state.sync_age_s == 0)
+    assert until(lambda: writer.state.sync_age_s == 0)
     disk.sync_error = errno.EIO
     disk.may_sync.clear()
     for k in range(50, 80):
         writer.write(packet(k))
     disk.may_sync.set()
-    until(lambda: writer.state.failing_s > 0 or len(segments(path)) > 1)
+    assert until(lambda: writer.state.failing_s > 0 or len(segments(path)) > 1)
     disk.sync_error = 0
-    until(lambda: writer.state.failing_s == 0 and writer.state.sync_age_s == 0)
+    assert until(lambda: writer.state.failing_s == 0 and writer.state.sync_age_s == 0)
     writer.write(packet(80))
     contents = [segment.read_bytes() for segment in segments(path)]
-    assert contents[0] == expected(80), "left as it was"
-    assert contents[-1].startswith(expected(80, 50)), "the rows of the failed sync, again"
-    assert contents[-1].endswith(expected(81, 80))
+    assert contents[0] == records(80), "left as it was"
+    assert contents[-1].startswith(records(80, 50)), "the rows of the failed sync, again"
+    assert contents[-1].endswith(records(81, 80))
     assert writer.state.lost == 0
 
 
 def test_a_stalled_sync_never_holds_up_a_write(writer, path, disk):
     disk.may_sync.clear()
     writer.write(packet(0))
-    until(lambda: disk.syncs == 1)
+    assert until(lambda: disk.syncs == 1)
     for k in range(1, 2000):
         writer.write(packet(k))
     assert disk.syncs == 1, "all written while one sync hung"
-    assert path.read_bytes() == expected(2000)
+    assert path.read_bytes() == records(2000)
     disk.may_sync.set()
 
 
@@ -170,10 +148,10 @@ def test_a_deleted_folder_is_made_anew_with_all_that_was_in_it(writer, path):
     delete(path.parent)
     for k in range(300, 400):
         writer.write(packet(k))
-    until(path.exists)
-    until(lambda: writer.state.failing_s == 0)
+    assert until(path.exists)
+    assert until(lambda: writer.state.failing_s == 0)
     writer.write(packet(400))
-    assert path.read_bytes() == expected(401)
+    assert path.read_bytes() == records(401)
     assert writer.state.lost == 0
 
 
@@ -181,10 +159,10 @@ def test_a_deleted_file_never_takes_the_place_of_another(writer, path):
     writer.write(packet(0))
     path.unlink()
     path.write_bytes(b"somebody else's")
-    until(lambda: len(segments(path)) == 2 and writer.state.failing_s == 0)
+    assert until(lambda: len(segments(path)) == 2 and writer.state.failing_s == 0)
     writer.write(packet(1))
     assert path.read_bytes() == b"somebody else's"
-    assert segments(path)[1].read_bytes() == expected(2)
+    assert segments(path)[1].read_bytes() == records(2)
 
 
 @pytest.mark.parametrize("left", [0, 30])
@@ -193,18 +171,18 @@ def test_a_log_that_another_program_cuts_short_is_told_and_goes_on_in_a_new_segm
         writer.write(packet(k))
     writer.sync()
     os.truncate(path, left)
-    until(lambda: len(segments(path)) == 2 and writer.state.failing_s == 0)
-    assert writer.state.reason == f"cut short by another program, {len(expected(3)) - left} bytes are gone"
+    assert until(lambda: len(segments(path)) == 2 and writer.state.failing_s == 0)
+    assert writer.state.reason == f"cut short by another program, {len(records(3)) - left} bytes are gone"
     writer.write(packet(3))
-    assert path.read_bytes() == expected(3)[:left]
-    assert segments(path)[1].read_bytes() == expected(4)[len(expected(3)) :]
+    assert path.read_bytes() == records(3)[:left]
+    assert segments(path)[1].read_bytes() == records(4)[len(records(3)) :]
     assert (writer.state.faults, writer.state.lost) == (1, 0)
 
 
 def test_a_minute_of_full_rate_waits_in_memory(tmp_path, disk):
     writer = TlogWriter(tmp_path / "telemetry.tlog", disk=disk)
     disk.room = 0
-    batch = expected(1000)
+    batch = records(1000)
     for _ in range(300):
         writer.write_records(batch, 1000)
     state = writer.state
@@ -226,7 +204,7 @@ def test_past_the_bound_the_oldest_go_and_are_counted(tmp_path, disk):
     assert state.waiting + state.lost == 10_000
     disk.room = None
     writer.close()
-    assert writer.path.read_bytes() == expected(10_000, state.lost), "the newest, in order"
+    assert writer.path.read_bytes() == records(10_000, state.lost), "the newest, in order"
 
 
 def test_what_still_waits_at_the_end_is_said_to_be_lost(tmp_path, disk):
@@ -239,7 +217,7 @@ def test_what_still_waits_at_the_end_is_said_to_be_lost(tmp_path, disk):
     writer.close()
     writer.close()
     assert writer.state.lost == 1
-    assert writer.path.read_bytes() == expected(1)
+    assert writer.path.read_bytes() == records(1)
 
 
 def test_a_real_size_limit(tmp_path):
@@ -247,14 +225,16 @@ def test_a_real_size_limit(tmp_path):
     script = """
 import resource, sys, time
 sys.path[:0] = sys.argv[2:]
-from tests.mavlink.tlog.test_writer import TlogWriter, packet, until
+from mavlink.tlog.writer import TlogWriter
+from tests.support.frames import packet
+from tests.support.waiting import until
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))
 with TlogWriter(sys.argv[1]) as writer:
     for k in range(8000):
         writer.write(packet(k))
-    until(lambda: writer.state.failing_s == 0 or writer.state.waiting > 0)
+    assert until(lambda: writer.state.failing_s == 0 or writer.state.waiting > 0)
     resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    until(lambda: writer.state.failing_s == 0)
+    assert until(lambda: writer.state.failing_s == 0)
     writer.write(packet(8000))
 assert writer.state.lost == 0
 """
@@ -262,7 +242,7 @@ assert writer.state.lost == 0
     subprocess.run([sys.executable, "-c", script, path, ROOT], check=True, timeout=60)
     parts = [part.read_bytes() for part in segments(path)]
     assert len(parts[0]) <= 100_000
-    assert joined(parts) == expected(8001)
+    assert joined(parts) == records(8001)
 
 
 def joined(parts):
@@ -277,7 +257,8 @@ def joined(parts):
 KILLED = """
 import os, sys
 sys.path[:0] = sys.argv[2:]
-from tests.mavlink.tlog.test_writer import TlogWriter, expected, packet
+from mavlink.tlog.writer import TlogWriter
+from tests.support.frames import packet, records
 writer = TlogWriter(sys.argv[1])
 k = 0
 while True:
@@ -285,7 +266,7 @@ while True:
         writer.write(packet(k))
         k += 1
     else:
-        writer.write_records(expected(k + 6, k), 6)
+        writer.write_records(records(k + 6, k), 6)
         k += 6
     os.write(1, k.to_bytes(8, "big"))
 """
@@ -304,8 +285,8 @@ def test_a_kill_loses_nothing_that_was_accepted(tmp_path, seed):
     accepted = int.from_bytes(acknowledged[-8:], "big")
     data = path.read_bytes()
     assert accepted > 0
-    assert data.startswith(expected(accepted))
-    assert expected(accepted + 20).startswith(data), "nothing but whole or torn records of ours behind them"
+    assert data.startswith(records(accepted))
+    assert records(accepted + 20).startswith(data), "nothing but whole or torn records of ours behind them"
 
 
 def test_refused_records_are_kept_and_noted(writer, path):
@@ -314,7 +295,7 @@ def test_refused_records_are_kept_and_noted(writer, path):
     writer.write(packet(1, link=2, peer=7, auth=Auth.BAD))
     writer.write(packet(2, auth=Auth.GOOD))
     writer.write(packet(3, auth=Auth.REPLAYED))
-    assert path.read_bytes() == expected(4)
+    assert path.read_bytes() == records(4)
     assert path.with_name("refused.csv").read_text() == (
         f"record,t_us,link,peer,auth\n1,{T0 + 1},2,7,3\n3,{T0 + 3},0,0,4\n"
     )
@@ -328,7 +309,7 @@ def test_a_process_goes_on_where_one_before_it_died(writer, path):
     with TlogWriter(path, resume_after=11) as third:
         assert third.write(packet(11, auth=Auth.BAD)) == 11
         assert third.records == 12
-    assert [part.read_bytes() for part in segments(path)] == [expected(10), expected(11, 10), expected(12, 11)]
+    assert [part.read_bytes() for part in segments(path)] == [records(10), records(11, 10), records(12, 11)]
     refused = [part.read_text().splitlines()[1:] for part in segments(path.with_name("refused.csv"))]
     assert refused == [[f"{k},{T0 + k},0,0,3"] for k in (10, 11)]
 

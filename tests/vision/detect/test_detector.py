@@ -12,7 +12,7 @@ from sim.render.ground import GroundStyle
 from sim.render.render import Renderer, Style
 from sim.world.boxes import true_boxes
 from sim.world.view import OCCLUDER, PERSON, STRANGER, UGV, Bodies, CameraView, Road, Scene
-from tests.support.onnx_bytes import UINT8, model
+from tests.support.onnx_models import UINT8, model
 from vision.detect import decode_heatmap
 from vision.detect.boxes import wrap
 from vision.detect.detections import Detections

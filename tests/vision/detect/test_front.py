@@ -10,7 +10,7 @@ from sim.render.ground import GroundStyle
 from sim.render.render import Renderer, Style
 from sim.world.boxes import true_boxes
 from sim.world.view import STRANGER, UGV, Bodies, CameraView, Scene
-from tests.support.front_model import FLOAT16, brightest_side, classifier
+from tests.support.onnx_models import FLOAT16, brightest_side, classifier
 from vision.detect.boxes import wrap
 from vision.detect.detections import Detections
 from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier

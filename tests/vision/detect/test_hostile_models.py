@@ -9,10 +9,8 @@ import pytest
 from gcs.fold.pipeline import MOST_BOXES, Pipeline
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
-from tests.support.front_model import classifier
-from tests.support.onnx_bytes import FLOAT, UINT8, model
+from tests.support.onnx_models import ANCHORS, ANY, FLOAT, NAMES, UINT8, black, classifier, model, raw, suppressed, yolo
 from tests.support.paths import ROOT
-from tests.vision.detect.test_yolo_detector import ANCHORS, ANY, NAMES, image, raw, suppressed, yolo
 from vision.detect import yolo_layout
 from vision.detect.boxes import prob_iou
 from vision.detect.decode_yolo import MOST_CANDIDATES
@@ -68,7 +66,7 @@ def test_thousands_of_boxes_take_a_bounded_time(tmp_path, form, apart):
     out = raw(*boxes, n=len(boxes)) if form == "raw" else suppressed(*boxes, most=len(boxes))
     detector = yolo(tmp_path, out, NAMES | {"end2end": str(form != "raw")})
     began_s = time.process_time()
-    found = detector.detect(image())
+    found = detector.detect(black())
     assert time.process_time() - began_s < 4.0, "0.1 s on an idle machine, 15 s before"
     assert 0 < len(found) <= 300
     assert detector.dropped.surplus >= len(boxes) - MOST_CANDIDATES
@@ -154,7 +152,7 @@ def test_a_map_of_another_size_is_refused(tmp_path):
         np.zeros((1, 9, 8, 8)),
     )
     with pytest.raises(ModelError, match="gave a map"):
-        open_detector(path).detect(image())
+        open_detector(path).detect(black())
 
 
 @pytest.mark.parametrize("options", [{"crop": [3, 100_000, 100_000]}, {"batch": 10**9}])

@@ -7,13 +7,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from tests.support.onnx_bytes import FLOAT, FLOAT16, model
+from tests.support.onnx_models import ANCHORS, ANY, FIXED, FLOAT, FLOAT16, NAMES, black, model, raw, suppressed, yolo
 from vision.detect.detector import YoloDetector, open_detector
 from vision.errors import ModelError
 
-NAMES = {"names": "{0: 'plane', 1: 'small vehicle', 2: 'storage tank'}"}
-FIXED = [1, 3, 64, 64]
-ANCHORS = 84  # of a canvas of 64 x 64: 8² + 4² + 2²
 # cx, cy, w, h, class, score, angle
 SEEN = (
     (32, 32, 10, 5, 1, 0.9, 0.3),  # a vehicle
@@ -25,36 +22,7 @@ SEEN = (
 )
 
 
-def raw(*anchors, classes=3, n=ANCHORS):
-    """[1, 4 + classes + 1, n] with given anchors."""
-    out = np.zeros((1, 4 + classes + 1, n))
-    for k, (cx, cy, w, h, cls, score, angle) in enumerate(anchors):
-        out[0, [0, 1, 2, 3, 4 + cls, -1], k] = (cx, cy, w, h, score, angle)
-    return out
-
-
-def suppressed(*boxes, most=30):
-    """[1, most, 7] with given boxes, zeros below."""
-    out = np.zeros((1, most, 7))
-    for k, (cx, cy, w, h, cls, score, angle) in enumerate(boxes):
-        out[0, k] = (cx, cy, w, h, score, cls, angle)
-    return out
-
-
-def yolo(tmp_path, out, metadata=NAMES, *, shape=FIXED, told=None, kind=FLOAT, **options):
-    """A detector of a constant output; ``told`` is the shape that the file claims for it."""
-    path = model(
-        tmp_path / "y.onnx", ("images", kind, shape), ("output0", kind, told or list(out.shape)), metadata, out
-    )
-    return open_detector(path, **options)
-
-
-def image(width=128, height=64):
-    return np.zeros((height, width, 3), np.uint8)
-
-
 ONE_OF_EACH = (SEEN[0], *SEEN[2:])
-ANY = ["batch", 3, "height", "width"]
 LAYOUTS = {
     "raw": (raw(*SEEN), {}),
     "turned": (raw(*SEEN).transpose(0, 2, 1), {}),
@@ -78,7 +46,7 @@ def test_every_layout_is_read_and_brought_back_to_the_image(tmp_path, out, optio
     assert isinstance(detector, YoloDetector)
     # drawn at half size; a fixed canvas has margins of 16 px, one of any size keeps the 32 rows that are needed
     top = 0 if "imgsz" in options else 16
-    found = detector.detect(image(), gsd_m=0.1)
+    found = detector.detect(black(), gsd_m=0.1)
     rough = 2e-3 if options.get("kind") == FLOAT16 else 1e-6
     np.testing.assert_allclose(found.boxes[0], [64, 2 * (32 - top), 20, 10, 0.3], rtol=rough)
     np.testing.assert_allclose(found.boxes[-1, :4], [100, 2 * (30 - top), 16, 8])
@@ -91,21 +59,21 @@ def test_two_classes_make_seven_rows_that_are_no_seven_columns(tmp_path):
     names = {"names": "['van', 'truck']"}
     anchors = raw((32, 32, 10, 5, 0, 0.9, 0.3), classes=2)
     for out in (anchors, anchors.transpose(0, 2, 1), suppressed((32, 32, 10, 5, 0, 0.9, 0.3))):
-        found = yolo(tmp_path, out, names).detect(image(64, 64))
+        found = yolo(tmp_path, out, names).detect(black(64, 64))
         np.testing.assert_allclose(found.boxes, [[32, 32, 10, 5, 0.3]], rtol=1e-6)
     # as many boxes as there are anchors: only the notes tell
     out = suppressed((32, 32, 10, 5, 0, 0.9, 0.3), most=ANCHORS)
     for notes in ({"end2end": "True"}, {"args": "{'nms': True}"}):
-        found = yolo(tmp_path, out, names | notes).detect(image(64, 64))
+        found = yolo(tmp_path, out, names | notes).detect(black(64, 64))
         np.testing.assert_allclose(found.boxes, [[32, 32, 10, 5, 0.3]], rtol=1e-6)
 
 
 def test_classes_can_be_chosen(tmp_path):
     out = raw((32, 32, 10, 5, 0, 0.9, 0.0), (10, 32, 10, 5, 2, 0.9, 0.0))
-    assert len(yolo(tmp_path, out).detect(image(64, 64))) == 0
-    assert len(yolo(tmp_path, out, classes=["Plane"]).detect(image(64, 64))) == 1
-    assert len(yolo(tmp_path, out, classes=["0", "storage tank"]).detect(image(64, 64))) == 2
-    assert len(yolo(tmp_path, out, metadata={}).detect(image(64, 64))) == 2  # names unknown: every class counts
+    assert len(yolo(tmp_path, out).detect(black(64, 64))) == 0
+    assert len(yolo(tmp_path, out, classes=["Plane"]).detect(black(64, 64))) == 1
+    assert len(yolo(tmp_path, out, classes=["0", "storage tank"]).detect(black(64, 64))) == 2
+    assert len(yolo(tmp_path, out, metadata={}).detect(black(64, 64))) == 2  # names unknown: every class counts
     with pytest.raises(ModelError, match="none of its classes is called 'boat': plane, small vehicle, storage tank"):
         yolo(tmp_path, out, classes=["plane", "boat"])
 
@@ -114,8 +82,8 @@ def test_a_vehicle_of_two_classes_has_one_box_unless_wanted(tmp_path):
     names = {"names": "{0: 'van', 1: 'lorry', 2: 'tree'}"}
     seen = ((32, 32, 10, 5, 0, 0.9, 0.3), (32, 32, 11, 5, 1, 0.8, 0.3))
     for out in (raw(*seen), suppressed(*seen)):
-        assert yolo(tmp_path, out, names).detect(image(64, 64)).score.tolist() == pytest.approx([0.9])
-        assert len(yolo(tmp_path, out, names, per_class=True).detect(image(64, 64))) == 2
+        assert yolo(tmp_path, out, names).detect(black(64, 64)).score.tolist() == pytest.approx([0.9])
+        assert len(yolo(tmp_path, out, names, per_class=True).detect(black(64, 64))) == 2
 
 
 def test_what_can_be_no_box_costs_only_itself_and_is_counted(tmp_path):
@@ -123,14 +91,14 @@ def test_what_can_be_no_box_costs_only_itself_and_is_counted(tmp_path):
     out[0, 5, 40] = np.nan
     detector = yolo(tmp_path, out)
     for _ in range(2):
-        assert detector.detect(image(64, 64)).score.tolist() == pytest.approx([0.8])
+        assert detector.detect(black(64, 64)).score.tolist() == pytest.approx([0.8])
     assert (detector.dropped.damaged, detector.dropped.flat, detector.dropped.surplus) == (4, 2, 0)
 
 
 def test_several_threads_may_ask_at_once(tmp_path):
     detector = yolo(tmp_path, raw(SEEN[0], (10, 32, 0, 5, 1, 0.8, 0.0)))
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda _: detector.detect(image(64, 64)), range(200)))
+        found = list(pool.map(lambda _: detector.detect(black(64, 64)), range(200)))
     assert {len(f) for f in found} == {1}
     assert detector.dropped.flat == 200
 
@@ -139,10 +107,10 @@ def test_the_canvas_of_a_model_of_any_size(tmp_path):
     centre = raw((32, 16, 10, 5, 1, 0.9, 0.0))
     any_size = {"shape": ANY, "told": ["batch", "rows", "anchors"]}
     # 128 x 40 drawn at half size is 64 x 20; the least canvas with whole steps of 32 has 32 rows, 6 of them above
-    found = yolo(tmp_path, centre, imgsz=64, **any_size).detect(image(128, 40))
+    found = yolo(tmp_path, centre, imgsz=64, **any_size).detect(black(128, 40))
     np.testing.assert_allclose(found.centre, [[64.0, 20.0]])
     # its notes say 128: as large as drawn, rounded up to a step
-    found = yolo(tmp_path, centre, NAMES | {"imgsz": "[100, 100]"}, **any_size).detect(image(128, 40))
+    found = yolo(tmp_path, centre, NAMES | {"imgsz": "[100, 100]"}, **any_size).detect(black(128, 40))
     np.testing.assert_allclose(found.centre, [[32.0, 4.0]])
     with pytest.raises(ModelError, match="takes 64 × 64 px only, 640 px cannot be had"):
         yolo(tmp_path, centre, imgsz=640)
@@ -153,18 +121,18 @@ def test_the_canvas_of_a_model_of_any_size(tmp_path):
 def test_small_vehicles_in_a_large_image_are_looked_at_in_tiles(tmp_path):
     out = np.repeat(raw((32, 32, 12, 6, 1, 0.9, 0.0)), 2, axis=0)  # sees a vehicle in the middle of any canvas
     batch = {"shape": [2, 3, 64, 64]}
-    seen = {gsd_m: yolo(tmp_path, out, **batch).detect(image(150, 150), gsd_m=gsd_m) for gsd_m in (0.05, 0.2, None)}
+    seen = {gsd_m: yolo(tmp_path, out, **batch).detect(black(150, 150), gsd_m=gsd_m) for gsd_m in (0.05, 0.2, None)}
     assert len(seen[0.05]) == len(seen[None]) == 1  # 2.5 m are 50 px or unknown: the whole image
     assert len(seen[0.2]) == 16  # 12.5 px, shrunk to 5 as a whole
     middle = np.sort(np.unique(seen[0.2].cx.round(3)))
     np.testing.assert_allclose(middle, 150 - middle[::-1], atol=1.0)
-    assert len(yolo(tmp_path, out, tiled=False, **batch).detect(image(150, 150), gsd_m=0.2)) == 1
+    assert len(yolo(tmp_path, out, tiled=False, **batch).detect(black(150, 150), gsd_m=0.2)) == 1
 
 
 def test_tiles_are_few_however_large_the_image(tmp_path):
     detector = yolo(tmp_path, raw((32, 32, 12, 6, 1, 0.9, 0.0)))
     for width, height in ((4000, 3000), (6000, 100), (70, 70), (64, 64), (1, 1)):
-        assert 1 <= len(detector.detect(image(width, height), gsd_m=5.0)) <= 16
+        assert 1 <= len(detector.detect(black(width, height), gsd_m=5.0)) <= 16
 
 
 def rows(n):

@@ -9,9 +9,9 @@ from fractions import Fraction
 import av
 import pytest
 
+from tests.support.numbered_video import FPS, PIECE, image
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, PIECE, image
-from tests.vision.stream.test_rtp import N, pack
+from tests.support.rtp_streams import COUNT, pack
 from vision.stream.exposure_times import EARLY_S, LATE_S, Exposures, klv_time_s, sei_time_s, sender_report
 from vision.stream.stream import VideoStream
 
@@ -81,14 +81,14 @@ class _Sink:
 
 
 def transport_stream(first_s, *, sei=False, metadata=False):
-    """Datagrams of each of N frames, the first of which was taken at a Unix time."""
+    """Datagrams of each of COUNT frames, the first of which was taken at a Unix time."""
     sink, pieces = _Sink(), []
     with av.open(sink, "w", format="mpegts", options={"flush_packets": "1", "pat_period": "0.1"}) as container:
         options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
         stream = container.add_stream("libx264", rate=FPS, options=options)
         stream.width, stream.height, stream.pix_fmt, stream.codec_context.gop_size = 160, 96, "yuv420p", 10
         beside = container.add_data_stream("klv") if metadata else None
-        for number in range(N):
+        for number in range(COUNT):
             taken_s = first_s + number / FPS
             frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
             frame.pts, frame.time_base = number, Fraction(1, FPS)
@@ -126,7 +126,7 @@ def times_of(port, url, play):
             stream.latest(0.1)
         thread.join()
         stop_s = time.monotonic() + 3.0
-        while len(rows) < N - 5 and time.monotonic() < stop_s:
+        while len(rows) < COUNT - 5 and time.monotonic() < stop_s:
             stream.latest(0.1)
         return rows, stream.exposure
 
@@ -176,7 +176,7 @@ def test_rtp_with_sender_reports(shared):
 
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
             reports = [(port if shared else port + 1, said)]
-            send_at(sock, port, [datagrams for _, datagrams in frames[:N]], first_s, reports)
+            send_at(sock, port, [datagrams for _, datagrams in frames[:COUNT]], first_s, reports)
 
     rows, told = times_of(port, f"rtp://127.0.0.1:{port}", play)
     assert "RTCP" in told

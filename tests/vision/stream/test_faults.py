@@ -13,8 +13,9 @@ import time
 import numpy as np
 import pytest
 
+from tests.support.numbered_video import FPS, GOP, Sender, coded, number_of
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, GOP, Sender, coded, number_of, wait_for
+from tests.support.waiting import until
 from vision.stream.process import Process
 from vision.stream.stream import VideoStream
 from vision.stream.stream_worker import WAITING_PATIENCE_S
@@ -40,7 +41,7 @@ class Watched:
         self.stream.close()
 
     def shows(self, n, within_s=15.0):
-        return wait_for(lambda: len(self.rows) >= n, within_s)
+        return until(lambda: len(self.rows) >= n, within_s)
 
     def film(self):
         """(index, number) of all recorded frames, after a look at their rows."""
@@ -56,7 +57,7 @@ class Watched:
 def test_nothing_is_lost_whenever_the_sender_begins(tmp_path):
     """The port is bound before the process runs and stays so: the first frame sent is the first recorded."""
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)[:40]) as sender:
-        assert wait_for(lambda: sender.sent == 40)
+        assert until(lambda: sender.sent == 40)
         assert watched.shows(39)
     film, _ = watched.film()
     assert film == [(k, k) for k in range(40)]
@@ -69,8 +70,8 @@ def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frame
             time.sleep(pause_s)
             with Sender(watched.port, coded(CLIP)[100:160]) as sender:
                 assert watched.shows(len(watched.rows) + 5)
-                assert wait_for(lambda sender=sender: sender.sent >= 40)
-        assert wait_for(lambda: watched.stream.reconnects == 2)
+                assert until(lambda sender=sender: sender.sent >= 40)
+        assert until(lambda: watched.stream.reconnects == 2)
     film, video = watched.film()
     numbers = [number for _, number in film]
     starts = [0, *(k for k in range(1, len(numbers)) if numbers[k] < numbers[k - 1])]
@@ -83,12 +84,12 @@ def test_a_silent_sender_is_told_and_taken_back(tmp_path):
     with Watched(tmp_path) as watched:
         with Sender(watched.port, coded(CLIP)[:50]):
             assert watched.shows(45) and not watched.stream.stalled and watched.stream.connected
-        assert wait_for(lambda: watched.stream.stalled)
+        assert until(lambda: watched.stream.stalled)
         assert not watched.stream.connected
         # what the transport held back to the end is not news: it stays stalled until something comes
-        assert not wait_for(lambda: not watched.stream.stalled, 3)
+        assert not until(lambda: not watched.stream.stalled, 3)
         with Sender(watched.port, coded(CLIP)[50:100]):
-            assert wait_for(lambda: not watched.stream.stalled and len(watched.rows) > 60)
+            assert until(lambda: not watched.stream.stalled and len(watched.rows) > 60)
         assert watched.stream.restarts == 0 and watched.stream.recording_error == ""
     film, video = watched.film()
     assert {number for _, number in film} >= {*range(45), *range(50, 60)} and video.missing == 0
@@ -101,7 +102,7 @@ def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
         assert watched.shows(30)
         victim = watched.stream.process_id
         os.kill(victim, number)
-        assert wait_for(lambda: watched.stream.restarts == 1)
+        assert until(lambda: watched.stream.restarts == 1)
         assert "started again" in watched.stream.error
         before = len(watched.rows)
         assert watched.shows(before + 20) and watched.stream.process_id != victim
@@ -145,7 +146,7 @@ def test_damage_on_the_way_is_counted_and_never_raises(tmp_path):
 
     with Watched(tmp_path) as watched:
         with Sender(watched.port, coded(CLIP)[:100], spoil=spoil) as sender:
-            assert wait_for(lambda: sender.sent == 100)
+            assert until(lambda: sender.sent == 100)
         with Sender(watched.port, coded(CLIP)[100:]):
             before = len(watched.rows)
             assert watched.shows(before + 20)
@@ -169,7 +170,7 @@ def test_strangers_on_the_port_do_not_disturb(tmp_path):
         assert watched.shows(1)
         noise.start()
         try:
-            assert wait_for(lambda: sender.sent == 80)
+            assert until(lambda: sender.sent == 80)
             assert watched.shows(78)
         finally:
             stop.set()
@@ -185,7 +186,7 @@ def test_a_server_that_never_answers_is_given_up_and_tried_again():
         with VideoStream(f"rtsp://127.0.0.1:{server.getsockname()[1]}/main") as stream:
             first, _ = server.accept()
             # a bound on waiting, not on speed: without it FFmpeg takes half a minute
-            assert wait_for(lambda: "no answer within 3 s" in stream.error)
+            assert until(lambda: "no answer within 3 s" in stream.error)
             second, _ = server.accept()
             assert stream.restarts == 0 and not stream.connected and stream.stalled
         first.close()
@@ -197,9 +198,9 @@ def test_a_taken_port_is_told_and_had_once_it_is_free(tmp_path):
         holder.bind(("127.0.0.1", 0))
         port = holder.getsockname()[1]
         stream = VideoStream(f"udp://127.0.0.1:{port}", tmp_path / "video.mkv")
-        assert wait_for(lambda: "cannot be bound" in stream.error)
+        assert until(lambda: "cannot be bound" in stream.error)
     with stream, Sender(port, coded(CLIP)):
-        assert wait_for(lambda: stream.received > 10)
+        assert until(lambda: stream.received > 10)
 
 
 def test_a_slow_consumer_sees_the_present(tmp_path):
@@ -220,7 +221,7 @@ def test_times_are_those_of_the_time_stamps_when_the_pace_varies(tmp_path):
     times_ms = tuple(np.cumsum(np.random.default_rng(8).integers(10, 120, 60)).tolist())
     with Watched(tmp_path) as watched, Sender(watched.port, coded(60, times_ms), times_ms=times_ms) as sender:
         assert watched.shows(58)
-        wait_for(lambda: sender.sent == 60)
+        until(lambda: sender.sent == 60)
     watched.stream.close()
     listed = np.array([t_us for _, t_us in watched.rows]) * 1e-6
     stamps = np.array(times_ms[: len(listed)]) * 1e-3
@@ -237,7 +238,7 @@ def test_time_stamps_that_begin_anew_on_the_same_port_go_on_in_order(tmp_path):
     with Watched(tmp_path) as watched:
         again = [*coded(CLIP)[:40], *coded(CLIP)[:40]]
         with Sender(watched.port, again) as sender:
-            assert wait_for(lambda: sender.sent == 80)
+            assert until(lambda: sender.sent == 80)
             assert watched.shows(77)
     film, _ = watched.film()
     assert [number for _, number in film][:75] == [*range(40), *range(35)]

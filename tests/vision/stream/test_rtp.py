@@ -3,54 +3,13 @@
 from __future__ import annotations
 
 import random
-import socket
 import struct
-from fractions import Fraction
 
-import av
 import numpy as np
 import pytest
 
+from tests.support.rtp_streams import CODECS, COUNT, GOP, pack
 from vision.stream.rtp import Depacketizer, guess_codec, parse
-
-N, GOP = 40, 8
-CODECS = {
-    "h264": ("libx264", "x264-params", "repeat-headers=1"),
-    "hevc": ("libx265", "x265-params", "repeat-headers=1"),
-}
-
-
-def pack(codec):
-    """N noisy frames: the encoder's access units, and the datagrams that FFmpeg sends them in."""
-    encoder, key, value = CODECS[codec]
-    rng = np.random.default_rng(1)
-    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
-    receiver.bind(("127.0.0.1", 0))
-    receiver.settimeout(0.3)
-    units, datagrams = [], []
-    with receiver, av.open(f"rtp://127.0.0.1:{receiver.getsockname()[1]}", "w", format="rtp") as container:
-        extra = ":log-level=none:bframes=0:pools=none" if codec == "hevc" else ":bframes=0"
-        options = {"preset": "ultrafast", "tune": "zerolatency", key: value + extra}
-        stream = container.add_stream(encoder, rate=25, options=options)
-        stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
-        stream.codec_context.gop_size = GOP
-        for number in range(N):
-            image = rng.integers(0, 255, (240, 320, 3), dtype=np.uint8) if number % 5 == 0 else image  # noqa: F821
-            frame = av.VideoFrame.from_ndarray(image, format="bgr24")
-            frame.pts, frame.time_base = number, Fraction(1, 25)
-            for packet in stream.encode(frame):
-                units.append(bytes(packet))
-                container.mux(packet)
-        for packet in stream.encode(None):
-            units.append(bytes(packet))
-            container.mux(packet)
-        while True:
-            try:
-                datagrams.append(receiver.recv(65536))
-            except TimeoutError:
-                break
-    return units, [data for data in datagrams if parse(data) is not None]
 
 
 @pytest.fixture(scope="module", params=list(CODECS))
@@ -83,12 +42,12 @@ def test_access_units_come_out_as_they_went_in(packed):
     codec, encoded, datagrams = packed
     depacketizer, units = feed(datagrams)
     assert depacketizer.codec == codec and depacketizer.lost == 0
-    assert len(datagrams) > 1.5 * N  # large frames were cut in pieces
-    assert len(units) == N and all(unit.whole for unit in units)
+    assert len(datagrams) > 1.5 * COUNT  # large frames were cut in pieces
+    assert len(units) == COUNT and all(unit.whole for unit in units)
     assert [nals(unit.data) for unit in units] == [nals(unit) for unit in encoded]
-    assert {k for k, unit in enumerate(units) if unit.key} >= set(range(0, N, GOP))
+    assert {k for k, unit in enumerate(units) if unit.key} >= set(range(0, COUNT, GOP))
     assert not units[1].key
-    assert np.diff([unit.time for unit in units]).tolist() == [90_000 // 25] * (N - 1)
+    assert np.diff([unit.time for unit in units]).tolist() == [90_000 // 25] * (COUNT - 1)
 
 
 def test_datagrams_in_the_wrong_order_are_put_right(packed):
@@ -112,7 +71,7 @@ def test_a_lost_datagram_costs_its_own_frame(packed):
     by_time = {(k * 90_000 // 25): nals(unit) for k, unit in enumerate(encoded)}
     assert all(nals(unit.data) == by_time[unit.time - units[0].time] for unit in units if unit.whole)
     # the frame that lost it and at most the one after, when its end was lost
-    assert len(whole) >= N - 10
+    assert len(whole) >= COUNT - 10
 
 
 def test_numbers_run_over_and_another_sender_begins_anew(packed):
@@ -124,9 +83,9 @@ def test_numbers_run_over_and_another_sender_begins_anew(packed):
     ]
     other = [renumbered(data, parse(data).sequence + 31000, source=77) for data in datagrams]
     depacketizer, units = feed(over + other)
-    assert depacketizer.lost == 0 and len(units) == 2 * N
-    assert np.diff([unit.time for unit in units[:N]]).tolist() == [3600] * (N - 1)
-    assert [nals(unit.data) for unit in units[N:]] == [nals(unit) for unit in encoded]
+    assert depacketizer.lost == 0 and len(units) == 2 * COUNT
+    assert np.diff([unit.time for unit in units[:COUNT]]).tolist() == [3600] * (COUNT - 1)
+    assert [nals(unit.data) for unit in units[COUNT:]] == [nals(unit) for unit in encoded]
 
 
 def test_damage_never_raises(packed):

@@ -8,8 +8,9 @@ import random
 import numpy as np
 import pytest
 
+from tests.support.numbered_video import GOP, number_of
 from tests.support.rtsp_server import RtspServer, packed
-from tests.support.video_sender import GOP, number_of, wait_for
+from tests.support.waiting import until
 from vision.errors import VideoError
 from vision.stream import connection as stream_input
 from vision.stream.source import parse_source
@@ -34,7 +35,7 @@ class Watched:
 
     def shows_more(self, n=30):
         seen = len(self.rows)
-        return wait_for(lambda: len(self.rows) >= seen + n and not self.stream.stalled)
+        return until(lambda: len(self.rows) >= seen + n and not self.stream.stalled)
 
 
 def film(path, rows):
@@ -62,10 +63,10 @@ def test_a_camera_that_falls_silent_with_its_connection_open_is_stalled_once(tmp
     with RtspServer(packed(CLIP)) as server, Watched(server.url, tmp_path / "video.mkv") as watched:
         assert watched.shows_more()
         server.hold.set()
-        assert wait_for(lambda: watched.stream.stalled)
+        assert until(lambda: watched.stream.stalled)
         # FFmpeg keeps the last frame until it gives up: that is no sign of life
-        assert not wait_for(lambda: not watched.stream.stalled, 3.0)
-        assert wait_for(lambda: "nothing came for 2 s" in watched.stream.error)
+        assert not until(lambda: not watched.stream.stalled, 3.0)
+        assert until(lambda: "nothing came for 2 s" in watched.stream.error)
         server.hold.clear()
         assert watched.shows_more()
         assert watched.stream.reconnects >= 1 and watched.stream.restarts == 0 and watched.stream.error == ""
@@ -77,7 +78,7 @@ def test_a_camera_that_dies_and_comes_back_goes_on_in_the_same_file(tmp_path):
         try:
             assert watched.shows_more()
             server.close()
-            assert wait_for(lambda: watched.stream.stalled and "cannot be opened" in watched.stream.error)
+            assert until(lambda: watched.stream.stalled and "cannot be opened" in watched.stream.error)
             assert not watched.stream.connected
             server = RtspServer(packed(CLIP), server.port)
             assert watched.shows_more()

@@ -13,8 +13,8 @@ from gcs.flight.video import FlightVideo, check_source
 from gcs.health.faults import Faults
 from gcs.session.recorder import Recorder
 from mavlink.protocol.messages import VideoStreamInformation
-from tests.gcs.session.test_metadata import MISSION
 from tests.support.ports import free_port
+from tests.support.snapshots import ONE_UGV
 from vision.errors import VideoError
 from vision.stream.secrets import conceal_in, concealed, secrets_of
 from vision.stream.source import parse_source
@@ -84,7 +84,7 @@ def test_a_process_that_dies_does_not_tell_it(tmp_path):
 
 
 def test_what_the_uav_offers_is_told_without_it(tmp_path):
-    recorder = Recorder(tmp_path, MISSION, video=False)
+    recorder = Recorder(tmp_path, ONE_UGV, video=False)
     offer = dict.fromkeys(VideoStreamInformation.__dataclass_fields__, 0)
     uris = (f"rtsp://u:{PASSWORD}@10.0.0.2/x", f"file://u:{PASSWORD}@h/x")
     told = [

@@ -14,8 +14,9 @@ import av
 import numpy as np
 import pytest
 
+from tests.support.numbered_video import FPS, image, number_of
 from tests.support.ports import free_port
-from tests.support.video_sender import FPS, image, number_of, wait_for
+from tests.support.waiting import until
 from vision.errors import VideoError
 from vision.stream.frame_clock import CREEP, ArrivalClock
 from vision.stream.stream import VideoStream
@@ -81,7 +82,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
         frame = stream.latest(0.2)
         if frame is not None:
             shown.append((frame.index, frame.t_us, number_of(frame.image)))
-    assert wait_for(lambda: stream.connected and not stream.stalled)
+    assert until(lambda: stream.connected and not stream.stalled)
     stream.close()
     end_us = time.time() * 1e6
     assert stream.recording_error == "" and stream.received == len(rows) >= 2 * FPS
@@ -122,7 +123,7 @@ def test_rtp_is_received_as_well(tmp_path, encoder, key, source):
             time.sleep(max(begin + number / FPS - time.monotonic(), 0))
             container.mux(coded.encode(av.VideoFrame.from_ndarray(image(number), format="bgr24")))
         container.mux(coded.encode(None))
-    assert wait_for(lambda: len(rows) == 50)
+    assert until(lambda: len(rows) == 50)
     frame = stream.latest(5.0)
     assert frame is not None and number_of(frame.image) == frame.index == 49
     stream.close()
@@ -172,11 +173,11 @@ def test_it_connects_again_and_goes_on_in_the_same_recording(tmp_path, sender):
     url = sender(n=40)
     rows = []
     stream = VideoStream(url, tmp_path / "video.mkv", on_frame=lambda index, t_us: rows.append((index, t_us)))
-    assert wait_for(lambda: rows and stream.stalled, 20.0)
+    assert until(lambda: rows and stream.stalled, 20.0)
     first = len(rows)
     assert first > 5
     sender(n=500, url=url)
-    assert wait_for(lambda: stream.received >= first + 10)
+    assert until(lambda: stream.received >= first + 10)
     stream.close()
     assert stream.reconnects == 1 and stream.received >= first + 10
     assert [index for index, _ in rows] == list(range(len(rows)))
@@ -198,7 +199,7 @@ def test_silence_is_told_and_closing_does_not_wait_for_it(capfd):
 
 def test_a_refused_connection_is_tried_again():
     with VideoStream(f"tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}") as stream:
-        assert wait_for(lambda: stream.error)
+        assert until(lambda: stream.error)
         assert "cannot be opened" in stream.error and "\n" not in stream.error
         assert stream._thread.is_alive()
     assert not stream._thread.is_alive()

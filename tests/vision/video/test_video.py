@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from fractions import Fraction
 from types import SimpleNamespace
 
 import av
@@ -13,45 +12,10 @@ import numpy as np
 import pytest
 
 from infra.files import restorable_file as kept_file
+from tests.support.numbered_video import HEIGHT, WIDTH, number_of, steady, write_clip
 from vision.errors import VideoError
 from vision.video.recording import Recording
 from vision.video.video import VideoFile
-
-WIDTH, HEIGHT, BITS = 160, 96, 10
-
-
-def image(number):
-    """A frame that shows ``number`` as ten bars, light for 1."""
-    image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
-    for bit in range(BITS):
-        if number >> bit & 1:
-            image[:, bit * 16 : bit * 16 + 16] = 255
-    return image
-
-
-def number_of(image):
-    assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.uint8
-    return sum(1 << bit for bit in range(BITS) if image[HEIGHT // 2, bit * 16 + 8].mean() > 127)
-
-
-def write(path, pts_ms, *, gop=12, bframes=2):
-    """A clip whose i-th frame is shown at ``pts_ms[i]`` and carries the number i."""
-    with av.open(str(path), "w") as container:
-        options = {"preset": "ultrafast", "x264-params": f"bframes={bframes}"}
-        stream = container.add_stream("libx264", rate=30, options=options)
-        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
-        stream.codec_context.gop_size = gop
-        stream.codec_context.time_base = Fraction(1, 1000)
-        for number, pts in enumerate(pts_ms):
-            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
-            frame.pts, frame.time_base = int(pts), Fraction(1, 1000)
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
-    return path
-
-
-def steady(n):
-    return np.arange(n) * 40
 
 
 def varying(n):
@@ -66,7 +30,7 @@ def container(request):
 @pytest.mark.parametrize("rhythm", [steady, varying])
 def test_every_frame_is_found_under_its_number(tmp_path, container, rhythm):
     pts = rhythm(60)
-    with VideoFile.open(write(tmp_path / f"clip.{container}", pts), start_us=1_000_000) as video:
+    with VideoFile.open(write_clip(tmp_path / f"clip.{container}", pts), start_us=1_000_000) as video:
         assert (video.n, video.width, video.height, video.mismatch) == (60, WIDTH, HEIGHT, 0)
         shown = list(video.frames())
         assert [frame.index for frame in shown] == [number_of(frame.image) for frame in shown] == list(range(60))
@@ -77,7 +41,7 @@ def test_every_frame_is_found_under_its_number(tmp_path, container, rhythm):
 
 
 def test_reading_on_and_jumping_mix(tmp_path):
-    with VideoFile.open(write(tmp_path / "clip.mp4", steady(60))) as video:
+    with VideoFile.open(write_clip(tmp_path / "clip.mp4", steady(60))) as video:
         for index in (0, 1, 2, 5, 59, 58, 59, 12, 11, 13, 0, 59):
             assert number_of(video.read(index).image) == index
         assert [number_of(frame.image) for frame in video.frames(start=50)] == list(range(50, 60))
@@ -86,7 +50,7 @@ def test_reading_on_and_jumping_mix(tmp_path):
 
 
 def test_iterators_are_independent_and_can_be_closed_early(tmp_path):
-    with VideoFile.open(write(tmp_path / "clip.mkv", steady(30))) as video:
+    with VideoFile.open(write_clip(tmp_path / "clip.mkv", steady(30))) as video:
         first, second = video.frames(), video.frames(start=20)
         assert (next(first).index, next(second).index, next(first).index) == (0, 20, 1)
         first.close()
@@ -95,7 +59,7 @@ def test_iterators_are_independent_and_can_be_closed_early(tmp_path):
 
 
 def test_given_times_are_used(tmp_path):
-    path = write(tmp_path / "clip.mp4", steady(20))
+    path = write_clip(tmp_path / "clip.mp4", steady(20))
     times = 1_800_000_000_000_000 + np.arange(20) * 33_333
     with VideoFile.open(path, times) as video:
         assert video.read(7).t_us == times[7]
@@ -104,7 +68,7 @@ def test_given_times_are_used(tmp_path):
 
 @pytest.mark.parametrize(("rows", "n", "mismatch"), [(25, 20, 5), (15, 15, -5)])
 def test_the_shorter_of_times_and_frames_counts(tmp_path, rows, n, mismatch):
-    with VideoFile.open(write(tmp_path / "clip.mp4", steady(20)), np.arange(rows) * 40_000) as video:
+    with VideoFile.open(write_clip(tmp_path / "clip.mp4", steady(20)), np.arange(rows) * 40_000) as video:
         assert (video.n, video.mismatch) == (n, mismatch)
         assert len(list(video.frames())) == n
         with pytest.raises(IndexError, match="no frame"):
@@ -113,7 +77,7 @@ def test_the_shorter_of_times_and_frames_counts(tmp_path, rows, n, mismatch):
 
 @pytest.mark.parametrize("kind", ["mkv", "ts"])
 def test_a_file_cut_short_plays_what_is_there(tmp_path, kind):
-    path = write(tmp_path / f"clip.{kind}", steady(100))
+    path = write_clip(tmp_path / f"clip.{kind}", steady(100))
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 6 // 10])
     with VideoFile.open(path) as video:
@@ -125,7 +89,7 @@ def test_a_file_cut_short_plays_what_is_there(tmp_path, kind):
 
 
 def test_a_stream_that_begins_between_key_frames_starts_at_the_first(tmp_path):
-    path = write(tmp_path / "clip.ts", steady(60), bframes=0)
+    path = write_clip(tmp_path / "clip.ts", steady(60), bframes=0)
     whole = path.read_bytes()
     packets = [whole[i : i + 188] for i in range(0, len(whole), 188)]
     path.write_bytes(b"".join(packets[:3] + packets[12:]))
@@ -151,7 +115,7 @@ def test_what_is_no_video_is_refused_in_one_line(tmp_path, content, words, capfd
 
 
 def test_an_mp4_without_its_table_is_refused(tmp_path):
-    path = write(tmp_path / "clip.mp4", steady(30))
+    path = write_clip(tmp_path / "clip.mp4", steady(30))
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(VideoError, match="not a video"):
         VideoFile.open(path)
@@ -161,7 +125,7 @@ def broken_off(folder):
     """20 frames, then a hole of 3, 15 more, and a file that died before its first; numbers are indices."""
     recording, at = Recording(folder / "video.mkv"), 0
     for first, n in ((0, 20), (23, 15)):
-        with av.open(str(write(folder / "part.mp4", steady(first + n), bframes=0, gop=1))) as clip:
+        with av.open(str(write_clip(folder / "part.mp4", steady(first + n), bframes=0, gop=1))) as clip:
             stream = clip.streams.video[0]
             packets = [packet for packet in clip.demux(stream) if packet.size]
             recording.begin(stream, first, 1000.0 + first * 0.04)
@@ -204,8 +168,8 @@ def test_a_part_that_somebody_deleted_costs_itself_only(tmp_path):
 
 
 def test_a_file_of_another_recording_is_not_taken_in(tmp_path):
-    path = write(tmp_path / "video.mkv", steady(10))
-    write(tmp_path / "video.1.mkv", steady(10))
+    path = write_clip(tmp_path / "video.mkv", steady(10))
+    write_clip(tmp_path / "video.1.mkv", steady(10))
     with VideoFile.open(path) as video:
         assert video.n == 10
 
@@ -214,7 +178,7 @@ def test_a_cut_recording_keeps_nearly_every_frame(tmp_path):
     """Bytes up to any place, as after a kill: all but the frame that was being written."""
     recording = Recording(tmp_path / "video.mkv")
     sizes = []
-    with av.open(str(write(tmp_path / "clip.mp4", steady(250), bframes=0))) as clip:
+    with av.open(str(write_clip(tmp_path / "clip.mp4", steady(250), bframes=0))) as clip:
         stream = clip.streams.video[0]
         recording.begin(stream, 0, 0.0)
         for packet in clip.demux(stream):
@@ -240,7 +204,7 @@ def test_a_recording_that_is_deleted_or_moved_is_put_back_and_goes_on(tmp_path, 
     folder = tmp_path / "session"
     folder.mkdir()
     recording, told = Recording(folder / "video.mkv"), []
-    with av.open(str(write(tmp_path / "clip.mp4", steady(60), bframes=0))) as clip:
+    with av.open(str(write_clip(tmp_path / "clip.mp4", steady(60), bframes=0))) as clip:
         stream = clip.streams.video[0]
         for index, packet in enumerate(packet for packet in clip.demux(stream) if packet.size):
             now_s = float(packet.pts * packet.time_base)
@@ -269,7 +233,7 @@ def test_a_full_disk_leaves_no_row_of_empty_files(tmp_path, monkeypatch):
         recording.path.touch()
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    with av.open(str(write(tmp_path / "clip.mp4", steady(3), bframes=0))) as clip:
+    with av.open(str(write_clip(tmp_path / "clip.mp4", steady(3), bframes=0))) as clip:
         stream = clip.streams.video[0]
         packet = next(clip.demux(stream))
         for now_s in (0.0, 10.0, 30.0):
@@ -287,7 +251,7 @@ def test_a_full_disk_leaves_no_row_of_empty_files(tmp_path, monkeypatch):
 
 def test_a_disk_that_fails_for_a_while_costs_what_came_meanwhile(tmp_path, monkeypatch):
     recording = Recording(tmp_path / "video.mkv")
-    with av.open(str(write(tmp_path / "clip.mp4", steady(60), bframes=0))) as clip:
+    with av.open(str(write_clip(tmp_path / "clip.mp4", steady(60), bframes=0))) as clip:
         stream = clip.streams.video[0]
         for index, packet in enumerate(packet for packet in clip.demux(stream) if packet.size):
             now_s = index * 0.5

@@ -1,4 +1,4 @@
-"""A camera for tests: numbered frames, coded once, sent as MPEG-TS datagrams in real time by a thread."""
+"""Video whose frames show their number: in a file, or coded once and sent as MPEG-TS datagrams in real time."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ import av
 import numpy as np
 
 FPS, GOP, BITS = 25, 10, 10
+WIDTH, HEIGHT = 160, 96
 PIECE = 7 * 188
 
 
 def image(number):
-    """Ten bars, light for 1."""
-    image = np.zeros((96, 160, 3), dtype=np.uint8)
+    """The number as ten bars, light for 1."""
+    image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
     for bit in range(BITS):
         if number >> bit & 1:
             image[:, bit * 16 : bit * 16 + 16] = 255
@@ -25,7 +26,28 @@ def image(number):
 
 
 def number_of(image):
-    return sum(1 << bit for bit in range(BITS) if image[48, bit * 16 + 8].mean() > 127)
+    return sum(1 << bit for bit in range(BITS) if image[HEIGHT // 2, bit * 16 + 8].mean() > 127)
+
+
+def steady(n):
+    """Times in ms of frames at 25 a second."""
+    return np.arange(n) * 1000 // FPS
+
+
+def write_clip(path, pts_ms, *, gop=12, bframes=2):
+    """A clip whose i-th frame is shown at ``pts_ms[i]`` and carries the number i."""
+    with av.open(str(path), "w") as container:
+        options = {"preset": "ultrafast", "x264-params": f"bframes={bframes}"}
+        stream = container.add_stream("libx264", rate=30, options=options)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.gop_size = gop
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for number, pts in enumerate(pts_ms):
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
+            frame.pts, frame.time_base = int(pts), Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
 
 
 class _Sink:
@@ -44,7 +66,7 @@ def coded(n, times_ms=None):
     with av.open(sink, "w", format="mpegts", options={"flush_packets": "1", "pat_period": "0.1"}) as container:
         options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
         stream = container.add_stream("libx264", rate=FPS, options=options)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
         stream.codec_context.gop_size = GOP
         stream.codec_context.time_base = Fraction(1, 1000)
         for number in range(n):
@@ -87,13 +109,3 @@ class Sender(threading.Thread):
     def __exit__(self, *args):
         self._halt.set()
         self.join(5)
-
-
-def wait_for(condition, within_s=15.0):
-    """True as soon as the condition holds, False when it does not in time."""
-    deadline = time.monotonic() + within_s
-    while time.monotonic() < deadline:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False

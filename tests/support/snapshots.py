@@ -1,0 +1,35 @@
+"""Small fleets, and snapshots of them."""
+
+import numpy as np
+
+from gcs.mission.mission import Mission, Vehicle
+from gcs.snapshot import Box, Health, Snapshot, VehicleRow
+
+ONE_UGV = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"),))
+TWO_UGVS = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
+
+
+def box(track_id, system_id, **change):
+    place = {"cx": 10.0 * track_id, "cy": 20.0, "w": 30.0, "h": 15.0, "angle": 0.5, "heading": 2.0, "score": 0.9}
+    return Box(track_id=track_id, system_id=system_id, confidence=0.98, **place | change)
+
+
+def snapshot(frame=0, *, boxes=(), image=None, events=()):
+    rows = tuple(
+        VehicleRow(system_id=i, name=TWO_UGVS.name_of(i), role="uav" if i == 1 else "ugv", in_view=i == 2)
+        for i in (1, 2, 3)
+    )
+    return Snapshot(
+        t_us=1_795_171_704_000_000 + 100_000 * frame,
+        frame=frame,
+        width=64,
+        height=48,
+        image=image,
+        vehicles=rows,
+        boxes=tuple(boxes),
+        footprint_enu=None,
+        uav_enu=np.zeros(3),
+        uav_heading=0.0,
+        health=Health(),
+        events=tuple(events),
+    )
