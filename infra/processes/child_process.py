@@ -1,0 +1,142 @@
+"""A Python module that runs in a process of its own, seen from the process that started it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Collection, Mapping
+from multiprocessing import Pipe
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import psutil
+
+from infra.processes.channel import Channel
+
+__all__ = ["ChildProcess"]
+
+ROOT = str(Path(__file__).resolve().parents[2])
+"""Where our packages are."""
+KILL_S = 2.0
+"""A process that waits for the disk in the kernel ends only when the disk answers: it is not waited for longer."""
+_LAST_BYTES, _LAST_CHARACTERS = 2000, 200
+"""Of what a process wrote: looked at, and told."""
+
+Report = TypeVar("Report")
+
+
+class ChildProcess(Generic[Report]):
+    """One process and the channel to it.
+
+    It has no terminal to write on, and a Ctrl-C there does not reach it: it is to end when this end of the channel
+    closes, which the system does if this process dies.
+
+    Args:
+        module: run as ``python -m``; it calls :func:`infra.processes.channel.connect_to_parent`.
+        reports: the type of the messages that it sends, or the union of their types.
+        fds: file descriptors that it needs; they have the same numbers there.
+        environment: added to this process's.
+
+    Raises:
+        OSError: the system starts no process.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        reports: type[Report] | Any,  # noqa: ANN401 - unions are no types
+        *,
+        fds: Collection[int] = (),
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        their_reading, our_writing = Pipe(duplex=False)
+        our_reading, their_writing = Pipe(duplex=False)
+        ends = their_reading.fileno(), their_writing.fileno()
+        self.channel: Channel[Report] = Channel(our_reading, our_writing, reports)
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        # our packages are found where this one is, whatever folder the station was started in
+        paths = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", module, *map(str, ends)],
+                pass_fds=(*fds, *ends),
+                stdin=subprocess.DEVNULL,
+                stdout=self._output,
+                stderr=self._output,
+                env={**os.environ, **(environment or {}), "PYTHONPATH": paths},
+                start_new_session=True,
+            )
+        except OSError:
+            self.close()
+            raise
+        finally:
+            their_reading.close()
+            their_writing.close()
+        self._status = psutil.Process(self._process.pid)
+
+    @property
+    def pid(self) -> int:
+        """Its id."""
+        return self._process.pid
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is over."""
+        return self._process.poll() is not None
+
+    @property
+    def exit_reason(self) -> str:
+        """How it ended, and the last line that it wrote; until it is closed."""
+        code = self._process.poll()
+        self._output.seek(max(self._output.seek(0, os.SEEK_END) - _LAST_BYTES, 0))
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
+        line = f": {lines[-1].strip()[:_LAST_CHARACTERS]}" if lines else ""
+        return f"signal {-code}{line}" if code is not None and code < 0 else f"exit code {code}{line}"
+
+    @property
+    def cpu_s(self) -> float:
+        """Processor time so far, s; 0 once it is over."""
+        with contextlib.suppress(psutil.Error):
+            times = self._status.cpu_times()
+            return times.user + times.system
+        return 0.0
+
+    def waits_for_processor(self, silent_s: float, cpu_s: float) -> bool:
+        """Whether it shows no life only because others have the processor: it could run and has hardly been let.
+
+        Args:
+            silent_s: for how long it has shown no life.
+            cpu_s: its processor time before that.
+        """
+        with contextlib.suppress(psutil.Error):
+            return self._status.status() == psutil.STATUS_RUNNING and self.cpu_s - cpu_s < 0.5 * silent_s
+        return False
+
+    @property
+    def waits_for_disk(self) -> bool:
+        """Whether a thread of it waits in the kernel, as for a disk that hangs: it cannot be ended then."""
+        with contextlib.suppress(psutil.Error):
+            states = (psutil.Process(thread.id).status() for thread in self._status.threads())
+            return psutil.STATUS_DISK_SLEEP in states
+        return False
+
+    def end(self, timeout_s: float) -> None:
+        """Has it end by itself, else kills it."""
+        self.channel.close_sending()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout_s)
+        self.kill()
+
+    def kill(self) -> None:
+        """Ends it at once; what it sent before can still be received."""
+        self._process.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(KILL_S)
+
+    def close(self) -> None:
+        """Closes the channel and forgets what the process wrote; to be called by who receives."""
+        self.channel.close()
+        self._output.close()
