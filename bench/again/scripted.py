@@ -241,7 +241,7 @@ def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
         if troubles.speaks and flight.t_us >= said_us + S:
             said_us = flight.t_us
             with patch("mavlink.ingest.receiver.now_us", flight.wall_us):
-                flight.receiver.say(0, Speaker(255).heartbeat(GCS))
+                flight.receiver.send(0, Speaker(255).heartbeat(GCS))
         flight.turn(newest)
         if newest is not None:
             flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector takes its time

@@ -20,8 +20,8 @@ import onnxruntime as ort
 
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
-from mavlink.ingest.lent import BUFFER_BYTES
 from mavlink.links.kinds import open_link
+from mavlink.links.udp import LEAST_BUFFER_BYTES
 from vision.detect.detector import open_detector
 
 __all__ = ["Check", "Verdict", "checks"]
@@ -157,13 +157,13 @@ def _receive_buffer() -> Check:
         most = int(limit.read_text())
     except (OSError, ValueError):
         return Check(name="receive buffer", verdict="ok", found="the system does not tell its limit")
-    if most >= BUFFER_BYTES or os.geteuid() == 0:
+    if most >= LEAST_BUFFER_BYTES or os.geteuid() == 0:
         return Check(name="receive buffer", verdict="ok", found=f"{most / 2**20:.1f} MiB allowed to programs")
     return Check(
         name="receive buffer",
         verdict="short",
         found=f"{most / 2**20:.1f} MiB allowed: a pause of the machine can cost packets",
-        advice=f"sudo sysctl net.core.rmem_max={BUFFER_BYTES}",
+        advice=f"sudo sysctl net.core.rmem_max={LEAST_BUFFER_BYTES}",
     )
 
 

@@ -1,15 +1,14 @@
-"""How the ingest is doing, told by its process as JSON and read by the station."""
+"""How the ingest is doing, told by its process and read by the station."""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+
+import msgspec
 
 from infra.files.record_state import RecordState
-from mavlink.forwarding.outputs import InboundFrames, OutputCounts
-from mavlink.links.flood_limiter import Limit
+from mavlink.forwarding.outputs import OutputCounts
 from mavlink.links.report import LinkCounts, LinkReport
 
 __all__ = ["IngestHealth", "Notice"]
@@ -51,25 +50,20 @@ class IngestHealth:
     troubles: tuple[str, ...] = ()
     """What does not work at the moment, in plain words."""
 
-    def to_json(self) -> bytes:
-        """As :meth:`from_json` reads it."""
-        return json.dumps(self, default=_fields).encode()
+    def encode(self) -> bytes:
+        """As :meth:`decode` reads it."""
+        return msgspec.msgpack.encode(self)
 
     @classmethod
-    def from_json(cls, text: bytes) -> IngestHealth:
-        """What :meth:`to_json` wrote.
+    def decode(cls, data: bytes) -> IngestHealth:
+        """What :meth:`encode` wrote.
 
         Raises:
             ValueError: it is not that.
         """
-        table: dict[str, Any] = json.loads(text)
         try:
-            table["links"] = tuple(_link(link) for link in table["links"])
-            table["outputs"] = tuple(map(_output, table["outputs"]))
-            table["record"] = RecordState(**table["record"])
-            table["troubles"] = tuple(table["troubles"])
-            return cls(**table)
-        except (KeyError, TypeError, ValueError) as error:
+            return msgspec.msgpack.decode(data, type=cls)
+        except msgspec.DecodeError as error:
             raise ValueError(f"no health of an ingest: {error}") from error
 
     def plus(self, before: tuple[LinkCounts, ...]) -> IngestHealth:
@@ -77,27 +71,6 @@ class IngestHealth:
         pairs = zip(self.links, before, strict=False)
         links = tuple(replace(link, counts=_sum(link.counts, old)) for link, old in pairs)
         return replace(self, links=links + self.links[len(links) :])
-
-
-def _fields(record: Any) -> dict[str, Any]:  # noqa: ANN401 - any of the dataclasses here
-    return {name: getattr(record, name) for name in record.__slots__}
-
-
-def _link(table: dict[str, Any]) -> LinkReport:
-    addresses = tuple((number, host, port) for number, host, port in table["addresses"])
-    others = tuple((number, address) for number, address in table["others"])
-    lists = {
-        "addresses": addresses,
-        "others": others,
-        "claims": tuple((number, system_id) for number, system_id in table["claims"]),
-        "mixed": tuple(table["mixed"]),
-        "limits": tuple(Limit(**limit) for limit in table["limits"]),
-    }
-    return LinkReport(**table | {"counts": LinkCounts(**table["counts"])} | lists)
-
-
-def _output(table: dict[str, Any]) -> OutputCounts:
-    return OutputCounts(**table | {"inbound": tuple(InboundFrames(**frames) for frames in table["inbound"])})
 
 
 def _sum(now: LinkCounts, before: LinkCounts) -> LinkCounts:

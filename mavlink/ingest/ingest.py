@@ -11,33 +11,45 @@ import time
 from collections import deque
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from multiprocessing import Pipe
 from pathlib import Path
 
+import msgspec
+
 from infra.files.journal import Journal, make_journal
+from infra.processes.child_process import ChildProcess
+from infra.processes.supervisor import Supervisor
 from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
-from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth, Notice
+from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
-from mavlink.ingest.lent import small_buffers
+from mavlink.ingest.messages import AcceptHeld, CannotOpen, Report, SendFrame
 from mavlink.ingest.plan import Outputs, Plan, Signing
-from mavlink.ingest.process import START_S, IngestProcess
 from mavlink.links.counters import now_us
 from mavlink.links.kinds import KINDS, parse_url
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts
+from mavlink.links.udp import LEAST_BUFFER_BYTES
 from mavlink.links.url import LinkUrl
 from mavlink.protocol.packet import Packet
 
 __all__ = ["Ingest"]
 
+START_S = 20.0
+"""A start that takes longer has failed."""
+STOP_S = 15.0
+"""A process that is to end and shows no life for so long is killed: it may have much to write."""
 WATCH_S = 0.05
-LOOK_S = 0.5
+HEALTH_S = 0.5
+"""Between looks at the health for what an operator should know."""
 HUNG_S = 0.7
 """A process that shows no life for so long is replaced: with the start of the next that is a second."""
+_SEND_S = 0.2
+"""For the process to take a request."""
 _MOST_NOTICES = 200
 _ERRORS: dict[str, type[MavlinkError]] = {error.__name__: error for error in (LinkError, TlogError, SigningError)}
 _AGAIN_S = 0.3
-_STEP_S = 0.02
+"""A process that lived for less is followed by the next only after this."""
 
 
 class Ingest:
@@ -77,18 +89,23 @@ class Ingest:
         self._sockets: list[socket.socket | None] = []
         self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
-        self._restarts, self._gap_s = 0, 0.0
+        self._gap_s = 0.0
+        self._generation = 0
+        self._beat, self._beat_cpu_s = 0, 0.0
+        """The last sign of life, and the processor time that the process had used by then."""
+        self._interrupted = ""
+        """What the process before had in hand when it ended, in words."""
         self._heard_us = 0
         self._health = IngestHealth()
-        self._lock = threading.Lock()
+        self._health_events, self._health_s = HealthEvents(), 0.0
         self._stopping = threading.Event()
         self._memory_fd = make_ingest_memory(ring_bytes)
         self._memory = IngestMemory(self._memory_fd)
         self._journal_fd = make_journal()
         self._journal = Journal(self._journal_fd)
-        self._process: IngestProcess | None = None
-        self._spare: IngestProcess | None = None
-        """Takes over at once when the process is replaced."""
+        # never closed, but with the last who holds them: one thread may wait for the pipe while another stops
+        self._wake, self._waker = Pipe(duplex=False)
+        self._supervisor: Supervisor[ChildProcess[Report]] | None = None
         try:
             opened = []
             for link, url in zip(links, urls, strict=True):
@@ -100,27 +117,30 @@ class Ingest:
                 sockets=tuple(-1 if sock is None else sock.fileno() for sock in self._sockets),
                 memory=self._memory_fd,
                 journal=self._journal_fd,
-                control=-1,
+                wake=self._waker.fileno(),
                 log=str(log),
                 system_ids=tuple(system_ids),
                 signing=signing or Signing(),
                 outputs=outputs or Outputs(),
             )
-            self._process = self._start()
-            self._process.go(1)
-            self._wait_until_ready(self._process)
+            self._supervisor = self._start_supervisor()
+            self._require_opened(self._supervisor.process)
         except BaseException:
-            self._let_go()
+            self._release()
             raise
-        for text in small_buffers(self.names, self._sockets):
-            self._notice("warning", text)
-        self._watch = threading.Thread(target=self._guard, name="ingest watch", daemon=True)
-        self._watch.start()
+        self._warn_of_small_buffers()
+        self._supervisor.supervise()
+
+    @property
+    def supervisor(self) -> Supervisor[ChildProcess[Report]]:
+        """Keeps the process running."""
+        assert self._supervisor is not None
+        return self._supervisor
 
     @property
     def pid(self) -> int:
         """Id of the present process."""
-        return self._process.pid if self._process else 0
+        return self.supervisor.process.pid
 
     def read(self, timeout_s: float) -> list[Packet]:
         """All packets that have come since the last call, in order, each with what its signature is worth.
@@ -137,7 +157,8 @@ class Ingest:
             left_s = stop_s - time.monotonic()
             if packets or left_s <= 0.0:
                 return packets
-            self._wait(left_s)
+            if select.select([self._wake], [], [], left_s)[0]:
+                os.read(self._wake.fileno(), 1 << 16)
         return []
 
     @property
@@ -158,10 +179,7 @@ class Ingest:
         """
         if not 0 <= link < len(self.names):
             raise LinkError(f"there is no link {link}; there are {len(self.names)}")
-        with self._lock:
-            if self._process is None or self._stopping.is_set():
-                raise LinkError("the ingest has ended")
-            self._process.send(link, data, peer)
+        self._request(SendFrame(link, data, peer))
 
     def accept_held(self, system_id: int) -> None:
         """An operator vouches for a system whose packets are held, and those that come now are believed.
@@ -169,10 +187,7 @@ class Ingest:
         Raises:
             LinkError: the process does not take it.
         """
-        with self._lock:
-            if self._process is None or self._stopping.is_set():
-                raise LinkError("the ingest has ended")
-            self._process.accept_held(system_id)
+        self._request(AcceptHeld(system_id))
 
     def address(self, link: int, peer: int) -> str:
         """Host and port of a sender, as packets of a link number them; empty where they are not known.
@@ -181,7 +196,7 @@ class Ingest:
             link: its place among the URLs.
             peer: the sender's number on that link.
         """
-        links = (self._told() or self._health).links
+        links = (self._published_health() or self._health).links
         if not 0 <= link < len(links):
             return ""
         known = {number: f"{host}:{port}" for number, host, port in links[link].addresses}
@@ -189,7 +204,7 @@ class Ingest:
 
     def health(self) -> IngestHealth:
         """How it is doing, as told some times a second."""
-        told = self._told()
+        told = self._published_health()
         if told is not None:
             self._health = told
         total = self._health.plus(self._before)
@@ -200,7 +215,7 @@ class Ingest:
             record=replace(total.record, rows=written),
             links=tuple(replace(link, name=name) for link, name in zip(total.links, self.names, strict=False)),
             overrun=self._memory.slots[Slot.OVERRUN] if not self._stopping.is_set() else total.overrun,
-            restarts=self._restarts,
+            restarts=self.supervisor.restarts,
             gap_s=self._gap_s,
         )
 
@@ -217,95 +232,84 @@ class Ingest:
         if self._stopping.is_set():
             return
         self._stopping.set()
-        self._watch.join()
-        with self._lock:
-            if self._process is not None:
-                self._process.stop()
-                self._process = None
+        self.supervisor.stop()
         record = self.health().record
         if record.waiting:  # the disk does not answer: nobody will write them
             lost = replace(record, waiting=0, waiting_bytes=0, lost=record.lost + record.waiting)
             self._health = replace(self._health, record=lost)
             self._memory.status.put(b"")
-        self._let_go()
+        self._release()
 
-    # ---- opening
+    # ---- one process after the other
 
-    def _start(self) -> IngestProcess:
-        files = [sock.fileno() for sock in self._sockets if sock is not None]
-        return IngestProcess(self._plan, self._memory, [*files, self._memory_fd, self._journal_fd])
-
-    def _wait_until_ready(self, process: IngestProcess) -> None:
-        while not process.ready:
-            if process.dead:
-                told = self._told()
-                kind, text = told.troubles if told and len(told.troubles) == 2 else ("", process.reason)
-                raise _ERRORS.get(kind, LinkError)(text if kind else f"the ingest process ended: {text}")
-            if time.monotonic() - process.began_s > START_S:
-                raise LinkError("the ingest process did not start in time; is the machine overloaded?")
-            time.sleep(_STEP_S)
-
-    # ---- watching
-
-    def _guard(self) -> None:
-        """Replaces a process that has died or hangs."""
-        beat, alive_s, cpu_s = 0, time.monotonic(), 0.0
-        changes, look_s = Changes(), alive_s
-        while not self._stopping.wait(WATCH_S):
-            process, now_s = self._process, time.monotonic()
-            assert process is not None
-            seen = self._memory.slots[Slot.BEAT]
-            if seen != beat:
-                beat, alive_s, cpu_s = seen, now_s, process.cpu_s
-            if process.dead or self._hangs(process, now_s - alive_s, cpu_s):
-                self._replace(process, alive_s)
-                alive_s, cpu_s = time.monotonic(), 0.0
-            elif self._spare is None or self._spare.dead:
-                self._prepare()
-            if now_s >= look_s:
-                look_s = now_s + LOOK_S
-                for level, text in changes.of(self.health()):
-                    self._notice(level, text)
-
-    def _hangs(self, process: IngestProcess, silent_s: float, cpu_s: float) -> bool:
-        if silent_s <= HUNG_S:
-            return False
-        # on a machine that is too busy another process would not fare better
-        patient = not process.ready or process.waits_for_processor(silent_s, cpu_s)
-        return silent_s > (START_S if patient else HUNG_S)
-
-    def _prepare(self) -> None:
-        """Starts a process that waits for its turn."""
-        if self._spare is not None:
-            self._spare.kill()
-            self._stopping.wait(_AGAIN_S)
+    def _start_supervisor(self) -> Supervisor[ChildProcess[Report]]:
         try:
-            self._spare = self._start()
-        except LinkError as error:
-            self._spare = None
-            self._notice("warning", f"no second ingest process could be started: {error}")
-            self._stopping.wait(_AGAIN_S)
+            return Supervisor(
+                "ingest watch",
+                start=self._start,
+                begin=self._begin,
+                watch=self._watch,
+                replaced=self._note_gap,
+                excused=self._is_excused,
+                watch_s=WATCH_S,
+                start_s=START_S,
+                stop_s=STOP_S,
+                pauses_s=(0.0, _AGAIN_S),
+                steady_s=_AGAIN_S,
+                spare=True,
+            )
+        except OSError as error:
+            raise LinkError(f"the ingest process cannot be started: {error.strerror or error}") from error
 
-    def _replace(self, process: IngestProcess, alive_s: float) -> None:
-        """Ends a process and has the next take over."""
-        if time.monotonic() - process.began_s < _AGAIN_S:
-            self._stopping.wait(_AGAIN_S)
-        why = f"died ({process.reason})" if process.dead else f"showed no life for {time.monotonic() - alive_s:.1f} s"
-        if self._spare is None or self._spare.dead:
-            self._prepare()
-        if self._spare is None:
-            return
-        with self._lock:
-            if self._stopping.is_set():
-                return
-            process.kill()
-            why += self._in_hand()
+    def _start(self) -> ChildProcess[Report]:
+        """A process that waits for its turn: it has imported all it needs, and opened nothing."""
+        sockets = [sock.fileno() for sock in self._sockets if sock is not None]
+        try:
+            return ChildProcess(
+                "mavlink.ingest", Report, fds=[*sockets, self._memory_fd, self._journal_fd, self._waker.fileno()]
+            )
+        except OSError as error:
+            self._notice("warning", f"no ingest process could be started: {error}")
+            raise
+
+    def _begin(self, process: ChildProcess[Report]) -> None:
+        """It is this process's turn."""
+        if self._generation:
+            self._interrupted = self._in_hand()
             self._add_up()
-            self._process, self._spare = self._spare, None
-            self._restarts += 1
-            with contextlib.suppress(LinkError):  # it has died as well: seen in the next round
-                self._process.go(process.generation + 1)
-        self._tell_gap(self._process, alive_s, why)
+        self._generation += 1
+        with contextlib.suppress(OSError):  # it has died as well, which is seen when it is watched
+            process.channel.send(msgspec.structs.replace(self._plan, generation=self._generation))
+
+    def _require_opened(self, process: ChildProcess[Report]) -> None:
+        """Waits until the first process has opened everything, and raises what it says otherwise."""
+        try:
+            report = process.channel.receive(START_S)
+        except EOFError as error:
+            process.end(STOP_S)
+            raise LinkError(f"the ingest process ended: {process.exit_reason}") from error
+        if isinstance(report, CannotOpen):
+            raise _ERRORS.get(report.error, LinkError)(report.text)
+        if report is None:
+            raise LinkError("the ingest process did not start in time; is the machine overloaded?")
+
+    def _watch(self, process: ChildProcess[Report], timeout_s: float) -> float | None:
+        """Waits for the process's end, and looks for signs of life."""
+        process.channel.receive(timeout_s)
+        now_s = time.monotonic()
+        if now_s >= self._health_s:
+            self._health_s = now_s + HEALTH_S
+            for level, text in self._health_events.since_last(self.health()):
+                self._notice(level, text)
+        beat = self._memory.slots[Slot.BEAT]
+        if beat == self._beat:
+            return None
+        self._beat, self._beat_cpu_s = beat, process.cpu_s
+        return HUNG_S
+
+    def _is_excused(self, process: ChildProcess[Report], silent_s: float) -> bool:
+        """On a machine that is too busy another process would not fare better."""
+        return silent_s <= START_S and process.waits_for_processor(silent_s, self._beat_cpu_s)
 
     def _in_hand(self) -> str:
         """What a process had taken off a socket and not yet put where it outlives it, in words."""
@@ -316,53 +320,60 @@ class Ingest:
 
     def _add_up(self) -> None:
         """Keeps what the process before had counted."""
-        last = self._told() or self._health
+        last = self._published_health() or self._health
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
         links = tuple(replace(link, counts=LinkCounts()) for link in last.links)
         self._health = IngestHealth(links=links, record=last.record, packets=last.packets, refused=last.refused)
-        self._memory.status.put(self._health.to_json())
+        self._memory.status.put(self._health.encode())
 
-    def _tell_gap(self, process: IngestProcess, alive_s: float, why: str) -> None:
-        """Waits for the new process and tells for how long nobody received."""
-        while not process.ready and not process.dead and not self._stopping.wait(_STEP_S):
-            if time.monotonic() - process.began_s > START_S:
-                break
+    def _note_gap(self, failure: str, alive_s: float) -> None:
+        """Waits until the next process has opened everything, and notes for how long nobody received."""
+        trouble = ""
+        try:
+            self._require_opened(self.supervisor.process)
+        except MavlinkError as error:
+            trouble = str(error)
         gap_s = time.monotonic() - alive_s
         self._gap_s += gap_s
-        if process.ready:
-            text = f"receiving {why} and another process took over; nobody received for {gap_s:.1f} s"
-            self._notice("alarm", f"{text}, the system kept the datagrams of that time as far as they fit")
+        text = f"receiving {failure}{self._interrupted} and"
+        if trouble:
+            text = f"{text} did not start again ({trouble}); trying on"
         else:
-            self._notice("alarm", f"receiving {why} and did not start again ({process.reason}); trying on")
+            text = f"{text} another process took over; nobody received for {gap_s:.1f} s, the system kept the datagrams"
+            text = f"{text} of that time as far as they fit"
+        self._notice("alarm", text)
 
     # ---- between the two
 
-    def _wait(self, timeout_s: float) -> None:
-        """Until the process says that packets have come."""
-        process = self._process
+    def _request(self, request: SendFrame | AcceptHeld) -> None:
+        if self._stopping.is_set():
+            raise LinkError("the ingest has ended")
         try:
-            if process is None or process.dead:
-                time.sleep(min(timeout_s, _STEP_S))
-            elif select.select([process.control], [], [], timeout_s)[0] and not process.control.recv(65536):
-                time.sleep(min(timeout_s, _STEP_S))  # it has closed its end
-        except (OSError, ValueError):
-            time.sleep(min(timeout_s, _STEP_S))  # it is just being replaced
+            self.supervisor.process.channel.send(request, _SEND_S)
+        except OSError as error:
+            raise LinkError(f"the ingest process does not take what is to be sent: {error}") from error
 
-    def _told(self) -> IngestHealth | None:
-        text = self._memory.status.get()
+    def _published_health(self) -> IngestHealth | None:
+        """As the process last told it; None where that cannot be read now."""
+        data = self._memory.status.get()
         try:
-            return IngestHealth.from_json(text) if text else None
+            return IngestHealth.decode(data) if data else None
         except ValueError:
-            return None  # it died while it wrote
+            return None
+
+    def _warn_of_small_buffers(self) -> None:
+        for link in self.health().links:
+            if 0 < link.buffer_bytes < LEAST_BUFFER_BYTES:
+                size = f"{link.buffer_bytes >> 10} kB"
+                text = f"{link.name}: the system grants only {size} of receive buffer, too little when it is busy"
+                self._notice("warning", f"{text}; raise net.core.rmem_max to {LEAST_BUFFER_BYTES}")
 
     def _notice(self, level: str, text: str) -> None:
         self._notices.append(Notice(t_us=now_us(), level=level, text=text))
 
-    def _let_go(self) -> None:
-        for process in (self._process, self._spare):
-            if process is not None:
-                process.kill()
-        self._process = self._spare = None
+    def _release(self) -> None:
+        if self._supervisor is not None:
+            self._supervisor.stop()
         for sock in self._sockets:
             if sock is not None:
                 sock.close()

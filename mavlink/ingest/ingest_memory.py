@@ -43,8 +43,6 @@ class Slot(IntEnum):
     """Records of what this station sent."""
     IN_HAND = 4
     """One more than the index of the link whose packets are being taken off its socket and are not yet accepted."""
-    READY = 5
-    """Generation of the process that has opened everything."""
 
 
 def make_ingest_memory(ring_bytes: int = RING_BYTES) -> int:

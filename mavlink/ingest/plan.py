@@ -1,10 +1,11 @@
-"""What the ingest process is told when it starts. It passes through the command line: paths of keys, never keys."""
+"""What the ingest process is told when its turn comes: paths of keys, never keys."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Literal
+
+import msgspec
 
 __all__ = ["Outputs", "Plan", "Signing"]
 
@@ -34,8 +35,7 @@ class Outputs:
     """System id of this station."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class Plan(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """All that one ingest process needs to know."""
 
     urls: tuple[str, ...]
@@ -45,30 +45,13 @@ class Plan:
     """File descriptor of the shared memory."""
     journal: int
     """File descriptor of the memory in which records wait for the disk."""
-    control: int
-    """File descriptor of the socket between the two."""
+    wake: int
+    """File descriptor of a pipe that gets a byte whenever packets have been put into the memory."""
     log: str
     """Path of the log's first segment."""
-    generation: int = 0
-    """Counts the processes of one flight, from 1; told when it is the process's turn."""
+    generation: int = 1
+    """Counts the processes of one flight."""
     system_ids: tuple[int, ...] = ()
     """Whose frames make a sender known; empty: anybody's."""
     signing: Signing = Signing()
     outputs: Outputs = Outputs()
-
-    def to_text(self) -> str:
-        """As one argument."""
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_text(cls, text: str) -> Plan:
-        """The plan that :meth:`to_text` wrote."""
-        table = json.loads(text)
-        signing, outputs = table.pop("signing"), table.pop("outputs")
-        if signing["unsigned"] is not None:
-            signing["unsigned"] = tuple(signing["unsigned"])
-        signing["accept_late"] = tuple(signing["accept_late"])
-        outputs["urls"] = tuple(outputs["urls"])
-        for name in ("urls", "sockets", "system_ids"):
-            table[name] = tuple(table[name])
-        return cls(**table, signing=Signing(**signing), outputs=Outputs(**outputs))

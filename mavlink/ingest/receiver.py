@@ -152,27 +152,24 @@ class Receiver:
         if self._outputs is None:
             return
         try:
-            self._outputs.forward(packets, self.say)
+            self._outputs.forward(packets, self.send)
         except Exception as error:  # noqa: BLE001 - outputs may never stop the recording
             self.output_trouble = f"forwarding: {error!r}"
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends a frame over a link, to all who are known there or to one of them.
+        """Sends and records a frame of this station's own or of a program behind an output.
 
-        Raises:
-            LinkError: there is no such link, or it does not take it.
-        """
-        if not 0 <= link < len(self._links):
-            raise LinkError(f"there is no link {link}")
-        self._links[link].send(data, peer)
-
-    def say(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends what the station itself or a program behind an output says, and records it.
+        Args:
+            link: over which.
+            data: the frame.
+            peer: the one who is to get it; 0: all who are known there.
 
         Raises:
             LinkError: there is no such link, or it does not take it; then it is not recorded.
         """
-        self.send(link, data, peer)
+        if not 0 <= link < len(self._links):
+            raise LinkError(f"there is no link {link}")
+        self._links[link].send(data, peer)
         if self._record(Batch(times_us=[now_us()], frames=[data], peers=[0])) is not None:
             self._memory.slots[Slot.SENT] += 1
 

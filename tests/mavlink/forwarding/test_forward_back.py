@@ -13,8 +13,8 @@ from gcs.mission.mission import Mission, Vehicle
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
 from mavlink.forwarding.outputs import parse_output
-from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth
+from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.plan import Outputs
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, Speaker
 from mavlink.protocol.packet import Packet
@@ -161,13 +161,13 @@ def test_who_said_what_is_counted_and_bounded(behind):
 
 
 def test_what_a_program_says_is_told_when_it_begins_and_when_it_is_twice_as_much(behind):
-    place, changes = behind("?rw"), Changes()
+    place, events = behind("?rw"), HealthEvents()
     name = place.forwarder.counts[0].name
     told: list[tuple[str, str]] = []
     for k in range(70):
         if k < 20 or k == 65:
             place.says(PROGRAM.pack(dialect.MAVLink_set_mode_message(UAV, 1, 4)))
-        told += changes.of(IngestHealth(outputs=place.forwarder.counts))
+        told += events.since_last(IngestHealth(outputs=place.forwarder.counts))
     text = f"{name}: {HOST}:{place.program.getsockname()[1]} sent SET_MODE to system 1 through this station"
     assert told == [("warning", text), *(("warning", f"{text}, {n} times so far") for n in (2, 4, 8, 16, 21))]
 

@@ -168,7 +168,7 @@ def test_what_cannot_be_opened_is_said_in_one_line(url, tmp_path):
 
 def test_the_process_imports_nothing_heavy():
     heavy = "numpy cv2 textual rich onnxruntime pyproj scipy av typer"
-    code = f"import sys, mavlink.ingest.child; print([m for m in '{heavy}'.split() if m in sys.modules])"
+    code = f"import sys, mavlink.ingest.worker; print([m for m in '{heavy}'.split() if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 

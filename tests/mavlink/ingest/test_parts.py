@@ -4,13 +4,15 @@ import sys
 import time
 from dataclasses import replace
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mavlink.ingest.changes import Changes
 from mavlink.ingest.health import IngestHealth
+from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
+from mavlink.ingest.messages import Request
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.links.base import LinkOptions
 from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
@@ -159,13 +161,13 @@ def test_plan_and_health_survive_the_way_between_processes():
         sockets=(5,),
         memory=3,
         journal=6,
-        control=4,
+        wake=4,
         log="/tmp/x.tlog",
         system_ids=(1, 2),
         signing=Signing(keys="/keys", unsigned=(109,)),
         outputs=Outputs(urls=("udpout:127.0.0.1:1?ro",), own=255),
     )
-    assert Plan.from_text(plan.to_text()) == plan
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(plan), type=Request) == plan
     report = LinkReport(
         name="a",
         counts=LinkCounts(packets=3, dropped=1),
@@ -175,12 +177,12 @@ def test_plan_and_health_survive_the_way_between_processes():
         limits=(STRANGE,),
     )
     health = IngestHealth(links=(report,), troubles=("no",))
-    again = IngestHealth.from_json(health.to_json())
+    again = IngestHealth.decode(health.encode())
     assert again.links == health.links and again.troubles == ("no",)
     total = again.plus((LinkCounts(packets=4, dropped=2, silent_s=9.0),)).links[0].counts
     assert (total.packets, total.dropped) == (7, 3)
     with pytest.raises(ValueError, match="no health"):
-        IngestHealth.from_json(b"{}")
+        IngestHealth.decode(b"{}")
 
 
 @LINUX
@@ -203,11 +205,11 @@ STRANGE = Limit(address="10.0.0.9:5 and 299 more addresses", system_id=STRANGERS
 
 
 def test_each_change_is_told_once():
-    changes = Changes()
+    events = HealthEvents()
     link = LinkReport(name="udp", counts=LinkCounts())
-    assert changes.of(IngestHealth(links=(link,))) == []
+    assert events.since_last(IngestHealth(links=(link,))) == []
     lost = replace(link, counts=LinkCounts(dropped=3), limits=(STRANGE,))
-    told = changes.of(IngestHealth(links=(lost,), overrun=7, troubles=("no key",)))
+    told = events.since_last(IngestHealth(links=(lost,), overrun=7, troubles=("no key",)))
     assert [level for level, _ in told] == ["alarm", "alarm", "alarm", "warning"]
     assert told[0][1] == (
         "udp: strangers flood this port, 57,000 datagrams/s from 10.0.0.9:5 and 299 more addresses; "
@@ -215,20 +217,22 @@ def test_each_change_is_told_once():
     )
     assert "3 datagrams were lost" in told[1][1] and told[3][1] == "no key"
     more = replace(lost, limits=(replace(STRANGE, address="10.0.0.8:5", turned_away=1500),))
-    assert changes.of(IngestHealth(links=(more,), overrun=7, troubles=("no key",))) == []
+    assert events.since_last(IngestHealth(links=(more,), overrun=7, troubles=("no key",))) == []
     over = replace(link, counts=LinkCounts(dropped=4), connected=False)
-    told = changes.of(IngestHealth(links=(over,), overrun=15))
+    told = events.since_last(IngestHealth(links=(over,), overrun=15))
     assert told[0] == ("alarm", "udp: lost, trying on") and "about 1,500 datagrams of strangers" in told[1][1]
     assert "15 packets were recorded and not shown" in told[2][1] and len(told) == 3
-    assert changes.of(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [("info", "udp: back")]
+    assert events.since_last(IngestHealth(links=(replace(over, connected=True),), overrun=15)) == [
+        ("info", "udp: back")
+    ]
 
 
 def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end():
-    changes = Changes()
+    events = HealthEvents()
     first = Limit(address="10.0.0.7:5", system_id=11, wanted_per_s=60_123.0, turned_away=1)
     router = Limit(address="10.0.0.7:5", system_id=MIXED, wanted_per_s=9000.0, turned_away=1)
     link = LinkReport(name="udp", counts=LinkCounts(), limits=(first,))
-    assert changes.of(IngestHealth(links=(link,))) == [
+    assert events.since_last(IngestHealth(links=(link,))) == [
         (
             "alarm",
             "udp: 10.0.0.7:5 as system 11 floods this port, 60,000 datagrams/s, or somebody forges them; "
@@ -236,40 +240,40 @@ def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end()
         )
     ]
     both = replace(link, limits=(replace(first, turned_away=4321), router))
-    (told,) = changes.of(IngestHealth(links=(both,)))
+    (told,) = events.since_last(IngestHealth(links=(both,)))
     assert "10.0.0.7:5 in datagrams of several frames floods" in told[1]
-    assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
+    assert events.since_last(IngestHealth(links=(replace(link, limits=(router,)),))) == [
         ("info", "udp: 10.0.0.7:5 as system 11 is let in whole again; about 4,321 datagrams were turned away")
     ]
     refused = replace(first, refused=True, turned_away=99)
-    assert changes.of(IngestHealth(links=(replace(link, limits=(router, refused)),))) == [
+    assert events.since_last(IngestHealth(links=(replace(link, limits=(router, refused)),))) == [
         (
             "alarm",
             "udp: 10.0.0.7:5 as system 11 floods this link with packets that are refused; not all of them are recorded",
         )
     ]
-    assert changes.of(IngestHealth(links=(replace(link, limits=(router,)),))) == [
+    assert events.since_last(IngestHealth(links=(replace(link, limits=(router,)),))) == [
         ("info", "udp: 10.0.0.7:5 as system 11 floods no more; 99 refused packets were not recorded")
     ]
     crowd = tuple(replace(first, address=f"10.0.0.7:{k}") for k in range(300))
-    told = changes.of(IngestHealth(links=(replace(link, limits=crowd),)))
+    told = events.since_last(IngestHealth(links=(replace(link, limits=crowd),)))
     assert [level for level, _ in told] == ["alarm"] * 6 + ["info"] and told[5][1] == "295 more such senders"
 
 
 def test_a_connection_that_is_being_made_is_not_lost_and_one_that_flaps_is_told_now_and_then():
-    changes, told = Changes(), []
+    events, told = HealthEvents(), []
     link = LinkReport(name="tcp", counts=LinkCounts(), connected=False)
     for connected in [False] * 5 + [True] * 5:
-        told += changes.of(IngestHealth(links=(replace(link, connected=connected),)))
+        told += events.since_last(IngestHealth(links=(replace(link, connected=connected),)))
     assert told == []
     for look in range(200):
-        told += changes.of(IngestHealth(links=(replace(link, connected=look % 3 == 0),)))
+        told += events.since_last(IngestHealth(links=(replace(link, connected=look % 3 == 0),)))
     assert 4 <= len(told) <= 20 and told[:2] == [("alarm", "tcp: lost, trying on"), ("info", "tcp: back")]
 
 
 def test_a_connection_that_is_never_made_is_told_once():
-    changes, told = Changes(), []
+    events, told = HealthEvents(), []
     link = LinkReport(name="tcp", counts=LinkCounts(), connected=False)
     for _ in range(60):
-        told += changes.of(IngestHealth(links=(link,)))
+        told += events.since_last(IngestHealth(links=(link,)))
     assert told == [("alarm", "tcp: no connection yet, trying on")]

@@ -11,7 +11,7 @@ from mavlink.links.batch import MIXED
 from mavlink.links.flood_limiter import STRANGERS, Limit
 from mavlink.links.report import LinkReport
 
-__all__ = ["Changes"]
+__all__ = ["HealthEvents"]
 
 Told = tuple[str, str]
 """Level and text."""
@@ -25,7 +25,7 @@ QUIET = 20
 """Nor is one that comes and goes lost again for so many; what a program says is told again after as many without."""
 
 
-class Changes:
+class HealthEvents:
     """Compares one health with the one before."""
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Changes:
         self._said: dict[tuple[str, InboundFrames], tuple[int, int, int]] = {}
         """Count told, count, and look at which it last grew."""
 
-    def of(self, health: IngestHealth) -> list[Told]:
+    def since_last(self, health: IngestHealth) -> list[Told]:
         """What is new since the last call."""
         told: list[Told] = []
         self._looks += 1

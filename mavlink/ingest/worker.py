@@ -1,6 +1,6 @@
 """The ingest process: one thread that waits for all links at once and does nothing that could make it wait elsewhere.
 
-It ends when the station closes the socket between the two, which the system does if the station dies.
+It ends when the station closes its end of the channel, which the system does if the station dies.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ import os
 import select
 import signal
 import socket
-import struct
 import time
-from dataclasses import replace
 from pathlib import Path
 
 from infra.files.journal import Journal
+from infra.processes.channel import Channel, connect_to_parent
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
+from mavlink.ingest.messages import AcceptHeld, CannotOpen, Opened, Request, SendFrame
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
 from mavlink.links.base import Link, LinkOptions
@@ -28,26 +28,22 @@ from mavlink.links.kinds import open_link
 from mavlink.links.report import LinkReport
 from mavlink.tlog.writer import TlogWriter
 
-__all__ = ["ACCEPT", "COMMAND", "GO", "main"]
+__all__ = ["main"]
 
-COMMAND = struct.Struct("=HHI")
-"""Before each frame to send: link, length, peer."""
-ACCEPT = 0xFFFF
-"""In place of a link, and without a frame: held packets of the system named as peer are accepted."""
-GO = struct.Struct("=Q")
-"""The station's first word, before which nothing is opened: the process's generation."""
 TICK_S = 0.05
+"""Longest wait for packets, so that the station sees signs of life."""
 PAUSE_S = 0.004
-"""Datagrams of so long are taken together; when each came the kernel has noted."""
-TELL_S, TELL_SOON_S = 0.2, 0.05
+"""Datagrams of so long are read together; when each came the kernel has noted."""
+HEALTH_S, HEALTH_SOON_S = 0.2, 0.05
 """How often the station is told how it goes, and how soon where somebody new is heard: alarms name his address."""
 _FEW = 128
+"""After a batch of fewer packets the other links have their turn."""
 _ROUNDS = 8
 """Batches of one link before the others have their turn."""
 
 
-def main(plan: Plan) -> int:
-    """Waits for its turn, then runs until the station closes the control socket.
+def main() -> int:
+    """Waits for its turn, then runs until the station closes the channel.
 
     Returns:
         The exit code, 3 when something cannot be opened.
@@ -55,46 +51,46 @@ def main(plan: Plan) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's interrupt is the station's
     with contextlib.suppress(OSError):
         os.nice(-5)  # where that is allowed: it takes little, and it must not wait
-    memory = IngestMemory(plan.memory)
-    control = socket.socket(fileno=plan.control)
-    turn = control.recv(GO.size, socket.MSG_WAITALL)
-    if len(turn) < GO.size:
-        return 0  # never needed
-    plan = replace(plan, generation=GO.unpack(turn)[0])
+    station: Channel[Request] = connect_to_parent(Request)
     try:
-        ingest = _Ingest(plan, memory, control)
+        plan = station.receive()
+    except EOFError:
+        return 0  # never needed
+    assert isinstance(plan, Plan)
+    try:
+        worker = _Worker(plan, station)
     except MavlinkError as error:
-        memory.status.put(IngestHealth(troubles=(type(error).__name__, str(error))).to_json())
+        station.send(CannotOpen(error=type(error).__name__, text=str(error)))
         return 3
     gc.collect()
     gc.freeze()
-    memory.slots[Slot.READY] = plan.generation
-    ingest.run()
+    station.send(Opened())
+    worker.run()
     return 0
 
 
-class _Ingest:
-    def __init__(self, plan: Plan, memory: IngestMemory, control: socket.socket) -> None:
-        self._memory = memory
-        self._control = control
-        self._control.setblocking(False)
-        self._commands = b""
+class _Worker:
+    def __init__(self, plan: Plan, station: Channel[Request]) -> None:
+        self._station = station
+        self._memory = IngestMemory(plan.memory)
+        self._wake = plan.wake
+        os.set_blocking(plan.wake, False)
         self._open = True
-        self._told_s, self._told_senders = 0.0, 0
+        self._published_s, self._published_senders = 0.0, 0
         self._send_trouble = ""
         self._reports: tuple[LinkReport, ...] = ()
         self._signatures = Signatures(plan.signing)
         self._links: list[Link] = [_open_link(plan, k, self._signatures.on) for k in range(len(plan.urls))]
-        _resume(self._links, memory.status.get())
+        _resume(self._links, self._memory.status.get())
         self._outputs = open_outputs(plan.outputs, plan.system_ids)
         self._journal = Journal(plan.journal)
         written = self._journal.written if plan.generation > 1 else None
         self._log = TlogWriter(Path(plan.log), resume_after=written, journal=self._journal)
-        self._receiver = Receiver(self._links, self._log, memory, self._signatures, self._outputs)
-        self._tell()
+        self._receiver = Receiver(self._links, self._log, self._memory, self._signatures, self._outputs)
+        self._publish_health()
 
     def run(self) -> None:
-        """Everything, until the station closes the control socket."""
+        """Everything, until the station closes the channel."""
         while self._open:
             self._memory.slots[Slot.BEAT] += 1
             ready, heard_us, all_taken = self._wait(), now_us(), True
@@ -104,21 +100,22 @@ class _Ingest:
                 link.maintain()
             if all_taken:
                 self._memory.put_heard(heard_us)
-            if self._control.fileno() in ready:
-                self._obey()
+            if self._station.fileno() in ready:
+                self._handle_requests()
             if self._outputs:
                 self._outputs.maintain()
                 if self._outputs.overdue or ready.intersection(self._outputs.fds):
                     self._receiver.forward(())
-            if time.monotonic() - self._told_s >= (TELL_S if self._senders() == self._told_senders else TELL_SOON_S):
-                self._tell()
+            period_s = HEALTH_S if self._senders() == self._published_senders else HEALTH_SOON_S
+            if time.monotonic() - self._published_s >= period_s:
+                self._publish_health()
         self._close()
 
     def _wait(self) -> set[int]:
         """File descriptors that have something."""
         stamped = {fd for link in self._links if link.has_kernel_stamps for fd in link.fds}
         others = {fd for link in self._links if not link.has_kernel_stamps for fd in link.fds}
-        others |= {self._control.fileno(), *(self._outputs.fds if self._outputs else ())}
+        others |= {self._station.fileno(), *(self._outputs.fds if self._outputs else ())}
         ready = set(select.select(stamped | others, [], [], TICK_S)[0])
         if ready and ready <= stamped:
             ready |= set(select.select(others, [], [], PAUSE_S)[0])
@@ -133,42 +130,33 @@ class _Ingest:
                 self._memory.slots[Slot.IN_HAND] = 0
                 return True
             self._receiver.take(index, batch)
-            with contextlib.suppress(OSError):  # it has not read for long: the ring counts what does not fit
-                self._control.send(b".")
+            with contextlib.suppress(BlockingIOError):  # it has not read for long: the ring counts what does not fit
+                os.write(self._wake, b".")
             if len(batch.frames) < _FEW:
                 return True  # what came meanwhile can wait for the next round
         return False
 
-    def _obey(self) -> None:
+    def _handle_requests(self) -> None:
         """Does what the station wants done."""
         try:
-            data = self._control.recv(65536)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if not data:
+            while (request := self._station.receive(0.0)) is not None:
+                if isinstance(request, SendFrame):
+                    self._send(request)
+                elif isinstance(request, AcceptHeld):
+                    self._signatures.accept_held(request.system_id)
+        except EOFError:
             self._open = False
-            return
-        self._commands += data
-        while len(self._commands) >= COMMAND.size:
-            link, length, peer = COMMAND.unpack_from(self._commands)
-            stop = COMMAND.size + length
-            if len(self._commands) < stop:
-                return
-            frame, self._commands = self._commands[COMMAND.size : stop], self._commands[stop:]
-            if link == ACCEPT:
-                self._signatures.accept_held(peer)
-                continue
-            try:
-                self._receiver.say(link, frame, peer)
-                self._send_trouble = ""
-            except LinkError as error:
-                self._send_trouble = str(error)
 
-    def _tell(self) -> None:
-        """How it goes, for the station."""
-        self._told_s, self._told_senders = time.monotonic(), self._senders()
+    def _send(self, request: SendFrame) -> None:
+        try:
+            self._receiver.send(request.link, request.frame, request.peer)
+            self._send_trouble = ""
+        except LinkError as error:
+            self._send_trouble = str(error)
+
+    def _publish_health(self) -> None:
+        """Tells the station how it goes."""
+        self._published_s, self._published_senders = time.monotonic(), self._senders()
         if self._open or not self._reports:
             reports = [link.report() for link in self._links]
             self._reports = tuple(
@@ -189,7 +177,7 @@ class _Ingest:
             cpu_s=time.process_time(),
             troubles=tuple(text for text in troubles if text),
         )
-        self._memory.status.put(health.to_json())
+        self._memory.status.put(health.encode())
 
     def _senders(self) -> int:
         """How many were heard so far."""
@@ -201,7 +189,7 @@ class _Ingest:
             if (rest := link.read_rest()).frames:
                 self._receiver.take(index, rest)
         self._reports = ()
-        self._tell()
+        self._publish_health()
         for link in self._links:
             link.close()
         if self._outputs:
@@ -209,7 +197,7 @@ class _Ingest:
         self._log.close()
         with contextlib.suppress(MavlinkError):  # the next start says what could not be saved
             self._signatures.close()
-        self._tell()
+        self._publish_health()
 
 
 def _open_link(plan: Plan, index: int, signed: bool) -> Link:
@@ -230,7 +218,7 @@ def _open_link(plan: Plan, index: int, signed: bool) -> Link:
 def _resume(links: list[Link], status: bytes | None) -> None:
     """What the process before this one knew of its links."""
     try:
-        before = IngestHealth.from_json(status).links if status else ()
+        before = IngestHealth.decode(status).links if status else ()
     except ValueError:
         return  # nothing was told yet
     for link, report in zip(links, before, strict=False):

@@ -1,0 +1,41 @@
+"""What the station and the ingest process tell each other. The plan comes first; nothing is opened before.
+
+What is told many times a second stands in shared memory instead (:mod:`mavlink.ingest.ingest_memory`).
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from mavlink.ingest.plan import Plan
+
+__all__ = ["AcceptHeld", "CannotOpen", "Opened", "Report", "Request", "SendFrame"]
+
+
+class SendFrame(msgspec.Struct, frozen=True, tag=True):
+    """Send a frame over a link, to one peer or, 0, to all who are known there."""
+
+    link: int
+    frame: bytes
+    peer: int
+
+
+class AcceptHeld(msgspec.Struct, frozen=True, tag=True):
+    """An operator vouches for a system whose packets are held."""
+
+    system_id: int
+
+
+class Opened(msgspec.Struct, frozen=True, tag=True):
+    """Everything is open."""
+
+
+class CannotOpen(msgspec.Struct, frozen=True, tag=True):
+    """Something cannot be opened: the class of the error and its text."""
+
+    error: str
+    text: str
+
+
+Request = Plan | SendFrame | AcceptHeld
+Report = Opened | CannotOpen
