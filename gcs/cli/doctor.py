@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, say, say_json
+from gcs.cli.console import AsJson, say_json
+from gcs.cli.tables import say_table
 from gcs.health.machine import Check, checks
 
 __all__ = ["doctor"]
 
 NOT_READY = 2
 _SMALLEST = (80, 24)
-_MARKS = {"ok": "ok   ", "short": "short", "bad": "BAD  "}
+_MARKS = {"ok": "ok", "short": "short", "bad": "BAD"}
 
 
 def doctor(
@@ -29,12 +31,15 @@ def doctor(
     if as_json:
         say_json({"checks": [asdict(check) for check in found]})
     else:
-        for check in found:
-            say(f"{_MARKS[check.verdict]}  {check.name}: {check.found}")
-            if check.advice:
-                say(f"       → {check.advice}")
+        say_table(("verdict", "check", "found"), (row for check in found for row in _rows(check)), head=False)
     if any(check.verdict == "bad" for check in found):
         raise SystemExit(NOT_READY)
+
+
+def _rows(check: Check) -> Iterator[tuple[str, str, str]]:
+    yield _MARKS[check.verdict], check.name, check.found
+    if check.advice:
+        yield "", "", f"→ {check.advice}"
 
 
 def _terminal() -> Check:

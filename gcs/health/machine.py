@@ -38,7 +38,7 @@ FRAME_SIZE = (1920, 1080)
 MEASURED_S = 1.5
 GSD_M = 0.033
 """Metres per pixel 40 m up with a usual lens: decides at which scale the detector looks."""
-CAMERA_DELAY = "film a running clock, as docs/operations.md has it; a flight tells its estimate from 0.1 s on"
+CAMERA_DELAY = "not measured here: docs/operations.md says how; a flight shows its estimate from 0.1 s on"
 _TIME_ERROR = 5
 """What adjtimex(2) returns while the clock is not synchronised."""
 _TIMEX_BYTES = 512
