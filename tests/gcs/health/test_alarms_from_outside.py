@@ -1,0 +1,419 @@
+"""Every alarm of the table is raised by what comes in from outside: packets, frames, links, disks, clocks."""
+
+import os
+import signal
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gcs.flight.frame_loop import FlightFold
+from gcs.flight.monitor import FlightCare, Pace
+from gcs.flight.video import FlightVideo
+from gcs.fold.pipeline import Pipeline
+from gcs.health.faults import Faults
+from gcs.health.link_alarms import LINK_RULES
+from gcs.health.station_alarms import STALLED_S, STATION_RULES
+from gcs.health.vehicle_alarms import VEHICLE_RULES
+from gcs.session.recorder import Recorder
+from gcs.snapshot import Event
+from mavlink.ingest.health import IngestHealth
+from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.packet import Packet
+from mavlink.signing.streams import ticks_of
+from mavlink.tlog.clock_watch import ClockWatch
+from mavlink.tlog.writer import TlogWriter
+from tests.support.alarm_scenes import MISSION, OTHER, UAV, UGV, Scene, Vehicle, filter_status
+from tests.support.faulty_disk import HangingDisk
+from tests.support.ingest_runs import HOST, some_frames, until, wait_for
+from tests.support.mavlink_flight import T0, S
+from tests.support.ports import free_port
+from tests.support.signed_frames import Sender as Signed
+from tests.support.signed_frames import secret_of, verifier
+from tests.support.video_sender import Sender as Camera
+from tests.support.video_sender import coded
+from vision.detect.detections import Detections
+from vision.video.video import Frame
+
+RULES = (*VEHICLE_RULES, *LINK_RULES, *STATION_RULES)
+CASES = {}
+LINE = Event(t_us=T0, level="info", kind="operator", text="a line of the event log")
+
+
+def raises(key, level="alarm"):
+    """Registers how an alarm is raised: a function that gives the alarms that came, by key and level."""
+
+    def register(case):
+        CASES[key, level] = case
+        return case
+
+    return register
+
+
+# what vehicles send
+
+
+@raises("silent")
+def falls_silent(tmp_path):
+    scene = Scene().run(3)
+    scene.vehicles[1].sends = ""
+    return scene.run(6).came
+
+
+@raises("position", "warning")
+@raises("position")
+def stops_its_positions(tmp_path):
+    scene = Scene().run(3)
+    scene.vehicles[1].sends = "h"
+    return scene.run(8).came
+
+
+@raises("refused")
+def reports_zeros(tmp_path):
+    scene = Scene().run(3)
+    scene.vehicles[1].sends = "h0"
+    return scene.run(4).came
+
+
+@raises("no position", "warning")
+def never_has_a_position(tmp_path):
+    return Scene(Vehicle(UGV, "h")).run(12).came
+
+
+@raises("doubted")
+def reports_a_glitch(tmp_path):
+    return Scene(Vehicle(UGV, extra=filter_status(flags=0x833F, position=27.0))).run(5).came
+
+
+@raises("compass")
+def reports_a_bad_compass(tmp_path):
+    return Scene(Vehicle(UGV, extra=filter_status(compass=1.5))).run(5).came
+
+
+@raises("attitude")
+def sends_no_attitude(tmp_path):
+    return Scene(Vehicle(UAV, "hp")).run(5).came
+
+
+@raises("clock", "warning")
+def has_a_slow_clock(tmp_path):
+    return Scene(Vehicle(UGV, drift_ppm=800.0)).run(90).came
+
+
+@raises("contested")
+def shares_its_id(tmp_path):
+    return Scene(Vehicle(UGV), Vehicle(UGV, shift_m=-60.0, peer=99, booted_us=T0 - 900 * S)).run(8).came
+
+
+@raises("conflict")
+def is_filmed_elsewhere(tmp_path):
+    scene = Scene().run(8, filmed=True)
+    scene.vehicles[1].shift_m = 15.0
+    return scene.run(4, filmed=True).came
+
+
+# what a verifier says of what they send
+
+
+class Signs(Vehicle):
+    """Signs, with a key or another's, by a clock that lags."""
+
+    secret, lag_s, timed = secret_of(UGV), 0, True
+
+    def __post_init__(self):
+        super().__post_init__()
+        signed = Signed(self.system_id, secret=self.secret)
+        self.speaker._mav.signing = signed.mav.signing
+
+    def frames(self, t_us):
+        self.speaker._mav.signing.timestamp = ticks_of(t_us) - self.lag_s * 100_000
+        yield from super().frames(t_us)
+
+
+def judged(vehicle, *, keys=1):
+    vehicle.check = verifier(UGV).check
+    scene = Scene(vehicle)
+    scene.health = replace(scene.health, keys=keys, free_bytes=10**11)
+    return scene
+
+
+@raises("signature")
+def signs_with_another_key(tmp_path):
+    return judged(type("Forger", (Signs,), {"secret": secret_of(99)})(UGV)).run(3).came
+
+
+@raises("unsigned", "warning")
+def does_not_sign(tmp_path):
+    return judged(Vehicle(UGV)).run(3).came
+
+
+@raises("held")
+def was_signed_long_ago(tmp_path):
+    return judged(type("Late", (Signs,), {"lag_s": 1800})(UGV)).run(6).came
+
+
+@raises("replay")
+def is_played_again(tmp_path):
+    vehicle = Signs(UGV, "hpat")
+    kept = []
+    vehicle.extra = lambda speaker, t_us: kept.append(speaker.heartbeat()) or kept[-1:]
+    scene = judged(vehicle).run(15)
+    player = Vehicle(UGV, "", peer=99, check=vehicle.check, extra=lambda speaker, t_us: kept[:10])
+    scene.vehicles.append(player)
+    return scene.run(3).came
+
+
+@raises("unheard", "warning")
+def is_never_heard(tmp_path):
+    return Scene(Vehicle(OTHER, "")).run(17).came
+
+
+# what links, disks, cameras and this computer do
+
+
+def judged_health(health, seconds=20.0):
+    """Alarms of a station whose health stays as it was found."""
+    scene = Scene(*(Vehicle(i, "") for i in (UAV, UGV, OTHER)))
+    scene.health = health
+    return scene.run(seconds).came
+
+
+class Station:
+    """A station's links, recording, camera, and who looks after them."""
+
+    def __init__(self, folder, *, ingest=None, video="", keys=1, disk=None):
+        self.disk = disk or HangingDisk()
+        self.recorder = Recorder(folder, MISSION, video=bool(video), telemetry=False, disk=self.disk)
+        self.video, self.faults = FlightVideo(video, self.recorder), Faults(self.recorder.folder / "faults.txt")
+        self.ingest = ingest or SimpleNamespace(health=IngestHealth, notices=list)
+        self.events = []
+        self.care = FlightCare(self.ingest, self.recorder, self.video, None, keys=keys, tell=self.events.append)
+
+    def health(self, pushed_out=0):
+        return self.care.look(Pace(frames=0, fps=0.0, pushed_out=pushed_out), self.faults, None)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.disk.may_write.set()
+        self.disk.room, self.disk.write_error = None, 0
+        self.video.close()
+        self.recorder.close()
+
+
+@raises("no keys", "warning")
+def has_no_keys(tmp_path):
+    with Station(tmp_path, keys=0) as station:
+        return judged_health(station.health())
+
+
+@raises("disk")
+def has_a_full_disk(tmp_path):
+    with Station(tmp_path) as station:
+        station.disk.room = 0
+        station.recorder.events((LINE,))
+        assert until(lambda: station.health().write_failing_s > 0)
+        return judged_health(station.health())
+
+
+@raises("lost")
+def has_a_full_disk_for_long(tmp_path, monkeypatch):
+    monkeypatch.setattr("gcs.session.line_file.RAM_BYTES", 1000)
+    with Station(tmp_path) as station:
+        station.disk.room = 0
+        assert until(lambda: station.recorder.events((LINE,) * 1000) or station.health().write_lost)
+        return judged_health(station.health())
+
+
+@raises("disk hangs")
+def has_a_disk_that_hangs(tmp_path):
+    with Station(tmp_path) as station:
+        station.disk.may_write.clear()
+        station.recorder.events((LINE,))
+        assert until(lambda: station.health().write_stalled_s > STALLED_S)
+        return judged_health(station.health())
+
+
+def has_room_for(monkeypatch, tmp_path, free):
+    with Station(tmp_path) as station:
+        monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=free))
+        return judged_health(station.health())
+
+
+@raises("disk space", "warning")
+def has_little_room(tmp_path, monkeypatch):
+    return has_room_for(monkeypatch, tmp_path, 1_900_000_000)
+
+
+@raises("disk space")
+def has_hardly_any_room(tmp_path, monkeypatch):
+    return has_room_for(monkeypatch, tmp_path, 190_000_000)
+
+
+@raises("clock step", "warning")
+def has_its_clock_set(tmp_path):
+    set_ns = [0]
+    clock = ClockWatch(lambda: 10**18 + set_ns[0], lambda: 10**9)
+    writer = TlogWriter(tmp_path / "telemetry.tlog", clock=clock)
+    with writer, Station(tmp_path / "sessions") as station:
+        writer.write(Packet(T0, some_frames(1)[0]))
+        set_ns[0] = 60 * 10**9
+        writer.write(Packet(T0 + 60 * S, some_frames(1)[0]))
+        station.ingest.health = lambda: IngestHealth(record=writer.state)
+        return judged_health(station.health())
+
+
+@raises("no packet")
+def hears_nothing(tmp_path, started):
+    with Station(tmp_path, ingest=started()[0]) as station:
+        return judged_health(station.health())
+
+
+@raises("junk")
+def hears_noise(tmp_path, started, sender):
+    ingest, port = started()
+    with Station(tmp_path, ingest=ingest) as station:
+        assert until(lambda: sender.sendto(b"no mavlink", (HOST, port)) and station.health().links[0].junk_bytes)
+        return judged_health(station.health())
+
+
+@raises("link")
+def hears_no_more(tmp_path, started, sender, monkeypatch):
+    monkeypatch.setattr("gcs.health.link_alarms.SILENT_S", 0.5)
+    ingest, port = started()
+    with Station(tmp_path, ingest=ingest) as station:
+        sender.sendto(some_frames(1)[0], (HOST, port))
+        wait_for(ingest, 1)
+        assert until(lambda: 0.5 < station.health().links[0].silent_s < np.inf)
+        return judged_health(station.health())
+
+
+@raises("flood")
+@raises("dropped")
+@raises("ingest")
+@raises("ring", "warning")
+def is_flooded_while_its_receiver_hangs(tmp_path, started, sender):
+    if not sys.platform.startswith("linux"):
+        pytest.skip("only Linux counts what it drops")
+    ingest, port = started(ring_bytes=8192, system_ids=(UAV, UGV))
+    frame, came = Speaker(UAV).heartbeat(), {}
+
+    def all_came():
+        sender.sendto(frame, (HOST, port))
+        ingest.read(0.01)
+        came.update(judged_health(station.health(), 3.0))
+        return {"dropped", "ingest", "ring", "flood"} <= {key.split()[0] for key, _ in came}
+
+    with Station(tmp_path, ingest=ingest) as station:
+        sender.sendto(frame, (HOST, port))
+        wait_for(ingest, 1)
+        os.kill(ingest.pid, signal.SIGSTOP)
+        for _ in range(ingest.health().links[0].buffer_bytes // 400):
+            sender.sendto(frame, (HOST, port))
+        until(all_came)
+    return came
+
+
+def folded(tmp_path, detector=None, *, late_us=0, heard_late_us=0):
+    """Alarms of a flight's loop over forty frames, by a clock of its own."""
+    now_us, came = [T0], {}
+    with Station(tmp_path) as station:
+        loop = FlightFold(
+            Pipeline(MISSION), detector, station.recorder, station.faults, lambda snapshot: None, lambda: now_us[0]
+        )
+        for index in range(40):
+            now_us[0] += 100_000
+            loop.take([], now_us[0] - heard_late_us)
+            loop.health = replace(station.health(), video="ok")
+            loop.turn(Frame(index=index, t_us=now_us[0] - late_us, image=np.zeros((8, 8, 3), np.uint8)))
+            came |= {(alarm.key, alarm.level): alarm for alarm in loop.latest.alarms}
+    return came
+
+
+class Blind:
+    """Sees nothing, or fails."""
+
+    def __init__(self, error=None):
+        self.error = error
+
+    def detect(self, image, *, gsd_m=None):
+        if self.error:
+            raise self.error
+        return Detections.empty()
+
+
+@raises("fault", "warning")
+def has_a_detector_that_fails(tmp_path):
+    return folded(tmp_path, Blind(ValueError("no device")))
+
+
+@raises("lag", "warning")
+def detects_too_slowly(tmp_path):
+    return folded(tmp_path, Blind(), late_us=1_500_000)
+
+
+@raises("overload")
+def folds_too_slowly(tmp_path):
+    return folded(tmp_path, Blind(), heard_late_us=2_500_000)
+
+
+@raises("video")
+def has_a_camera_that_stops(tmp_path):
+    port = free_port()
+    with Station(tmp_path, video=f"udp://{HOST}:{port}") as station:
+        with Camera(port, coded(100)):
+            assert until(lambda: station.health().video == "ok", 20.0)
+        assert until(lambda: station.health().video == "stalled")
+        return judged_health(station.health(), 5.0)
+
+
+@raises("undecoded", "warning")
+def has_a_camera_with_a_bad_link(tmp_path):
+    rng = np.random.default_rng(6)
+
+    def spoil(data):
+        body = bytearray(data)
+        for _ in range(20):
+            body[rng.integers(200, len(body)) if len(body) > 200 else 0] ^= 0x55
+        return [bytes(body)]
+
+    port = free_port()
+    with Station(tmp_path, video=f"udp://{HOST}:{port}") as station:
+        with Camera(port, coded(100)[:20]):
+            assert until(lambda: station.health().video == "ok", 20.0)
+        with Camera(port, coded(100), spoil=spoil):
+            assert until(lambda: station.health().undecoded)
+            return judged_health(station.health(), 5.0)
+
+
+@raises("video clock", "warning")
+def has_a_camera_that_dates_its_frames_late(tmp_path):
+    mission = replace(MISSION, clock=replace(MISSION.clock, video_offset_s="auto"))
+    return Scene(mission=mission).run(12, filmed=True, video_late_s=0.3).came
+
+
+def test_there_is_a_case_for_every_alarm():
+    assert set(CASES) == {(rule.key, rule.level) for rule in RULES}
+
+
+@pytest.mark.parametrize("case", dict.fromkeys(CASES.values()), ids=lambda case: case.__name__)
+def test_an_alarm_is_raised_by_what_comes_in(case, request):
+    names = case.__code__.co_varnames[: case.__code__.co_argcount]
+    came = case(**{name: request.getfixturevalue(name) for name in names})
+    expected = {alarm for alarm, registered in CASES.items() if registered is case}
+    texts = {(rule.key, rule.level): rule for rule in RULES}
+    for key, level in expected:
+        rule = texts[key, level]
+        found = [alarm for (found, at), alarm in came.items() if found.startswith(key) and at == level]
+        assert any(rule.text in alarm.text and alarm.advice == rule.advice for alarm in found), (key, sorted(came))
+
+
+@pytest.mark.parametrize(("ppm", "wrong"), [(200.0, False), (350.0, True), (-2000.0, True), (5000.0, True)])
+def test_a_clock_that_drifts_is_an_alarm_and_its_positions_are_dated_right_all_the_same(ppm, wrong):
+    scene = Scene(Vehicle(UGV, drift_ppm=ppm)).run(100)
+    assert (("clock 11", "warning") in scene.came) == wrong and len(scene.came) == wrong
+    (place, _), state = scene.vehicles[0].place(scene.t_us), scene.pipeline.fleet.at(scene.t_us)
+    assert np.hypot(*(state.p_enu[0, :2] - place)) < 0.1
