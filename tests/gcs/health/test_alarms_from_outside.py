@@ -27,13 +27,15 @@ from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.writer import TlogWriter
 from tests.support.alarm_scenes import MISSION, OTHER, UAV, UGV, Scene, Vehicle, filter_status
 from tests.support.faulty_disk import HangingDisk
-from tests.support.ingest_runs import HOST, some_frames, until, wait_for
+from tests.support.frames import heartbeats
+from tests.support.ingest_runs import HOST, wait_for
 from tests.support.mavlink_flight import T0, S
+from tests.support.numbered_video import Sender as Camera
+from tests.support.numbered_video import coded
 from tests.support.ports import free_port
 from tests.support.signed_frames import Sender as Signed
 from tests.support.signed_frames import secret_of, verifier
-from tests.support.video_sender import Sender as Camera
-from tests.support.video_sender import coded
+from tests.support.waiting import until
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
@@ -259,9 +261,9 @@ def has_its_clock_set(tmp_path):
     clock = ClockWatch(lambda: 10**18 + set_ns[0], lambda: 10**9)
     writer = TlogWriter(tmp_path / "telemetry.tlog", clock=clock)
     with writer, Station(tmp_path / "sessions") as station:
-        writer.write(Packet(T0, some_frames(1)[0]))
+        writer.write(Packet(T0, heartbeats(1)[0]))
         set_ns[0] = 60 * 10**9
-        writer.write(Packet(T0 + 60 * S, some_frames(1)[0]))
+        writer.write(Packet(T0 + 60 * S, heartbeats(1)[0]))
         station.ingest.health = lambda: IngestHealth(record=writer.state)
         return judged_health(station.health())
 
@@ -285,7 +287,7 @@ def hears_no_more(tmp_path, started, sender, monkeypatch):
     monkeypatch.setattr("gcs.health.link_alarms.SILENT_S", 0.5)
     ingest, port = started()
     with Station(tmp_path, ingest=ingest) as station:
-        sender.sendto(some_frames(1)[0], (HOST, port))
+        sender.sendto(heartbeats(1)[0], (HOST, port))
         wait_for(ingest, 1)
         assert until(lambda: 0.5 < station.health().links[0].silent_s < np.inf)
         return judged_health(station.health())
