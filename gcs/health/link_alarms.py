@@ -71,7 +71,7 @@ LINK_RULES: tuple[AlarmRule[LinkHealth], ...] = (
         "address, which can be forged. Of those who flood only some is let in; known vehicles keep their place",
         advice="have the sender switched off: the event log says from where, how much and when it is over",
         condition=lambda link, _: link.flooded,
-        logged_by="mavlink.ingest.changes",
+        logged_by="mavlink.ingest.health_events",
     ),
     AlarmRule(
         key="dropped",
