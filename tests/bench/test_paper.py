@@ -9,6 +9,7 @@ import pytest
 from assoc.methods.belief import fuse, masses
 from assoc.methods.projection import associate_by_projection
 from assoc.methods.topology import associate_by_topology, topology_angles, topology_cost
+from assoc.methods.tts import associate_by_tts_once, tts_similarity
 from bench.latency import literal
 from bench.latency.measure import MethodTiming, timed
 from bench.latency.scenes import crowd, snap
@@ -152,6 +153,18 @@ def test_topology_and_fusion_are_those_of_the_loops_written_out():
     np.testing.assert_allclose(ours, cost, atol=1e-9)
     assert associate_by_topology(ours).tolist() == answer.tolist()
     np.testing.assert_allclose(fuse(masses(s.errors), masses(s.cost)), literal.fusion(s.errors, s.cost), atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [(4, 4), (9, 6), (5, 9)])
+def test_triangular_sequences_are_compared_as_in_the_loops(size):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        image, world = (
+            10.0 * rng.permutation(np.argwhere(np.ones((6, 6))))[:n] + rng.uniform(-3, 3, (n, 2)) for n in size
+        )
+        similarity, answer = literal.tts(image, world)
+        np.testing.assert_allclose(tts_similarity(image, world), similarity, atol=1e-9)
+        assert associate_by_tts_once(similarity).tolist() == answer.tolist()
 
 
 # experiments and tables

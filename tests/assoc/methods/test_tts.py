@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from assoc.errors import ShapeError
 from assoc.methods.tts import associate_by_tts, associate_by_tts_once, triangle_sequences, tts_similarity
-from bench.latency import literal
 
 
 def points(seed, n):
@@ -72,15 +71,6 @@ def test_the_order_of_the_points_only_reorders_the_answer(seed, n):
 def test_a_mirrored_view_is_not_the_same_view():
     p = points(3, 6)
     assert np.diag(tts_similarity(p * [1.0, -1.0], p)).max() < 1.0 - 1e-3
-
-
-@settings(max_examples=20, deadline=None)
-@given(seeds, st.integers(4, 9), st.integers(4, 9))
-def test_similarity_is_that_of_the_loops_written_out(seed, m, n):
-    image, world = points(seed, m), points(seed + 1, n)
-    similarity, answer = literal.tts(image, world)
-    np.testing.assert_allclose(tts_similarity(image, world), similarity, atol=1e-9)
-    assert associate_by_tts_once(tts_similarity(image, world)).tolist() == answer.tolist()
 
 
 def test_all_pairs_of_equal_triangles_count_each_pair():

@@ -1,7 +1,6 @@
 """A flight as it is flown: the command in a process of its own, a simulated fleet on the loopback, bounded in time."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -9,11 +8,10 @@ import threading
 import time
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
+import psutil
 import pytest
 
-from bench.process_tree import family
 from gcs.cli.identify import identify_into
 from gcs.fold.detector_factory import fingerprints
 from gcs.mission.mission import DetectorChoice
@@ -152,19 +150,23 @@ def share_named_alike(session, out):
     return sum(again.get(box) == name for box, name in live.items()) / len(live)
 
 
-def words_of(pid):
-    return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+def oldest(flight, package):
+    """The first of a flight's processes that runs a package's module: it works, the next is its spare."""
+
+    def runs_it(process):
+        return any(word.startswith(package) for word in process.as_dict(["cmdline"], ad_value=[])["cmdline"])
+
+    return min(filter(runs_it, psutil.Process(flight.pid).children(recursive=True)), key=psutil.Process.create_time)
 
 
 def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path):
     player = threading.Thread(target=field.fly, args=(7.0,))
     player.start()
     try:
-        for module in ("mavlink.ingest", "vision.stream.stream"):
+        for package in ("mavlink.ingest", "vision.stream"):
             assert until(lambda: min(newest_us(field.session)) > 0, 30.0)
             time.sleep(1.5)
-            # the one that works is older than its spare
-            os.kill(min(pid for pid in family(field.process.pid) if module in words_of(pid)), signal.SIGKILL)
+            oldest(field.process, package).kill()
     finally:
         player.join(timeout=60)
     field.process.send_signal(signal.SIGINT)
