@@ -23,7 +23,7 @@ from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
 from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
-from mavlink.ingest.messages import AcceptHeld, CannotOpen, Report, SendFrame
+from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, SendFrame
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.links.counters import now_us
 from mavlink.links.kinds import KINDS, parse_url
@@ -105,7 +105,7 @@ class Ingest:
         self._journal = Journal(self._journal_fd)
         # never closed, but with the last who holds them: one thread may wait for the pipe while another stops
         self._wake, self._waker = Pipe(duplex=False)
-        self._supervisor: Supervisor[ChildProcess[Report]] | None = None
+        self._supervisor: Supervisor[ChildProcess[IngestReport]] | None = None
         try:
             opened = []
             for link, url in zip(links, urls, strict=True):
@@ -132,7 +132,7 @@ class Ingest:
         self._supervisor.supervise()
 
     @property
-    def supervisor(self) -> Supervisor[ChildProcess[Report]]:
+    def supervisor(self) -> Supervisor[ChildProcess[IngestReport]]:
         """Keeps the process running."""
         assert self._supervisor is not None
         return self._supervisor
@@ -242,7 +242,7 @@ class Ingest:
 
     # ---- one process after the other
 
-    def _start_supervisor(self) -> Supervisor[ChildProcess[Report]]:
+    def _start_supervisor(self) -> Supervisor[ChildProcess[IngestReport]]:
         try:
             return Supervisor(
                 "ingest watch",
@@ -261,18 +261,18 @@ class Ingest:
         except OSError as error:
             raise LinkError(f"the ingest process cannot be started: {error.strerror or error}") from error
 
-    def _start(self) -> ChildProcess[Report]:
+    def _start(self) -> ChildProcess[IngestReport]:
         """A process that waits for its turn: it has imported all it needs, and opened nothing."""
         sockets = [sock.fileno() for sock in self._sockets if sock is not None]
         try:
             return ChildProcess(
-                "mavlink.ingest", Report, fds=[*sockets, self._memory_fd, self._journal_fd, self._waker.fileno()]
+                "mavlink.ingest", IngestReport, fds=[*sockets, self._memory_fd, self._journal_fd, self._waker.fileno()]
             )
         except OSError as error:
             self._notice("warning", f"no ingest process could be started: {error}")
             raise
 
-    def _begin(self, process: ChildProcess[Report]) -> None:
+    def _begin(self, process: ChildProcess[IngestReport]) -> None:
         """It is this process's turn."""
         if self._generation:
             self._interrupted = self._in_hand()
@@ -281,7 +281,7 @@ class Ingest:
         with contextlib.suppress(OSError):  # it has died as well, which is seen when it is watched
             process.channel.send(msgspec.structs.replace(self._plan, generation=self._generation))
 
-    def _require_opened(self, process: ChildProcess[Report]) -> None:
+    def _require_opened(self, process: ChildProcess[IngestReport]) -> None:
         """Waits until the first process has opened everything, and raises what it says otherwise."""
         try:
             report = process.channel.receive(START_S)
@@ -293,7 +293,7 @@ class Ingest:
         if report is None:
             raise LinkError("the ingest process did not start in time; is the machine overloaded?")
 
-    def _watch(self, process: ChildProcess[Report], timeout_s: float) -> float | None:
+    def _watch(self, process: ChildProcess[IngestReport], timeout_s: float) -> float | None:
         """Waits for the process's end, and looks for signs of life."""
         process.channel.receive(timeout_s)
         now_s = time.monotonic()
@@ -307,7 +307,7 @@ class Ingest:
         self._beat, self._beat_cpu_s = beat, process.cpu_s
         return HUNG_S
 
-    def _is_excused(self, process: ChildProcess[Report], silent_s: float) -> bool:
+    def _is_excused(self, process: ChildProcess[IngestReport], silent_s: float) -> bool:
         """On a machine that is too busy another process would not fare better."""
         return silent_s <= START_S and process.waits_for_processor(silent_s, self._beat_cpu_s)
 

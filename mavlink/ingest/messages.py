@@ -9,7 +9,7 @@ import msgspec
 
 from mavlink.ingest.plan import Plan
 
-__all__ = ["AcceptHeld", "CannotOpen", "Opened", "Report", "Request", "SendFrame"]
+__all__ = ["AcceptHeld", "CannotOpen", "IngestReport", "IngestRequest", "Opened", "SendFrame"]
 
 
 class SendFrame(msgspec.Struct, frozen=True, tag=True):
@@ -37,5 +37,5 @@ class CannotOpen(msgspec.Struct, frozen=True, tag=True):
     text: str
 
 
-Request = Plan | SendFrame | AcceptHeld
-Report = Opened | CannotOpen
+IngestRequest = Plan | SendFrame | AcceptHeld
+IngestReport = Opened | CannotOpen

@@ -19,7 +19,7 @@ from infra.processes.channel import Channel, connect_to_parent
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
-from mavlink.ingest.messages import AcceptHeld, CannotOpen, Opened, Request, SendFrame
+from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestRequest, Opened, SendFrame
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
 from mavlink.links.base import Link, LinkOptions
@@ -51,7 +51,7 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's interrupt is the station's
     with contextlib.suppress(OSError):
         os.nice(-5)  # where that is allowed: it takes little, and it must not wait
-    station: Channel[Request] = connect_to_parent(Request)
+    station: Channel[IngestRequest] = connect_to_parent(IngestRequest)
     try:
         plan = station.receive()
     except EOFError:
@@ -70,7 +70,7 @@ def main() -> int:
 
 
 class _Worker:
-    def __init__(self, plan: Plan, station: Channel[Request]) -> None:
+    def __init__(self, plan: Plan, station: Channel[IngestRequest]) -> None:
         self._station = station
         self._memory = IngestMemory(plan.memory)
         self._wake = plan.wake

@@ -1,37 +1,21 @@
-"""What a video stream and its process tell each other: small JSON texts, one frame at a time in shared memory.
+"""What a video stream and its process tell each other; the images of frames go through memory that both share.
 
 Nothing that comes from the process is more than numbers and text, so a process that a hostile stream took over can tell
-lies about video and nothing else.
+lies about video and nothing else. The memory holds one image at a time: it is written before its reply is sent and read
+after the reply was received, and system calls order memory.
 """
 
 from __future__ import annotations
 
-import json
-import mmap
-import os
-import tempfile
-from dataclasses import asdict, dataclass, replace
-from typing import TypeVar
+import msgspec
 
-__all__ = [
-    *("FrameReply", "Progress", "WorkerReport", "Request", "Settings", "decode", "encode"),
-    *("SLOT_BYTES", "make_slot", "map_slot"),
-]
+__all__ = ["IMAGE_BYTES", "FrameReply", "FrameRequest", "Progress", "Settings", "VideoReport", "VideoRequest"]
 
-SLOT_BYTES = 7680 * 4320 * 3
-"""The largest frame that is handed over; memory is used only for what is written."""
+IMAGE_BYTES = 7680 * 4320 * 3
+"""The largest image that is handed over; memory is used only for what is written."""
 
 
-class Message:
-    """Base of all."""
-
-
-class WorkerReport(Message):
-    """From process to parent."""
-
-
-@dataclass(slots=True, kw_only=True)
-class Settings(Message):
+class Settings(msgspec.Struct, kw_only=True, tag=True):
     """Parent to process, once: what to do."""
 
     source: str
@@ -44,19 +28,21 @@ class Settings(Message):
     last_us: int = 0
     """Time of the last of them."""
     offset_s: float = 0.0
+    memory: int = -1
+    """File descriptor of the memory for images."""
+    port: int = -1
+    """File descriptor of the port that is bound; −1: there is none."""
 
 
-@dataclass(slots=True, kw_only=True)
-class Request(Message):
+class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
     """Parent to process: the newest frame, please, or what comes within ``wait_s``."""
 
     number: int
     wait_s: float
 
 
-@dataclass(slots=True, kw_only=True)
-class FrameReply(WorkerReport):
-    """Process to parent: the answer; ``index`` is -1 when there was none, else the frame is in the slot."""
+class FrameReply(msgspec.Struct, kw_only=True, tag=True):
+    """Process to parent: the answer; ``index`` is -1 when there was none, else the image is in the memory."""
 
     number: int
     index: int = -1
@@ -65,13 +51,12 @@ class FrameReply(WorkerReport):
     height: int = 0
 
 
-@dataclass(slots=True, kw_only=True)
-class Progress(WorkerReport):
+class Progress(msgspec.Struct, kw_only=True, tag=True):
     """Process to parent: how far it is."""
 
     patience_s: float
     """Until the next sign of life at the latest."""
-    rows: list[list[int]]
+    rows: list[tuple[int, int]]
     """Index and Unix µs of frames listed since the last."""
     connected: bool = False
     ended: bool = False
@@ -90,7 +75,7 @@ class Progress(WorkerReport):
 
     def after(self, before: Progress) -> Progress:
         """This, counted on from what an earlier process did."""
-        return replace(
+        return msgspec.structs.replace(
             self,
             connections=before.connections + self.connections,
             skipped=before.skipped + self.skipped,
@@ -100,42 +85,5 @@ class Progress(WorkerReport):
         )
 
 
-_KINDS: dict[str, type[Message]] = {kind.__name__: kind for kind in (Settings, Request, FrameReply, Progress)}
-_Kind = TypeVar("_Kind", bound=Message)
-
-
-def encode(message: Message) -> bytes:
-    """A message as bytes."""
-    return json.dumps([type(message).__name__, asdict(message)]).encode()  # type: ignore[call-overload]
-
-
-def decode(data: bytes, kind: type[_Kind]) -> _Kind:
-    """The message back.
-
-    Raises:
-        ValueError: not one of that kind.
-    """
-    try:
-        name, fields = json.loads(data)
-        message = _KINDS[name](**fields)
-    except (TypeError, KeyError) as error:
-        raise ValueError(f"not a message: {data[:80]!r}") from error
-    if not isinstance(message, kind):
-        raise ValueError(f"not a {kind.__name__}: {data[:80]!r}")
-    return message
-
-
-def make_slot() -> int:
-    """A file descriptor of memory for one frame, with no name that could be left behind."""
-    if hasattr(os, "memfd_create"):
-        fd = os.memfd_create("frame")
-    else:
-        with tempfile.TemporaryFile() as file:
-            fd = os.dup(file.fileno())
-    os.ftruncate(fd, SLOT_BYTES)
-    return fd
-
-
-def map_slot(fd: int) -> mmap.mmap:
-    """The memory itself."""
-    return mmap.mmap(fd, SLOT_BYTES)
+VideoRequest = Settings | FrameRequest
+VideoReport = FrameReply | Progress

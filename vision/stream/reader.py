@@ -228,7 +228,7 @@ class _OpenStream:
             t_us = round(self._taken_s(pts) * 1e6)
             reader.last_us = t_us = max(t_us, reader.last_us + 1)
             self._placed[pts] = index, t_us
-            reader.progress.rows.append([index, t_us])
+            reader.progress.rows.append((index, t_us))
         while len(self._placed) > REMEMBERED:
             del self._placed[next(iter(self._placed))]
 

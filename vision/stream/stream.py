@@ -8,19 +8,26 @@ as if live.
 
 from __future__ import annotations
 
+import contextlib
+import math
 import os
 import socket
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from infra.processes.child_process import ChildProcess
+from infra.processes.supervisor import Supervisor
+from infra.shared_memory import make_memory, map_memory
 from vision.errors import VideoError
-from vision.stream.messages import FrameReply, Progress, Settings, make_slot
+from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoReport
 from vision.stream.port import bind
-from vision.stream.process import Process
 from vision.stream.secrets import conceal_in
 from vision.stream.source import Source, parse_source
 from vision.video.recording import require_new
@@ -35,8 +42,10 @@ AWAKE = 2
 """Frames that end a stall."""
 START_PATIENCE_S = 20.0
 """For a process to say its first word."""
-LOOK_S = 0.2
+WATCH_S = 0.2
+"""Longest wait between two looks at whether the process still lives."""
 CLOSE_S = 2.0
+"""A process that is to end and says nothing for so long is killed."""
 ANSWER_S = 0.5
 """For an answer beyond the time that the frame was waited for."""
 PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
@@ -58,7 +67,6 @@ class VideoStream:
     Attributes:
         url: the source as it may be shown.
         received: frames listed so far, in all files of the recording.
-        restarts: how often the video's process was started again.
 
     Raises:
         VideoError: the recording exists already, or the source is none. That it does not answer is no error: it is
@@ -79,8 +87,7 @@ class VideoStream:
             require_new(record_path)
         self.url = source.text
         self._conceal = partial(conceal_in, address=url)
-        self.received = self.restarts = 0
-        self._settings = Settings(source=url, record=str(record_path or ""), offset_s=offset_s)
+        self.received = 0
         self._on_frame = on_frame
         self._stall_s = stall_s
         self._progress = Progress(patience_s=START_PATIENCE_S, rows=[])
@@ -95,11 +102,30 @@ class VideoStream:
         self._answer: FrameReply | None = None
         self._asked = 0
         self._asking = threading.Lock()
-        self._slot_fd = make_slot()
+        self._memory = os.fdopen(make_memory(IMAGE_BYTES), "r+b", buffering=0)
+        self._images: NDArray[np.uint8] = np.frombuffer(map_memory(self._memory.fileno()), dtype=np.uint8)
         self._port = _bind(source)
-        self._process = self._start(self._settings)
-        self._thread = threading.Thread(target=self._run, name="video", daemon=True)
-        self._thread.start()
+        self._settings = Settings(
+            source=url,
+            record=str(record_path or ""),
+            offset_s=offset_s,
+            memory=self._memory.fileno(),
+            port=-1 if self._port is None else self._port.fileno(),
+        )
+        self._supervisor = Supervisor(
+            "video",
+            start=self._start,
+            begin=self._begin,
+            watch=self._watch,
+            replaced=self._note_restart,
+            excused=lambda process, silent_s: process.waits_for_disk,
+            watch_s=WATCH_S,
+            start_s=START_PATIENCE_S,
+            stop_s=CLOSE_S,
+            pauses_s=PAUSES_S,
+            steady_s=STEADY_S,
+        )
+        self._supervisor.supervise()
 
     @property
     def connected(self) -> bool:
@@ -165,21 +191,27 @@ class VideoStream:
     @property
     def process_id(self) -> int:
         """Of the process that reads the video now."""
-        return self._process.pid
+        return self._supervisor.process.pid
+
+    @property
+    def restarts(self) -> int:
+        """How often the video's process was started again."""
+        return self._supervisor.restarts
 
     def latest(self, timeout_s: float) -> Frame | None:
         """The newest frame that was not given out yet; None when none comes within ``timeout_s``."""
         with self._asking:
             deadline_s = time.monotonic() + timeout_s
             while not self._stop.is_set():
-                process, wait_s = self._process, max(deadline_s - time.monotonic(), 0.0)
+                process, wait_s = self._supervisor.process, max(deadline_s - time.monotonic(), 0.0)
                 self._asked += 1
-                process.ask(self._asked, wait_s)
+                with contextlib.suppress(OSError):  # it is gone, and another answers the next time
+                    process.channel.send(FrameRequest(number=self._asked, wait_s=wait_s), ANSWER_S)
                 with self._answered:
                     self._answered.wait_for(partial(self._is_answered, process), wait_s + ANSWER_S)
                     answer, self._answer = self._answer, None
                 if answer is not None:
-                    return self._frame(process, answer)
+                    return self._frame(answer)
                 if time.monotonic() >= deadline_s:
                     return None
             return None
@@ -187,10 +219,11 @@ class VideoStream:
     def close(self) -> None:
         """Stop reading and seal the recording; returns within 2.5 s, may be called twice."""
         self._stop.set()
-        self._process.stop()
-        with self._answered:
-            self._answered.notify_all()
-        self._thread.join(CLOSE_S + ANSWER_S)
+        self._notify(None)
+        self._supervisor.stop(CLOSE_S + ANSWER_S)
+        self._memory.close()
+        if self._port is not None:
+            self._port.close()
 
     def __enter__(self) -> VideoStream:
         return self
@@ -198,55 +231,50 @@ class VideoStream:
     def __exit__(self, *args: object) -> None:
         self.close()
 
-    def _is_answered(self, process: Process) -> bool:
-        return self._answer is not None or self._stop.is_set() or process is not self._process
+    def _is_answered(self, process: ChildProcess[VideoReport]) -> bool:
+        return self._answer is not None or self._stop.is_set() or process is not self._supervisor.process
 
-    def _frame(self, process: Process, answer: FrameReply) -> Frame | None:
-        image = process.image(answer.width, answer.height) if answer.index >= 0 else None
-        return None if image is None else Frame(index=answer.index, t_us=answer.t_us, image=image)
+    def _frame(self, answer: FrameReply) -> Frame | None:
+        """A copy of the frame that was handed over, None if there is none of that size."""
+        size = answer.width * answer.height * 3
+        if answer.index < 0 or answer.width <= 0 or not 0 < size <= IMAGE_BYTES:
+            return None
+        image = self._images[:size].reshape(answer.height, answer.width, 3).copy()
+        return Frame(index=answer.index, t_us=answer.t_us, image=image)
 
-    def _run(self) -> None:
-        """Follow one process after the other."""
-        attempt = 0
-        while True:
-            began_s = time.monotonic()
-            hung = self._follow()
-            if self._stop.is_set() or self.ended:
-                break
-            end = self._process.end(CLOSE_S)
-            end = "hung, was killed" if hung else end
-            attempt = 0 if time.monotonic() - began_s > STEADY_S else attempt + 1
-            self._trouble = f"video {self.url}: its process {end} and was started again"
-            self._stop.wait(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
-            if self._stop.is_set():
-                break
-            self._start_again()
-        self._process.end(CLOSE_S)
-        os.close(self._slot_fd)
-        if self._port is not None:
-            self._port.close()
+    # ---- one process after the other
 
-    def _follow(self) -> bool:
-        """Take in what the process says until it ends; whether it had to be killed for keeping silent."""
-        patience_s, heard_s, hung = START_PATIENCE_S, time.monotonic(), False
-        while True:
-            try:
-                message = self._process.hear(LOOK_S)
-            except (EOFError, ValueError):
-                return hung
-            now_s = time.monotonic()
-            if isinstance(message, Progress):
-                patience_s, heard_s = message.patience_s, now_s
-                self._take(message)
-            elif isinstance(message, FrameReply):
-                self._hand_over(message)
-            if self._stop.is_set():
-                patience_s = min(patience_s, CLOSE_S)
-            if not hung and now_s - heard_s > patience_s and not self._progress.ended:
-                if not self._stop.is_set() and self._process.waits_for_disk:
-                    continue  # no death: what it holds goes into the file when the disk answers
-                self._process.kill()
-                hung = True
+    def _start(self) -> ChildProcess[VideoReport]:
+        fds = [self._memory.fileno(), *([] if self._port is None else [self._port.fileno()])]
+        # numpy only carries frames there: threads for algebra would take memory for nothing
+        environment = {"OPENBLAS_NUM_THREADS": "1"}
+        return ChildProcess("vision.stream.stream_worker", VideoReport, fds=fds, environment=environment)
+
+    def _begin(self, process: ChildProcess[VideoReport]) -> None:
+        """A process goes on where the last one stopped, in a new file."""
+        self._before = done = self._progress
+        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment).after(done)
+        settings = msgspec.structs.replace(
+            self._settings, segment=done.segment, received=self.received, last_us=self._last_us
+        )
+        with contextlib.suppress(OSError):  # it is gone already, which is seen when it is watched
+            process.channel.send(settings)
+
+    def _watch(self, process: ChildProcess[VideoReport], timeout_s: float) -> float | None:
+        """Takes in what the process says; how long it may then be silent."""
+        message = process.channel.receive(timeout_s)
+        if isinstance(message, FrameReply):
+            self._hand_over(message)
+        if not isinstance(message, Progress):
+            return None
+        self._take(message)
+        self._supervisor.replaces = not message.ended
+        return math.inf if message.ended else message.patience_s
+
+    def _note_restart(self, failure: str, alive_s: float) -> None:
+        del alive_s
+        self._trouble = f"video {self.url}: its process {failure} and was started again"
+        self._notify(None)
 
     def _take(self, progress: Progress) -> None:
         """Frames listed and numbers counted."""
@@ -285,18 +313,6 @@ class VideoStream:
         with self._answered:
             self._answer = answer or self._answer
             self._answered.notify_all()
-
-    def _start_again(self) -> None:
-        """A new process goes on where the last one stopped, in a new file."""
-        self._before = done = self._progress
-        self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment).after(done)
-        settings = replace(self._settings, segment=done.segment, received=self.received, last_us=self._last_us)
-        self.restarts += 1
-        self._process = self._start(settings)
-        self._notify(None)
-
-    def _start(self, settings: Settings) -> Process:
-        return Process(settings, self._slot_fd, -1 if self._port is None else self._port.fileno())
 
 
 def _bind(source: Source) -> socket.socket | None:

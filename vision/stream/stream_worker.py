@@ -1,7 +1,7 @@
 """The video's own process: connects, reads, records and decodes, so that a crash or hang of the decoder stays here.
 
-Started by ``vision.stream.process``. Two pipes, one frame's memory and the bound port come as file descriptors. The
-end of the requests' pipe means stop: also when the station was killed, the recording is sealed.
+Started by ``vision.stream.stream``. The memory for images and the bound port come as file descriptors. The end of the
+requests means stop: also when the station was killed, the recording is sealed.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from __future__ import annotations
 import os
 import resource
 import socket
-import sys
 import threading
 import time
-from contextlib import closing
-from multiprocessing.connection import Connection
+from contextlib import closing, suppress
 
 import av
 import numpy as np
 
+from infra.processes.channel import Channel, connect_to_parent
+from infra.shared_memory import map_memory
 from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
-from vision.stream.messages import SLOT_BYTES, FrameReply, Progress, Request, Settings, decode, encode, map_slot
+from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoRequest
 from vision.stream.port import Port, bind
 from vision.stream.reader import StreamReader
 from vision.stream.source import parse_source
@@ -39,17 +39,14 @@ SEAL_S = 0.5
 """When told to stop, FFmpeg is not waited for longer."""
 
 
-class Child:
+class _Worker:
     """The process's two threads: one reads the source, one answers requests."""
 
-    def __init__(self, requests: Connection, reports: Connection, slot_fd: int, socket_fd: int) -> None:
-        self._requests = requests
-        self._reports = reports
-        self._reports_lock = threading.Lock()
-        self._slot = np.frombuffer(map_slot(slot_fd), dtype=np.uint8)
-        settings = decode(requests.recv_bytes(), Settings)
+    def __init__(self, settings: Settings, station: Channel[VideoRequest]) -> None:
+        self._station = station
+        self._images = np.frombuffer(map_memory(settings.memory), dtype=np.uint8)
         self._source = parse_source(settings.source)
-        self._bound = socket.socket(fileno=socket_fd) if socket_fd >= 0 else None
+        self._bound = socket.socket(fileno=settings.port) if settings.port >= 0 else None
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._once = threading.Lock()
@@ -146,25 +143,22 @@ class Child:
 
     def _send(self, message: Progress | FrameReply) -> None:
         try:
-            with self._reports_lock:
-                self._reports.send_bytes(encode(message))
+            self._station.send(message)
         except OSError:
             # nobody reads any more: only the recording is left to be sealed
             self._stop.set()
 
     def _answer(self) -> None:
-        """Hand out the newest frame whenever it is asked for; the pipe's end means stop."""
-        try:
-            while True:
-                request = decode(self._requests.recv_bytes(), Request)
+        """Hand out the newest frame whenever it is asked for; the end of the requests means stop."""
+        with suppress(EOFError):
+            while isinstance(request := self._station.receive(), FrameRequest):
                 self._send(self._fetch(request))
-        except (EOFError, OSError, ValueError):
-            self._stop.set()
+        self._stop.set()
         self._finished.wait(SEAL_S)
         self._finish()
         os._exit(0)
 
-    def _fetch(self, request: Request) -> FrameReply:
+    def _fetch(self, request: FrameRequest) -> FrameReply:
         taken = self._reader.newest.take(request.wait_s)
         if taken is None:
             return FrameReply(number=request.number)
@@ -173,20 +167,22 @@ class Child:
             image = frame.to_ndarray(format="bgr24")
         except (av.FFmpegError, ValueError, MemoryError):
             return FrameReply(number=request.number)
-        if image.size > SLOT_BYTES:
+        if image.size > IMAGE_BYTES:
             self._reader.progress.error = (
                 f"video {self._source.text}: frames of {frame.width}×{frame.height} are too large"
             )
             return FrameReply(number=request.number)
-        self._slot[: image.size].reshape(image.shape)[:] = image
+        self._images[: image.size].reshape(image.shape)[:] = image
         return FrameReply(number=request.number, index=index, t_us=t_us, width=frame.width, height=frame.height)
 
 
 def main() -> None:
-    """Take the file descriptors from the command line and work."""
+    """Wait for the settings and work."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    requests, reports, slot, bound = map(int, sys.argv[1:5])
-    Child(Connection(requests, writable=False), Connection(reports, readable=False), slot, bound).run()
+    station: Channel[VideoRequest] = connect_to_parent(VideoRequest)
+    settings = station.receive()
+    assert isinstance(settings, Settings)
+    _Worker(settings, station).run()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
-from mavlink.ingest.messages import Request
+from mavlink.ingest.messages import IngestRequest
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.links.base import LinkOptions
 from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
@@ -167,7 +167,7 @@ def test_plan_and_health_survive_the_way_between_processes():
         signing=Signing(keys="/keys", unsigned=(109,)),
         outputs=Outputs(urls=("udpout:127.0.0.1:1?ro",), own=255),
     )
-    assert msgspec.msgpack.decode(msgspec.msgpack.encode(plan), type=Request) == plan
+    assert msgspec.msgpack.decode(msgspec.msgpack.encode(plan), type=IngestRequest) == plan
     report = LinkReport(
         name="a",
         counts=LinkCounts(packets=3, dropped=1),

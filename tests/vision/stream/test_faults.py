@@ -13,10 +13,10 @@ import time
 import numpy as np
 import pytest
 
+from infra.processes.child_process import ChildProcess
 from tests.support.numbered_video import FPS, GOP, Sender, coded, number_of
 from tests.support.ports import free_port
 from tests.support.waiting import until
-from vision.stream.process import Process
 from vision.stream.stream import VideoStream
 from vision.stream.stream_worker import WAITING_PATIENCE_S
 from vision.video.video import VideoFile
@@ -122,7 +122,7 @@ def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
 def test_a_process_that_waits_for_its_disk_is_not_ended(tmp_path, monkeypatch):
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)):
         assert watched.shows(30)
-        monkeypatch.setattr(Process, "waits_for_disk", property(lambda process: True))
+        monkeypatch.setattr(ChildProcess, "waits_for_disk", property(lambda process: True))
         victim = watched.stream.process_id
         os.kill(victim, signal.SIGSTOP)
         time.sleep(WAITING_PATIENCE_S + 1.0)
@@ -255,11 +255,11 @@ def test_a_process_may_be_stopped_by_many_threads_at_once(tmp_path):
             folder = tmp_path / str(k)
             folder.mkdir()
             with Watched(folder) as watched:
-                process = watched.stream._process
+                process = watched.stream._supervisor.process
 
                 def stop(process=process):
                     try:
-                        process.stop()
+                        process.channel.close_sending()
                     except OSError as error:
                         failed.append(error)
 

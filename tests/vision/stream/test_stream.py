@@ -201,7 +201,7 @@ def test_a_refused_connection_is_tried_again():
     with VideoStream(f"tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}") as stream:
         assert until(lambda: stream.error)
         assert "cannot be opened" in stream.error and "\n" not in stream.error
-        assert stream._thread.is_alive()
+        assert stream._supervisor._thread.is_alive()
     assert not stream._thread.is_alive()
 
 
