@@ -1,10 +1,17 @@
-"""The examples in the documents are true."""
+"""The examples in documents and docstrings are true."""
 
 import doctest
-import re
+import importlib
 from pathlib import Path
 
-from infra.session_format import TABLES
+import pytest
+
+from tests.support.bundled import CURVED_ROAD
+
+PRODUCT = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
+WITH_EXAMPLES = sorted(
+    path for package in PRODUCT for path in Path(package).rglob("*.py") if ">>> " in path.read_text(encoding="utf-8")
+)
 
 
 def test_worked_example_of_the_identity_document():
@@ -13,7 +20,10 @@ def test_worked_example_of_the_identity_document():
     assert result.failed == 0
 
 
-def test_the_listing_of_a_session_has_the_columns_that_are_written():
-    listing = Path("docs/architecture.md").read_text().partition("\n## A session\n")[2].partition("\n## ")[0]
-    listed = dict(re.findall(r"^  (\w+\.csv) +([\w,]+)", listing, flags=re.MULTILINE))
-    assert listed == {table.name: table.heading for table in TABLES}
+@pytest.mark.parametrize("path", WITH_EXAMPLES, ids=str)
+def test_examples_in_docstrings_are_true(path, tmp_path, monkeypatch):
+    module = importlib.import_module(".".join(path.with_suffix("").parts))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "flight.tlog").write_bytes(CURVED_ROAD.joinpath("telemetry.tlog").read_bytes())
+    result = doctest.testmod(module)
+    assert result.failed == 0

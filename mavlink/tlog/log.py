@@ -33,9 +33,9 @@ class Tlog:
     """A log opened for reading: everything undamaged in it, at any place in it.
 
     Example:
-        >>> from mavlink.tlog.log import Tlog
-        >>> log = Tlog.open("flight.tlog")                      # doctest: +SKIP
-        >>> heartbeats = log.index.message_id == 0              # doctest: +SKIP
+        >>> log = Tlog.open("flight.tlog")
+        >>> int((log.index.message_id == 0).sum())  # heartbeats
+        280
     """
 
     def __init__(self, path: Path, data: Bytes, index: TlogIndex) -> None:
