@@ -202,7 +202,7 @@ def test_a_refused_connection_is_tried_again():
         assert until(lambda: stream.error)
         assert "cannot be opened" in stream.error and "\n" not in stream.error
         assert stream._supervisor._thread.is_alive()
-    assert not stream._thread.is_alive()
+    assert not stream._supervisor._thread.is_alive()
 
 
 def test_a_recording_is_never_overwritten(tmp_path):
