@@ -1,8 +1,141 @@
-"""When to do or say a thing again that would otherwise repeat without end."""
+"""When to report or try again what goes on without end: each class answers that for one thing, or for one of each key.
+
+Time is whatever the caller counts in, one unit and one clock for an object; counts of rounds will do.
+"""
 
 from __future__ import annotations
 
-__all__ = ["Backoff"]
+import math
+from collections.abc import Hashable, Iterable
+
+__all__ = ["Backoff", "Hysteresis", "ReportGrowth", "ReportOnce", "Throttle", "TokenBucket"]
+
+
+class ReportOnce:
+    """Texts that are reported once each.
+
+    Args:
+        most: texts in all; whoever makes up a new one each time is not worth more.
+    """
+
+    def __init__(self, most: int = 30) -> None:
+        self._most = most
+        self._reported: set[str] = set()
+
+    def new(self, texts: Iterable[str]) -> list[str]:
+        """Those that were not reported before, in order; now they are."""
+        fresh = [text for text in dict.fromkeys(texts) if text not in self._reported]
+        fresh = fresh[: self._most - len(self._reported)]
+        self._reported.update(fresh)
+        return fresh
+
+
+class Throttle:
+    """Lets the same thing be reported again only after a while.
+
+    Args:
+        every: least time between two reports with one key.
+    """
+
+    __slots__ = ("_every", "_reported")
+
+    def __init__(self, every: float) -> None:
+        self._every = every
+        self._reported: dict[Hashable, float] = {}
+
+    def due(self, key: Hashable, now: float) -> bool:
+        """Whether this was not reported for a while; then it counts as reported now. A clock may be set back."""
+        last = self._reported.get(key)
+        if last is not None and abs(now - last) < self._every:
+            return False
+        self._reported[key] = now
+        return True
+
+
+class ReportGrowth:
+    """When a count that keeps growing is reported: at first, whenever it has grown many times, and anew after a rest.
+
+    Args:
+        first: least count that is reported.
+        factor: it is reported again when it is so many times what was reported.
+        rest: growth after so long without any is as new.
+        every: least time between two reports.
+    """
+
+    __slots__ = ("_count", "_every", "_factor", "_first", "_grown", "_reported", "_reported_at", "_rest")
+
+    def __init__(self, *, first: int = 1, factor: float = 2.0, rest: float = math.inf, every: float = 0.0) -> None:
+        self._first, self._factor, self._rest, self._every = first, factor, rest, every
+        self._count = self._reported = 0
+        self._grown = self._reported_at = -math.inf
+
+    def due(self, count: int, now: float = 0.0) -> bool:
+        """Whether a count is to be reported; one that is less than before was begun anew."""
+        if count < self._count:
+            self._count = self._reported = 0
+        if count == self._count:
+            return False
+        if abs(now - self._grown) > self._rest:
+            self._reported = 0
+        self._count, self._grown = count, now
+        if count < max(self._first, self._factor * self._reported) or abs(now - self._reported_at) < self._every:
+            return False
+        self._reported, self._reported_at = count, now
+        return True
+
+
+class Hysteresis:
+    """A level of trouble, 0 for none, that is reported when it lasts, and forgotten only when it is over for a while.
+
+    Args:
+        rises_after: it must be worse for so long to be reported.
+        falls_after: it must be better for so long before it can be reported again.
+    """
+
+    __slots__ = ("_better_since", "_falls_after", "_rises_after", "_worse_since", "reported")
+
+    def __init__(self, *, rises_after: float, falls_after: float) -> None:
+        self._rises_after, self._falls_after = rises_after, falls_after
+        self.reported = 0
+        """The level reported last that is not over."""
+        self._worse_since = self._better_since = math.inf
+
+    def rises(self, level: int, now: float) -> bool:
+        """Notes the level of now; whether it is to be reported."""
+        self._worse_since = min(self._worse_since, now) if level else math.inf
+        self._better_since = min(self._better_since, now) if level < self.reported else math.inf
+        if now - self._better_since >= self._falls_after:
+            self.reported = level
+        if level <= self.reported or now - self._worse_since < self._rises_after:
+            return False
+        self.reported = level
+        return True
+
+
+class TokenBucket:
+    """Lets so many a second through for ever, and a burst at once.
+
+    Args:
+        per_s: rate.
+        burst: tokens when full, as it is at first.
+        now_s: seconds; a clock that is set back gives nothing.
+    """
+
+    __slots__ = ("_burst", "_per_s", "_tokens", "last_s")
+
+    def __init__(self, per_s: float, burst: float, now_s: float) -> None:
+        self._per_s, self._burst, self._tokens = per_s, burst, burst
+        self.last_s = now_s
+        """When it was asked last."""
+
+    def allows(self, now_s: float) -> bool:
+        """Whether one more may pass; then it has."""
+        self._tokens = min(self._burst, self._tokens + max(0.0, now_s - self.last_s) * self._per_s)
+        self.last_s = max(self.last_s, now_s)
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
 
 
 class Backoff:

@@ -20,7 +20,7 @@ from gcs.fold.position_steps import SteadyCamera
 from gcs.fold.quarantine import doubted, quarantined
 from gcs.fold.snapshot_rows import View, boxes_of, mount_of, vehicle_rows
 from gcs.health.alarms import Alarms
-from gcs.health.event_throttle import Quiet
+from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import Trends
 from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS
 from gcs.mission.mission import Mission
@@ -95,7 +95,7 @@ class Pipeline:
         """When an order turned the camera: from then on the mission does not know where it looks."""
         self._turned_told = False
         self._events: list[Event] = []
-        self._quiet = Quiet()
+        self._throttle = EventThrottle()
         self._trends = Trends()
         self._alarms = Alarms()
 
@@ -104,7 +104,7 @@ class Pipeline:
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
             self._turned_us = self._turned_us or packet.t_us
         if notices := self.fleet.feed(packet):
-            self._events += self._quiet.hear(map(_event, notices))
+            self._events += self._throttle.admit(map(_event, notices))
 
     def note(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
@@ -375,7 +375,7 @@ class Pipeline:
             origin=self.fleet.origin,
         )
         alarms, changes = self._alarms.update(snapshot)
-        events = (*self._events, *self._quiet.overdue(t_us), *changes)
+        events = (*self._events, *self._throttle.overdue(t_us), *changes)
         self._events = []
         return replace(snapshot, alarms=alarms, events=events)
 

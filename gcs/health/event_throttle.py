@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from gcs.snapshot import Event
+from infra.reporting import TokenBucket
 
-__all__ = ["Quiet"]
+__all__ = ["EventThrottle"]
 
 BURST, RATE_HZ = 20.0, 2.0
 """Notices that one sender may make of one kind at once, and a second for ever after."""
@@ -19,27 +20,18 @@ SUM_UP_US = 1_000_000
 MOST_SENDERS, MOST_TEXTS = 600, 16
 
 
-class _Talker:
+class _SenderEvents:
     """One sender's notices of one kind."""
 
-    __slots__ = ("held", "last_us", "most", "since_us", "tokens")
+    __slots__ = ("bucket", "held", "most", "since_us")
 
     def __init__(self, t_us: int) -> None:
-        self.tokens = BURST
-        self.last_us = t_us
+        self.bucket = TokenBucket(RATE_HZ, BURST, t_us * 1e-6)
         self.held = 0
         """Notices that were not let through."""
         self.since_us = 0
         self.most: Counter[Event] = Counter()
         """The first few different ones of them, all at the time of the first."""
-
-    def may(self, t_us: int) -> bool:
-        self.tokens = min(BURST, self.tokens + max(0, t_us - self.last_us) * 1e-6 * RATE_HZ)
-        self.last_us = max(self.last_us, t_us)
-        if self.tokens < 1.0:
-            return False
-        self.tokens -= 1.0
-        return True
 
     def hold(self, event: Event) -> None:
         self.since_us = self.since_us if self.held else event.t_us
@@ -59,36 +51,36 @@ class _Talker:
         return replace(event, t_us=t_us, text=text)
 
 
-class Quiet:
+class EventThrottle:
     """Lets through a sender's first notices and sums up the rest once a second."""
 
     def __init__(self) -> None:
-        self._talkers: dict[tuple[int, str], _Talker] = {}
+        self._senders: dict[tuple[int, str], _SenderEvents] = {}
         self._now_us = 0
 
-    def hear(self, events: Iterable[Event]) -> list[Event]:
-        """What of these is to be told now, with what has been held back for a second."""
-        said: list[Event] = []
+    def admit(self, events: Iterable[Event]) -> list[Event]:
+        """What of these is to be reported now, with what has been held back for a second."""
+        admitted: list[Event] = []
         for event in events:
-            talker = self._talker(event)
-            if talker.may(event.t_us):
-                said.append(event)
+            sender = self._sender(event)
+            if sender.bucket.allows(event.t_us * 1e-6):
+                admitted.append(event)
             else:
-                talker.hold(event)
-                if event.t_us - talker.since_us >= SUM_UP_US:
-                    said.append(talker.sum_up(event.t_us))
-        return said
+                sender.hold(event)
+                if event.t_us - sender.since_us >= SUM_UP_US:
+                    admitted.append(sender.sum_up(event.t_us))
+        return admitted
 
     def overdue(self, t_us: int) -> list[Event]:
         """What was held back for a second, although its sender has fallen silent."""
-        waiting = [talker for talker in self._talkers.values() if talker.held and t_us - talker.since_us >= SUM_UP_US]
-        return [talker.sum_up(t_us) for talker in waiting]
+        waiting = [sender for sender in self._senders.values() if sender.held and t_us - sender.since_us >= SUM_UP_US]
+        return [sender.sum_up(t_us) for sender in waiting]
 
-    def _talker(self, event: Event) -> _Talker:
+    def _sender(self, event: Event) -> _SenderEvents:
         key = (event.system_id, event.kind)
-        talker = self._talkers.get(key)
-        if talker is None:
-            if len(self._talkers) >= MOST_SENDERS:
-                del self._talkers[min(self._talkers, key=lambda k: self._talkers[k].last_us)]
-            talker = self._talkers[key] = _Talker(event.t_us)
-        return talker
+        sender = self._senders.get(key)
+        if sender is None:
+            if len(self._senders) >= MOST_SENDERS:
+                del self._senders[min(self._senders, key=lambda k: self._senders[k].bucket.last_s)]
+            sender = self._senders[key] = _SenderEvents(event.t_us)
+        return sender

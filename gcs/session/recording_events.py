@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
 from gcs.health.station_alarms import STALLED_S
 from gcs.snapshot import Event, Level
 from infra.files.record_state import RecordState
+from infra.reporting import ReportGrowth
 
 __all__ = ["RecordWatch"]
 
 SLOW_S = 2.0
 """A disk that has not confirmed for so long is slow."""
-LOST_EVERY = 2.0
-"""A loss that grows is told again when it has doubled."""
 
 
 class RecordWatch:
@@ -22,7 +22,7 @@ class RecordWatch:
     def __init__(self) -> None:
         self._before: dict[str, RecordState] = {}
         self._slow: set[str] = set()
-        self._told_lost: dict[str, int] = {}
+        self._lost: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
 
     def update(self, t_us: int, states: Mapping[str, RecordState]) -> tuple[Event, ...]:
         """Events since the last call; ``states`` by what the operator calls the files."""
@@ -40,10 +40,7 @@ class RecordWatch:
         if state.failing_s == 0 and (before.failing_s > 0 or state.faults > before.faults):
             goes_on = f", goes on in {state.name}" if state.name != before.name else ""
             yield "info", f"written again{goes_on}"
-        if state.lost < before.lost:  # counted by a process that was started anew
-            self._told_lost.pop(name, None)
-        if state.lost and state.lost >= self._told_lost.get(name, 0) * LOST_EVERY:
-            self._told_lost[name] = state.lost
+        if self._lost[name].due(state.lost):
             yield "alarm", f"{state.lost} rows lost{state.because}"
         slow = state.sync_age_s > SLOW_S and not state.stalled_s > STALLED_S  # of that there is an alarm, for all files
         if slow != (name in self._slow):

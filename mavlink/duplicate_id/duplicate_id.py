@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from infra.reporting import Throttle
 from mavlink.duplicate_id.autopilot_id import Hardware, hardware_of
 from mavlink.duplicate_id.claimed_places import LATE_MOST_US, Places, same_way
 from mavlink.duplicate_id.id_conflict import Claim, Conflict, Contest, Turns
@@ -15,7 +16,7 @@ from mavlink.protocol.messages import Attitude, GlobalPosition, Heartbeat
 from mavlink.protocol.modes import kind_name, mode_name
 from mavlink.protocol.packet import Packet
 from mavlink.reception.reception import Speaker
-from mavlink.reception.rejections import Told
+from mavlink.reception.rejections import REPORT_AGAIN_US
 from mavlink.state import Level
 
 __all__ = ["Senders"]
@@ -47,8 +48,8 @@ class Senders:
         links: tuple[str, ...] = (),
         address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
-        self.told = Told()
-        self._told_rarely = Told(_ADDRESSES_US)
+        self.reports = Throttle(REPORT_AGAIN_US)
+        self._rare_reports = Throttle(_ADDRESSES_US)
         self.hardware_text = ""
         """Hardware id in hexadecimal, empty until told."""
         self._links, self._address = links, address
@@ -222,7 +223,7 @@ class Senders:
     def _two_addresses(self, t_us: int, system_id: int) -> str:
         """A second radio into one port looks like this, and so does somebody who says the same: told, not refused."""
         turns = self._addresses
-        if not turns.established(_ADDRESS_TURNS, t_us) or not self._told_rarely.due("addresses", t_us):
+        if not turns.established(_ADDRESS_TURNS, t_us) or not self._rare_reports.due("addresses", t_us):
             return ""
         return f"system {system_id} speaks from two addresses ({self.where(turns.other)} and {self.where(turns.where)})"
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from infra.reporting import ReportOnce
 from mavlink.protocol.messages import CameraFov, CameraInformation, CameraSettings, VideoStreamInformation
-from mavlink.reception.report_once import Once
 from mavlink.state import CameraReport
 
 __all__ = ["NARROWEST", "WIDEST", "CameraReports", "CameraSample"]
@@ -47,7 +47,7 @@ class CameraReports:
         self._chosen = chosen
         self._cameras: dict[int, _Camera] = {}
         self._used = chosen
-        self._once = Once()
+        self._reports = ReportOnce()
 
     @property
     def report(self) -> CameraReport | None:
@@ -78,7 +78,7 @@ class CameraReports:
                 texts.append(f"camera {device} reports too and is not used: [camera] device chooses")
             else:
                 self._used = device
-        return self._once.new(texts)
+        return self._reports.new(texts)
 
 
 @dataclass(slots=True)

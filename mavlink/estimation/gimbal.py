@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from infra.reporting import ReportOnce
 from mavlink.estimation.sample_buffer import History
 from mavlink.geodesy import (
     R_ENU_NED,
@@ -29,7 +30,6 @@ from mavlink.geodesy import (
 )
 from mavlink.protocol.messages import CameraFov, GimbalAttitude, MountOrientation, MountStatus
 from mavlink.protocol.packet import Packet
-from mavlink.reception.report_once import Once
 
 __all__ = ["GIMBAL_LOST_S", "GimbalSample", "Gimbals", "turns_camera", "yaw_frame"]
 
@@ -100,7 +100,7 @@ class Gimbals:
         self._source: type | None = None
         self._heard_us: dict[type, int] = {}
         self._fov_frame: Frame = "earth"
-        self._once = Once()
+        self._reports = ReportOnce()
 
     def clear(self) -> None:
         """Forgets every attitude, for a UAV that has rebooted."""
@@ -124,7 +124,7 @@ class Gimbals:
         """
         if isinstance(sample, GimbalAttitude) and not self._is_ours(sample.device_id or sample.component_id):
             other = sample.device_id or sample.component_id
-            return self._once.new([f"gimbal {other} reports too and is not used: [camera] gimbal chooses"])
+            return self._reports.new([f"gimbal {other} reports too and is not used: [camera] gimbal chooses"])
         if isinstance(sample, MountOrientation | MountStatus) and self._chosen not in (0, sample.component_id):
             return []
         name = _NAMES[type(sample)]
@@ -132,7 +132,7 @@ class Gimbals:
         if attitude is None:
             return []
         if isinstance(attitude, str):
-            return self._once.new([f"{name} not used: {attitude}"])
+            return self._reports.new([f"{name} not used: {attitude}"])
         if self._outranked(boot_us, type(sample)):
             return []
         self._heard_us[type(sample)] = boot_us
@@ -140,7 +140,7 @@ class Gimbals:
         if self._source is not type(sample):
             self._source = type(sample)
             self._history.clear()
-            told = self._once.new([f"gimbal attitude from {name}"])
+            told = self._reports.new([f"gimbal attitude from {name}"])
         self._history.add(boot_us, attitude)
         return told
 

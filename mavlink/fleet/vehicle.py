@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
+from infra.reporting import Throttle
 from mavlink.duplicate_id.claimed_places import FRESH_US, LATE_MOST_US
 from mavlink.duplicate_id.components import NOBODY, Components
 from mavlink.duplicate_id.duplicate_id import Senders
@@ -32,7 +33,7 @@ from mavlink.protocol.messages import (
 from mavlink.protocol.modes import fix_name, kind_name, mode_name
 from mavlink.protocol.packet import Packet
 from mavlink.reception.reception import Reception, Speaker
-from mavlink.reception.rejections import Refusals, Told
+from mavlink.reception.rejections import Refusals
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
 
 __all__ = ["Vehicle"]
@@ -78,8 +79,8 @@ class Vehicle:
         self._components, self._receiver = Components(), Receiver()
         self._jumps, self.distress = Jumps(), Distress()
         self._texts = Texts()
-        self._changes = Told(_CHANGE_US)
-        self._others = Told(_OTHERS_US)
+        self._changes = Throttle(_CHANGE_US)
+        self._others = Throttle(_OTHERS_US)
 
     def heard(self, packet: Packet, message_id: int) -> bool:
         """Counts a packet of a known message; False for a copy of one that was heard before."""
@@ -123,7 +124,7 @@ class Vehicle:
         if first:
             yield self._notice(t_us, "info", f"{self.kind} {self.system_id} is there, {self.mode}")
         elif before is not None and not self.contested(t_us):
-            if kinds and self.senders.told.due("kind", t_us):
+            if kinds and self.senders.reports.due("kind", t_us):
                 text = f"system {self.system_id} was a {kinds[0]} and says it is a {kinds[1]}"
                 yield self._notice(t_us, "warning", text)
             if before.armed != sample.armed and self._changes.due("armed", t_us):
@@ -295,7 +296,7 @@ class Vehicle:
         self._jumps.take(verdict, speaker[:2], t_us, fix)
         if self._jumps.jumps(t_us):
             self.refusals.count(_JUMPS)
-            if jumped or not self.refusals.told.due(_JUMPS, t_us):
+            if jumped or not self.refusals.reports.due(_JUMPS, t_us):
                 return None, ()
             return None, (self._notice(t_us, "warning", f"positions not used: {_JUMPS}"),)
         if verdict in _REFUSED_VERDICTS:

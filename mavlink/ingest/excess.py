@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from infra.reporting import TokenBucket
 from mavlink.links.batch import Batch, Claim
 from mavlink.links.fair_shares import HOLD_S
 from mavlink.links.flood_limiter import Limit
@@ -27,9 +28,8 @@ _OTHERS: Claim = (0, 0)
 
 
 @dataclass(slots=True)
-class _Allowance:
-    credit: float
-    since_s: float
+class _RefusedSender:
+    bucket: TokenBucket
     seen: int = 0
     shed: int = 0
     """Of this flood."""
@@ -47,7 +47,7 @@ class Excess:
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
-        self._senders: dict[tuple[int, Claim], _Allowance] = {}
+        self._senders: dict[tuple[int, Claim], _RefusedSender] = {}
         self._shed: Counter[int] = Counter()
 
     def without(self, index: int, batch: Batch, auths: Sequence[Auth]) -> tuple[Batch, Sequence[Auth]]:
@@ -80,10 +80,7 @@ class Excess:
         if sender is None:
             sender = self._new(index, claim, now_s)
         sender.seen += 1
-        sender.credit = min(KEPT_PER_S * BURST_S, sender.credit + KEPT_PER_S * (now_s - sender.since_s))
-        sender.since_s = now_s
-        if sender.credit >= 1.0:
-            sender.credit -= 1.0
+        if sender.bucket.allows(now_s):
             return True
         if now_s - sender.shed_s >= HOLD_S:
             sender.shed = 0
@@ -91,16 +88,18 @@ class Excess:
         sender.shed_s = now_s
         return False
 
-    def _new(self, index: int, claim: Claim, now_s: float) -> _Allowance:
+    def _new(self, index: int, claim: Claim, now_s: float) -> _RefusedSender:
         if len(self._senders) >= _MOST:
-            rested = [who for who, sender in self._senders.items() if now_s - sender.since_s > BURST_S]
+            rested = [who for who, sender in self._senders.items() if now_s - sender.bucket.last_s > BURST_S]
             for who in rested:
                 del self._senders[who]
         if len(self._senders) >= _MOST:
             claim = _OTHERS
-        return self._senders.setdefault((index, claim), _Allowance(KEPT_PER_S * BURST_S, now_s))
+        return self._senders.setdefault(
+            (index, claim), _RefusedSender(TokenBucket(KEPT_PER_S, KEPT_PER_S * BURST_S, now_s))
+        )
 
-    def _limit(self, claim: Claim, sender: _Allowance, address: Callable[[int], str], now_s: float) -> Limit:
+    def _limit(self, claim: Claim, sender: _RefusedSender, address: Callable[[int], str], now_s: float) -> Limit:
         seen, since_s = sender.told
         sender.told = sender.seen, now_s
         rate = (sender.seen - seen) / max(now_s - since_s, 1e-3) if since_s else 0.0

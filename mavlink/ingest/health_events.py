@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import replace
 
+from infra.reporting import ReportGrowth
 from mavlink.forwarding.forward import HARMLESS
 from mavlink.forwarding.outputs import InboundFrames
 from mavlink.ingest.health import IngestHealth
@@ -15,8 +17,6 @@ __all__ = ["HealthEvents"]
 
 Told = tuple[str, str]
 """Level and text."""
-GROWN = 2.0
-"""A loss is told again when it is so many times what was told."""
 PATIENCE = 10
 """A connection that is being made is not missed for so many looks, twice a second."""
 MOST = 5
@@ -32,11 +32,12 @@ class HealthEvents:
         self._connected: dict[str, bool] = {}
         self._patience: dict[str, int] = {}
         self._limits: dict[str, dict[tuple[str, int, bool], Limit]] = {}
-        self._losses: dict[str, int] = {}
+        self._losses: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
-        self._said: dict[tuple[str, InboundFrames], tuple[int, int, int]] = {}
-        """Count told, count, and look at which it last grew."""
+        self._inbound: defaultdict[tuple[str, InboundFrames], ReportGrowth] = defaultdict(
+            lambda: ReportGrowth(rest=QUIET)
+        )
 
     def since_last(self, health: IngestHealth) -> list[Told]:
         """What is new since the last call."""
@@ -51,7 +52,7 @@ class HealthEvents:
             text = f"{output.name}: {{}} packets were not forwarded: nobody there, or too slow"
             told += self._loss(output.name, output.dropped, text)
             for frames in output.inbound:
-                told += self._inbound(output.name, frames)
+                told += self._of_program(output.name, frames)
         troubles = frozenset(health.troubles)
         told += [("warning", text) for text in sorted(troubles - self._troubles)]
         self._troubles = troubles
@@ -78,16 +79,9 @@ class HealthEvents:
         self._connected[name] = False
         return [("alarm", f"{name}: lost, trying on" if before else f"{name}: no connection yet, trying on")]
 
-    def _inbound(self, output: str, said: InboundFrames) -> list[Told]:
+    def _of_program(self, output: str, said: InboundFrames) -> list[Told]:
         """What a program behind an output said: when it begins to, and again when it is twice as often."""
-        key = (output, replace(said, count=0))
-        told, before, grew = self._said.get(key, (0, 0, 0))
-        if said.count <= before:  # of a process that was started anew, the count is less
-            self._said[key] = (min(told, said.count), said.count, grew)
-            return []
-        new = said.count >= told * GROWN or self._looks - grew > QUIET
-        self._said[key] = (said.count if new else told, said.count, self._looks)
-        if not new:
+        if not self._inbound[output, replace(said, count=0)].due(said.count, self._looks):
             return []
         whom = f"system {said.target}" if said.target else "everybody"
         times = f", {said.count:,} times so far" if said.count > 1 else ""
@@ -100,11 +94,7 @@ class HealthEvents:
         return [(level, f"{output}: {said.sender} sent {said.message} to {whom} through this station{times}")]
 
     def _loss(self, name: str, count: int, text: str) -> list[Told]:
-        before = self._losses.get(name, 0)
-        if count <= before * GROWN:
-            return []
-        self._losses[name] = count
-        return [("alarm", text.format(f"{count:,}"))]
+        return [("alarm", text.format(f"{count:,}"))] if self._losses[name].due(count) else []
 
 
 def _few(level: str, texts: list[str]) -> list[Told]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import NamedTuple
 
+from infra.reporting import ReportGrowth, Throttle
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.reception.duplicates import TIMED, Copies
 from mavlink.reception.rate_meter import Arrivals
-from mavlink.reception.rejections import Told
+from mavlink.reception.rejections import REPORT_AGAIN_US
 from mavlink.reception.reordering import SLOWEST_US, Overtaken
 from mavlink.reception.sequence import SequenceLoss, SequenceRuns
 from mavlink.signing.streams import ticks_of
@@ -26,7 +28,6 @@ _BEHIND_US = 500_000  # a link this far behind another tells how the vehicle was
 _FIRST_HAND = 10  # a channel with so many new messages on end has no copies: numbers have come round in its heartbeats
 _ALARM_AFTER = 3
 _ALARM_EVERY_US = 30_000_000
-_ALARM_GROWN = 2  # what goes on all the time is told again when it is so many times what was told
 _OVERTAKEN, _OVERTAKEN_US = 20, 600_000_000  # so many are told, and again so much later: it lasts a whole flight
 _REFUSED_AS = {
     Auth.UNSIGNED: "no signature",
@@ -87,29 +88,6 @@ class _Channel:
         return runs.take(seq, t_us)
 
 
-class _Refused:
-    """Packets refused for one reason."""
-
-    __slots__ = ("_last_us", "_told", "_told_us", "count")
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._told = 0
-        self._told_us = self._last_us = -_ALARM_EVERY_US
-
-    def take(self, t_us: int) -> bool:
-        """Counts one; True when an operator should know."""
-        self.count += 1
-        if abs(t_us - self._last_us) > _ALARM_EVERY_US:
-            self._told = 0  # it had stopped
-        self._last_us = t_us
-        grown = self.count >= max(_ALARM_AFTER, _ALARM_GROWN * self._told)
-        if not grown or abs(t_us - self._told_us) < _ALARM_EVERY_US:
-            return False
-        self._told_us, self._told = t_us, self.count
-        return True
-
-
 class Reception:
     """Counts and sorts one vehicle's packets before anything in them is believed."""
 
@@ -132,13 +110,14 @@ class Reception:
         self._channels: dict[tuple[int, int], _Channel] = {}
         self._channel = _Channel()
         self._copies = Copies()
-        self._overtaken, self._told_overtaken = Overtaken(), Told(_OVERTAKEN_US)
+        self._overtaken, self._overtaken_reports = Overtaken(), Throttle(_OVERTAKEN_US)
         self._overtaken_count = 0
         self._players: dict[tuple[int, int], int] = {}  # who played a recording, and when last
-        self._refused: dict[Auth, _Refused] = {}
+        self._refused: Counter[Auth] = Counter()
+        self._refused_reports: dict[Auth, ReportGrowth] = {}
         self._signed_us = self._refused_us = self._held_us = self._held_since_us = _NEVER_US
         self._lag_s = math.nan
-        self._told_held = Told()
+        self._held_reports = Throttle(REPORT_AGAIN_US)
 
     def take(self, packet: Packet, message_id: int) -> bool:
         """Counts a packet that may be believed; False for a copy of one that came before."""
@@ -184,10 +163,14 @@ class Reception:
             self.unsigned += 1
         else:
             self.bad_signature += 1
-        refused = self._refused.setdefault(packet.auth, _Refused())
-        if not refused.take(packet.t_us):
+        self._refused[packet.auth] += 1
+        refused = self._refused[packet.auth]
+        reports = self._refused_reports.setdefault(
+            packet.auth, ReportGrowth(first=_ALARM_AFTER, rest=_ALARM_EVERY_US, every=_ALARM_EVERY_US)
+        )
+        if not reports.due(refused, packet.t_us):
             return "info", ""
-        said = f"{refused.count} packets refused, {_REFUSED_AS[packet.auth]}"
+        said = f"{refused} packets refused, {_REFUSED_AS[packet.auth]}"
         return "alarm", said + (self._replay_words(packet) if packet.auth is Auth.REPLAYED else "")
 
     def signs(self, t_us: int) -> bool:
@@ -214,7 +197,7 @@ class Reception:
             self._held_since_us = t_us
         self._held_us = t_us
         self._lag_s = (ticks_of(t_us) - int.from_bytes(packet.raw[-12:-6], "little")) * _TICKS_S
-        if t_us - self._held_since_us < _HELD_US or not self._told_held.due("", t_us):
+        if t_us - self._held_since_us < _HELD_US or not self._held_reports.due("", t_us):
             return ""
         return f"signatures {_span(self._lag_s)} behind, nothing proves that its packets are made now: held"
 
@@ -229,7 +212,7 @@ class Reception:
     def _late_words(self, t_us: int) -> str:
         self._overtaken_count += 1
         number = self._overtaken_count
-        if number < _OVERTAKEN or not self._told_overtaken.due("", t_us):
+        if number < _OVERTAKEN or not self._overtaken_reports.due("", t_us):
             return ""
         return f"{number} signed packets came after newer ones and are refused: out of order, or over a slower radio"
 

@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-__all__ = ["Refusals", "Told"]
+from infra.reporting import Throttle
 
-_REPEATED_US = 30_000_000
+__all__ = ["REPORT_AGAIN_US", "Refusals"]
 
-
-class Told:
-    """Says whether it is time to tell something again."""
-
-    __slots__ = ("_every_us", "_told")
-
-    def __init__(self, every_us: int = _REPEATED_US) -> None:
-        self._every_us = every_us
-        self._told: dict[str, int] = {}
-
-    def due(self, text: str, t_us: int) -> bool:
-        """Whether this was not told for a while; then it counts as told now."""
-        last_us = self._told.get(text)
-        if last_us is not None and abs(t_us - last_us) < self._every_us:
-            return False
-        self._told[text] = t_us
-        return True
+REPORT_AGAIN_US = 30_000_000
+"""What a vehicle does wrong all the time is reported so often."""
 
 
 class Refusals:
@@ -35,7 +20,7 @@ class Refusals:
         """Arrival of the last of them, 0 never."""
         self.reason = ""
         """Why, while no good position has come since."""
-        self.told = Told()
+        self.reports = Throttle(REPORT_AGAIN_US)
         self._counts: dict[str, int] = {}
 
     def count(self, reason: str) -> None:
@@ -47,7 +32,7 @@ class Refusals:
         self.count(reason)
         self.positions += 1
         self.last_us, self.reason = t_us, reason
-        return self.told.due(reason, t_us)
+        return self.reports.due(reason, t_us)
 
     @property
     def counts(self) -> tuple[tuple[str, int], ...]:

@@ -14,12 +14,12 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from infra.reporting import Hysteresis
 from mavlink.protocol.dialect import message_name
 from mavlink.protocol.encoder import Speaker
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.reception.sequence import SequenceLoss
 from mavlink.state import SILENT_S
-from mavlink.transmit.rate_alarm import Trouble
 from mavlink.transmit.rate_requests import (
     ATTITUDE,
     COMMAND_ACK,
@@ -55,6 +55,10 @@ ENOUGH = 0.7
 TRIES = 5
 WINDOW_S = 3.0
 ANSWER_S = 1.0
+LASTS_S = 5.0
+"""A rate is low for so long before it is told: a pause of the link is not yet out of what was measured after three."""
+CALM_S = 30.0
+"""And better for so long before it may be told again: one about the limit is one line, not one every ten seconds."""
 AGAIN_S = 4.0
 BEHIND_S = 10.0
 """For so long after a packet that was refused as replayed nothing is said of a link's rates."""
@@ -170,7 +174,7 @@ class RateKeeper:
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
         self._lock = threading.Lock()
         self._peers: dict[tuple[int, int], _Peer] = {}
-        self._troubles: dict[tuple[int, int, str], Trouble] = {}
+        self._troubles: dict[tuple[int, int, str], Hysteresis] = {}
 
     def want(self, message_id: int, hz: float) -> None:
         """Wants one more message of the UAV from now on.
@@ -247,9 +251,11 @@ class RateKeeper:
         fresh = []
         for rate in self.rates(now_s):
             if rate.state == "ok" or rate.hint:
-                trouble = self._troubles.setdefault((rate.system_id, rate.link, rate.message), Trouble())
+                trouble = self._troubles.setdefault(
+                    (rate.system_id, rate.link, rate.message), Hysteresis(rises_after=LASTS_S, falls_after=CALM_S)
+                )
                 worse = 0 if rate.state == "ok" else 1 if rate.measured_hz else 2
-                if trouble.news(worse, now_s):
+                if trouble.rises(worse, now_s):
                     fresh.append(rate)
         return fresh
 

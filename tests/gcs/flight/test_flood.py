@@ -8,7 +8,7 @@ import tracemalloc
 import pytest
 
 from gcs.fold.pipeline import Pipeline
-from gcs.health.event_throttle import Quiet
+from gcs.health.event_throttle import EventThrottle
 from gcs.mission.mission import load_mission
 from gcs.session.event_log import EventLog
 from gcs.snapshot import Event
@@ -96,10 +96,10 @@ def test_arming_and_disarming_without_end_is_bounded_too(pipeline):
 
 
 def test_talkers_are_bounded():
-    quiet = Quiet()
+    throttle = EventThrottle()
     for k in range(5000):
-        quiet.hear([Event(t_us=START_US + k, level="info", kind=str(k), text="x")])
-    assert len(quiet._talkers) <= 600
+        throttle.admit([Event(t_us=START_US + k, level="info", kind=str(k), text="x")])
+    assert len(throttle._senders) <= 600
 
 
 async def test_keys_are_answered_during_a_flood(pipeline):

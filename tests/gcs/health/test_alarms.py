@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from gcs.health.alarms import Alarms
-from gcs.health.event_throttle import Quiet
+from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import Trends
 from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
 from tests.support.fake_station import START_US, make_snapshot
@@ -258,14 +258,14 @@ def said(number, *, hz=1000.0, texts=("a",), start_us=START_US, system_id=11):
 
 
 def test_a_few_words_pass_as_they_are():
-    quiet, words = Quiet(), said(20, hz=10.0, texts=("a", "b", "c"))
-    assert quiet.hear(words) == words and quiet.overdue(START_US + 60_000_000) == []
+    throttle, words = EventThrottle(), said(20, hz=10.0, texts=("a", "b", "c"))
+    assert throttle.admit(words) == words and throttle.overdue(START_US + 60_000_000) == []
 
 
 def test_a_flood_is_summed_up_and_every_word_is_counted():
-    quiet = Quiet()
-    told = quiet.hear(said(5000, texts=("x", "x", "y")))
-    told += quiet.overdue(START_US + 60_000_000)
+    throttle = EventThrottle()
+    told = throttle.admit(said(5000, texts=("x", "x", "y")))
+    told += throttle.overdue(START_US + 60_000_000)
     assert len(told) <= 20 + 2 * 6 + 6
     held = sum(int(event.text.split(" more")[0]) for event in told if " more" in event.text)
     assert held + sum(" more" not in event.text for event in told) == 5000
@@ -273,8 +273,8 @@ def test_a_flood_is_summed_up_and_every_word_is_counted():
 
 
 def test_one_text_over_and_over_says_how_often():
-    quiet = Quiet()
-    told = quiet.hear(said(1020)) + quiet.overdue(START_US + 60_000_000)
+    throttle = EventThrottle()
+    told = throttle.admit(said(1020)) + throttle.overdue(START_US + 60_000_000)
     assert "a × " in told[-1].text
 
 
@@ -294,10 +294,10 @@ def test_one_that_is_heard_and_refused_is_not_called_unheard(watch):
 
 
 def test_one_flooding_vehicle_does_not_silence_another():
-    quiet = Quiet()
-    quiet.hear(said(5000))
+    throttle = EventThrottle()
+    throttle.admit(said(5000))
     other = said(3, system_id=12)
-    assert quiet.hear(other) == other
+    assert throttle.admit(other) == other
 
 
 def test_rates_of_the_links():
