@@ -311,12 +311,12 @@ def _check(scenario: Scenario) -> None:
             f"scenario: [timing]: rate_min_hz is {timing.rate_min_hz}; it must not be above rate_max_hz, "
             f"{timing.rate_max_hz:g}"
         )
-    indexed: tuple[Occlusion | ScenarioFault, ...] = (*scenario.occlusions, *scenario.faults)
-    named = [("vehicle", what.vehicle, what) for what in indexed]
-    named += [("other", fault.other, fault) for fault in scenario.faults]
-    for key, vehicle, what in named:
+    indexed = [("vehicle", occlusion.vehicle, "occlusion") for occlusion in scenario.occlusions]
+    indexed += [("vehicle", fault.vehicle, "fault") for fault in scenario.faults]
+    indexed += [("other", fault.other, "fault") for fault in scenario.faults]
+    for key, vehicle, table in indexed:
         if not 0 <= vehicle < scenario.fleet_size:
             raise ScenarioError(
-                f"scenario: {key} = {vehicle} of {type(what).__name__.lower()} does not exist; "
+                f"scenario: {key} = {vehicle} of {table} does not exist; "
                 f"vehicles are 0 to {scenario.fleet_size - 1}"
             )
