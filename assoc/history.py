@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.records import CameraState, Sighting
+from assoc.records import CameraState, Observation
 
 __all__ = ["TrackHistory"]
 
@@ -48,12 +48,12 @@ class TrackHistory:
         self.last_s = np.zeros(0)
         self._column: dict[int, int] = {}
 
-    def append(self, t: float, sighting: Sighting, camera: CameraState) -> IntArray:
+    def append(self, t: float, observation: Observation, camera: CameraState) -> IntArray:
         """Store one frame.
 
         Args:
             t: Its time, seconds; larger than any before.
-            sighting: The tracks.
+            observation: The tracks.
             camera: The camera's state.
 
         Returns:
@@ -63,12 +63,12 @@ class TrackHistory:
         row = self.n - 1
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
-        seen = sighting.gap_s <= 0.0
-        broken = self._broken_off(sighting.track_id[seen], t)
-        columns, fresh = self._columns_of(sighting.track_id, t)
+        seen = observation.gap_s <= 0.0
+        broken = self._broken_off(observation.track_id[seen], t)
+        columns, fresh = self._columns_of(observation.track_id, t)
         self.before[fresh] = [broken.get(key, -1) for key in self.track_id[fresh].tolist()]
-        self.ray[row, columns[seen]] = sighting.ray_cam[seen]
-        self.front[row, columns[seen]] = sighting.front_cam[seen]
+        self.ray[row, columns[seen]] = observation.ray_cam[seen]
+        self.front[row, columns[seen]] = observation.front_cam[seen]
         self.last_s[columns[seen]] = t
         return fresh
 

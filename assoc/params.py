@@ -1,10 +1,112 @@
-"""Numbers of the identifier, each with what it does when changed."""
+"""Numbers of the identifier, each with its unit, its reason and what it does when changed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-__all__ = ["IdentifierParams"]
+import numpy as np
+
+__all__ = ["MANY_PAIRS", "IdentifierParams", "LearningParams", "LockParams", "ScheduleParams", "SearchParams"]
+
+MANY_PAIRS = 400
+"""Pairs of track and vehicle that one update weighs within a frame's time, for example 20 × 20. Beyond it updates come
+less often, fewer starts are searched and pairs that are far apart are not compared."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScheduleParams:
+    """When an update of the estimate is due. Frames between two updates get the names of the last one."""
+
+    every_s: float = 0.25
+    """Time between updates, seconds. Lower → faster reaction, more processor time."""
+    slowest_factor: float = 4.0
+    """Most by which that time is stretched for more pairs than ``MANY_PAIRS``."""
+    begun_factor: float = 0.25
+    """Share of that time after which an update is due in a frame in which a track begins: it wants a name at once."""
+    young_factor: float = 0.5
+    """The same while a track is younger than ``young_s``."""
+    young_s: float = 0.5
+    """Age up to which a track counts as young, seconds."""
+    idle_factor: float = 3.0
+    """How much longer an update may wait while the search is locked: the answer hardly changes then."""
+    residual_jump_m: float = 1.5
+    """A named track whose distance to its report grows by more than this between two frames, metres, makes an update
+    due at once."""
+    full_rate_s: float = 3.0
+    """For so long after such a jump updates are not made rarer, seconds."""
+    rewind_s: float = 1.0
+    """A frame that is older than the newest one by more than this, seconds, is another video: everything is reset."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchParams:
+    """How much of the space of poses and assignments one update searches."""
+
+    hypotheses: int = 6
+    """Joint hypotheses of pose and assignment that are kept."""
+    start_hypotheses: int = 3
+    """How many of them the next update starts from."""
+    spread_every: int = 6
+    """One update in so many also starts from the prior's mean, turned and shifted in time."""
+    shift_every: int = 3
+    """One update in so many tries the whole image shifted onto other vehicles; among many pairs also: one update in so
+    many starts from the best hypothesis and one other, the rest from the best alone."""
+    shifts: int = 8
+    """Shifted starts that are tried."""
+    shifts_many: int = 2
+    """The same among more pairs than ``MANY_PAIRS``."""
+    swaps: int = 6
+    """Exchanges of two vehicles that are tried on the best hypothesis."""
+    swaps_locked: int = 2
+    """The same while the search is locked."""
+    first_look_s: float = 3.0
+    """Reports older than this, seconds, are not extrapolated to a pair's first comparison."""
+    heading_std: float = float(np.deg2rad(9.0))
+    """1σ of an image heading against a reported heading, radians: compass and detector together."""
+    recent_s: float = 1.5
+    """A track takes part until this long after it was seen last, seconds: a missed box must not free its name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LockParams:
+    """When the search counts as locked: the last answer is refined and nothing else is tried."""
+
+    confidence: float = 0.97
+    """Probability from which a track's answer counts as certain."""
+    share: float = 0.7
+    """Share of the tracks that must be certain if not all are."""
+    least_tracks: float = 3.0
+    """Certain tracks that are then needed at least: three determine the pose."""
+    hypothesis_share: float = 0.9
+    """Posterior weight that the best hypothesis must then have."""
+    after_s: float = 4.0
+    """Since the first frame and since the last score drop so much time must have passed, seconds."""
+    score_drop: float = 12.0
+    """A fall of a seen track's best score by this much from one update to the next, nats, unlocks the search."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearningParams:
+    """What is learnt from answers, and how sure these must be."""
+
+    confidence: float = 0.9
+    """Probability from which an answer is learnt from."""
+    least_age_s: float = 1.5
+    """Age from which a track is learnt from, seconds: first answers are corrected most."""
+    noise_confidence: float = 0.8
+    """Probability from which a pair helps to learn how large the position biases are."""
+    noise_every_s: float = 3.0
+    """Time between two steps of learning them, seconds."""
+    clutter_age_s: float = 2.5
+    """Age from which a track that is surely none of ours counts as clutter, seconds."""
+    clutter_memory_s: float = 30.0
+    """How long after that clutter is expected, seconds."""
+    spare_tracks: float = 0.5
+    """So many tracks more than vehicles expected in view are not clutter yet: the expectation is a sum of chances."""
+    offset_tension: float = 1.5
+    """How many σ of its prior the clock offset may be off while the search is locked."""
+    offset_tension_s: float = 3.0
+    """After so long beyond that, seconds, the offset is taken for unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -14,21 +116,19 @@ class IdentifierParams:
     threshold: float = 0.7
     """Least probability for a name. Raise → fewer names, fewer wrong ones."""
     window_s: float = 20.0
-    """How far back the camera's pose is fitted. Raise → steadier pose, slower frames."""
-    calm_window_s: float = 8.0
-    """The same while nothing is in doubt: what is older is settled. Raise → slower frames."""
+    """How far back the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
+    locked_window_s: float = 8.0
+    """The same while the search is locked: what is older is settled. Raise → slower frames."""
     block_s: float = 1.0
-    """Residuals are summarised in blocks of this length."""
+    """Residuals are summarised in blocks of this length, seconds."""
     frame_step_s: float = 0.09
-    """Frames closer together than this are thinned in the history."""
-    every_s: float = 0.25
-    """Time between full updates; labels are still given on every frame."""
+    """Frames closer together than this, seconds, are thinned in the history."""
     bias_m: float = 1.5
-    """Prior 1σ per axis of a vehicle's slowly wandering position error; learnt from confident pairs."""
+    """Prior 1σ per axis of a vehicle's slowly wandering position error, metres; learnt from confident pairs."""
     bias_tau_s: float = 60.0
-    """Its correlation time."""
+    """Its correlation time, seconds."""
     mean_floor_m: float = 0.12
-    """1σ of what block means never resolve: box centre against antenna, lens."""
+    """1σ of what block means never resolve, metres: box centre against antenna, lens."""
     pixel_std: float = 1.5
     """1σ of a box centre, pixels."""
     yaw_std_deg: float = 7.0
@@ -38,24 +138,24 @@ class IdentifierParams:
     tilt_std_deg: float = 1.2
     """Prior 1σ of pitch and roll errors."""
     position_std_m: float = 1.3
-    """Prior 1σ per axis of the camera's horizontal position error."""
+    """Prior 1σ per axis of the camera's horizontal position error, metres."""
     height_std_m: float = 1.0
-    """Prior 1σ of the camera's height above the ground."""
+    """Prior 1σ of the camera's height above the ground, metres."""
     time_offset_std_s: float = 0.06
-    """Prior 1σ of video time minus telemetry time. Give that of the next when the offset is unknown."""
+    """Prior 1σ of video time minus telemetry time, seconds. Give that of the next when the offset is unknown."""
     unknown_offset_std_s: float = 0.35
-    """The same of a stream whose offset nobody knows, and of one that has shown to be farther off than was taken."""
+    """The same of a stream whose offset is unknown, and of one whose offset proved to be far from its prior."""
     prior_log_odds: float = 2.5
-    """ln odds, before any evidence, that a vehicle close enough is the one in view. Lower → more boxes stay
+    """ln odds, before any evidence, that a track close to a vehicle's report is that vehicle. Lower → more boxes stay
     unnamed at first."""
     in_view_log_odds: float = 4.0
-    """What those odds gain for a vehicle that should be in view and lose for one that should not: in view
-    its own box would be missing if this were another's. Raise → fewer boxes unnamed, more strangers named."""
-    patience: float = 1.2
-    """What each block adds for a vehicle that should be in view, nats: receivers wander in ways that no model
-    has. Raise → names are kept longer under bad GNSS, strangers that drive alike too."""
+    """What those odds gain for a vehicle that should be in view and lose for one that should not: one in view has a box
+    of its own, which would be missing if this were another's. Raise → fewer boxes unnamed, more clutter named."""
+    in_view_bonus: float = 1.2
+    """What each block adds for a vehicle that should be in view, nats: position errors wander in ways that no model
+    has. Raise → names are kept longer under bad GNSS, but also on clutter that moves alike."""
     increment_max: float = 8.0
-    """Most that one block may say for or against a pair, nats."""
+    """Most that one block may count for or against a pair, nats."""
     switch_rate: float = 1e-10
     """Chance per second that an undisturbed track jumps to another vehicle."""
     switch_rate_close: float = 1e-8
@@ -63,12 +163,20 @@ class IdentifierParams:
     switch_rate_leap: float = 0.05
     """The same in a second in which the track moved further than a vehicle can, or across a hole in it."""
     close_m: float = 3.0
-    """Boxes nearer than this may be swapped by a tracker."""
+    """Boxes nearer than this, metres, may be swapped by a tracker."""
     gap_max_s: float = 0.6
-    """Longest hole in a track that is bridged by interpolation."""
-    interloper: float = 0.003
-    """Chance that a track is a stranger who drives like one of ours, where no more is seen than is expected."""
-    interloper_seen: float = 0.1
-    """The same for 30 s after a track was judged none of ours; in between by the share of tracks that is left over."""
-    hypotheses: int = 6
-    """Joint hypotheses of pose and assignment that are kept."""
+    """Longest hole in a track that is bridged by interpolation, seconds."""
+    clutter: float = 0.003
+    """Chance that a track which moves like one of our vehicles is none, while no more is seen than expected."""
+    clutter_seen: float = 0.1
+    """The same for a while after a track was judged none of ours; in between by the share of surplus tracks."""
+    stitch_confidence: float = 0.8
+    """Probability of its name from which a lost track may be continued by its vehicle's report."""
+    predicted_floor_m2: float = 0.1
+    """Variance per axis of a box against its vehicle, square metres, when a lost track is continued."""
+    predicted_speed_std_mps: float = 0.7
+    """1σ of a vehicle's speed while its report is extrapolated to continue a lost track."""
+    schedule: ScheduleParams = field(default_factory=ScheduleParams)
+    search: SearchParams = field(default_factory=SearchParams)
+    lock: LockParams = field(default_factory=LockParams)
+    learning: LearningParams = field(default_factory=LearningParams)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from assoc.errors import ShapeError
 
-__all__ = ["CameraState", "Identities", "Sighting", "VehicleReports"]
+__all__ = ["CameraState", "Identities", "Observation", "VehicleReports"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -25,7 +25,7 @@ def _need(name: str, array: NDArray[np.generic], shape: tuple[int, ...]) -> None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sighting:
+class Observation:
     """The tracks of one video frame."""
 
     t_us: int
@@ -116,7 +116,7 @@ class VehicleReports:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identities:
-    """Who the tracks of a frame are, in the order of the sighting."""
+    """Who the tracks of a frame are, in the order of the observation."""
 
     track_id: IntArray
     """(m,)."""

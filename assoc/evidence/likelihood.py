@@ -63,7 +63,7 @@ class Noise:
     log_area: float
     """ln of twice the ground area in view: where a report could be if it were unrelated."""
     increment_max: float
-    patience: FloatArray
+    in_view_bonus: FloatArray
     """(n,) what each block adds for a vehicle that should be in view: receivers wander in ways that no model has."""
 
 
@@ -137,7 +137,7 @@ def run_filter(
     variance, constant = _constant(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
-    null, null_later = _first_null(blocks, noise), blocks.log_null - noise.patience
+    null, null_later = _first_null(blocks, noise), blocks.log_null - noise.in_view_bonus
     # each block as if it were the first of the pair
     log_p_first = constant + _log_density(square(mean_r), prior + variance, np.asarray(prior))
     restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)

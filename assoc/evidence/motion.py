@@ -88,8 +88,8 @@ class ReportLog:
         self.first_t = np.full(n, np.inf)
         self.frozen: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest position was an exact repeat of a moving vehicle's."""
-        self.useless: BoolArray = np.zeros(n, np.bool_)
-        """(n,) the newest report was too uncertain by the vehicle's own word to be compared with anything."""
+        self.too_uncertain: BoolArray = np.zeros(n, np.bool_)
+        """(n,) the newest report was too uncertain for a comparison, by the 1σ that the vehicle states."""
         self.doubted_since = np.full(n, np.inf)
         """(n,) reports of this time, seconds, and later ones are of another vehicle's place: they are not compared."""
         self._score = np.zeros((n, groups))
@@ -158,22 +158,22 @@ class ReportLog:
 
         Returns:
             (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise, and where they are another's or
-            useless.
+            too uncertain.
         """
         age = t - self.last_t
         step = np.clip(age, -longest_s, longest_s)
         step[~np.isfinite(step)] = 0.0
         return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
-            np.isfinite(self.doubted_since) | self.useless, np.inf, age
+            np.isfinite(self.doubted_since) | self.too_uncertain, np.inf, age
         )
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Take at most one report per vehicle."""
         p = reports.p_enu[rows, :2]
         good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + 1e-4))
-        useless = reports.std_m[rows] > _USELESS_M
-        self.useless[vehicle[good]] = useless[good]
-        good = np.asarray(good & ~useless)
+        uncertain = reports.std_m[rows] > _USELESS_M
+        self.too_uncertain[vehicle[good]] = uncertain[good]
+        good = np.asarray(good & ~uncertain)
         good = np.asarray(good & np.logical_not(self._repeats(vehicle, t, p, reports.v_enu[rows, :2])))
         vehicle, t, p, rows = vehicle[good], t[good], p[good], rows[good]
         if not len(rows):

@@ -25,7 +25,7 @@ _KEEP = 0.6
 
 
 def learnt_bias(
-    scene: UpdateContext,
+    context: UpdateContext,
     best: Hypothesis,
     tracks: IntArray,
     vehicles: IntArray,
@@ -37,7 +37,7 @@ def learnt_bias(
     ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²
 
     Args:
-        scene: The update's scene.
+        context: The update's context.
         best: Its best hypothesis.
         tracks: (p,) rows of sure pairs.
         vehicles: (p,) their vehicles.
@@ -50,9 +50,9 @@ def learnt_bias(
     if not len(tracks):
         return now
     std, tau = (grid.ravel() for grid in np.meshgrid(BIAS_STD_M, BIAS_TAU_S, indexing="ij"))
-    models = BiasModels(std=std, decay=np.exp(-scene.block_s / tau))
-    start = taken(state, scene.columns)
-    value = log_evidence(best.blocks, tracks, vehicles, best.theta, start, scene.noise, models)
+    models = BiasModels(std=std, decay=np.exp(-context.block_s / tau))
+    start = taken(state, context.columns)
+    value = log_evidence(best.blocks, tracks, vehicles, best.theta, start, context.noise, models)
     value = value.reshape(len(BIAS_STD_M), len(BIAS_TAU_S))
     value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2
     value -= 0.5 * _WEIGHT * (np.log(BIAS_TAU_S / _MEDIAN_TAU_S) / _TAU_SPREAD)[None, :] ** 2

@@ -19,7 +19,13 @@ _EXTRA_WHITE_VAR = 0.02
 
 
 def noise_of(
-    q: IdentifierParams, camera: CameraState, *, white_std_m: float, bias_std: float, tau_s: float, patience: FloatArray
+    q: IdentifierParams,
+    camera: CameraState,
+    *,
+    white_std_m: float,
+    bias_std: float,
+    tau_s: float,
+    in_view_bonus: FloatArray,
 ) -> Noise:
     """Noise levels as believed now.
 
@@ -29,7 +35,7 @@ def noise_of(
         white_std_m: 1σ of the reports' white noise, metres.
         bias_std: 1σ per axis of the reports' wandering bias, metres.
         tau_s: Its correlation time.
-        patience: (n,) see :class:`Noise`.
+        in_view_bonus: (n,) see :class:`Noise`.
     """
     height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
     area = float(np.clip(2.0 * height**2, 50.0, 5e4))
@@ -41,7 +47,7 @@ def noise_of(
         pixel_var=q.pixel_std**2,
         log_area=float(np.log(2.0 * area)),
         increment_max=q.increment_max,
-        patience=patience,
+        in_view_bonus=in_view_bonus,
     )
 
 

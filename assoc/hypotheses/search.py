@@ -26,6 +26,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _TURNS = 4
+"""Rounds of assignment and pose; two or three are the rule, and the assignment may also alternate."""
 _SWAP_LOSS = 40.0
 """Swaps that lose more than this at the present θ, nats, are not tried."""
 _ABSENT, _ABSENT_PER_S = 8.0, 20.0
@@ -55,20 +56,25 @@ class UpdateContext:
     log: ReportLog
     first_block: int
     last_block: int
+    """Numbers of the first and the last block of the window."""
     block_s: float
+    """Length of a block, seconds."""
     gap_max_s: float
+    """Longest hole in a track that is bridged, seconds."""
     first_look_s: float
+    """Oldest report that is extrapolated to a pair's first comparison, seconds."""
     heading_std: float
+    """1σ of an image heading against a reported heading, radians."""
     state: PairState
     """Evidence of the T tracks before the first block."""
     noise: Noise
     prior: PosePrior
     log_switch: FloatArray
-    """(B + 1, T)."""
+    """(B + 1, T) ln chance of a change of owner in each block."""
     log_odds: float
     """ln odds, before any evidence, that a track close enough is the vehicle."""
-    claim: FloatArray
-    """(m, n) what is added to them because the track was somebody before it broke off."""
+    handover: FloatArray
+    """(m, n) what is added to them for tracks that go on after a break: who they were before it, nats."""
     view: FloatArray
     """(n,) how likely each vehicle is in view."""
     in_view: FloatArray
@@ -98,71 +104,71 @@ class Hypothesis:
     blocks: Blocks
 
 
-def residual_blocks(scene: UpdateContext, theta: FloatArray) -> Blocks:
-    """The scene's residuals linearised at θ."""
-    start = scene.history.start(scene.first_block * scene.block_s + theta[OFFSET] - scene.gap_max_s)
-    tracks = ground_tracks(scene.history, start, theta, scene.columns)
-    samples = scene.log.samples(scene.first_block * scene.block_s, (scene.last_block + 1) * scene.block_s)
+def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
+    """The residuals linearised at θ."""
+    start = context.history.start(context.first_block * context.block_s + theta[OFFSET] - context.gap_max_s)
+    tracks = ground_tracks(context.history, start, theta, context.columns)
+    samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     blocks = make_blocks(
         tracks,
         samples,
-        scene.log.n_vehicles,
-        first=scene.first_block,
-        last=scene.last_block,
-        block_s=scene.block_s,
-        gap_max_s=scene.gap_max_s,
-        heading_std=scene.heading_std,
+        context.log.n_vehicles,
+        first=context.first_block,
+        last=context.last_block,
+        block_s=context.block_s,
+        gap_max_s=context.gap_max_s,
+        heading_std=context.heading_std,
     )
-    p, age = scene.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
-    return with_first_look(blocks, tracks, scene.state.seen, p, age, scene.first_look_s)
+    p, age = context.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
+    return with_first_look(blocks, tracks, context.state.seen, p, age, context.first_look_s)
 
 
-def scores(scene: UpdateContext, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
+def scores(context: UpdateContext, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:
     """(m, n) ln ratios of the live tracks at θ, and the states behind them: after the last block, and folded."""
-    final, folded = run_filter(blocks, theta, scene.state, scene.noise, scene.log_switch, scene.fold)
-    odds = scene.log_odds + scene.claim + scene.in_view
-    score = final.score[: scene.live] + blocks.heading[: scene.live] + odds
-    gap = scene.gap_s[:, None]
+    final, folded = run_filter(blocks, theta, context.state, context.noise, context.log_switch, context.fold)
+    odds = context.log_odds + context.handover + context.in_view
+    score = final.score[: context.live] + blocks.heading[: context.live] + odds
+    gap = context.gap_s[:, None]
     # a track that is not seen gives way to a new one in its place
-    most = np.where(scene.replaced[:, None], _ABSENT, np.inf)
+    most = np.where(context.replaced[:, None], _ABSENT, np.inf)
     return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
 
 
-def _pairs(scene: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArray]:
+def _pairs(context: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArray]:
     """Rows and vehicles that carry the pose: the assigned live tracks and the anchors."""
     rows = np.flatnonzero(vehicle >= 0)
-    ended = np.arange(scene.live, len(scene.columns))
-    return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], scene.anchors])
+    ended = np.arange(context.live, len(context.columns))
+    return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], context.anchors])
 
 
 def refine(
-    scene: UpdateContext, theta: FloatArray, vehicle: IntArray | None = None, blocks: Blocks | None = None
+    context: UpdateContext, theta: FloatArray, vehicle: IntArray | None = None, blocks: Blocks | None = None
 ) -> Hypothesis:
-    """Turn by turn from a start to a joint optimum.
+    """Assignment and pose in turn, from a start to a joint optimum.
 
     Args:
-        scene: What the update works on.
+        context: What the update works on.
         theta: (8,) to start from.
         vehicle: (m,) assignment to start from, if one is believed already.
         blocks: Residuals that hold at ``theta``, if there are any already.
     """
-    blocks = blocks or residual_blocks(scene, theta)
+    blocks = blocks or residual_blocks(context, theta)
     if vehicle is None:
-        vehicle = best_assignment(scores(scene, blocks, theta)[0])
+        vehicle = best_assignment(scores(context, blocks, theta)[0])
     for turn in range(_TURNS):
-        fitted = fit(whiten(blocks, *_pairs(scene, vehicle), scene.state, scene.noise), scene.prior)
+        fitted = fit(whiten(blocks, *_pairs(context, vehicle), context.state, context.noise), context.prior)
         theta = fitted.theta
         if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
-            blocks = residual_blocks(scene, theta)
-        score, states = scores(scene, blocks, theta)
+            blocks = residual_blocks(context, theta)
+        score, states = scores(context, blocks, theta)
         before, vehicle = vehicle, best_assignment(score)
         if np.array_equal(before, vehicle):
             break
-    return _weighed(scene, fitted, vehicle, score, states, blocks)
+    return _weighed(context, fitted, vehicle, score, states, blocks)
 
 
 def _weighed(
-    scene: UpdateContext,
+    context: UpdateContext,
     fitted: Fitted,
     vehicle: IntArray,
     score: FloatArray,
@@ -171,7 +177,7 @@ def _weighed(
 ) -> Hypothesis:
     """Hypothesis with its value Σ L − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ|."""
     rows = np.flatnonzero(vehicle >= 0)
-    value = float(np.sum(score[rows, vehicle[rows]])) - scene.prior.cost(fitted.theta) + fitted.cost
+    value = float(np.sum(score[rows, vehicle[rows]])) - context.prior.cost(fitted.theta) + fitted.cost
     return Hypothesis(
         theta=fitted.theta,
         theta_std=fitted.std,
@@ -184,7 +190,7 @@ def _weighed(
     )
 
 
-def swaps(scene: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesis]:
+def swaps(context: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesis]:
     """Neighbours of a hypothesis: two tracks exchange their vehicles and θ follows."""
     rows = np.flatnonzero(best.vehicle >= 0)
     if len(rows) < 2:
@@ -200,36 +206,36 @@ def swaps(scene: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesis]
             break
         vehicle = best.vehicle.copy()
         vehicle[rows[[a, b]]] = vehicle[rows[[b, a]]]
-        hypothesis = _forced(scene, best, vehicle)
+        hypothesis = _forced(context, best, vehicle)
         if hypothesis is not None:
             found.append(hypothesis)
     return found
 
 
-def _forced(scene: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
+def _forced(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
     """The hypothesis with a given assignment and the θ that suits it; None when that gains too little."""
-    white = whiten(best.blocks, *_pairs(scene, vehicle), scene.state, scene.noise)
-    fitted = fit(white, scene.prior)
+    white = whiten(best.blocks, *_pairs(context, vehicle), context.state, context.noise)
+    fitted = fit(white, context.prior)
     theta = fitted.theta
     rows = np.flatnonzero(vehicle >= 0)
     gain = float(np.sum(misfit(white, best.theta)) - np.sum(misfit(white, theta)))
     # Σ L at the best θ, plus what the misfit gains by the move, less the prior's cost of it
-    value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - scene.prior.cost(theta) + fitted.cost
+    value = float(np.sum(best.score[rows, vehicle[rows]])) + gain - context.prior.cost(theta) + fitted.cost
     if value < best.value - _NEGLIGIBLE:
         return None
-    score, states = scores(scene, best.blocks, theta)
-    return _weighed(scene, fitted, vehicle, score, states, best.blocks)
+    score, states = scores(context, best.blocks, theta)
+    return _weighed(context, fitted, vehicle, score, states, best.blocks)
 
 
-def shifts(scene: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:
+def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:
     """Starts that move the whole image so that one track falls on another vehicle: formations 'shifted by one'."""
     residual = (
-        best.blocks.mean[:, : scene.live].sum(axis=0)
-        / np.maximum((best.blocks.count[:, : scene.live] > 0).sum(axis=0), 1)[..., None]
+        best.blocks.mean[:, : context.live].sum(axis=0)
+        / np.maximum((best.blocks.count[:, : context.live] > 0).sum(axis=0), 1)[..., None]
     )
-    residual = residual[(best.blocks.count[:, : scene.live] > 0).any(axis=0)]
+    residual = residual[(best.blocks.count[:, : context.live] > 0).any(axis=0)]
     far = np.hypot(residual[:, 0], residual[:, 1])
-    limit = 4.0 * np.hypot(scene.prior.std[EAST], scene.noise.bias_std)
+    limit = 4.0 * np.hypot(context.prior.std[EAST], context.noise.bias_std)
     starts: list[FloatArray] = []
     taken: list[FloatArray] = []
     for k in np.argsort(far, kind="stable"):

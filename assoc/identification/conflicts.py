@@ -1,4 +1,4 @@
-"""Reports that contradict the video or one another."""
+"""Vehicles whose reports contradict the video or one another."""
 
 from __future__ import annotations
 
@@ -10,20 +10,26 @@ from numpy.typing import NDArray
 from assoc.hypotheses.labels import names
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
-__all__ = ["ConflictWatch"]
+__all__ = ["ConflictReview", "ConflictWatch"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _LASTING_S = 2.0
+"""A contradiction counts once it has lasted so long, seconds: neighbours are taken for doubles for a moment."""
 _LAPSE_S = 1.0
-_HOLD = 2.0
-"""Of two vehicles one jumped to where the other was: they may then come so many times as far apart as before."""
+"""For how long a double of which one jumped may be unseen before it is over, seconds."""
+_REACH_STD, _HOLD = 2.5, 2.0
+"""Two vehicles report one place within so many σ of the bias and one of the white noise; while one of them is known to
+have jumped there, within so many times as much."""
 _CLAIM = 12.0
-_SURE = 0.9
-_HEARD_S = 3.0
-_NO_ONE = -1
+"""Score, nats, with which a vehicle without a track fits another's track so well that it is a double."""
+_CONFIDENT = 0.9
+"""Probability from which a track was surely a vehicle, or is surely none of ours."""
+_REPORTING_S = 3.0
+"""Age of the newest report, seconds, up to which a vehicle counts as reporting."""
+_UNKNOWN = -1
 
 
 @dataclass(slots=True)
@@ -31,16 +37,29 @@ class _Double:
     """Two vehicles that report one place."""
 
     row: int
-    """The track there."""
+    """Row of the track there."""
     since: float
     last: float
-    jumper: int = _NO_ONE
+    """When this was seen first and last, seconds."""
+    jumper: int = _UNKNOWN
     """The one of them that jumped there, as no vehicle can."""
 
     @property
     def lapse_s(self) -> float:
         """For how long it may be unseen before it is over: without a jump, two neighbours are easily taken for it."""
-        return 0.0 if self.jumper == _NO_ONE else _LAPSE_S
+        return 0.0 if self.jumper == _UNKNOWN else _LAPSE_S
+
+
+@dataclass(frozen=True, slots=True)
+class ConflictReview:
+    """What contradictions mean for the answers of an update."""
+
+    p: FloatArray
+    """(m, n + 1) marginals in which doubles share their track."""
+    vehicles: tuple[int, ...]
+    """Indices of the vehicles in conflict."""
+    doubted_since: FloatArray
+    """(n,) reports of this time, seconds, and later ones are of another vehicle's place; inf none."""
 
 
 class ConflictWatch:
@@ -56,56 +75,49 @@ class ConflictWatch:
         self._was: dict[int, int] = {}
         self._gone_since: dict[int, float] = {}
 
-    def review(
-        self, t: float, scene: UpdateContext, best: Hypothesis, p: FloatArray
-    ) -> tuple[FloatArray, tuple[int, ...]]:
-        """Marginals in which doubles share their tracks, and the vehicles in conflict.
-
-        Where it is known who jumped to the other's place, the log is told to compare that one's reports no more.
+    def review(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> ConflictReview:
+        """Look for contradictions in the answers of an update.
 
         Args:
             t: Time, seconds.
-            scene: The update's scene.
+            context: What the update worked on.
             best: Its best hypothesis.
             p: (m, n + 1) marginals.
-
-        Returns:
-            (m, n + 1) marginals; indices of vehicles.
         """
         choice = names(p)
-        self._note_doubles(t, scene, best, choice)
+        self._note_doubles(t, context, best, choice)
         lasting = {pair: d for pair, d in self._double.items() if t - d.since >= _LASTING_S}
-        scene.log.doubted_since[:] = np.inf
-        p = p.copy()
+        doubted_since, p = np.full(p.shape[1] - 1, np.inf), p.copy()
         for pair, double in lasting.items():
-            if double.jumper == _NO_ONE:
+            if double.jumper == _UNKNOWN:
                 p[double.row, pair] = 0.5 * np.sum(p[double.row, pair])
             else:
-                scene.log.doubted_since[double.jumper] = double.since - _LAPSE_S
-        gone = self._gone(t, scene, choice, p)
-        return p, tuple(sorted({v for pair in lasting for v in pair} | gone))
+                doubted_since[double.jumper] = double.since - _LAPSE_S
+        gone = self._gone(t, context, choice, p)
+        vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
+        return ConflictReview(p, vehicles, doubted_since)
 
-    def _note_doubles(self, t: float, scene: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
+    def _note_doubles(self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
         """Keep the pairs of vehicles that report one place, the track there, and who came there by a jump."""
-        place, heard = scene.log.extrapolated(t)[0], t - scene.log.last_t < _HEARD_S
-        reach = 2.5 * scene.noise.bias_std + float(np.sqrt(scene.noise.white_var))
+        place, reporting = context.log.extrapolated(t)[0], t - context.log.last_t < _REPORTING_S
+        reach = _REACH_STD * context.noise.bias_std + float(np.sqrt(context.noise.white_var))
         # a shorter jump leads from one neighbour to the next
-        jumped = heard & np.any(best.blocks.jump_var > reach**2, axis=0)
-        away = np.hypot(best.final.mean[: scene.live, :, 0], best.final.mean[: scene.live, :, 1])
-        free = heard.copy()
+        jumped = reporting & np.any(best.blocks.jump_var > reach**2, axis=0)
+        away = np.hypot(best.final.mean[: context.live, :, 0], best.final.mean[: context.live, :, 1])
+        free = reporting.copy()
         free[choice[choice >= 0]] = False
         for row in np.flatnonzero(choice >= 0).tolist():
             own = int(choice[row])
-            if not heard[own] or away[row, own] > reach:
+            if not reporting[own] or away[row, own] > reach:
                 continue
             apart = np.hypot(*(place - place[own]).T)
-            known = self._copies(own, len(place)) & heard & (apart < _HOLD * reach)
+            known = self._copies(own, len(place)) & reporting & (apart < _HOLD * reach)
             claims = known | ((apart < reach) & (jumped | (free & (best.score[row] > _CLAIM))))
             claims[own] = False
             for other in np.flatnonzero(claims).tolist():
                 double = self._double.setdefault((min(own, other), max(own, other)), _Double(row, t, t))
                 double.row, double.last = row, t
-                if double.jumper == _NO_ONE and jumped[own] != jumped[other]:
+                if double.jumper == _UNKNOWN and jumped[own] != jumped[other]:
                     double.jumper = own if jumped[own] else other
         self._double = {pair: d for pair, d in self._double.items() if t - d.last <= d.lapse_s}
 
@@ -113,19 +125,24 @@ class ConflictWatch:
         """(n,) vehicles of which one jumped to where the other was, ``own`` among the two."""
         found = np.zeros(n, np.bool_)
         for pair, double in self._double.items():
-            if own in pair and double.jumper != _NO_ONE:
+            if own in pair and double.jumper != _UNKNOWN:
                 found[list(pair)] = True
         return found
 
-    def _gone(self, t: float, scene: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
+    def _gone(self, t: float, context: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
         """Vehicles whose track, still seen, has long been surely not theirs any more, and who have no other."""
-        age = t - scene.log.last_t
-        ids = scene.history.track_id[scene.columns[: scene.live]].tolist()
+        age = t - context.log.last_t
+        ids = context.history.track_id[context.columns[: context.live]].tolist()
         found: set[int] = set()
         for row, key in enumerate(ids):
-            if choice[row] >= 0 and p[row, choice[row]] > _SURE:
+            if choice[row] >= 0 and p[row, choice[row]] > _CONFIDENT:
                 self._was[key] = int(choice[row])
-            elif key in self._was and p[row, -1] > _SURE and age[self._was[key]] < _HEARD_S and scene.gap_s[row] <= 0.0:
+            elif (
+                key in self._was
+                and p[row, -1] > _CONFIDENT
+                and age[self._was[key]] < _REPORTING_S
+                and context.gap_s[row] <= 0.0
+            ):
                 found.add(self._was[key])
         self._was = {key: vehicle for key, vehicle in self._was.items() if key in ids}
         # occluded or out of the image is no contradiction, and a moment of doubt none either

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from assoc.geometry.ground import off_axis
 from assoc.methods.belief import fuse, masses
 from assoc.methods.topology import topology_angles, topology_cost
-from assoc.records import CameraState, Sighting
+from assoc.records import CameraState, Observation
 
 __all__ = ["frame_masses"]
 
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 
 def frame_masses(
-    sighting: Sighting, camera: CameraState, p: FloatArray, heading: FloatArray, theta: FloatArray
+    observation: Observation, camera: CameraState, p: FloatArray, heading: FloatArray, theta: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Projection, topology and fused masses.
 
@@ -25,7 +25,7 @@ def frame_masses(
     straight down.
 
     Args:
-        sighting: m tracks.
+        observation: m tracks.
         camera: The camera.
         p: (n, 2) reports extrapolated to the frame, NaN never heard.
         heading: (n,) reported headings, NaN unknown.
@@ -34,23 +34,23 @@ def frame_masses(
     Returns:
         Three (m, n) matrices; vehicles never heard have mass 0.
     """
-    shape = (len(sighting.track_id), len(p))
+    shape = (len(observation.track_id), len(p))
     heard = np.flatnonzero(np.isfinite(p[:, 0]))
     results = tuple(np.zeros(shape) for _ in range(3))
     if not len(heard) or not shape[0]:
         return results[0], results[1], results[2]
-    E = off_axis(sighting.ray_cam, p[heard], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta) / camera.px_rad
-    C = _topology(sighting, camera, p[heard], heading[heard])
+    E = off_axis(observation.ray_cam, p[heard], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta) / camera.px_rad
+    C = _topology(observation, camera, p[heard], heading[heard])
     first, second = masses(np.nan_to_num(E, nan=1e9, posinf=1e9)), masses(C)
     for result, part in zip(results, (first, second, fuse(first, second)), strict=True):
         result[:, heard] = part
     return results[0], results[1], results[2]
 
 
-def _topology(sighting: Sighting, camera: CameraState, p: FloatArray, heading: FloatArray) -> FloatArray:
+def _topology(observation: Observation, camera: CameraState, p: FloatArray, heading: FloatArray) -> FloatArray:
     """(m, n) topology cost of the frame."""
-    centre = _right_up(sighting.ray_cam)
-    front = _right_up(sighting.front_cam) - centre
+    centre = _right_up(observation.ray_cam)
+    front = _right_up(observation.front_cam) - centre
     image = topology_angles(centre, np.arctan2(front[:, 0], front[:, 1]))
     right = camera.R_enu_cam[:2, 0]
     # the image's right axis is level; up in the image is a quarter turn to its left

@@ -15,23 +15,20 @@ from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import ground_now
 from assoc.history import TrackHistory
 from assoc.identification.estimate import Estimator
-from assoc.identification.output import HeldMasses, compose, no_beliefs
+from assoc.identification.output import Beliefs, MassCache, compose, no_beliefs
 from assoc.methods.reattach import reattach_gated
-from assoc.params import IdentifierParams
-from assoc.records import CameraState, Identities, Sighting, VehicleReports
+from assoc.params import MANY_PAIRS, IdentifierParams
+from assoc.records import CameraState, Identities, Observation, VehicleReports
 
-__all__ = ["CameraState", "Identifier", "IdentifierParams", "Identities", "Sighting", "VehicleReports"]
+__all__ = ["CameraState", "Identifier", "IdentifierParams", "Identities", "Observation", "VehicleReports"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_BACKWARD_S = 1.0
-_EASY = 400
-_STITCH_SURE = 0.8
-_YOUNG_S = 0.5
-_REST = 3.0
-_STARTLING_M = 1.5
-_AWAKE_S = 3.0
+_MARGIN_S = 2.0
+"""Frames and reports are kept this much longer than the window, seconds: clocks differ, and blocks are whole."""
+_ROUNDING_S = 1e-6
+"""Times are whole microseconds: an update that is due within one is due."""
 
 
 class Identifier:
@@ -46,12 +43,13 @@ class Identifier:
         self._params = params or IdentifierParams()
         self._ids = np.array(system_ids, np.int64)
         self._origin_us: int | None = None
-        self._t = self._thought_s = -np.inf
-        self._history, self._log, self._estimator = _parts(len(self._ids), self._params)
-        self._beliefs = no_beliefs(len(self._ids))
-        self._residual_m: dict[int, float] = {}
-        self._startled_s = -np.inf
-        self._held = HeldMasses()
+        self._history: TrackHistory
+        self._log: ReportLog
+        self._estimator: Estimator
+        self._beliefs: Beliefs
+        self._residual_m: dict[int, float]
+        self._last_update_s: float
+        self._reset()
 
     @property
     def pose_correction(self) -> FloatArray:
@@ -65,36 +63,38 @@ class Identifier:
 
     @property
     def sure(self) -> bool:
-        """Whether nothing is in doubt: as good as all tracks have names, and have had them for seconds."""
+        """Whether the search is locked: as good as all tracks have had certain answers for seconds."""
         return self._estimator.locked
 
-    def hear(self, reports: VehicleReports) -> None:
-        """Take what the vehicles said since the last call; before :meth:`stitch`, which goes by the newest reports."""
+    def add_reports(self, reports: VehicleReports) -> None:
+        """Keep the positions that arrived since the last call; before :meth:`stitch`, which goes by the newest ones."""
         if len(reports.t_us):
             self._log.add(self._seconds(reports.t_us), reports)
 
-    def update(self, sighting: Sighting, camera: CameraState, reports: VehicleReports | None = None) -> Identities:
-        """Take one frame.
+    def update(
+        self, observation: Observation, camera: CameraState, reports: VehicleReports | None = None
+    ) -> Identities:
+        """Name the tracks of one frame.
 
         Args:
-            sighting: Its tracks.
+            observation: Its tracks.
             camera: Where the camera was.
-            reports: What the vehicles said since the last call, unless it was heard already.
+            reports: Positions that arrived since the last call, unless they were added already.
 
         Returns:
-            The names, in the order of the sighting.
+            The names, in the order of the observation.
         """
-        t = float(self._seconds(np.array(sighting.t_us)))
-        if t < self._t - _BACKWARD_S:
+        t = float(self._seconds(np.array(observation.t_us)))
+        if t < self._t - self._params.schedule.rewind_s:
             self._reset()
         if reports is not None:
-            self.hear(reports)
+            self.add_reports(reports)
         if t > self._t:
-            self._see(t, sighting, camera)
-        beliefs = self._beliefs.of(sighting.track_id)
-        threshold, held = self._params.threshold, self._held
-        answer = compose(self._ids, beliefs, sighting, camera, self._log, self._estimator, t, threshold, held)
-        self._note_startled(t, answer)
+            self._add_frame(t, observation, camera)
+        beliefs = self._beliefs.of(observation.track_id)
+        threshold, cache = self._params.threshold, self._masses
+        answer = compose(self._ids, beliefs, observation, camera, self._log, self._estimator, t, threshold, cache)
+        self._watch_residuals(t, answer)
         return answer
 
     def stitch(self, t_us: int, track_id: IntArray, ray_cam: FloatArray, camera: CameraState) -> IntArray:
@@ -113,73 +113,76 @@ class Identifier:
         if self._origin_us is None or usable is None or not len(track_id) or not len(ray_cam):
             return np.empty((0, 2), np.int64)
         p = self._beliefs.of(track_id).p[:, :-1]
-        sure = np.max(p, axis=1, initial=0.0) > _STITCH_SURE
+        sure = np.max(p, axis=1, initial=0.0) > self._params.stitch_confidence
         vehicle = np.where(sure, np.argmax(p, axis=1) if p.shape[1] else -1, -1)
         place, variance = self._estimator.predicted((t_us - self._origin_us) / 1e6)
         ground = ground_now(ray_cam, usable.R_enu_cam, usable.p_enu, usable.ground_z, self._estimator.theta)
         return reattach_gated(place, variance, vehicle, ground)
 
     def _seconds(self, t_us: IntArray) -> FloatArray:
-        """Seconds since the first thing that was seen or heard."""
+        """Seconds since the first frame or report."""
         if self._origin_us is None:
             self._origin_us = int(np.min(t_us))
         return (t_us - self._origin_us) / 1e6
 
-    def _see(self, t: float, sighting: Sighting, camera: CameraState) -> None:
-        """Store the frame and, when it is time, think."""
+    def _add_frame(self, t: float, observation: Observation, camera: CameraState) -> None:
+        """Store the frame and, when one is due, update the estimate."""
         usable = _usable(camera)
         if usable is None:
             return
-        fresh = self._history.append(t, sighting, usable)
+        begun = self._history.append(t, observation, usable)
         self._t = t
-        self._estimator.began(t, fresh)
-        waited, every = t - self._thought_s, self._interval()
-        young = np.any((self._history.track_id != 0) & (self._history.first_s > t - _YOUNG_S))
-        rest = 0.25 if len(fresh) else 0.5 if young else self._rest()
-        if waited >= every * rest - 1e-6:
-            self._thought_s = t
-            columns, p = self._estimator.update(t, usable)
-            # what is believed of a track is not worse for its box being missed
-            seen = np.flatnonzero(self._history.last_s[columns] >= t)
-            ids = self._history.track_id[columns[seen]]
-            self._beliefs = self._beliefs.renewed(ids, p[seen], self._estimator.conflict)
+        self._estimator.begin_tracks(t, begun)
+        if t - self._last_update_s < self._interval_s(t, len(begun) > 0) - _ROUNDING_S:
+            return
+        self._last_update_s = t
+        estimate = self._estimator.update(t, usable)
+        # what is believed of a track is not worse for its box being missed
+        seen = np.flatnonzero(self._history.last_s[estimate.columns] >= t)
+        ids = self._history.track_id[estimate.columns[seen]]
+        # without any track nothing can contradict, and nothing is cleared up
+        conflict = estimate.conflict if len(estimate.columns) else self._beliefs.conflict
+        self._beliefs = self._beliefs.renewed(ids, estimate.p[seen], conflict)
 
-    def _note_startled(self, t: float, answer: Identities) -> None:
-        """A named track that is suddenly elsewhere than its vehicle ends the rest."""
+    def _watch_residuals(self, t: float, answer: Identities) -> None:
+        """Make an update due when a named track is suddenly elsewhere than its vehicle reports to be."""
         named = np.flatnonzero(np.isfinite(answer.residual_m))
         tracks, away_m = answer.track_id[named].tolist(), answer.residual_m[named].tolist()
         now: dict[int, float] = dict(zip(tracks, away_m, strict=True))
-        if any(away > self._residual_m.get(track, away) + _STARTLING_M for track, away in now.items()):
-            self._startled_s, self._thought_s = t, -np.inf
+        jump_m = self._params.schedule.residual_jump_m
+        if any(away > self._residual_m.get(track, away) + jump_m for track, away in now.items()):
+            self._residual_jump_s, self._last_update_s = t, -np.inf
         self._residual_m = now
 
-    def _interval(self) -> float:
-        """Seconds between full updates: longer for many tracks and vehicles, so that frames keep their pace."""
-        return self._params.every_s * float(np.clip(self._work(), 1.0, 4.0))
+    def _interval_s(self, t: float, begun: bool) -> float:
+        """Seconds between this update and the last: longer for many pairs, so that frames keep their pace.
 
-    def _rest(self) -> float:
-        """How much longer an update may wait while nothing is in doubt; hard work has its longer interval already."""
-        calm = self._estimator.locked and self._t > self._startled_s + _AWAKE_S
-        return max(_REST / max(self._work(), 1.0), 1.0) if calm else 1.0
-
-    def _work(self) -> float:
-        """Pairs to be weighed, in units of what is done easily."""
-        return int(np.sum(self._history.track_id != 0)) * len(self._ids) / _EASY
+        Args:
+            t: Time of the frame, seconds.
+            begun: Whether a track begins in it.
+        """
+        q, history = self._params.schedule, self._history
+        load = int(np.sum(history.track_id != 0)) * len(self._ids) / MANY_PAIRS
+        interval_s = q.every_s * float(np.clip(load, 1.0, q.slowest_factor))
+        if begun:
+            return interval_s * q.begun_factor
+        if np.any((history.track_id != 0) & (history.first_s > t - q.young_s)):
+            return interval_s * q.young_factor
+        if self._estimator.locked and t > self._residual_jump_s + q.full_rate_s:
+            # the interval is longer already where there are many pairs
+            return interval_s * max(q.idle_factor / max(load, 1.0), 1.0)
+        return interval_s
 
     def _reset(self) -> None:
-        """Forget everything: time ran backwards."""
-        self._t = self._thought_s = self._startled_s = -np.inf
-        self._history, self._log, self._estimator = _parts(len(self._ids), self._params)
-        self._beliefs = no_beliefs(len(self._ids))
+        """Forget everything but the origin of time."""
+        n, q = len(self._ids), self._params
+        self._t = self._last_update_s = self._residual_jump_s = -np.inf
+        self._history = TrackHistory(q.window_s + _MARGIN_S, q.frame_step_s, q.gap_max_s)
+        self._log = ReportLog(n, q.window_s + _MARGIN_S)
+        self._estimator = Estimator(self._history, self._log, q)
+        self._beliefs = no_beliefs(n)
         self._residual_m = {}
-        self._held = HeldMasses()
-
-
-def _parts(n: int, params: IdentifierParams) -> tuple[TrackHistory, ReportLog, Estimator]:
-    """Empty memory for n vehicles."""
-    history = TrackHistory(params.window_s + 2.0, params.frame_step_s, params.gap_max_s)
-    log = ReportLog(n, params.window_s + 2.0)
-    return history, log, Estimator(history, log, params)
+        self._masses = MassCache()
 
 
 def _usable(camera: CameraState) -> CameraState | None:

@@ -1,4 +1,4 @@
-"""Beliefs about tracks turned into the record that leaves the package, with its evidence."""
+"""The answers of one frame: names, their probabilities and the evidence for them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from assoc.evidence.motion import ReportLog
 from assoc.hypotheses.labels import names
 from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
-from assoc.records import CameraState, Identities, Sighting
+from assoc.records import CameraState, Identities, Observation
 
 __all__ = ["Beliefs", "compose", "no_beliefs"]
 
@@ -21,8 +21,10 @@ IntArray = NDArray[np.int64]
 _REMEMBERED = 200
 """Tracks whose last beliefs are kept."""
 _CLAIMED = 0.5
-_LOOK_S = 0.5
-_UNSEEN = 0.5
+"""Probability from which a track that is seen takes a vehicle's name from those that are only predicted."""
+_MASSES_EVERY_S = 0.5
+"""Time between two computations of the masses, seconds: they change slowly, and cost more than a name."""
+_NEW = 0.5
 """Probability of "none of ours" of a track that no update has met."""
 
 
@@ -40,8 +42,8 @@ class Beliefs:
     def of(self, track_id: IntArray) -> Beliefs:
         """The beliefs in the order of other tracks; even odds for those not met yet."""
         n = self.p.shape[1] - 1
-        p = np.full((len(track_id), n + 1), (1.0 - _UNSEEN) / max(n, 1))
-        p[:, n] = _UNSEEN if n else 1.0
+        p = np.full((len(track_id), n + 1), (1.0 - _NEW) / max(n, 1))
+        p[:, n] = _NEW if n else 1.0
         known = {key: row for row, key in enumerate(self.track_id.tolist())}
         for row, key in enumerate(track_id.tolist()):
             if key in known:
@@ -60,19 +62,19 @@ def no_beliefs(n: int) -> Beliefs:
     return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
 
 
-class HeldMasses:
-    """The masses of the named vehicles at the last look: they change slowly, and a look costs more than a name."""
+class MassCache:
+    """The last masses of the named vehicles."""
 
     def __init__(self) -> None:
         self._t = -np.inf
         self._rows: dict[tuple[int, int], FloatArray] = {}
 
     def stale(self, t: float, track_id: IntArray, choice: IntArray) -> bool:
-        """Whether it is time to look again: after a while, or when somebody is named that was not."""
+        """Whether they must be computed again: after a while, or for a pair of track and vehicle that is new."""
         named = zip(track_id.tolist(), choice.tolist(), strict=True)
-        return t - self._t >= _LOOK_S or any(k >= 0 and (track, k) not in self._rows for track, k in named)
+        return t - self._t >= _MASSES_EVERY_S or any(k >= 0 and (track, k) not in self._rows for track, k in named)
 
-    def renew(self, t: float, track_id: IntArray, choice: IntArray, masses: FloatArray) -> None:
+    def store(self, t: float, track_id: IntArray, choice: IntArray, masses: FloatArray) -> None:
         """Keep (3, m) masses of the tracks with their vehicles."""
         self._t = t
         self._rows = dict(zip(zip(track_id.tolist(), choice.tolist(), strict=True), masses.T, strict=True))
@@ -88,33 +90,33 @@ class HeldMasses:
 def compose(
     system_ids: IntArray,
     beliefs: Beliefs,
-    sighting: Sighting,
+    observation: Observation,
     camera: CameraState,
     log: ReportLog,
     estimator: Estimator,
     t: float,
     threshold: float,
-    held: HeldMasses,
+    cache: MassCache,
 ) -> Identities:
     """Names, runners-up and evidence of one frame.
 
     Args:
         system_ids: (n,).
-        beliefs: In the order of the sighting.
-        sighting: The frame.
+        beliefs: In the order of the observation.
+        observation: The frame.
         camera: Its camera.
         log: Newest reports.
         estimator: Pose correction.
         t: Time of the frame, seconds.
         threshold: Least probability for a name.
-        held: Masses of the last look, renewed here.
+        cache: Last masses; written here.
 
     Returns:
         The identities.
     """
-    m, n = len(sighting.track_id), len(system_ids)
+    m, n = len(observation.track_id), len(system_ids)
     rows = np.arange(m)
-    p = _yielding(beliefs.p, sighting.gap_s)
+    p = _without_coasting_names(beliefs.p, observation.gap_s)
     choice = names(p)
     choice = np.where((choice >= 0) & (p[rows, choice] >= threshold), choice, -1)
     others = p[:, :n].copy()
@@ -122,12 +124,12 @@ def compose(
     second = np.argmax(others, axis=1) if n else np.zeros(m, np.int64)
     second_p = others[rows, second] if n else np.zeros(m)
     ids = np.append(system_ids, 0)
-    if held.stale(t, sighting.track_id, choice):
-        held.renew(t, sighting.track_id, choice, np.stack(_masses(t, sighting, camera, log, estimator, choice)))
-    projection, topology, fused = held.of(sighting.track_id, choice)
-    residual, age = estimator.residuals(t, sighting, camera, choice)
+    if cache.stale(t, observation.track_id, choice):
+        cache.store(t, observation.track_id, choice, np.stack(_masses(t, observation, camera, log, estimator, choice)))
+    projection, topology, fused = cache.of(observation.track_id, choice)
+    residual, age = estimator.residuals(t, observation, camera, choice)
     return Identities(
-        track_id=sighting.track_id.copy(),
+        track_id=observation.track_id.copy(),
         system_id=ids[choice],
         confidence=p[rows, choice],
         runner_up=np.where(second_p > 0.0, ids[second], 0),
@@ -141,7 +143,7 @@ def compose(
     )
 
 
-def _yielding(p: FloatArray, gap_s: FloatArray) -> FloatArray:
+def _without_coasting_names(p: FloatArray, gap_s: FloatArray) -> FloatArray:
     """Marginals in which a track that is only predicted gives its name up to one that is seen."""
     seen = gap_s <= 0.0
     claimed = np.max(p[seen, :-1], axis=0, initial=0.0)
@@ -152,13 +154,15 @@ def _yielding(p: FloatArray, gap_s: FloatArray) -> FloatArray:
 
 
 def _masses(
-    t: float, sighting: Sighting, camera: CameraState, log: ReportLog, estimator: Estimator, choice: IntArray
+    t: float, observation: Observation, camera: CameraState, log: ReportLog, estimator: Estimator, choice: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(m,) three masses of the named vehicles, NaN unnamed."""
     named = np.flatnonzero(choice >= 0)
     result = np.full((3, len(choice)), np.nan)
     if len(named):
         p, _ = log.extrapolated(t - estimator.time_offset_s)
-        for row, mass in zip(result, frame_masses(sighting, camera, p, log.last_heading, estimator.theta), strict=True):
+        for row, mass in zip(
+            result, frame_masses(observation, camera, p, log.last_heading, estimator.theta), strict=True
+        ):
             row[named] = mass[named, choice[named]]
     return result[0], result[1], result[2]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Company"]
+__all__ = ["CoVisibility"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -19,7 +19,7 @@ _MOST = 8.0
 """Most that lost tracks speak against another, nats: their names may have been wrong."""
 
 
-class Company:
+class CoVisibility:
     """Remembers the company of each track, and what was believed of it when it was seen last.
 
     Tracks are columns of the history.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.errors import DegenerateError
-from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Sighting, VehicleReports
+from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Observation, VehicleReports
 from assoc.methods.belief import fuse, masses
 from assoc.methods.projection import Projection, associate_by_projection, reprojection_errors
 from assoc.methods.topology import (
@@ -23,6 +23,7 @@ from assoc.methods.topology import (
     topology_cost,
 )
 from assoc.methods.tts import associate_by_tts, associate_by_tts_once, tts_similarity
+from assoc.params import ScheduleParams
 from bench.paper.films import CAMERA
 from bench.paper.windows import Window
 from vision.camera.camera import CameraPose, Intrinsics, Mount, camera_pose, ground
@@ -190,7 +191,7 @@ def identifier_no_heading(window: Window, noise: ConditionNoise) -> MethodAnswer
 
 def identifier_every_frame(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The same, but thinking on every frame instead of four times a second."""
-    return identify(window, noise, params=IdentifierParams(every_s=0.0))[-1]
+    return identify(window, noise, params=IdentifierParams(schedule=ScheduleParams(every_s=0.0)))[-1]
 
 
 METHODS: dict[str, Method] = {
@@ -239,16 +240,16 @@ def identify(
         t_us = START_US + round((window.start + k) / window.fps * 1e6)
         heard = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
         camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]) if yaw_known else None)
-        said = who.update(_sighting(t_us, window, k, front[k]), camera, heard)
+        said = who.update(_observation(t_us, window, k, front[k]), camera, heard)
         answers.append(MethodAnswer(vehicle=said.system_id - 1, confidence=said.confidence))
     return answers
 
 
-def _sighting(t_us: int, window: Window, k: int, front: FloatArray) -> Sighting:
+def _observation(t_us: int, window: Window, k: int, front: FloatArray) -> Observation:
     m = window.uv.shape[1]
     reach = 0.5 * window.length_px[k]
     ahead = window.uv[k] + reach[:, None] * np.stack([np.sin(front), -np.cos(front)], axis=-1)
-    return Sighting(
+    return Observation(
         t_us=t_us,
         track_id=np.arange(1, m + 1),
         ray_cam=LENS.rays(window.uv[k]),

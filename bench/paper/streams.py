@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from assoc.identification.identifier import CameraState, Identifier
 from bench.paper.films import FPS, film
 from bench.paper.methods import LENS, START_US, camera_state, vehicle_reports
-from gcs.fold.evidence import sighting_of
+from gcs.fold.evidence import observation_of
 from sim.telemetry.detections import DetectorModel
 from sim.world.scenario import Scenario
 from sim.world.world import World
@@ -130,7 +130,7 @@ class Ours(Plain):
 
     def see(self, frame: int, tracks: Tracks) -> None:
         walk = self._walk
-        sighting = sighting_of(frame_us(frame), walk.detections[frame], tracks, LENS)
+        observation = observation_of(frame_us(frame), walk.detections[frame], tracks, LENS)
         heard = vehicle_reports(frame_us(frame), walk.p_enu[frame], walk.heading[frame])
-        answer = self._who.update(sighting, walk.cameras[frame], heard)
+        answer = self._who.update(observation, walk.cameras[frame], heard)
         self._named = answer.track_id[answer.system_id > 0].tolist()

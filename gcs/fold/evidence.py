@@ -6,17 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from assoc.records import CameraState, Sighting, VehicleReports
+from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.snapshot_rows import View
 from mavlink.fleet.fleet import Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["camera_of", "reports_of", "sighting_of"]
+__all__ = ["camera_of", "observation_of", "reports_of"]
 
 
-def sighting_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics) -> Sighting:
+def observation_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics) -> Observation:
     """Tracks of a frame as rays; a track that is seen is where its box is, not where the filter has it.
 
     Args:
@@ -30,7 +30,7 @@ def sighting_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrins
     centre[seen] = detections.centre[tracks.detection[seen]]
     reach = 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
     front = centre + reach * np.column_stack([np.sin(tracks.heading), -np.cos(tracks.heading)])
-    return Sighting(
+    return Observation(
         t_us=t_us,
         track_id=tracks.track_id,
         ray_cam=lens.rays(centre),

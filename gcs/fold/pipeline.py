@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import OFFSET, YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
-from gcs.fold.evidence import camera_of, reports_of, sighting_of
+from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import SteadyCamera
 from gcs.fold.quarantine import doubted, quarantined
@@ -159,7 +159,7 @@ class Pipeline:
         self._follow_origin()
         self._follow_steps(state)
         view = self._look(state, size if image is None else _size_of(image))
-        self._identifier.hear(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
+        self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
         warp = _warp(self._view, view)
@@ -295,8 +295,8 @@ class Pipeline:
     def _identify(self, t_us: int, detections: Detections, tracks: Tracks, view: View | None) -> Identities | None:
         if view is None:
             return None
-        sighting = sighting_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics)
-        return self._identifier.update(sighting, self._camera(view))
+        observation = observation_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics)
+        return self._identifier.update(observation, self._camera(view))
 
     def _camera(self, view: View) -> CameraState:
         return camera_of(view, self._mount.kind == "stabilized")

@@ -317,6 +317,5 @@ def _check(scenario: Scenario) -> None:
     for key, vehicle, table in indexed:
         if not 0 <= vehicle < scenario.fleet_size:
             raise ScenarioError(
-                f"scenario: {key} = {vehicle} of {table} does not exist; "
-                f"vehicles are 0 to {scenario.fleet_size - 1}"
+                f"scenario: {key} = {vehicle} of {table} does not exist; vehicles are 0 to {scenario.fleet_size - 1}"
             )

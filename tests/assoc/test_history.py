@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from assoc.history import TrackHistory
-from assoc.records import Sighting
+from assoc.records import Observation
 from tests.support.assoc_scene import camera
 
 
-def sighting(track_id, unseen=()):
+def observation(track_id, unseen=()):
     m = len(track_id)
     gap = np.array([0.1 if key in unseen else 0.0 for key in track_id])
     ray = np.tile([0.0, 0.0, 1.0], (m, 1))
-    return Sighting(
+    return Observation(
         t_us=0, track_id=np.array(track_id, np.int64), ray_cam=ray, front_cam=ray, gap_s=gap, score=np.ones(m)
     )
 
@@ -23,7 +23,7 @@ def seen_at(times, unseen_at=(), track_id=(1, 2)):
     """A history of frames; track 1 is not seen in some."""
     kept = TrackHistory(20.0, 0.09, 0.6)
     for t in times:
-        kept.append(t, sighting(track_id, unseen=(1,) if t in unseen_at else ()), camera())
+        kept.append(t, observation(track_id, unseen=(1,) if t in unseen_at else ()), camera())
     return kept
 
 
@@ -63,5 +63,5 @@ def test_columns_of_broken_tracks_are_freed_in_time():
     kept = seen_at((*TENTHS, 1.4))
     assert kept.release(1.0).tolist() == [0, 1]
     assert sorted(kept.track_id.tolist())[-2:] == [1, 2]
-    assert kept.append(1.5, sighting((1, 2, 3)), camera()).tolist() == [0]
+    assert kept.append(1.5, observation((1, 2, 3)), camera()).tolist() == [0]
     assert kept.before[0] == -1

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from assoc.identification.identifier import CameraState, Sighting, VehicleReports
+from assoc.identification.identifier import CameraState, Observation, VehicleReports
 
 T0_US = 1_700_000_000_000_000
 FOCAL_PX = 1200.0
@@ -52,7 +52,7 @@ class Fleet:
         v = self.size[:, None] * w * np.stack([np.cos(a), 0.7 * np.cos(0.7 * a)], 1)
         return p, v
 
-    def sighting(self, t, view, track_id, rng, pixel=0.5):
+    def observation(self, t, view, track_id, rng, pixel=0.5):
         """What the true camera sees, tracks in the order: vehicles, strangers."""
         p, v = self.at(t)
         p = np.concatenate([p, np.array(self.strangers).reshape(-1, 2)])
@@ -67,7 +67,7 @@ class Fleet:
 
         ray = rays(p)
         noise = np.concatenate([rng.normal(0, pixel / FOCAL_PX, (len(p), 2)), np.zeros((len(p), 1))], 1)
-        return Sighting(
+        return Observation(
             t_us=T0_US + round(t * 1e6),
             track_id=np.asarray(track_id, np.int64),
             ray_cam=ray + noise,
@@ -132,5 +132,5 @@ def play(identifier, fleet, seconds, *, told=None, true=None, ids=None, vehicles
                 std_m=r.std_m,
             )
         track_id = np.arange(1, m + 1) if ids is None else ids(t)
-        answers.append((t, identifier.update(fleet.sighting(t, true, track_id, rng), told, r)))
+        answers.append((t, identifier.update(fleet.observation(t, true, track_id, rng), told, r)))
     return answers

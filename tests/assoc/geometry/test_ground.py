@@ -26,7 +26,7 @@ def history(frames=30, yaw_rate=0.1):
     for k in range(frames):
         t = k / 10
         view = camera(p=(1.5 * t, -t, 40.0 + 0.2 * t), yaw=yaw_rate * t)
-        kept.append(t, fleet.sighting(t, view, [1, 2, 3, 4], rng, pixel=0.0), view)
+        kept.append(t, fleet.observation(t, view, [1, 2, 3, 4], rng, pixel=0.0), view)
     return kept, fleet
 
 
@@ -82,7 +82,7 @@ def test_history_keeps_a_window_and_thins():
     rng = np.random.default_rng(0)
     for k in range(600):
         t = k / 30
-        kept.append(t, fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera())
+        kept.append(t, fleet.observation(t, camera(), [1, 2, 3, 4], rng), camera())
     t = kept.t[: kept.n]
     assert np.all(np.diff(t) > 0)
     assert t[-1] == pytest.approx(599 / 30) and t[-1] - t[0] >= 2.0

@@ -36,12 +36,12 @@ def spoofed(reports, since_us, rng):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_vehicle_that_takes_anothers_place_takes_no_name(seed):
     identifier, fleet, rng = Identifier(IDS), convoy(seed), np.random.default_rng(seed)
-    began_us = fleet.sighting(8.0, camera(), [1, 2, 3, 4], rng).t_us
+    began_us = fleet.observation(8.0, camera(), [1, 2, 3, 4], rng).t_us
     alarmed = []
     for k in range(300):
         t = k / 10
         reports = spoofed(fleet.reports(t - 0.1, t, rng), began_us, rng)
-        answer = identifier.update(fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera(), reports)
+        answer = identifier.update(fleet.observation(t, camera(), [1, 2, 3, 4], rng), camera(), reports)
         named = answer.system_id > 0
         np.testing.assert_array_equal(answer.system_id[named], np.array(IDS)[named])
         alarmed.append(answer.conflict)

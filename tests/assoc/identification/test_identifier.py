@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from assoc.errors import ShapeError
-from assoc.identification.identifier import Identifier, IdentifierParams, Sighting, VehicleReports
+from assoc.identification.identifier import Identifier, IdentifierParams, Observation, VehicleReports
 from tests.support.assoc_scene import T0_US, Fleet, camera, play
 
 IDS = (11, 12, 13, 14)
@@ -86,10 +86,10 @@ def test_tracks_that_come_out_of_the_dark_exchanged_are_not_trusted(seed):
     identifier, fleet = Identifier(IDS), Fleet(spacing_m=5.0, seed=seed)
     play(identifier, fleet, 6.0)
     rng = np.random.default_rng(5)
-    identifier.hear(fleet.reports(5.9, 7.5, rng))
+    identifier.add_reports(fleet.reports(5.9, 7.5, rng))
     for k in range(75, 90):
         t = k / 10
-        s = fleet.sighting(t, camera(), [2, 1, 4, 3], rng)
+        s = fleet.observation(t, camera(), [2, 1, 4, 3], rng)
         answer = identifier.update(s, camera(), fleet.reports(t - 0.1, t, rng) if k > 75 else None)
         wrong = (answer.system_id != IDS) & (answer.system_id > 0)
         assert not np.any(wrong & (answer.confidence > 0.9)), t
@@ -101,7 +101,7 @@ def test_where_looks_are_rare_and_reports_poor_a_name_is_kept_across_holes():
     play(identifier, fleet, 8.0)
     rng, heard, named = np.random.default_rng(5), 7.9, []
     for t in np.cumsum(np.tile([0.1, 0.1, 0.1, 0.7], 8)) + 8.0:
-        s = fleet.sighting(float(t), camera(), [1, 2, 3, 4], rng)
+        s = fleet.observation(float(t), camera(), [1, 2, 3, 4], rng)
         named.append(identifier.update(s, camera(), fleet.reports(heard, float(t), rng)).system_id)
         heard = float(t)
     assert np.mean(np.array(named) == IDS) > 0.95
@@ -122,9 +122,9 @@ def test_a_predicted_track_gives_its_name_to_the_new_one():
     heard = 3.9
     for k in range(10):
         t = 4.0 + k / 10
-        s = fleet.sighting(t, camera(), [9, 2, 3, 4], rng)
+        s = fleet.observation(t, camera(), [9, 2, 3, 4], rng)
         # track 1 coasts beside its successor
-        s = Sighting(
+        s = Observation(
             t_us=s.t_us,
             track_id=np.append(s.track_id, 1),
             ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + 0.02]),
@@ -143,9 +143,9 @@ def test_a_stranger_does_not_take_the_name_of_a_box_missed_for_a_moment(t, away_
     identifier, fleet = Identifier(IDS), Fleet(bias_m=1.0)
     play(identifier, fleet, t)
     rng = np.random.default_rng(5)
-    s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
+    s = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
     aside = np.array([-away_m / 40.0, 0.0, 0.0])
-    s = Sighting(
+    s = Observation(
         t_us=s.t_us,
         track_id=np.append(s.track_id, 9),
         ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
@@ -163,9 +163,9 @@ def test_a_stranger_at_the_side_does_not_become_a_vehicle_that_is_hidden():
     aside = np.array([-7.0 / 40.0, 0.0, 0.0])
     for k in range(83):
         t = k / 10
-        s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
+        s = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
         hidden_s = max(0.0, t - 6.9)
-        s = Sighting(
+        s = Observation(
             t_us=s.t_us,
             track_id=np.append(s.track_id, 9),
             ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside]),
@@ -186,9 +186,9 @@ def test_a_follower_does_not_get_the_name_of_a_vehicle_that_left_the_image(gone_
     aside = np.array([-6.0 / 40.0, 0.0, 0.0])
     for k in range(round(10 * gone_s) + 20):
         t = k / 10
-        s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
+        s = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
         left = slice(0 if t < gone_s else 1, None)
-        s = Sighting(
+        s = Observation(
             t_us=s.t_us,
             track_id=np.append(s.track_id, 9)[left],
             ray_cam=np.vstack([s.ray_cam, s.ray_cam[:1] + aside])[left],
@@ -209,7 +209,7 @@ def test_silence_keeps_the_name_of_an_unbroken_track():
     for k in range(300):
         t = k / 10
         r = fleet.reports(t - 0.1, t, rng) if t < 5.0 else VehicleReports.empty()
-        answer = identifier.update(fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera(), r)
+        answer = identifier.update(fleet.observation(t, camera(), [1, 2, 3, 4], rng), camera(), r)
         confidence.append(answer.confidence.min())
         assert t < 2.0 or answer.system_id.tolist() == list(IDS)
     assert confidence[-1] <= max(confidence[:100])
@@ -234,7 +234,7 @@ def test_a_copied_vehicle_is_not_named_but_listed():
             heading=r.heading[doubled],
             std_m=r.std_m[doubled],
         )
-        answer = identifier.update(fleet.sighting(t, camera(), [1, 2, 3, 4], rng), camera(), r)
+        answer = identifier.update(fleet.observation(t, camera(), [1, 2, 3, 4], rng), camera(), r)
     assert answer.conflict == (12, 15)
     assert answer.system_id.tolist() == [11, 0, 13, 14]
 
@@ -246,8 +246,8 @@ def test_permuting_tracks_permutes_the_answer():
     for k in range(25):
         t = k / 10
         r = fleet.reports(t - 0.1, t, rng)
-        s = fleet.sighting(t, camera(), [1, 2, 3, 4], rng)
-        turned = Sighting(
+        s = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
+        turned = Observation(
             t_us=s.t_us,
             track_id=s.track_id[order],
             ray_cam=s.ray_cam[order],
@@ -288,8 +288,8 @@ def test_few_of_everything(vehicles, tracks):
     rng = np.random.default_rng(0)
     for k in range(12):
         t = k / 10
-        s = fleet.sighting(t, camera(), np.arange(fleet.n) + 1, rng)
-        s = Sighting(
+        s = fleet.observation(t, camera(), np.arange(fleet.n) + 1, rng)
+        s = Observation(
             t_us=s.t_us,
             track_id=s.track_id[:tracks],
             ray_cam=s.ray_cam[:tracks],
@@ -319,13 +319,15 @@ def test_nonsense_does_not_spread():
     rng = np.random.default_rng(0)
     for k in range(60):
         t = k / 10
-        s, r = fleet.sighting(t, camera(), [1, 2, 3, 4], rng), fleet.reports(t - 0.1, t, rng)
+        s, r = fleet.observation(t, camera(), [1, 2, 3, 4], rng), fleet.reports(t - 0.1, t, rng)
         bad = r.p_enu.copy()
         bad[k % 7 :: 7] = np.nan
         ray = s.ray_cam.copy()
         ray[k % 4] = np.nan if k % 5 == 0 else ray[k % 4]
         view = camera(p=(np.nan, 0.0, 40.0)) if k % 9 == 0 else camera()
-        s = Sighting(t_us=s.t_us, track_id=s.track_id, ray_cam=ray, front_cam=s.front_cam, gap_s=s.gap_s, score=s.score)
+        s = Observation(
+            t_us=s.t_us, track_id=s.track_id, ray_cam=ray, front_cam=s.front_cam, gap_s=s.gap_s, score=s.score
+        )
         r = VehicleReports(t_us=r.t_us, vehicle=r.vehicle, p_enu=bad, v_enu=r.v_enu, heading=r.heading, std_m=r.std_m)
         answer = identifier.update(s, view, r)
         assert np.isfinite(answer.confidence).all()
@@ -340,7 +342,7 @@ def test_threshold_one_names_nobody():
 def test_lost_tracks_are_stitched_by_telemetry():
     identifier, fleet = Identifier(IDS), Fleet()
     play(identifier, fleet, 4.0)
-    s = fleet.sighting(4.0, camera(), [1, 2, 3, 4], np.random.default_rng(0))
+    s = fleet.observation(4.0, camera(), [1, 2, 3, 4], np.random.default_rng(0))
     pairs = identifier.stitch(T0_US + 4_000_000, np.array([3, 1]), s.ray_cam[[0, 2]], camera())
     assert sorted(pairs.tolist()) == [[0, 1], [1, 0]]
     far = s.ray_cam[[0]] + np.array([0.3, 0.3, 0.0])
@@ -349,7 +351,7 @@ def test_lost_tracks_are_stitched_by_telemetry():
 
 def test_shapes_are_checked():
     with pytest.raises(ShapeError, match="ray_cam"):
-        Sighting(
+        Observation(
             t_us=0, track_id=np.array([1]), ray_cam=np.zeros((2, 3)), front_cam=np.zeros((1, 3)), gap_s=np.zeros(1),
             score=np.zeros(1),
         )  # fmt: skip

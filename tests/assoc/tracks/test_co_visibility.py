@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from assoc.tracks.co_visibility import Company
+from assoc.tracks.co_visibility import CoVisibility
 
 COLUMNS = np.arange(3)
 FAR = np.array([(0.0, 0.0), (5.0, 0.0), (10.0, 0.0)])
@@ -13,7 +13,7 @@ BELIEF = np.array([(0.9, 0.0), (0.05, 0.6), (0.0, 0.2)])
 
 
 def seen_together(place=FAR, belief=BELIEF):
-    company = Company(2)
+    company = CoVisibility(2)
     company.begin(COLUMNS, 3)
     company.note(COLUMNS, place, belief, 3.0)
     return company
