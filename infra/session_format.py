@@ -18,6 +18,7 @@ __all__ = [
     "IDENTITY_EVIDENCE",
     "LOG",
     "METADATA",
+    "PROGRAM_LOG",
     "REFUSED",
     "SENDERS",
     "TABLES",
@@ -27,6 +28,7 @@ __all__ = [
 ]
 
 METADATA = "session.toml"
+PROGRAM_LOG = "program.log"
 LOG = "telemetry.tlog"
 IDENTITY_EVIDENCE = "identity.jsonl"
 EVENTS = "events.jsonl"

@@ -9,13 +9,14 @@ import gc
 import sys
 from importlib import import_module
 from importlib.metadata import version
+from pathlib import Path
 from typing import Annotated, Any, TextIO, cast
 
 import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from gcs.cli.console import PlainStream, explained, say
+from gcs.cli.console import LogLevel, PlainStream, explained, say, start_log
 
 __all__ = ["app", "main"]
 
@@ -82,8 +83,16 @@ def _root(
     show_version: Annotated[
         bool, typer.Option("--version", is_eager=True, callback=_say_version, help="Print the version.")
     ] = False,
+    log_level: Annotated[
+        LogLevel | None, typer.Option("--log-level", help="Least level of what is logged.", show_default=False)
+    ] = None,
+    log_file: Annotated[
+        Path | None, typer.Option("--log-file", help="Log what the program does to the end of a file; else to stderr.")
+    ] = None,
 ) -> None:
     """Rollcall: tells identical ground vehicles apart from the air."""
+    if log_level or log_file:
+        start_log(log_level, log_file)
 
 
 def main() -> None:

@@ -38,6 +38,7 @@ __all__ = [
     "NO_NAMES",
     "AsJson",
     "Graphics",
+    "LogLevel",
     "PlainStream",
     "VideoStart",
     "explained",
@@ -47,6 +48,7 @@ __all__ = [
     "range_of",
     "say",
     "say_json",
+    "start_log",
     "to_file_if_gone",
 ]
 
@@ -58,6 +60,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON obj
 MOST_PX = 16384
 """No camera has a longer side."""
 Graphics = Literal["auto", "blocks", "pixels"]
+LogLevel = Literal["debug", "info", "warning", "error"]
 FAR_S = 1e9
 """Some thirty years: further from its log no video begins."""
 
@@ -119,6 +122,29 @@ def note(text: str) -> None:
     """A line beside the result, on stderr."""
     sys.stderr.write(f"gcs: {plain(text)}\n")
     sys.stderr.flush()
+
+
+def start_log(level: LogLevel | None, path: Path | None) -> None:
+    """Log what the program does to the end of a file, or to stderr.
+
+    Raises:
+        GcsError: the file cannot be written.
+    """
+    # loaded by those who log
+    import logging
+
+    from infra.program_log import LogFile, log_to_stream, log_uncaught
+
+    least = logging.getLevelNamesMapping()[(level or "info").upper()]
+    if path is None:
+        log_to_stream(sys.stderr, least)
+        return
+    try:
+        os.close(open_to_append(path))
+    except OSError as error:
+        raise GcsError(f"--log-file {path}: cannot be written: {error.strerror}; choose another place") from error
+    LogFile(path, least)
+    log_uncaught()
 
 
 class PlainStream:

@@ -7,7 +7,9 @@ recorded and counted. What fails in a turn of a thread costs that turn: the flig
 
 from __future__ import annotations
 
+import logging
 import os
+import platform
 import shutil
 import threading
 import time
@@ -24,7 +26,7 @@ from gcs.fold.detector_factory import fingerprints, open_perception
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission
-from gcs.session.flight_notes import key_notes
+from gcs.session.flight_notes import PROGRAM, key_notes
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
     from gcs.command import CommandDesk
 
 __all__ = ["Flight", "FlightPlan"]
+
+_log = logging.getLogger(__name__)
 
 READ_S = 0.2
 IDLE_S = 0.2
@@ -92,6 +96,8 @@ class Flight:
             detector = open_perception(mission.detector, threads=LOOK_THREADS)
             notes["models"] = fingerprints(mission.detector)
         self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False, notes=notes)
+        _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
+        _log.info("Python %s on %s", platform.python_version(), platform.platform())
         self._desk: CommandDesk | None = None
         try:
             self._ingest = _open_ingest(plan, self._recorder.tlog_path)
@@ -226,6 +232,7 @@ class Flight:
         self._ingest.stop()
         self._fold.close()
         health = self._ingest.health()
+        _log.info("the flight ends with %d packets", self.packets)
         self.lost = self._recorder.close(health.record, refused=health.refused)
 
     def _open_desk(self, mission: Mission) -> CommandDesk:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import threading
 import time
@@ -13,6 +14,8 @@ from infra.files.safe_open import open_to_append
 from infra.plain_text import plain
 
 __all__ = ["Faults"]
+
+_log = logging.getLogger(__name__)
 
 LASTING = 20
 """As many faults of one job in a row mean that it does not work any more."""
@@ -52,6 +55,7 @@ class Faults:
         place = (frames[-1].filename, frames[-1].lineno or 0) if frames else ("", 0)
         if place not in self._kept and len(self._kept) < MOST_KEPT:
             self._kept.add(place)
+            _log.error("fault while %s", job, exc_info=error)
             self._keep(job, error)
 
     def failed(self, job: str, error: Exception) -> None:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from gcs.session.line_file import Lines, open_new
-from gcs.snapshot import Event
+from gcs.snapshot import Event, Level
 from infra.plain_text import plain
 
 __all__ = ["EventLog", "event_row"]
 
+_LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
+
+_log = logging.getLogger(__name__)
 _JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
 
 
 class EventLog:
-    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes."""
+    """Writes ``events.jsonl``: links, alarms, operator actions, identity changes; the program's log has them too."""
 
     def __init__(self, path: Path, open_file: Callable[[Path, str], Lines] = open_new) -> None:
         self._file = open_file(path, "")
@@ -27,6 +31,8 @@ class EventLog:
             return
         self._file.write("".join(event_row(event) + "\n" for event in events))
         self._file.flush()
+        for event in events:
+            _log.log(_LEVELS[event.level], "%s: %s", event.kind, event.text)
 
     def close(self) -> None:
         """Close the file."""

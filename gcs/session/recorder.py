@@ -7,6 +7,7 @@ No fault of the disk stops a flight or raises here once the files are made: what
 from __future__ import annotations
 
 import contextlib
+import logging
 import math
 import shutil
 import time
@@ -30,7 +31,8 @@ from gcs.snapshot import Event, Snapshot
 from infra.files.disk import OS_DISK, Disk
 from infra.files.flusher import Caretaker
 from infra.files.record_state import RecordState
-from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, UNFOLDED, TableFormat
+from infra.program_log import LogFile, least_level
+from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, PROGRAM_LOG, UNFOLDED, TableFormat
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter
 from vision.detect.detections import Detections
@@ -82,10 +84,12 @@ class Recorder:
         self._detections: LineFile | None = None
         self._folds: LineFile | None = None
         self._unfolded: LineFile | None = None
+        self._log = LogFile(self.folder / PROGRAM_LOG, least_level(logging.INFO))
         try:
             self._session = SessionFile(self.folder, mission, notes)
             self._make_files(video, telemetry, disk)
         except BaseException:
+            self._log.close()
             shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
             raise
         self._caretaker = Caretaker([file.file for file in self._files], SYNC_S)
@@ -204,6 +208,7 @@ class Recorder:
         log = states.get(self.tlog_path.name, RecordState(name=""))
         if not any(state.stalled_s for state in states.values()):  # it would wait, and the next start seals it too
             self._session.close({"packets": log.rows, **notes} | ({"lost": lost} if lost else {}))
+        self._log.close()
         return tuple(f"{name}: {rows} rows lost{states[name].because}" for name, rows in lost.items())
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
+from infra.program_log import conceal_with
 from infra.shared_memory import make_memory, map_memory
 from vision.errors import VideoError
 from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoReport
@@ -87,6 +88,7 @@ class VideoStream:
             require_new(record_path)
         self.url = source.text
         self._conceal = partial(conceal_in, address=url)
+        conceal_with(self._conceal)
         self.received = 0
         self._on_frame = on_frame
         self._stall_s = stall_s

@@ -248,3 +248,12 @@ def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
 def test_other_errors_of_the_system_are_faults_of_the_program():
     with pytest.raises(OSError, match="no such device"), explained():
         raise OSError(errno.ENODEV, "no such device")
+
+
+def test_logs_where_it_is_asked_to(tmp_path):
+    out, log = tmp_path / "out", tmp_path / "gcs.log"
+    code, _, stderr = run_gcs_process("--log-level", "debug", "--log-file", log, "identify", SWARM, "-o", out)
+    assert code == 0, stderr
+    assert "gcs.session.event_log" in log.read_text()
+    code, _, stderr = run_gcs_process("--log-file", tmp_path, "tlog", "info", SWARM)
+    assert (code, "--log-file" in stderr, "choose another place" in stderr) == (2, True, True)

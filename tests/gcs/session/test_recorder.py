@@ -1,5 +1,6 @@
 import errno
 import json
+import logging
 import time
 import tomllib
 from dataclasses import replace
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from gcs.errors import SessionError
+from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, Vehicle
 from gcs.session.fold_order import FoldOrder, FoldTurn
 from gcs.session.frame_tables import read_detections, read_times
@@ -314,3 +316,16 @@ def test_a_kept_packet_keeps_its_time(tmp_path):
     recorder.close()
     assert not (recorder.folder / "clock.csv").exists()
     assert not (recorder.folder / "refused.csv").exists()
+
+
+def test_the_program_log_of_a_session_has_events_and_faults(tmp_path):
+    recorder = Recorder(tmp_path, MISSION, video=False, telemetry=False)
+    recorder.events((Event(t_us=T0, level="alarm", kind="link", text="14550: gone"),))
+    Faults(recorder.folder / "faults.txt").take("naming", ValueError("odd"))
+    recorder.close()
+    logging.getLogger("gcs").error("after the flight")
+    text = (recorder.folder / "program.log").read_text()
+    assert "link: 14550: gone" in text
+    assert "fault while naming" in text
+    assert "ValueError: odd" in text
+    assert "after the flight" not in text
