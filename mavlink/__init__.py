@@ -2,3 +2,8 @@
 
 SI units, radians, ENU metres, Unix µs. Degrees, millimetres and centimetres per second are converted on decoding.
 """
+
+import logging
+
+# quiet until somebody asks for a log (infra.program_log)
+logging.getLogger("mavlink").addHandler(logging.NullHandler())

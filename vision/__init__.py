@@ -4,7 +4,11 @@ Pixels (x right, y down, from the image's edge), radians, ENU metres, Unix µs (
 width axis, clockwise on screen; image heading: clockwise from image up. Camera frame: x right, y down, z forward.
 """
 
+import logging
 import os
 
 # Unless told not to, onnxruntime numbers the computer in the user's home and sends what it measures to its maker.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+
+# quiet until somebody asks for a log (infra.program_log)
+logging.getLogger("vision").addHandler(logging.NullHandler())

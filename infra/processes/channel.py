@@ -14,6 +14,8 @@ from typing import Any, Generic, TypeVar
 
 import msgspec
 
+from infra.program_log import log_as_parent
+
 __all__ = ["Channel", "connect_to_parent"]
 
 _MOST_BYTES = 1 << 20
@@ -85,8 +87,11 @@ class Channel(Generic[Received]):
 def connect_to_parent(requests: type[Received] | Any) -> Channel[Received]:  # noqa: ANN401 - unions are no types
     """A child's end, in a program that :class:`infra.processes.child_process.ChildProcess` started.
 
+    From here on it logs into its parent's files.
+
     Args:
         requests: the type of what the parent sends, or the union of such types.
     """
+    log_as_parent()
     reading, writing = map(int, sys.argv[1:3])
     return Channel(Connection(reading, writable=False), Connection(writing, readable=False), requests)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import subprocess
 import sys
@@ -15,8 +16,11 @@ from typing import Any, Generic, TypeVar
 import psutil
 
 from infra.processes.channel import Channel
+from infra.program_log import child_environment
 
 __all__ = ["ChildProcess"]
+
+_log = logging.getLogger(__name__)
 
 ROOT = str(Path(__file__).resolve().parents[2])
 """Where our packages are."""
@@ -66,15 +70,18 @@ class ChildProcess(Generic[Report]):
                 stdin=subprocess.DEVNULL,
                 stdout=self._output,
                 stderr=self._output,
-                env={**os.environ, **(environment or {}), "PYTHONPATH": paths},
+                env={**os.environ, **(environment or {}), **child_environment(), "PYTHONPATH": paths},
                 start_new_session=True,
             )
         except OSError:
-            self.close()
+            self.channel.close()
+            self._output.close()
             raise
         finally:
             their_reading.close()
             their_writing.close()
+        self._module = module
+        _log.info("process %d begins: %s", self._process.pid, module)
         self._status = psutil.Process(self._process.pid)
 
     @property
@@ -138,5 +145,7 @@ class ChildProcess(Generic[Report]):
 
     def close(self) -> None:
         """Closes the channel and forgets what the process wrote; to be called by who receives."""
+        if self.ended and not self._output.closed:
+            _log.info("process %d ended: %s, %s", self._process.pid, self._module, self.exit_reason)
         self.channel.close()
         self._output.close()

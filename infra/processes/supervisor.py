@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -11,6 +12,8 @@ from typing import Any, Generic, TypeVar
 from infra.processes.child_process import ChildProcess
 
 __all__ = ["Supervisor"]
+
+_log = logging.getLogger(__name__)
 
 SPARE_AGAIN_S = 0.3
 """Between two attempts to start a process."""
@@ -111,6 +114,7 @@ class Supervisor(Generic[Child]):
                 break
             self._begin(successor)
             self.process = successor
+            _log.warning("%s: a process %s; another has begun", self._thread.name, failure)
             self._replaced(failure, alive_s)
             self.restarts += 1
         if self.spare is not None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import logging
 import os
 import select
 import signal
@@ -29,6 +30,8 @@ from mavlink.links.report import LinkReport
 from mavlink.tlog.writer import TlogWriter
 
 __all__ = ["main"]
+
+_log = logging.getLogger(__name__)
 
 TICK_S = 0.05
 """Longest wait for packets, so that the station sees signs of life."""
@@ -62,6 +65,7 @@ def main() -> int:
     except MavlinkError as error:
         station.send(CannotOpen(error=type(error).__name__, text=str(error)))
         return 3
+    _log.info("links open: %s", ", ".join(plan.urls))
     gc.collect()
     gc.freeze()
     station.send(Opened())

@@ -6,27 +6,33 @@ requests means stop: also when the station was killed, the recording is sealed.
 
 from __future__ import annotations
 
+import logging
 import os
 import resource
 import socket
 import threading
 import time
 from contextlib import closing, suppress
+from functools import partial
 
 import av
 import numpy as np
 
 from infra.processes.channel import Channel, connect_to_parent
+from infra.program_log import conceal_with
 from infra.shared_memory import map_memory
 from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
 from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoRequest
 from vision.stream.port import Port, bind
 from vision.stream.reader import StreamReader
+from vision.stream.secrets import conceal_in, concealed
 from vision.stream.source import parse_source
 from vision.video.frame_index import reason
 
 __all__ = ["main"]
+
+_log = logging.getLogger(__name__)
 
 PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Before the next attempt to connect; the last repeats."""
@@ -182,6 +188,8 @@ def main() -> None:
     station: Channel[VideoRequest] = connect_to_parent(VideoRequest)
     settings = station.receive()
     assert isinstance(settings, Settings)
+    conceal_with(partial(conceal_in, address=settings.source))
+    _log.info("video from %s", concealed(settings.source))
     _Worker(settings, station).run()
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
+from infra.program_log import LogFile
 from tests.support.supervised_child import Begin, Do, Done
 
 PATIENCE_S = 0.3
@@ -191,3 +192,17 @@ def test_who_waits_for_the_processor_is_told_from_who_hangs(own):
     assert not process.waits_for_processor(1000.0, cpu_s), "it was stopped"
     process.kill()
     assert process.cpu_s == 0.0 and not process.waits_for_disk and not process.waits_for_processor(1.0, 0.0)
+
+
+def test_begins_ends_and_replacements_are_logged(own, tmp_path):
+    log = LogFile(tmp_path / "program.log")
+    owner = own()
+    owner.do("die")
+    assert owner.hears(2, "begin")
+    assert owner.until(lambda: owner.supervisor.restarts == 1)
+    owner.supervisor.stop()
+    log.close()
+    text = log.path.read_text()
+    assert text.count("begins: tests.support.supervised_child") == 2
+    assert text.count("ended: tests.support.supervised_child") == 2
+    assert "these are its last words); another has begun" in text
