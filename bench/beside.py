@@ -26,7 +26,7 @@ from mavlink.forwarding.forward import Forwarder
 from mavlink.forwarding.outputs import OutputCounts
 from mavlink.links.base import Link
 from mavlink.links.kinds import open_link
-from mavlink.protocol.encoder import COPTER, ROVER, Speaker
+from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog
 
@@ -40,7 +40,9 @@ class SenderFleet:
 
     def __init__(self, port: int, ground: int) -> None:
         self._to = ("127.0.0.1", port)
-        self._vehicles = [(Speaker(i), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for i in range(1, ground + 2)]
+        self._vehicles = [
+            (MavlinkEncoder(i), socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for i in range(1, ground + 2)
+        ]
         self._ticks = 0
 
     def tick(self) -> None:

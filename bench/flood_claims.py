@@ -27,7 +27,7 @@ from pathlib import Path
 from bench.ports import free_port
 from bench.senders import fleet_frames, send_fleet, send_flood
 from infra.files.segments import segments
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key, write_key
 from mavlink.signing.signer import Signer
 from mavlink.tlog.log import Tlog
@@ -113,7 +113,7 @@ def run(case: ClaimCase, seconds: float, folder: Path) -> ClaimResult:
 
 
 def _datagrams(kind: str) -> list[bytes]:
-    speaker, rng = Speaker(CLAIMED), random.Random(kind)
+    speaker, rng = MavlinkEncoder(CLAIMED), random.Random(kind)
     place = (46.6, 8.6, 500.0, 0.0)
     frames = [speaker.global_position_int(k * 7, *place, (3.0, 0.5, 0.0), 0.25) for k in range(_MESSAGES)]
     if kind == "junk":

@@ -24,13 +24,15 @@ from pathlib import Path
 import numpy as np
 
 from infra.files.disk import Disk
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.writer import TlogWriter
 
 T0 = 1_790_000_000_000_000
-FRAMES = [Speaker(1 + k % 100).global_position_int(k, 47.0, 8.0, 500.0, 40.0, (1.0, 2.0, 0.0), 1.0) for k in range(100)]
+FRAMES = [
+    MavlinkEncoder(1 + k % 100).global_position_int(k, 47.0, 8.0, 500.0, 40.0, (1.0, 2.0, 0.0), 1.0) for k in range(100)
+]
 RECORD_BYTES = 8 + len(FRAMES[0])
 BATCHES = (1, 8, 64)
 LONGEST_S = 0.3

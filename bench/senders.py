@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection
 
 from mavlink.links.recvmmsg import _Header, _IoVec
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key
 from mavlink.signing.signer import Signer
 
@@ -24,7 +24,7 @@ _BATCH = 64
 
 def fleet_frames(system_id: int) -> list[bytes]:
     """256 frames of one vehicle, by sequence number: two positions and two attitudes to a heartbeat."""
-    speaker = Speaker(system_id)
+    speaker = MavlinkEncoder(system_id)
     frames = []
     for k in range(256):
         if k % 5 == 0:
@@ -125,7 +125,7 @@ def send_flood(
 
 def _flood_datagrams() -> Iterator[bytes]:
     rng = random.Random(1)
-    forged = bytearray(Speaker(FLOODER).heartbeat())
+    forged = bytearray(MavlinkEncoder(FLOODER).heartbeat())
     for k in range(_BATCH):
         if k % 4 == 0:
             yield (b"\xfd\xff\x00", b"\xfd\xff\x01")[k // 4 % 2]

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.signer import Signer
@@ -38,7 +38,7 @@ def frames(count: int) -> tuple[list[Packet], list[Packet], list[Packet]]:
     """Signed, unsigned and forged packets of the same frames, over all streams in turn."""
     keys = ring().keys
     streams = [(1 + k % VEHICLES, 1 + k // VEHICLES % 16, k // (VEHICLES * 16)) for k in range(STREAMS)]
-    plain = {(s, c): Speaker(s, c).attitude(5, 0.1, 0.2, 0.3, (0.0, 0.0, 0.4)) for s, c, _ in streams}
+    plain = {(s, c): MavlinkEncoder(s, c).attitude(5, 0.1, 0.2, 0.3, (0.0, 0.0, 0.4)) for s, c, _ in streams}
     signers = {system_id: Signer(key) for system_id, key in keys.items()}
     unsigned, signed, forged = [], [], []
     for k in range(count):

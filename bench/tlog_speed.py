@@ -24,7 +24,7 @@ from typing import Any
 
 from pymavlink import mavutil
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.summary import info
 
@@ -34,7 +34,7 @@ _SEEKS = 200
 
 def make_log(path: Path, messages: int) -> None:
     rng = random.Random(1)
-    speakers = [Speaker(system_id) for system_id in range(1, 9)]
+    speakers = [MavlinkEncoder(system_id) for system_id in range(1, 9)]
     t_us = 1_790_000_000_000_000
     with path.open("wb") as file:
         for i in range(messages):

@@ -30,7 +30,7 @@ def main(folder: str, index: int, out: str) -> None:
     for packet in SessionLog(session.tlog).packets():
         if packet.t_us > frame.t_us:
             break
-        fleet.feed(packet)
+        fleet.add_packet(packet)
     state = fleet.at(frame.t_us)  # everybody at the time of the frame, ENU metres
     pose = camera_pose(mount_of(mission.camera), state.uav.p_enu, state.uav.R_enu_body, state.uav.R_enu_gimbal)
     places = state.p_enu.copy()

@@ -15,7 +15,6 @@ __all__ = [
     "ChannelStatus",
     "FleetState",
     "Level",
-    "MessageRate",
     "Notice",
     "PositionState",
     "Reports",
@@ -107,18 +106,6 @@ class ChannelStatus:
     """Since its last packet."""
     late_s: float
     """How far its copies came behind another channel, 0 when it was first or has no copies."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MessageRate:
-    """How often one message comes from one vehicle over one link."""
-
-    system_id: int
-    link: int
-    message_id: int
-    hz: float
-    age_s: float
-    """Since the last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,7 +30,7 @@ from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.links.batch import Batch
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.encoder import GCS, Speaker
+from mavlink.protocol.encoder import GCS, MavlinkEncoder
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Packet
 from mavlink.signing.keys import Key, read_ring, write_key
@@ -241,7 +241,7 @@ def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
         if troubles.speaks and flight.t_us >= said_us + S:
             said_us = flight.t_us
             with patch("mavlink.ingest.receiver.now_us", flight.wall_us):
-                flight.receiver.send(0, Speaker(255).heartbeat(GCS))
+                flight.receiver.send(0, MavlinkEncoder(255).heartbeat(GCS))
         flight.turn(newest)
         if newest is not None:
             flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector takes its time
@@ -299,7 +299,7 @@ def _told(
 def _forged(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
     """Somebody else under the first ground vehicle's id, elsewhere; without its key."""
     troubles, victim = flight.troubles, world.scenario.ugv_ids[0]
-    speaker = Speaker(victim, key=bytes(32) if troubles.signed else None)
+    speaker = MavlinkEncoder(victim, key=bytes(32) if troubles.signed else None)
     span = troubles.impostor or (TALK_FROM_S, world.scenario.duration_s)
     for k in range(round((span[1] - span[0]) * 5)):
         t_us = flight.start_us + round((span[0] + k / 5) * S)
@@ -315,7 +315,7 @@ class _Rebooted:
 
     def __init__(self) -> None:
         self._parser: Any = ardupilotmega.MAVLink(None)
-        self._speakers: dict[int, Speaker] = {}
+        self._speakers: dict[int, MavlinkEncoder] = {}
         self._booted_ms: dict[int, int] = {}
 
     def count_anew(self, raw: bytes) -> bytes:
@@ -324,7 +324,7 @@ class _Rebooted:
         if hasattr(message, "time_boot_ms"):
             booted_ms = self._booted_ms.setdefault(system_id, message.time_boot_ms - BOOTED_MS)
             message.time_boot_ms -= booted_ms
-        return self._speakers.setdefault(system_id, Speaker(system_id)).pack(message)
+        return self._speakers.setdefault(system_id, MavlinkEncoder(system_id)).pack(message)
 
 
 class _ScriptedSigner:

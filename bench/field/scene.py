@@ -83,7 +83,7 @@ def scene_of(scenario: Scenario) -> SessionFrames:
     t, stamps_us = frame_times(scenario)
     for now, stamp_us in zip(t.tolist(), stamps_us.tolist(), strict=True):
         while ahead is not None and ahead.t_us <= stamp_us:
-            fleet.feed(Packet(ahead.t_us, ahead.raw))
+            fleet.add_packet(Packet(ahead.t_us, ahead.raw))
             ahead = next(packets, None)
         state = fleet.at(stamp_us - round(offset * 1e6))
         looks.append(_look(detector.detect(now), state, mission, intrinsics))

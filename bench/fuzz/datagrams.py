@@ -112,7 +112,7 @@ class Listener:
             packet = Packet(self.t_us, raw)
             if packet.message_id in DEFINITIONS:
                 decode(packet)
-            notices += len(self.fleet.feed(packet))
+            notices += len(self.fleet.add_packet(packet))
         if self.taken % 50 == 0:
             self.fleet.at(self.t_us)
         return len(frames), notices

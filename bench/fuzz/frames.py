@@ -7,7 +7,7 @@ from functools import cache
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.framing import checksum
 
 __all__ = ["TUNNEL_ID", "UNKNOWN_EXTRA", "UNKNOWN_ID", "frame_pool", "is_signed", "unknown_frame"]
@@ -28,7 +28,7 @@ def is_signed(frame: bytes) -> bool:
     return frame[0] == 0xFD and bool(frame[2] & 1)
 
 
-def _known(speaker: Speaker, i: int, rng: random.Random) -> bytes:
+def _known(speaker: MavlinkEncoder, i: int, rng: random.Random) -> bytes:
     boot_ms = 1000 + 20 * i
     kind = rng.randrange(8)
     if kind == 0:
@@ -49,8 +49,11 @@ def _known(speaker: Speaker, i: int, rng: random.Random) -> bytes:
 def frame_pool(count: int = 4000, *, carried: bool = True) -> tuple[bytes, ...]:
     """Frames of six senders, one of them signing, one of MAVLink 1; always the same."""
     rng = random.Random(count)
-    senders = [Speaker(i) for i in range(1, 5)] + [Speaker(5, version=1), Speaker(6, key=b"k" * 32)]
-    tunnel = Speaker(7)
+    senders = [MavlinkEncoder(i) for i in range(1, 5)] + [
+        MavlinkEncoder(5, version=1),
+        MavlinkEncoder(6, key=b"k" * 32),
+    ]
+    tunnel = MavlinkEncoder(7)
     frames: list[bytes] = []
     for i in range(count):
         draw = rng.random()

@@ -18,7 +18,7 @@ from gcs.command.sdk import Sdk
 from gcs.command.uav import Uav
 from gcs.command.wire import Place
 from gcs.snapshot import Event, Level
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import Heartbeat, TimeSyncer
 from mavlink.transmit.message_rates import UAV_RATES, Rate, RateKeeper
@@ -63,9 +63,9 @@ class CommandDesk:
     ) -> None:
         self._uav_id, self._uav_name, self._ground = uav, uav_name, dict(ground)
         self._outgoing, self._tell = outgoing, tell
-        speaker = Speaker(*own)
-        self._heartbeat, self._timesync = Heartbeat(speaker), TimeSyncer(speaker)
-        self._rates = RateKeeper(speaker, uav, tuple(ground), own=own[0], uav_rates=rates)
+        encoder = MavlinkEncoder(*own)
+        self._heartbeat, self._timesync = Heartbeat(encoder), TimeSyncer(encoder)
+        self._rates = RateKeeper(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
         self._look_s = 0.0
         self._own = own
         self._holder: tuple[int, int] | None = None

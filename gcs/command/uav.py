@@ -93,7 +93,7 @@ class Uav:
     def _look(self, sample: GimbalSample) -> None:
         """Where the gimbal looks, by its newest report."""
         now_s, nose = self._clock(), self.nose
-        self._gimbals.take(round(now_s * 1e6), sample, nose)
+        self._gimbals.add(round(now_s * 1e6), sample, nose)
         R_enu_gimbal = self._gimbals.at(round(now_s * 1e6), nose)
         if R_enu_gimbal is not None:
             east, north, up = R_enu_gimbal[:, 0].tolist()

@@ -103,7 +103,7 @@ class Pipeline:
         """Take in one telemetry packet."""
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
             self._turned_us = self._turned_us or packet.t_us
-        if notices := self.fleet.feed(packet):
+        if notices := self.fleet.add_packet(packet):
             self._events += self._throttle.admit(map(_event, notices))
 
     def note(self, event: Event) -> None:

@@ -7,8 +7,8 @@ import math
 from gcs.health.alarm_rule import AlarmRule
 from gcs.snapshot import Snapshot, VehicleRow
 from mavlink.estimation.clock_health import CLOCK_ERROR_S, DRIFT_PPM
+from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
-from mavlink.estimation.positions import LOST_S
 from mavlink.state import SILENT_S
 
 __all__ = ["APART_M", "APART_S", "APART_STDS", "VEHICLE_RULES"]

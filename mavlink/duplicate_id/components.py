@@ -1,85 +1,103 @@
-"""Which component of a system speaks for the vehicle: its autopilot.
+"""Which component of a system is the vehicle's autopilot.
 
-Companions, gimbals and payload computers share the autopilot's system id and may beat and tell places too. The
-autopilot beats as one, and by the standard its component id is 1. None of this proves anything: where two components
-contradict each other, neither is believed (:mod:`mavlink.duplicate_id.id_conflict`).
+Companions, gimbals and payload computers share the autopilot's system id and may send heartbeats and positions too. The
+autopilot sends an autopilot's heartbeat, and by the standard its component id is 1. None of this is a proof: where two
+components contradict each other, neither is used (:mod:`mavlink.duplicate_id.duplicate_id`).
 """
 
 from __future__ import annotations
 
 from mavlink.protocol.messages import Heartbeat
+from mavlink.protocol.modes import kind_name, mode_name
 from mavlink.state import Level
 
-__all__ = ["NOBODY", "Components"]
+__all__ = ["NO_COMPONENT", "Components"]
 
-NOBODY = -1  # component ids are 0 to 255
+NO_COMPONENT = -1
+"""In place of a component id, which is 0 to 255."""
 
-_AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
+_AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
 _SILENT_US = 60_000_000
-"""Another component takes over after this: longer than a radio is out of range, since an impostor waits for that."""
+"""Another component becomes the autopilot after this: longer than a radio is out of range, since an impostor waits for
+that."""
 _ALIVE_US = 3_000_000
+"""A component that was received this lately is alive: three heartbeats."""
 _NEVER_US = -(1 << 62)
 
 
 class _Component:
-    __slots__ = ("beats", "component_id", "heard_us", "heartbeat", "reported_us")
+    __slots__ = ("component_id", "heartbeat", "last_us", "reported_us", "sends_heartbeats")
 
     def __init__(self, component_id: int) -> None:
         self.component_id = component_id
-        self.beats = False
+        self.sends_heartbeats = False
         self.heartbeat: Heartbeat | None = None
-        self.heard_us = self.reported_us = _NEVER_US
+        self.last_us = self.reported_us = _NEVER_US
 
     @property
-    def standing(self) -> tuple[bool, bool, bool]:
-        return self.beats, self.component_id == _AUTOPILOT, self.reported_us != _NEVER_US
+    def rank(self) -> tuple[bool, bool, bool]:
+        """The higher, the more it looks like the autopilot."""
+        return self.sends_heartbeats, self.component_id == _AUTOPILOT, self.reported_us != _NEVER_US
 
 
 class Components:
-    """The components of one system that beat as an autopilot, or tell a place or an attitude."""
+    """The components of one system that send an autopilot's heartbeat, a position or an attitude."""
 
     def __init__(self) -> None:
-        self.speaking = NOBODY
-        """Id of the one that speaks for the vehicle, ``NOBODY`` before any."""
+        self.autopilot = NO_COMPONENT
+        """Id of the one that is the vehicle's autopilot, ``NO_COMPONENT`` before any."""
         self._known: dict[int, _Component] = {}
-        self._news = ""
+        self._report = ""
 
-    def news(self) -> tuple[Level, str]:
-        """What to tell since the last call; an empty text for nothing."""
-        text, self._news = self._news, ""
+    def report(self) -> tuple[Level, str]:
+        """What an operator should know since the last call; an empty text for nothing."""
+        text, self._report = self._report, ""
         return "warning", text
 
     @property
     def heartbeat(self) -> Heartbeat | None:
-        """The vehicle's newest that was kept, None before any."""
-        known = self._known.get(self.speaking)
+        """The autopilot's newest that was kept, None before any."""
+        known = self._known.get(self.autopilot)
         return known.heartbeat if known else None
 
-    def beats(self, component_id: int, t_us: int) -> bool:
-        """Hears an autopilot's heartbeat at a Unix time; True when its component speaks for the vehicle."""
-        component = self._component(component_id)
-        component.beats, component.heard_us = True, t_us
-        return self._speaks(component, t_us)
+    @property
+    def kind(self) -> str:
+        """Type of the vehicle in a word, empty before the first heartbeat."""
+        return kind_name(heartbeat.type) if (heartbeat := self.heartbeat) else ""
 
-    def keep(self, sample: Heartbeat) -> None:
+    @property
+    def mode(self) -> str:
+        """Flight mode in words, empty before the first heartbeat."""
+        if (it := self.heartbeat) is None:
+            return ""
+        return mode_name(it.type, it.autopilot, it.base_mode, it.custom_mode)
+
+    def add_heartbeat(self, component_id: int, t_us: int) -> bool:
+        """Notes an autopilot's heartbeat at a Unix time; True when its component is the vehicle's autopilot."""
+        component = self._component(component_id)
+        component.sends_heartbeats, component.last_us = True, t_us
+        return self._is_autopilot(component, t_us)
+
+    def keep_heartbeat(self, sample: Heartbeat) -> None:
         """Keeps a heartbeat as the newest of its component."""
         self._component(sample.component_id).heartbeat = sample
 
-    def reports(self, component_id: int, t_us: int) -> bool:
-        """Hears a place or an attitude of a component at a Unix time; True when it is the vehicle's."""
+    def add_report(self, component_id: int, t_us: int) -> bool:
+        """Notes a position or an attitude at a Unix time; True when its component is the vehicle's autopilot."""
         component = self._component(component_id)
-        component.heard_us = component.reported_us = t_us
-        return self._speaks(component, t_us)
+        component.last_us = component.reported_us = t_us
+        return self._is_autopilot(component, t_us)
 
     def rival(self, t_us: int) -> int:
-        """Id of another autopilot that reports while the one that speaks only beats; ``NOBODY`` for none."""
-        speaking = self._known.get(self.speaking)
-        if speaking is None or t_us - speaking.heard_us > _ALIVE_US or t_us - speaking.reported_us < _ALIVE_US:
-            return NOBODY
+        """Id of another autopilot that reports while that in use only sends heartbeats; ``NO_COMPONENT`` for none."""
+        autopilot = self._known.get(self.autopilot)
+        if autopilot is None or t_us - autopilot.last_us > _ALIVE_US or t_us - autopilot.reported_us < _ALIVE_US:
+            return NO_COMPONENT
         for other in self._known.values():
-            if other is not speaking and other.beats and t_us - other.reported_us < _ALIVE_US:
+            if other is not autopilot and other.sends_heartbeats and t_us - other.reported_us < _ALIVE_US:
                 return other.component_id
-        return NOBODY
+        return NO_COMPONENT
 
     def _component(self, component_id: int) -> _Component:
         known = self._known.get(component_id)
@@ -87,19 +105,20 @@ class Components:
             known = self._known[component_id] = _Component(component_id)
         return known
 
-    def _speaks(self, component: _Component, t_us: int) -> bool:
-        speaking = self._known.get(self.speaking)
-        if component is speaking:
+    def _is_autopilot(self, component: _Component, t_us: int) -> bool:
+        """Whether a component is the autopilot, which it becomes where it ranks higher or the other is silent."""
+        autopilot = self._known.get(self.autopilot)
+        if component is autopilot:
             return True
         if (
-            speaking is None
-            or component.standing > speaking.standing
-            or (t_us - speaking.heard_us > _SILENT_US and component.standing[0] >= speaking.standing[0])
+            autopilot is None
+            or component.rank > autopilot.rank
+            or (t_us - autopilot.last_us > _SILENT_US and component.rank[0] >= autopilot.rank[0])
         ):
-            if speaking is not None and speaking.beats:
-                self._news = (
-                    f"component {component.component_id} speaks for the vehicle now, {self.speaking} did before"
+            if autopilot is not None and autopilot.sends_heartbeats:
+                self._report = (
+                    f"component {component.component_id} speaks for the vehicle now, {self.autopilot} did before"
                 )
-            self.speaking = component.component_id
+            self.autopilot = component.component_id
             return True
         return False

@@ -1,260 +1,391 @@
-"""Who speaks under one system id: turns what is heard into contradictions, and those into words."""
+"""Whether one system id has two senders.
+
+A vehicle has one kind, one mode, one clock, one place, one attitude and one hardware id at a time. Places are compared
+by :mod:`mavlink.duplicate_id.claimed_places`, attitudes by :mod:`mavlink.duplicate_id.attitude_comparison`. In all else
+a second sender alternates with the vehicle, and that is what is looked for: contradictions whose sender changes again
+and again. A reboot, a new address or a late copy changes once or for an instant, and is no conflict; a receiver that
+jumps has one sender.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from typing import Literal
 
 from infra.reporting import Throttle
-from mavlink.duplicate_id.autopilot_id import Hardware, hardware_of
-from mavlink.duplicate_id.claimed_places import LATE_MOST_US, Places, same_way
-from mavlink.duplicate_id.id_conflict import Claim, Conflict, Contest, Turns
-from mavlink.duplicate_id.sender_consistency import AttitudeTracks, turned
-from mavlink.estimation.attitudes import Pose
-from mavlink.estimation.position_validation import GateParams
+from mavlink.duplicate_id.attitude_comparison import AttitudeComparison, turned_too_far
+from mavlink.duplicate_id.autopilot_id import HardwareId, hardware_id_of
+from mavlink.duplicate_id.claimed_places import MAX_LINK_LAG_US, ClaimedPlaces, same_channel
+from mavlink.estimation.interpolation import Pose
+from mavlink.estimation.positions import VehicleLimits
 from mavlink.protocol.messages import Attitude, GlobalPosition, Heartbeat
 from mavlink.protocol.modes import kind_name, mode_name
 from mavlink.protocol.packet import Packet
-from mavlink.reception.reception import Speaker
-from mavlink.reception.rejections import REPORT_AGAIN_US
+from mavlink.reception.reception import SenderKey
+from mavlink.reception.rejected_packets import REPORT_AGAIN_US
 from mavlink.state import Level
 
-__all__ = ["Senders"]
+__all__ = ["ConflictKind", "DuplicateIdDetector", "IdConflict"]
 
-_SEVERAL_US = 3_000_000
-_LEADS_US = 2_000_000  # places come once a second, and then tell whether a link is quicker or a clock another
-_BOOT_US = 500_000  # an autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time
-_ADDRESS_TURNS = 4
-_ADDRESSES_US = 600_000_000  # two radios into one port last a whole flight
-_KINDS = 8
-_USUAL, _OTHER = "usual", "other"
+ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "hardware"]
+
+_PAUSE_US = 3_000_000
+"""Contradictions farther apart than this do not belong together."""
+_SPAN_US = 900_000
+"""How long senders have to alternate at least: whoever restarts does so once."""
+_ALTERNATIONS: dict[ConflictKind, int] = {
+    "autopilot": 3,
+    "kind": 3,
+    "mode": 4,
+    "clock": 3,
+    "boot": 3,
+    "attitude": 3,
+}
+"""How often they have to; a mode more often, since an operator may switch there and back."""
+_HOLD_US = 4_500_000
+"""How long a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
+senders that send heartbeats once a second and lose packets."""
+_HOLD_HARDWARE_US = 60_000_000
+"""The same after two hardware ids, which are sent rarely."""
+
+_TOGETHER_US = 3_000_000
+"""Senders seen within this are seen together: three heartbeats."""
+_LEADS_US = 2_000_000
+"""Positions come once a second, and after this long they show whether a link is faster or a clock another's."""
+_BOOT_US = 500_000
+"""An autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time; this is far more."""
+_ADDRESS_CHANGES = 4
+"""Changes of the address after which two addresses are reported."""
+_ADDRESSES_US = 600_000_000
+"""And how often: two radios into one port last a whole flight."""
+_MAX_KINDS = 8
+"""Kinds of vehicle remembered, so that a flood of forged heartbeats costs no memory."""
+_USUAL_CLOCK, _OTHER_CLOCK = "usual", "other"
+_NO_SENDER = SenderKey(-1, 0, 0)
 
 
-class Senders:
-    """The senders of one system id.
+@dataclass(frozen=True, slots=True)
+class IdConflict:
+    """In what two senders of one system id contradict each other, and where they were received."""
+
+    kind: ConflictKind
+    detail: str
+    one: SenderKey
+    other: SenderKey
+
+
+class _Alternation:
+    """Two sides that alternate: how often the side has changed, without a longer pause, and for how long."""
+
+    __slots__ = ("_changes", "_first_us", "_last_us", "_side", "other", "sender")
+
+    def __init__(self) -> None:
+        self.sender = self.other = _NO_SENDER
+        """The side that was received last, and the one before."""
+        self._side: Hashable = None
+        self._changes = 0
+        self._first_us = self._last_us = 0
+
+    def add(self, side: Hashable, sender: SenderKey, other: SenderKey, t_us: int) -> bool:
+        """Adds one packet; True when its side is another than before.
+
+        Args:
+            side: what tells the sides apart.
+            sender: of this packet.
+            other: of the other side's last packet.
+            t_us: Unix µs of its arrival.
+        """
+        if not self._changes or not self.is_running(t_us):
+            self._changes, self._first_us = 1, t_us
+        elif side == self._side:
+            return False
+        else:
+            self._changes += 1
+        self._side, self.sender, self.other, self._last_us = side, sender, other, t_us
+        return True
+
+    def is_running(self, t_us: int) -> bool:
+        """Whether the last change of sides was in the last seconds."""
+        return self._changes > 0 and 0 <= t_us - self._last_us < _PAUSE_US
+
+    def is_established(self, changes: int, t_us: int) -> bool:
+        """Whether there were so many changes, over about a second."""
+        return self._changes >= changes and self.is_running(t_us) and self._last_us - self._first_us >= _SPAN_US
+
+
+class _Conflicts:
+    """Collects contradictions; a conflict lasts for some seconds after the last one (a minute for hardware ids)."""
+
+    def __init__(self) -> None:
+        self.newest: IdConflict | None = None
+        self._alternations: dict[ConflictKind, _Alternation] = {}
+        self._last_us = 0
+        self._hold_us = 0
+
+    def is_active(self, t_us: int) -> bool:
+        """Whether two senders use the id at a Unix time in µs."""
+        return abs(t_us - self._last_us) < self._hold_us
+
+    def is_running(self, kind: ConflictKind, t_us: int) -> bool:
+        """Whether there was a contradiction in the last seconds, so that packets of the usual side count too."""
+        alternation = self._alternations.get(kind)
+        return alternation is not None and alternation.is_running(t_us)
+
+    def add(
+        self, kind: ConflictKind, side: Hashable, sender: SenderKey, t_us: int, detail: str, other: SenderKey
+    ) -> None:
+        """Adds one contradiction.
+
+        Args:
+            kind: what is contradicted.
+            side: which of the two sides this packet is of.
+            sender: of this packet.
+            t_us: Unix µs of its arrival.
+            detail: in words for the operator.
+            other: of the other side's last packet.
+        """
+        alternation = self._alternations.setdefault(kind, _Alternation())
+        if alternation.add(side, sender, other, t_us) and alternation.is_established(_ALTERNATIONS[kind], t_us):
+            self.declare(kind, detail, sender, alternation.other, t_us)
+
+    def declare(self, kind: ConflictKind, detail: str, one: SenderKey, other: SenderKey, t_us: int) -> None:
+        """Notes that there are two senders for certain."""
+        if not self.is_active(t_us):
+            self.newest = IdConflict(kind, detail, one, other)
+        hold_us = _HOLD_HARDWARE_US if kind == "hardware" else _HOLD_US
+        if t_us + hold_us > self._last_us + self._hold_us or not self.is_active(t_us):
+            self._last_us, self._hold_us = t_us, hold_us
+
+
+class DuplicateIdDetector:
+    """Compares what the senders of one system id report.
 
     Args:
-        params: what the vehicle can do.
+        limits: what the vehicle can do.
         drives: a ground vehicle.
-        links: names of the links by index, for what is told.
+        links: names of the links by index, for messages to the operator.
         address: of a link's index and a peer's number, in words; empty where it is not known.
     """
 
     def __init__(
         self,
-        params: GateParams,
+        limits: VehicleLimits,
         *,
         drives: bool,
         links: tuple[str, ...] = (),
         address: Callable[[int, int], str] = lambda link, peer: "",
     ) -> None:
         self.reports = Throttle(REPORT_AGAIN_US)
-        self._rare_reports = Throttle(_ADDRESSES_US)
+        self._address_reports = Throttle(_ADDRESSES_US)
         self.hardware_text = ""
-        """Hardware id in hexadecimal, empty until told."""
+        """Hardware id in hexadecimal, empty until reported."""
         self._links, self._address = links, address
-        self._contest = Contest()
-        self._contested = False
-        self._places = Places(params, drives=drives)
-        self._attitudes = AttitudeTracks()
-        self._kinds: dict[tuple[int, int], tuple[int, Speaker]] = {}
+        self._conflicts = _Conflicts()
+        self._reported_conflict = False
+        self._places = ClaimedPlaces(limits, drives=drives)
+        self._attitudes = AttitudeComparison()
+        self._kinds: dict[tuple[int, int], tuple[int, SenderKey]] = {}
         self._kind: tuple[int, int] | None = None
-        self._beat: tuple[Heartbeat, Speaker] | None = None
-        self._boot: tuple[int, int, Speaker] | None = None
-        self._board: tuple[Hardware, int, Speaker] | None = None
-        self._speaker = Speaker(-1, 0, 0)
+        self._heartbeat: tuple[Heartbeat, SenderKey] | None = None
+        self._boot: tuple[int, int, SenderKey] | None = None
+        self._hardware: tuple[HardwareId, int, SenderKey] | None = None
+        self._sender = _NO_SENDER
         self._changed_us = 0
-        self._addresses = Turns()
-        self._clock_speaker = self._clock_other = self._speaker
-        self._leading = (self._speaker, 0)
-        self._autopilot: Speaker | None = None
+        self._addresses = _Alternation()
+        self._usual_clock = self._other_clock = self._sender
+        self._leading = (self._sender, 0)
+        self._autopilot: SenderKey | None = None
 
-    def speaks(self, speaker: Speaker, t_us: int) -> None:
-        """Somebody said something."""
-        before = self._speaker
-        if speaker == before:
+    def add_sender(self, sender: SenderKey, t_us: int) -> None:
+        """Notes who sent a packet."""
+        before = self._sender
+        if sender == before:
             return
-        self._speaker = speaker
+        self._sender = sender
         if before.link < 0:
             return
         self._changed_us = t_us
-        if before.link == speaker.link and before.peer != speaker.peer:
-            self._addresses.take(speaker.peer, speaker, before, t_us)
+        if before.link == sender.link and before.peer != sender.peer:
+            self._addresses.add(sender.peer, sender, before, t_us)
 
-    def several(self, t_us: int) -> bool:
-        """Whether more than one speaker was heard in the last seconds: two radios, or two vehicles."""
-        return abs(t_us - self._changed_us) < _SEVERAL_US
+    def several_senders(self, t_us: int) -> bool:
+        """Whether more than one sender was received in the last seconds: two radios, or two vehicles."""
+        return abs(t_us - self._changed_us) < _TOGETHER_US
 
-    def contested(self, t_us: int) -> bool:
+    def in_conflict(self, t_us: int) -> bool:
         """Whether two senders contradict each other."""
-        return self._contest.contested(t_us)
+        return self._conflicts.is_active(t_us)
 
-    def heartbeat(self, sample: Heartbeat, speaker: Speaker) -> tuple[str, str] | None:
-        """Compares the kind of vehicle with what was said before; both in words when it is a new one."""
+    def compare_kind(self, sample: Heartbeat, sender: SenderKey) -> tuple[str, str] | None:
+        """Compares the kind of vehicle with those reported before; the last and this in words when they differ."""
         kind, before = (sample.type, sample.autopilot), self._kind
         self._kind = kind
         self._kinds.pop(kind, None)
-        self._kinds[kind] = (sample.t_us, speaker)
-        if len(self._kinds) > _KINDS:
+        self._kinds[kind] = (sample.t_us, sender)
+        if len(self._kinds) > _MAX_KINDS:
             del self._kinds[next(iter(self._kinds))]
         if len(self._kinds) > 1:
-            self._compare_kinds(kind, speaker, sample.t_us)
+            self._compare_with_recent_kinds(kind, sender, sample.t_us)
         if before is None or kind_name(before[0]) == kind_name(kind[0]):
             return None
         return kind_name(before[0]), kind_name(kind[0])
 
-    def mode(self, sample: Heartbeat, speaker: Speaker) -> None:
-        """Compares armed and mode with what another said: whoever changes them changes them on all its radios."""
-        before, self._beat = self._beat, (sample, speaker)
-        if before is None or before[1] == speaker or not abs(sample.t_us - before[0].t_us) < _SEVERAL_US:
+    def compare_mode(self, sample: Heartbeat, sender: SenderKey) -> None:
+        """Compares armed and mode with those of another sender: who changes them changes them on all its radios."""
+        before, self._heartbeat = self._heartbeat, (sample, sender)
+        if before is None or before[1] == sender or not abs(sample.t_us - before[0].t_us) < _TOGETHER_US:
             return
-        one, other = _mode(before[0]), _mode(sample)
+        one, other = _mode_text(before[0]), _mode_text(sample)
         if one != other:
-            self._contest.take("mode", speaker, speaker, sample.t_us, f"{one} and {other}", before[1])
+            self._conflicts.add("mode", sender, sender, sample.t_us, f"{one} and {other}", before[1])
 
-    def booted(self, t_us: int, speaker: Speaker, moment_us: int) -> None:
-        """When the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
-        before, self._boot = self._boot, (moment_us, t_us, speaker)
-        if before is None or not abs(t_us - before[1]) < _SEVERAL_US or abs(moment_us - before[0]) < _BOOT_US:
+    def compare_boot_time(self, t_us: int, sender: SenderKey, booted_us: int) -> None:
+        """Compares when the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
+        before, self._boot = self._boot, (booted_us, t_us, sender)
+        if before is None or not abs(t_us - before[1]) < _TOGETHER_US or abs(booted_us - before[0]) < _BOOT_US:
             return
-        detail = f"two vehicles, switched on {abs(moment_us - before[0]) * 1e-6:.1f} s apart"
-        self._contest.take("boot", moment_us > before[0], speaker, t_us, detail, before[2])
+        detail = f"two vehicles, switched on {abs(booted_us - before[0]) * 1e-6:.1f} s apart"
+        self._conflicts.add("boot", booted_us > before[0], sender, t_us, detail, before[2])
 
-    def other_clock(self, t_us: int, speaker: Speaker, gap_s: float) -> None:
-        """A boot time that is not of this vehicle's count, nor of the one before its reboot.
+    def add_other_clock(self, t_us: int, sender: SenderKey, gap_s: float) -> None:
+        """Adds a boot time that is not of this vehicle's count, nor of the one before its reboot.
 
         Args:
+            t_us: Unix µs of its arrival.
+            sender: of the message.
             gap_s: how much later the message came than its boot time allows; negative when it came earlier.
         """
-        if -LATE_MOST_US <= gap_s * 1e6 < 0 and not self._is_other(speaker, t_us):
+        if -MAX_LINK_LAG_US <= gap_s * 1e6 < 0 and not self._stays_ahead(sender, t_us):
             return
-        self._clock_other = speaker
+        self._other_clock = sender
         detail = f"two clocks, {abs(gap_s):.0f} s apart"
-        self._contest.take("clock", _OTHER, speaker, t_us, detail, self._clock_speaker)
+        self._conflicts.add("clock", _OTHER_CLOCK, sender, t_us, detail, self._usual_clock)
 
-    def _is_other(self, speaker: Speaker, t_us: int) -> bool:
-        """Whether one who is some seconds ahead is another's clock, not this vehicle's over a quicker link."""
-        if self._places.tells(speaker, t_us):
+    def _stays_ahead(self, sender: SenderKey, t_us: int) -> bool:
+        """Whether a sender that is seconds ahead has another's clock, and is not this vehicle over a faster link."""
+        if self._places.is_reporting(sender, t_us):
             return False  # its places decide
-        if self._leading[0] != speaker:
-            self._leading = (speaker, t_us)
+        if self._leading[0] != sender:
+            self._leading = (sender, t_us)
         return t_us - self._leading[1] >= _LEADS_US
 
-    def usual_clock(self, t_us: int, speaker: Speaker) -> None:
-        """A boot time that fits."""
-        self._clock_speaker = speaker
-        if self._contest.disputed("clock", t_us):
-            self._contest.take("clock", _USUAL, speaker, t_us, "two clocks", self._clock_other)
+    def add_usual_clock(self, t_us: int, sender: SenderKey) -> None:
+        """Adds a boot time that fits."""
+        self._usual_clock = sender
+        if self._conflicts.is_running("clock", t_us):
+            self._conflicts.add("clock", _USUAL_CLOCK, sender, t_us, "two clocks", self._other_clock)
 
-    def place(self, sample: GlobalPosition, speaker: Speaker, std_m: float) -> None:
-        """A place of any component: compared with what others said."""
-        dissent = self._places.take(speaker, sample, std_m)
-        if dissent:
-            detail = f"two places, {dissent.gap_m:.0f} m apart"
-            self._contest.declare("place", detail, speaker, dissent.other, sample.t_us)
+    def compare_place(self, sample: GlobalPosition, sender: SenderKey, std_m: float) -> None:
+        """Compares a place, of any component, with those of other senders."""
+        conflict = self._places.add(sender, sample, std_m)
+        if conflict:
+            detail = f"two places, {conflict.gap_m:.0f} m apart"
+            self._conflicts.declare("place", detail, sender, conflict.other, sample.t_us)
 
-    def quicker(self, speaker: Speaker, t_us: int) -> bool:
-        """Whether a sender turned out to be the same vehicle over a quicker link, or nobody else tells a place."""
-        if self._places.quicker(speaker):
+    def is_faster_link(self, sender: SenderKey, t_us: int) -> bool:
+        """Whether a sender is the same vehicle over a faster link, or the only one that reports a place."""
+        if self._places.is_faster_link(sender):
             return True
-        return not same_way(speaker, self._clock_speaker) and self._places.alone(speaker, t_us)
+        return not same_channel(sender, self._usual_clock) and self._places.is_only_one(sender, t_us)
 
-    def trails(self, speaker: Speaker) -> bool:
-        """Whether it turned out to be the same vehicle over a later one."""
-        return self._places.trails(speaker)
+    def trails(self, sender: SenderKey) -> bool:
+        """Whether a sender is the same vehicle over a slower link."""
+        return self._places.trails(sender)
 
-    def autopilots(self, t_us: int, speaker: Speaker, rival: int) -> None:
-        """Two components beat as the autopilot, and only the one that is not taken for it reports.
+    def compare_autopilots(self, t_us: int, sender: SenderKey, rival: int) -> None:
+        """Compares two components that send an autopilot's heartbeat while only the one that is not in use reports.
 
         Args:
-            speaker: whose heartbeat came.
+            t_us: Unix µs of the heartbeat.
+            sender: of the heartbeat.
             rival: id of the one that reports, negative for none.
         """
-        before, self._autopilot = self._autopilot, speaker
-        sides = (before.component, speaker.component) if before is not None else ()
-        if before is not None and rival in sides and speaker.component != before.component:
+        before, self._autopilot = self._autopilot, sender
+        sides = (before.component, sender.component) if before is not None else ()
+        if before is not None and rival in sides and sender.component != before.component:
             detail = "two autopilots, and the other than before tells a place"
-            self._contest.take("autopilot", speaker.component, speaker, t_us, detail, before)
+            self._conflicts.add("autopilot", sender.component, sender, t_us, detail, before)
 
-    def attitude(self, boot_us: int, sample: Attitude, speaker: Speaker) -> None:
-        """An attitude, while several speak."""
-        dissent = self._attitudes.take(speaker, boot_us, sample)
-        if dissent:
-            detail = f"two attitudes, {math.degrees(dissent.gap):.0f}° apart"
-            self._contest.take("attitude", speaker, speaker, sample.t_us, detail, dissent.other)
+    def compare_attitude(self, boot_us: int, sample: Attitude, sender: SenderKey) -> None:
+        """Compares an attitude with those of other senders."""
+        conflict = self._attitudes.add(sender, boot_us, sample)
+        if conflict:
+            detail = f"two attitudes, {math.degrees(conflict.gap):.0f}° apart"
+            self._conflicts.add("attitude", sender, sender, sample.t_us, detail, conflict.other)
 
-    def late_attitude(self, sample: Attitude, speaker: Speaker, then: Pose | None) -> None:
-        """An attitude that came late: the vehicle's own word is known to the one that it gave then."""
-        if then is not None and then.bracketed and turned(sample, then, then.age_s):
-            self._clock_other = speaker
-            self._contest.take(
-                "clock", _OTHER, speaker, sample.t_us, "two clocks and two attitudes", self._clock_speaker
-            )
+    def compare_late_attitude(self, sample: Attitude, sender: SenderKey, then: Pose | None) -> None:
+        """Compares an attitude that came late with the one that the vehicle reported for that time."""
+        if then is not None and then.bracketed and turned_too_far(sample, then, then.age_s):
+            self._other_clock = sender
+            detail = "two clocks and two attitudes"
+            self._conflicts.add("clock", _OTHER_CLOCK, sender, sample.t_us, detail, self._usual_clock)
 
-    def hardware(self, packet: Packet, speaker: Speaker, epoch: int) -> str:
-        """Hardware id, compared with the one before; says so when the board was changed."""
-        board, known = hardware_of(packet), self._board
-        if not board.text:
+    def compare_hardware(self, packet: Packet, sender: SenderKey, epoch: int) -> str:
+        """Compares the hardware id with the one before; returns what to report when the board was changed."""
+        hardware, known = hardware_id_of(packet), self._hardware
+        if not hardware.text:
             return ""
-        if known is None or not known[0].differs(board):
-            self._board = (board, epoch, speaker)
-            self.hardware_text = board.text
+        if known is None or not known[0].differs(hardware):
+            self._hardware = (hardware, epoch, sender)
+            self.hardware_text = hardware.text
             return ""
         if known[1] != epoch:
-            self._board, self.hardware_text = (board, epoch, speaker), board.text
-            return f"is another autopilot since it has rebooted (hardware id {board.text})"
-        detail = f"two autopilots, hardware id {known[0].text} and {board.text}"
-        self._contest.declare("uid", detail, speaker, known[2], packet.t_us)
+            self._hardware, self.hardware_text = (hardware, epoch, sender), hardware.text
+            return f"is another autopilot since it has rebooted (hardware id {hardware.text})"
+        detail = f"two autopilots, hardware id {known[0].text} and {hardware.text}"
+        self._conflicts.declare("hardware", detail, sender, known[2], packet.t_us)
         return ""
 
-    def news(self, t_us: int, system_id: int) -> tuple[Level, str]:
-        """What to tell since the last call; an empty text for nothing."""
-        contested = self._contest.contested(t_us)
-        if contested == self._contested:
-            return ("info", "") if contested else ("warning", self._two_addresses(t_us, system_id))
-        self._contested = contested
-        if not contested:
-            return "info", f"system id {system_id} has one sender again: {self.where(self._speaker)}"
-        conflict = self._contest.conflict
+    def report(self, t_us: int, system_id: int) -> tuple[Level, str]:
+        """What an operator should know since the last call; an empty text for nothing."""
+        active = self._conflicts.is_active(t_us)
+        if active == self._reported_conflict:
+            return ("info", "") if active else ("warning", self._two_addresses_text(t_us, system_id))
+        self._reported_conflict = active
+        if not active:
+            return "info", f"system id {system_id} has one sender again: {self.channel_text(self._sender)}"
+        conflict = self._conflicts.newest
         assert conflict is not None
-        text = f"two senders use system id {system_id}: its positions are not used; {self._words(conflict)}"
+        text = f"two senders use system id {system_id}: its positions are not used; {self._conflict_text(conflict)}"
         return "alarm", text
 
-    def _two_addresses(self, t_us: int, system_id: int) -> str:
-        """A second radio into one port looks like this, and so does somebody who says the same: told, not refused."""
-        turns = self._addresses
-        if not turns.established(_ADDRESS_TURNS, t_us) or not self._rare_reports.due("addresses", t_us):
+    def _two_addresses_text(self, t_us: int, system_id: int) -> str:
+        """A second radio into one port looks like this, and so does a forger who agrees: reported, not rejected."""
+        found = self._addresses
+        if not found.is_established(_ADDRESS_CHANGES, t_us) or not self._address_reports.due("addresses", t_us):
             return ""
-        return f"system {system_id} speaks from two addresses ({self.where(turns.other)} and {self.where(turns.where)})"
+        other, one = self.channel_text(found.other), self.channel_text(found.sender)
+        return f"system {system_id} speaks from two addresses ({other} and {one})"
 
-    def where(self, speaker: Speaker) -> str:
+    def channel_text(self, sender: SenderKey) -> str:
         """A channel in words, without the component."""
-        name = self._links[speaker.link] if 0 <= speaker.link < len(self._links) else f"link {speaker.link}"
-        address = self._address(speaker.link, speaker.peer) if speaker.peer else ""
+        name = self._links[sender.link] if 0 <= sender.link < len(self._links) else f"link {sender.link}"
+        address = self._address(sender.link, sender.peer) if sender.peer else ""
         if address:
             return f"{address} on {name}"
-        return f"{name} address {speaker.peer}" if speaker.peer else name
+        return f"{name} address {sender.peer}" if sender.peer else name
 
-    def _words(self, conflict: Conflict) -> str:
-        one, other = self.where(conflict.other), self.where(conflict.one)
+    def _conflict_text(self, conflict: IdConflict) -> str:
+        one, other = self.channel_text(conflict.other), self.channel_text(conflict.one)
         components = conflict.other.component, conflict.one.component
         if components[0] != components[1]:
             return f"{conflict.detail}: component {components[0]} at {one} and component {components[1]} at {other}"
         return f"{conflict.detail}: {one} and {other}" if one != other else f"{conflict.detail}: both on {one}"
 
-    def _compare_kinds(self, kind: tuple[int, int], speaker: Speaker, t_us: int) -> None:
-        claim: Claim = "kind"
+    def _compare_with_recent_kinds(self, kind: tuple[int, int], sender: SenderKey, t_us: int) -> None:
         for other in list(self._kinds):
-            seen_us, other_speaker = self._kinds[other]
-            if not abs(t_us - seen_us) < _SEVERAL_US:
+            seen_us, other_sender = self._kinds[other]
+            if not abs(t_us - seen_us) < _TOGETHER_US:
                 del self._kinds[other]
             elif other != kind:
                 names = f"a {kind_name(other[0])} and a {kind_name(kind[0])}"
                 if kind_name(other[0]) == kind_name(kind[0]):
                     names = f"type {other[0]} autopilot {other[1]} and type {kind[0]} autopilot {kind[1]}"
-                self._contest.take(claim, kind, speaker, t_us, names, other_speaker)
+                self._conflicts.add("kind", kind, sender, t_us, names, other_sender)
 
 
-def _mode(beat: Heartbeat) -> str:
-    mode = mode_name(beat.type, beat.autopilot, beat.base_mode, beat.custom_mode)
-    return f"{'armed' if beat.armed else 'disarmed'} in {mode}"
+def _mode_text(heartbeat: Heartbeat) -> str:
+    mode = mode_name(heartbeat.type, heartbeat.autopilot, heartbeat.base_mode, heartbeat.custom_mode)
+    return f"{'armed' if heartbeat.armed else 'disarmed'} in {mode}"

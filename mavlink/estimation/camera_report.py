@@ -1,4 +1,4 @@
-"""What a UAV says about its camera: how wide it sees, how large its image is, how far it has zoomed.
+"""What a UAV reports of its camera: field of view, image size, rotation and zoom.
 
 The field of view, by order of preference:
 
@@ -6,8 +6,8 @@ The field of view, by order of preference:
     VIDEO_STREAM_INFORMATION   that of the stream, in whole degrees
     CAMERA_INFORMATION         2 atan(sensor size / 2 focal length)
 
-The size of the image is the stream's, else the camera's; an image that was seen knows better. Numbers that no camera
-has are refused, and it is said once why.
+The size of the image is the stream's, else the camera's; that of a decoded frame goes before both. Numbers that no
+camera has are rejected, with the reason reported once.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ __all__ = ["NARROWEST", "WIDEST", "CameraReports", "CameraSample"]
 NARROWEST, WIDEST = math.radians(0.5), math.radians(175.0)
 """Fields of view of cameras, rad."""
 SIZES_PX = (16, 16384)
+"""Smallest and greatest side of an image; anything else is not a camera's."""
 
 _NAMES: dict[type, str] = {
     CameraFov: "CAMERA_FOV_STATUS",
@@ -31,59 +32,56 @@ _NAMES: dict[type, str] = {
     CameraInformation: "CAMERA_INFORMATION",
     CameraSettings: "CAMERA_SETTINGS",
 }
-"""Best first."""
+"""By rank, highest first."""
 
 CameraSample = CameraInformation | CameraFov | VideoStreamInformation | CameraSettings
 
 
 class CameraReports:
-    """Puts together what several messages say about a camera.
+    """Combines what several messages report of a camera.
 
     Args:
-        chosen: the camera to listen to, by device id 1-6 or component id; 0: the first that tells its field of view.
+        chosen: the camera to use, by device id 1-6 or component id; 0: the first that reports its field of view.
     """
 
     def __init__(self, chosen: int = 0) -> None:
-        self._chosen = chosen
         self._cameras: dict[int, _Camera] = {}
         self._used = chosen
         self._reports = ReportOnce()
-
-    @property
-    def report(self) -> CameraReport | None:
-        """The camera, None as long as its field of view is unknown."""
-        camera = self._cameras.get(self._used)
-        return camera.report if camera else None
+        self.report: CameraReport | None = None
+        """Of the camera in use, None as long as its field of view is unknown."""
 
     @property
     def stream(self) -> VideoStreamInformation | None:
-        """The video that the camera in use offers, or the first that offers one; None while none does."""
+        """The video stream of the camera in use, or of the first that has one; None while none has."""
         used = self._cameras.get(self._used)
         cameras = [used] if used and used.stream else self._cameras.values()
         return next((camera.stream for camera in cameras if camera.stream and camera.stream.uri), None)
 
     @property
     def gimbal_id(self) -> int:
-        """Of the gimbal that the camera says it hangs on, 0 unknown."""
+        """Of the gimbal that carries the camera, 0 unknown."""
         camera = self._cameras.get(self._used) or next(iter(self._cameras.values()), None)
         return camera.information.gimbal_id if camera and camera.information else 0
 
-    def take(self, sample: CameraSample) -> list[str]:
-        """Takes any of the four messages; returns what is refused and why, and which camera is not used. Each once."""
+    def add(self, sample: CameraSample) -> list[str]:
+        """Adds any of the four messages; returns what is rejected and why, and which camera is not used. Each once."""
         device = sample.device_id or sample.component_id
         camera = self._cameras.setdefault(device, _Camera())
-        texts = [f"{name} not used: {reason}" for name, reason in camera.take(sample)]
+        texts = [f"{name} not used: {reason}" for name, reason in camera.add(sample)]
         if camera.report is not None and device != self._used:
             if self._used:
                 texts.append(f"camera {device} reports too and is not used: [camera] device chooses")
             else:
                 self._used = device
+        used = self._cameras.get(self._used)
+        self.report = used.report if used else None
         return self._reports.new(texts)
 
 
 @dataclass(slots=True)
 class _Camera:
-    """What one camera said; what is refused leaves standing what it said before."""
+    """What one camera reported; a rejected value leaves the one before in place."""
 
     information: CameraInformation | None = None
     stream: VideoStreamInformation | None = None
@@ -94,29 +92,29 @@ class _Camera:
     zoom_percent: float = math.nan
     report: CameraReport | None = None
 
-    def take(self, sample: CameraSample) -> list[tuple[str, str]]:
-        """Keeps a message; returns (message, reason) for what is refused."""
-        refused: list[str] = []
+    def add(self, sample: CameraSample) -> list[tuple[str, str]]:
+        """Adds a message; returns (message, reason) for each value that is rejected."""
+        rejected: list[str] = []
         name = _NAMES[type(sample)]
         if isinstance(sample, CameraSettings):
-            self._take_zoom(sample.zoom_percent, refused)
+            self._set_zoom(sample.zoom_percent, rejected)
         elif isinstance(sample, CameraFov):
-            self._take_angles(name, (sample.hfov, sample.vfov), refused)
+            self._set_angles(name, (sample.hfov, sample.vfov), rejected)
         elif isinstance(sample, CameraInformation):
             self.information = sample
-            self._take_angles(name, _lens_angles(sample), refused)
-            self._take_size(name, (sample.width_px, sample.height_px), refused)
+            self._set_angles(name, _lens_angles(sample), rejected)
+            self._set_size(name, (sample.width_px, sample.height_px), rejected)
         elif self.stream is None or sample.stream_id <= self.stream.stream_id:
             self.stream = sample
-            self._take_angles(name, (sample.hfov, math.nan), refused)
-            self._take_size(name, (sample.width_px, sample.height_px), refused)
-            self._take_rotation(sample.rotation_deg, refused)
-        self.report = self._put_together()
-        return [(name, reason) for reason in refused]
+            self._set_angles(name, (sample.hfov, math.nan), rejected)
+            self._set_size(name, (sample.width_px, sample.height_px), rejected)
+            self._set_rotation(sample.rotation_deg, rejected)
+        self.report = self._combined()
+        return [(name, reason) for reason in rejected]
 
-    def _take_angles(self, name: str, angles: tuple[float, float], refused: list[str]) -> None:
+    def _set_angles(self, name: str, angles: tuple[float, float], rejected: list[str]) -> None:
         known = [angle if NARROWEST < angle < WIDEST else math.nan for angle in angles]
-        refused += (
+        rejected += (
             f"a field of view of {math.degrees(angle):.4g}°"
             for angle, kept in zip(angles, known, strict=True)
             if math.isnan(kept) and not math.isnan(angle)
@@ -124,25 +122,25 @@ class _Camera:
         if not all(map(math.isnan, known)):
             self.angles[name] = known[0], known[1]
 
-    def _take_size(self, name: str, size: tuple[int, int], refused: list[str]) -> None:
+    def _set_size(self, name: str, size: tuple[int, int], rejected: list[str]) -> None:
         if all(SIZES_PX[0] <= side <= SIZES_PX[1] for side in size):
             self.size[name] = size
         elif all(size):
-            refused.append(f"an image of {size[0]}×{size[1]}")
+            rejected.append(f"an image of {size[0]}×{size[1]}")
 
-    def _take_rotation(self, rotation_deg: int, refused: list[str]) -> None:
+    def _set_rotation(self, rotation_deg: int, rejected: list[str]) -> None:
         if rotation_deg in (0, 90, 180, 270):
             self.rotation_deg = rotation_deg
         else:
-            refused.append(f"a rotation of {rotation_deg}°")
+            rejected.append(f"a rotation of {rotation_deg}°")
 
-    def _take_zoom(self, percent: float, refused: list[str]) -> None:
+    def _set_zoom(self, percent: float, rejected: list[str]) -> None:
         if 0.0 <= percent <= 100.0:
             self.zoom_percent = percent
         elif not math.isnan(percent):
-            refused.append(f"a zoom of {percent:g} % of the range")
+            rejected.append(f"a zoom of {percent:g} % of the range")
 
-    def _put_together(self) -> CameraReport | None:
+    def _combined(self) -> CameraReport | None:
         source = next((name for name in _NAMES.values() if name in self.angles), "")
         if not source:
             return None
@@ -161,7 +159,7 @@ class _Camera:
 
 
 def _lens_angles(lens: CameraInformation) -> tuple[float, float]:
-    """Angles that a lens and a sensor make, NaN unknown."""
+    """Horizontal and vertical field of view of a lens and a sensor, NaN unknown."""
 
     def angle(side: float) -> float:
         # tan(fov / 2) = sensor size / 2 focal length; a focal length of 0 and a sensor of 0 stand for unknown

@@ -11,14 +11,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from enum import Enum
 from itertools import pairwise
 
-__all__ = ["ClockParams", "VehicleClock"]
+__all__ = ["ClockFit", "ClockParams", "ClockReading", "VehicleClock"]
 
 _WRAP_US = (1 << 32) * 1000
+"""Boot times are 32 bits of milliseconds: 49.7 days."""
 _MS = 1000
 _S = 1_000_000
-_LINES, _LINE_US = 4, 5 * _S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +27,7 @@ class ClockParams:
     """How a vehicle's clock may behave."""
 
     max_drift: float = 500e-6
-    """Greatest drift believed of a fit that may be a link's doing. Crystals are within some tens of ppm, autopilots
+    """Greatest drift accepted of a fit that may be a link's doing. Crystals are within some tens of ppm, autopilots
     measure 120–150 ppm. Raise for worse crystals, lower for steadier fits."""
     max_sure_drift: float = 0.05
     """Greatest drift followed once it is sure. Microcontrollers that run on their RC oscillator are within 1 % at 25 °C
@@ -39,7 +40,7 @@ class ClockParams:
     fit_after_us: int = 20 * _S
     """Drift is taken as 0 until the points span this much."""
     known_after_us: int = 60 * _S
-    """And is worth telling from here on: over less, the delays of a busy host look like hundreds of ppm."""
+    """And is worth reporting from here on: over less, the delays of a busy host look like hundreds of ppm."""
     sure: float = 150e-6
     """By how much a half's drift may differ from the whole's. Raise for jittery links."""
     late_us: int = 5 * _S
@@ -47,21 +48,65 @@ class ClockParams:
     early_us: int = _S
     """Arrival this much earlier than possible is a step of the host's clock, or a damaged time."""
     step_hold_us: int = 3 * _S
-    """A step is believed when it has lasted this long."""
+    """A step is accepted when it has lasted this long."""
     steps_within_us: int = 60 * _S
     """Three steps within this, and the vehicle's clock is not followed any more."""
     back_us: int = _S
     """Boot time going back by more than this is a reboot or a late copy."""
     reboot_hold_us: int = 250_000
-    """A reboot is believed when the new count has run on for this long."""
+    """A reboot is accepted when the new count has run on for this long."""
     reboot_below_us: int = 300 * _S
     """A vehicle that has just rebooted counts less than this."""
     reboot_fresh_us: int = 15 * _S
     """And less than this when its count is also that of a link so much later than another."""
+    reboot_surprise_us: int = 600 * _S
+    """A boot time farther than this from what was expected, wrapped or not, is taken as it came: a reboot."""
     late_most_us: int = 60 * _S
     """No link is later than this."""
     late_hold_us: int = 15 * _S
-    """When nothing but late messages has come for this long, they are all there is: their link counts as the way."""
+    """When nothing but late messages has come for this long, the vehicle has no faster link: the clock follows them."""
+    line_us: int = 5 * _S
+    """Outliers no farther apart than this may be on one line."""
+    line_width_us: int = _S // 2
+    """And when their offsets agree to this: more than the jitter of a radio."""
+    lines: int = 4
+    """Lines of outliers followed beside the clock: late copies may run beside a reboot."""
+    line_messages: int = 3
+    """Messages that make a line."""
+    zero_times: int = 3
+    """Boot times of 0 in a row that show a sender without a clock."""
+
+
+class ClockFit(Enum):
+    """How the boot time of one message fits the clock."""
+
+    FITS = "on the clock's line"
+    LATE = "came late: of this count, or of the one before the last reboot"
+    OUTLIER = "fits neither: another sender, or a reboot or step that is not accepted yet"
+    FOLLOWED_LATE = "came late, and the clock follows it from now on"
+
+    @property
+    def fits(self) -> bool:
+        """The boot time is one of this clock's."""
+        return self in (ClockFit.FITS, ClockFit.FOLLOWED_LATE)
+
+    @property
+    def late(self) -> bool:
+        """The message came over a late link."""
+        return self in (ClockFit.LATE, ClockFit.FOLLOWED_LATE)
+
+
+@dataclass(frozen=True, slots=True)
+class ClockReading:
+    """What one message shows of the clock."""
+
+    boot_us: int
+    """Its boot time, unwrapped."""
+    fit: ClockFit
+    rebooted: bool = False
+    """The vehicle has rebooted, as this message proves."""
+    new_epoch: bool = False
+    """Earlier boot times cannot be compared with this one: a reboot, or a sender whose clock is not followed."""
 
 
 @dataclass(slots=True)
@@ -75,7 +120,7 @@ class _Line:
 
 
 @dataclass(frozen=True, slots=True)
-class _Past:
+class _FormerClock:
     """The clock before a restart."""
 
     newest_us: int
@@ -84,8 +129,11 @@ class _Past:
     """Arrival less boot time."""
     end_us: int
     """Arrival of the message that ended it."""
-    lives: bool
+    valid: bool
     """The vehicle has not rebooted: the clock is that of a faster link, which may come back."""
+
+
+_NO_FORMER_CLOCK = _FormerClock(0, 0, 0, valid=False)
 
 
 class VehicleClock:
@@ -93,21 +141,15 @@ class VehicleClock:
 
     def __init__(self, params: ClockParams | None = None) -> None:
         self.params = params or ClockParams()
-        self.reboots = 0
-        """How often the vehicle's count started anew."""
         self.epoch = 0
-        """Changes whenever boot times before and after cannot be compared: a reboot, or a clock given up."""
+        """Changes whenever boot times before and after cannot be compared: a reboot, or a clock no longer followed."""
         self.restarts = 0
         """Changes whenever boot times are mapped anew: what came before keeps the Unix time it was given then."""
-        self.stray = False
-        """Whether the last boot time did not fit: a late copy, another sender, or a reboot not yet believed."""
-        self.late = False
-        """Whether it did not fit because it came late: it is of this count, or of the one before the last reboot."""
-        self._frozen = 0
+        self._zero_times = 0
         self._by_arrival = False
         self._steps: deque[int] = deque(maxlen=3)
         self._started = False
-        self._past = _Past(0, 0, 0, lives=False)
+        self._former = _NO_FORMER_CLOCK
         self._restart(0, 0)
 
     def _restart(self, boot_us: int, arrival_us: int) -> None:
@@ -120,59 +162,59 @@ class VehicleClock:
         self._bins: deque[tuple[int, int]] = deque(maxlen=self.params.bins)
         self._bin_stop = boot_us + self.params.bin_us
         self._least = (boot_us, arrival_us - boot_us)
-        self._delay_us = 20_000.0
         self._measured = False
         self._lines: list[_Line] = []
-        self._astray_us = 0  # arrival of the first message in a row that did not fit
+        self._outlier_since_us = 0  # arrival of the first message in a row that did not fit, 0 for none
 
-    def to_unix_us(self, boot_ms: int, arrival_us: int) -> int:
-        """Learns from one message and says when it was made, Unix µs."""
-        return self.unix_of(self.learn(boot_ms, arrival_us))
+    def add_message(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> ClockReading:
+        """Learns from one message and returns its boot time.
 
-    def learn(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> int:
-        """Learns from one message and returns its boot time, unwrapped, µs.
+        A sender that leaves its boot time at zero has no clock, and one that cannot be followed (a simulator that runs
+        at another speed) has none that helps: the boot time of their messages is their arrival.
 
         Args:
             boot_ms: as sent.
             arrival_us: Unix µs.
-            trails: its link is known to be later than another, so that it tells of no reboot.
-
-        A sender that leaves its boot time at zero has none, and one that cannot be followed (a simulator that runs
-        at another speed) has none that helps: their messages count by their arrival.
+            trails: its link is known to be later than another, so that it cannot show a reboot.
         """
-        self._frozen = self._frozen + 1 if boot_ms == 0 else 0
-        if not self._by_arrival and self._frozen >= 3:
-            self._give_up(arrival_us)
+        epoch = self.epoch
+        self._zero_times = self._zero_times + 1 if boot_ms == 0 else 0
+        if not self._by_arrival and self._zero_times >= self.params.zero_times:
+            self._fall_back_to_arrival(arrival_us)
         boot_us = arrival_us if self._by_arrival else self._unwrap(boot_ms * _MS, arrival_us)
         if not self._started:
             self._started = True
             self._restart(boot_us, arrival_us)
-            return boot_us
+            return ClockReading(boot_us, ClockFit.FITS, new_epoch=self.epoch != epoch)
         late_us = arrival_us - self.unix_of(boot_us)
         back = boot_us < self._newest - self.params.back_us
-        self.stray = back or late_us > self.params.late_us or late_us < -self.params.early_us
-        self.late = self.stray and self._is_late(boot_us, arrival_us, late_us)
-        if self.stray:
-            self._consider(boot_us, arrival_us, trails)
-            boot_us = arrival_us if self._by_arrival else boot_us
-        else:
+        if not (back or late_us > self.params.late_us or late_us < -self.params.early_us):
             self._lines.clear()
-            self._astray_us = 0
-            self._take(boot_us, arrival_us, late_us)
-        return boot_us
+            self._outlier_since_us = 0
+            self._add_point(boot_us, arrival_us, late_us)
+            return ClockReading(boot_us, ClockFit.FITS, new_epoch=self.epoch != epoch)
+        late = self._is_late(boot_us, arrival_us, late_us)
+        followed, rebooted = self._add_outlier(boot_us, arrival_us, late, trails)
+        if late:
+            fit = ClockFit.FOLLOWED_LATE if followed else ClockFit.LATE
+        else:
+            fit = ClockFit.FITS if followed else ClockFit.OUTLIER
+        boot_us = arrival_us if self._by_arrival else boot_us
+        return ClockReading(boot_us, fit, rebooted=rebooted, new_epoch=self.epoch != epoch)
 
-    def quicken(self, boot_us: int, arrival_us: int) -> None:
-        """Follows a message of the same count that came over a quicker link: what came so far was late."""
-        self._past = _Past(self._newest, round(self._line(self._newest)), arrival_us, lives=True)
-        self.stray = self.late = False
-        self._restart(boot_us, arrival_us)
+    def follow_faster_link(self, reading: ClockReading, arrival_us: int) -> ClockReading:
+        """Follows a message of the same count that came over a faster link: what came so far was late."""
+        newest = self._newest
+        self._former = _FormerClock(newest, round(self._line(newest)), arrival_us, valid=True)
+        self._restart(reading.boot_us, arrival_us)
+        return ClockReading(reading.boot_us, ClockFit.FITS)
 
-    def forget(self) -> None:
-        """Begins anew, for a vehicle whose clock was another's."""
-        self._started = self._by_arrival = self.stray = self.late = False
-        self._frozen = 0
+    def reset(self) -> None:
+        """Starts again, for a vehicle whose clock was another's."""
+        self._started = self._by_arrival = False
+        self._zero_times = 0
         self._steps.clear()
-        self._past = _Past(0, 0, 0, lives=False)
+        self._former = _NO_FORMER_CLOCK
         self.epoch += 1
         self._restart(0, 0)
 
@@ -187,12 +229,12 @@ class VehicleClock:
 
     @property
     def drift(self) -> float:
-        """Seconds that Unix time gains on the vehicle's clock per second, 0 before it can be told."""
+        """Seconds that Unix time gains on the vehicle's clock per second, 0 while unknown."""
         return self._drift
 
     @property
     def drift_known(self) -> bool:
-        """Whether the drift was measured: long enough, not of a sender without a clock, nor cut to what is believed."""
+        """Whether the drift was measured: for long enough, of a sender with a clock, and not cut to the limit."""
         return self._measured and not self._by_arrival and abs(self._drift) != self.params.max_drift
 
     @property
@@ -205,14 +247,6 @@ class VehicleClock:
         halves = points[: len(points) // 2], points[len(points) // 2 :]
         return all(abs(_hull_slope(half) - drift) <= self.params.sure for half in halves)
 
-    @property
-    def uncertainty_s(self) -> float:
-        """How far off times may be, 1σ in seconds, without the link's least delay."""
-        if len(self._bins) < 5:
-            return 0.001 + self._delay_us * 1e-6
-        delays = sorted(d - self._line(b) for b, d in self._bins)
-        return 0.001 + delays[len(delays) // 2] * 1e-6
-
     def _line(self, boot_us: int) -> float:
         return self._offset + self._drift * (boot_us - self._anchor)
 
@@ -222,11 +256,10 @@ class VehicleClock:
         expected = self._newest + arrival_us - self._newest_arrival
         wraps = (expected - boot_us + _WRAP_US // 2) // _WRAP_US
         near = boot_us + wraps * _WRAP_US
-        # A reboot is far from what was expected either way: then the count as it came is the smaller surprise.
-        return near if abs(near - expected) < 600 * _S else boot_us
+        # a reboot is far from what was expected either way: then the count as it came is the smaller surprise
+        return near if abs(near - expected) < self.params.reboot_surprise_us else boot_us
 
-    def _take(self, boot_us: int, arrival_us: int, late_us: int) -> None:
-        self._delay_us += 0.02 * (max(late_us, 0) - self._delay_us)
+    def _add_point(self, boot_us: int, arrival_us: int, late_us: int) -> None:
         if boot_us > self._newest:
             self._newest, self._newest_arrival = boot_us, arrival_us
         delay = arrival_us - boot_us
@@ -246,15 +279,15 @@ class VehicleClock:
         span_us = points[-1][0] - points[0][0]
         if span_us >= self.params.fit_after_us:
             self._measured = span_us >= self.params.known_after_us
-            self._drift = self._believed(_hull_slope(points))
+            self._drift = self._limited_drift(_hull_slope(points))
         self._anchor = points[-1][0]
         self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
         if not self._drift:
             # without a drift the old points say less and less: each may be off by the greatest drift since
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
 
-    def _believed(self, slope: float) -> float:
-        """A fitted drift, cut to what is believed of one that is not sure."""
+    def _limited_drift(self, slope: float) -> float:
+        """A fitted drift, cut to the limit where it is not sure."""
         params = self.params
         if params.max_drift < abs(slope) <= params.max_sure_drift and self._measured:
             followed = abs(self._drift) > params.max_drift and abs(slope - self._drift) <= params.sure
@@ -267,47 +300,53 @@ class VehicleClock:
             return False  # the host's clock went back, or two recordings were put together
         if 0 < late_us <= self.params.late_most_us and boot_us <= self._newest:
             return True
-        past, most_us = self._past, self.params.late_most_us
-        if past.lives and boot_us > self._newest:
-            return False  # the quicker link is back
-        made = past.lives or boot_us <= max(past.newest_us, past.end_us - past.offset_us)
-        if not 0 <= arrival_us - past.end_us <= most_us or not made:
+        former, most_us = self._former, self.params.late_most_us
+        if former.valid and boot_us > self._newest:
+            return False  # the faster link is back
+        made = former.valid or boot_us <= max(former.newest_us, former.end_us - former.offset_us)
+        if not 0 <= arrival_us - former.end_us <= most_us or not made:
             return False
-        return -self.params.early_us <= arrival_us - boot_us - past.offset_us <= most_us
+        return -self.params.early_us <= arrival_us - boot_us - former.offset_us <= most_us
 
-    def _consider(self, boot_us: int, arrival_us: int, trails: bool) -> None:
-        """Collects messages on other time lines, and moves to one once it has run without ours for long enough."""
-        self._astray_us = self._astray_us or arrival_us
+    def _add_outlier(self, boot_us: int, arrival_us: int, late: bool, trails: bool) -> tuple[bool, bool]:
+        """Collects messages on other lines, and follows one once it has run without this clock's for long enough.
+
+        Returns:
+            Whether the clock follows this message now, and whether that is because of a reboot.
+        """
+        self._outlier_since_us = self._outlier_since_us or arrival_us
         line = self._line_of(boot_us, arrival_us)
         steady = arrival_us - line.first_us >= self.params.step_hold_us
-        if arrival_us - self._astray_us > 2 * self.params.step_hold_us and not (steady or trails):
-            self.stray = False
-            self._give_up(arrival_us)
-            return
-        rebooted = boot_us < self._newest - self.params.back_us and boot_us < self.params.reboot_below_us
-        rebooted = rebooted and not trails and (not self.late or boot_us < self.params.reboot_fresh_us)
-        hold_us = self._hold_us(rebooted)
-        if line.count >= 3 and arrival_us - line.first_us >= hold_us:
-            self.reboots += rebooted
-            lives = self.late and not rebooted
-            self._past = _Past(self._newest, round(self._line(self._newest)), arrival_us, lives=lives)
-            self.epoch += boot_us < self._newest - self.params.back_us
-            self.stray = False
-            self._restart(boot_us, arrival_us)
-            if not rebooted:
-                self._note_step(arrival_us)
+        if arrival_us - self._outlier_since_us > 2 * self.params.step_hold_us and not (steady or trails):
+            self._fall_back_to_arrival(arrival_us)
+            return True, False
+        back = boot_us < self._newest - self.params.back_us
+        rebooted = back and boot_us < self.params.reboot_below_us
+        rebooted = rebooted and not trails and (not late or boot_us < self.params.reboot_fresh_us)
+        hold_us = self._hold_us(rebooted, late)
+        if line.count < self.params.line_messages or arrival_us - line.first_us < hold_us:
+            return False, False
+        valid = late and not rebooted
+        self._former = _FormerClock(self._newest, round(self._line(self._newest)), arrival_us, valid=valid)
+        self.epoch += back
+        self._restart(boot_us, arrival_us)
+        if not rebooted:
+            self._count_step(arrival_us)
+        return True, rebooted
 
-    def _hold_us(self, rebooted: bool) -> int:
+    def _hold_us(self, rebooted: bool, late: bool) -> int:
         if rebooted:
             return self.params.reboot_hold_us
-        return self.params.late_hold_us if self.late else self.params.step_hold_us
+        return self.params.late_hold_us if late else self.params.step_hold_us
 
     def _line_of(self, boot_us: int, arrival_us: int) -> _Line:
-        """The other time line that this message is on; late copies may run beside a reboot."""
-        self._lines = [line for line in self._lines if 0 <= arrival_us - line.last_us <= _LINE_US][-_LINES:]
+        """The line of outliers that this message is on."""
+        params = self.params
+        recent = [line for line in self._lines if 0 <= arrival_us - line.last_us <= params.line_us]
+        self._lines = recent[-params.lines :]
         offset_us = arrival_us - boot_us
         for line in self._lines:
-            if abs(offset_us - line.offset_us) <= _S // 2:
+            if abs(offset_us - line.offset_us) <= params.line_width_us:
                 line.last_us = arrival_us
                 line.count += 1
                 return line
@@ -315,14 +354,14 @@ class VehicleClock:
         self._lines.append(line)
         return line
 
-    def _note_step(self, arrival_us: int) -> None:
+    def _count_step(self, arrival_us: int) -> None:
         steps = self._steps
         steps.append(arrival_us)
         if len(steps) == steps.maxlen and 0 <= arrival_us - steps[0] < self.params.steps_within_us:
-            self._give_up(arrival_us)
+            self._fall_back_to_arrival(arrival_us)
 
-    def _give_up(self, arrival_us: int) -> None:
-        """From now on messages count by their arrival."""
+    def _fall_back_to_arrival(self, arrival_us: int) -> None:
+        """From now on the boot time of a message is its arrival."""
         self._by_arrival = True
         self.epoch += 1
         self._restart(arrival_us, arrival_us)

@@ -1,13 +1,13 @@
-"""How a UAV's gimbal is turned, from whichever message tells.
+"""The attitude of a UAV's gimbal, from whichever message reports it.
 
-Several messages do, and several gimbals may. By rank, the best that was heard lately is the one:
+Several messages do, and several gimbals may. The highest in rank of those received lately is used:
 
     GIMBAL_DEVICE_ATTITUDE_STATUS   the gimbal protocol's own, with the frame of its yaw in its flags
     MOUNT_ORIENTATION               older, angles
     MOUNT_STATUS                    oldest (ArduPilot before 4.3), hundredths of degrees
     CAMERA_FOV_STATUS               the camera's attitude beside its field of view
 
-Roll and pitch count from the horizon in all of them, whatever the lock flags say: those tell how the gimbal is driven.
+Roll and pitch count from the horizon in all of them, whatever the lock flags: those describe how the gimbal is driven.
 Yaw counts from north ("earth") or from the nose ("vehicle").
 """
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from infra.reporting import ReportOnce
-from mavlink.estimation.sample_buffer import History
+from mavlink.estimation.interpolation import SampleBuffer
 from mavlink.geodesy import (
     R_ENU_NED,
     quaternion_from_euler,
@@ -34,16 +34,21 @@ from mavlink.protocol.packet import Packet
 __all__ = ["GIMBAL_LOST_S", "GimbalSample", "Gimbals", "turns_camera", "yaw_frame"]
 
 GIMBAL_LOST_S = 1.0
+"""An attitude older than this is not used, and no interpolation bridges a longer gap."""
+_BUFFER_SIZE = 300
+"""Attitudes kept: half a minute at 10 Hz."""
 OUTRANKED_US = 3_000_000
-"""A better message that was silent for this long no longer stands before a lesser one."""
+"""A message that has not come for this long no longer outranks others."""
+_MAX_ANGLE = 2.0 * math.pi
+"""rad; no gimbal reports more."""
 YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 16, 32, 64
 AGREES = math.radians(20.0)
-"""Two bearings that are the same, with a compass between them."""
+"""Two bearings closer than this are the same: one of them comes from a compass."""
 OVERHEAD = math.sin(math.radians(5.0))
-"""Horizontal part of an optical axis below which its bearing says nothing."""
+"""Horizontal part of an optical axis below which its bearing means nothing."""
 
 _COMMAND_ACK, _ACCEPTED = 77, 0
-_TURNING = frozenset({195, 197, 198, 201, 205, 1000})
+_TURNING_COMMANDS = frozenset({195, 197, 198, 201, 205, 1000})
 """DO_SET_ROI_LOCATION, _NONE, _SYSID, DO_SET_ROI, DO_MOUNT_CONTROL, DO_GIMBAL_MANAGER_PITCHYAW."""
 
 NO_ROTATION = "its quaternion is no rotation"
@@ -51,6 +56,9 @@ NO_ROTATION = "its quaternion is no rotation"
 Quaternion = tuple[float, float, float, float]
 Frame = Literal["earth", "vehicle"]
 GimbalSample = GimbalAttitude | MountOrientation | MountStatus | CameraFov
+
+_QUATERNION_NORM = 0.25, 4.0
+"""Squared norms between which a quaternion is a rotation: not exactly 1, as senders round, and not 0."""
 
 _NAMES: dict[type, str] = {
     GimbalAttitude: "GIMBAL_DEVICE_ATTITUDE_STATUS",
@@ -62,21 +70,17 @@ _RANK = list(_NAMES)
 
 
 def turns_camera(packet: Packet) -> bool:
-    """Whether an autopilot says that it has accepted to turn its camera, by whoever's order.
-
-    Args:
-        packet: any.
-    """
+    """Whether a packet acknowledges a command, of whatever sender, that turns the camera."""
     if packet.message_id != _COMMAND_ACK:
         return False
     command, result = packet.payload.ljust(3, b"\0")[:2], packet.payload.ljust(3, b"\0")[2]
-    return result == _ACCEPTED and int.from_bytes(command, "little") in _TURNING
+    return result == _ACCEPTED and int.from_bytes(command, "little") in _TURNING_COMMANDS
 
 
 def yaw_frame(flags: int) -> Frame | None:
     """What the yaw of GIMBAL_DEVICE_ATTITUDE_STATUS counts from; None for flags that claim both frames.
 
-    Without either flag the yaw lock decides, as the message's definition has it for older gimbals.
+    Without either flag the yaw lock decides, as the message's definition specifies for older gimbals.
     """
     vehicle, earth = bool(flags & YAW_IN_VEHICLE_FRAME), bool(flags & YAW_IN_EARTH_FRAME)
     if vehicle and earth:
@@ -88,31 +92,31 @@ class Gimbals:
     """Attitudes of the UAV's gimbal by the UAV's boot time in µs.
 
     Args:
-        chosen: the gimbal to listen to, by device id 1-6 or component id. 0: the one that CAMERA_INFORMATION names,
-            else the first that speaks.
+        chosen: the gimbal to use, by device id 1-6 or component id. 0: the one that CAMERA_INFORMATION names, else the
+            first that reports.
     """
 
     def __init__(self, chosen: int = 0) -> None:
         self._chosen = chosen
-        self._history: History[tuple[Quaternion, Frame]] = History(size=300)
+        self._buffer: SampleBuffer[tuple[Quaternion, Frame]] = SampleBuffer(size=_BUFFER_SIZE)
         self._device = chosen
-        self._linked = 0
+        self._camera_gimbal = 0
         self._source: type | None = None
-        self._heard_us: dict[type, int] = {}
+        self._newest_us: dict[type, int] = {}
         self._fov_frame: Frame = "earth"
         self._reports = ReportOnce()
 
     def clear(self) -> None:
-        """Forgets every attitude, for a UAV that has rebooted."""
-        self._history.clear()
-        self._heard_us.clear()
+        """Removes every attitude, for a UAV that has rebooted."""
+        self._buffer.clear()
+        self._newest_us.clear()
 
-    def link(self, gimbal_id: int) -> None:
-        """The gimbal that a camera says it hangs on; 0 for none."""
-        self._linked = gimbal_id
+    def set_camera_gimbal(self, gimbal_id: int) -> None:
+        """Sets the gimbal that a camera reports to be mounted on; 0 for none."""
+        self._camera_gimbal = gimbal_id
 
-    def take(self, boot_us: int, sample: GimbalSample, body_yaw: float) -> list[str]:
-        """Keeps an attitude, or says why not.
+    def add(self, boot_us: int, sample: GimbalSample, body_yaw: float) -> list[str]:
+        """Keeps an attitude.
 
         Args:
             boot_us: when it held.
@@ -120,7 +124,7 @@ class Gimbals:
             body_yaw: of the UAV then, NaN unknown.
 
         Returns:
-            What an operator should know: another source, another gimbal, an attitude that is none. Each once.
+            What an operator should know: another source, another gimbal, an invalid attitude. Each once.
         """
         if isinstance(sample, GimbalAttitude) and not self._is_ours(sample.device_id or sample.component_id):
             other = sample.device_id or sample.component_id
@@ -135,23 +139,23 @@ class Gimbals:
             return self._reports.new([f"{name} not used: {attitude}"])
         if self._outranked(boot_us, type(sample)):
             return []
-        self._heard_us[type(sample)] = boot_us
-        told = []
+        self._newest_us[type(sample)] = boot_us
+        texts = []
         if self._source is not type(sample):
             self._source = type(sample)
-            self._history.clear()
-            told = self._reports.new([f"gimbal attitude from {name}"])
-        self._history.add(boot_us, attitude)
-        return told
+            self._buffer.clear()
+            texts = self._reports.new([f"gimbal attitude from {name}"])
+        self._buffer.add(boot_us, attitude)
+        return texts
 
     def at(self, boot_us: int, body_yaw: float) -> NDArray[np.float64] | None:
-        """R_enu_gimbal (3, 3), None when nothing was heard in the last second.
+        """R_enu_gimbal (3, 3), None when no attitude came in the last second.
 
         Args:
             boot_us: the time.
             body_yaw: of the UAV then, NaN unknown.
         """
-        before, after = self._history.around(boot_us)
+        before, after = self._buffer.around(boot_us)
         if before is None or boot_us - before[0] > GIMBAL_LOST_S * 1e6:
             return None
         q, frame = before[1]
@@ -163,18 +167,18 @@ class Gimbals:
         return R if np.isfinite(R).all() else None
 
     def _is_ours(self, device: int) -> bool:
-        """Whether to listen to a gimbal device; the first is, unless another is chosen or carries the camera."""
-        if not self._chosen and (not self._device or (device == self._linked and device != self._device)):
+        """Whether a gimbal device is the one in use: the first, unless another is chosen or carries the camera."""
+        if not self._chosen and (not self._device or (device == self._camera_gimbal and device != self._device)):
             self._device = device
-            self._history.clear()
+            self._buffer.clear()
         return device == self._device
 
     def _outranked(self, boot_us: int, kind: type) -> bool:
         better = _RANK[: _RANK.index(kind)]
-        return any(boot_us - self._heard_us.get(other, -OUTRANKED_US) < OUTRANKED_US for other in better)
+        return any(boot_us - self._newest_us.get(other, -OUTRANKED_US) < OUTRANKED_US for other in better)
 
     def _attitude(self, sample: GimbalSample, body_yaw: float) -> tuple[Quaternion, Frame] | str | None:
-        """Quaternion and frame, the reason why there is none, or None when the message does not tell."""
+        """Quaternion and frame, the reason why there is none, or None when the message has none."""
         if isinstance(sample, GimbalAttitude):
             frame = yaw_frame(sample.flags)
             if frame is None:
@@ -187,12 +191,12 @@ class Gimbals:
         angles = (sample.roll, sample.pitch, yaw)
         if not all(map(math.isfinite, angles)):
             return None
-        if max(map(abs, angles)) > 2.0 * math.pi:
+        if max(map(abs, angles)) > _MAX_ANGLE:
             return "an angle beyond 360°"
         return quaternion_from_euler(*angles), "vehicle" if relative else "earth"
 
     def _camera_attitude(self, sample: CameraFov, body_yaw: float) -> tuple[Quaternion, Frame] | str | None:
-        """By CAMERA_FOV_STATUS, whose definition names no frame: the place of the image's middle tells.
+        """By CAMERA_FOV_STATUS, whose definition names no frame: the place at the image's centre decides which it is.
 
         ArduPilot up to 4.5 counts yaw from the nose, later versions count from north.
         """
@@ -201,7 +205,7 @@ class Gimbals:
         if not _is_rotation(sample.q):
             return NO_ROTATION
         axis = rotation_from_quaternion(sample.q)[:, 0]
-        bearing = _bearing(sample.camera, sample.middle)
+        bearing = _bearing(sample.camera, sample.centre)
         if math.isfinite(bearing) and math.hypot(axis[0], axis[1]) > OVERHEAD:
             turn = wrap_pi(bearing - math.atan2(axis[1], axis[0]))
             if abs(turn) < AGREES:
@@ -214,17 +218,18 @@ class Gimbals:
 
 
 def _is_rotation(q: Quaternion) -> bool:
-    return 0.25 < sum(v * v for v in q) < 4.0
+    return _QUATERNION_NORM[0] < sum(v * v for v in q) < _QUATERNION_NORM[1]
 
 
-def _bearing(camera: tuple[float, float], middle: tuple[float, float]) -> float:
-    """Direction from one place (latitude, longitude in degrees) to another nearby, from north; NaN unknown or none."""
-    north, east = middle[0] - camera[0], (middle[1] - camera[1]) * math.cos(math.radians(camera[0]))
+def _bearing(camera: tuple[float, float], centre: tuple[float, float]) -> float:
+    """Direction from one place (latitude, longitude in degrees) to another nearby, from north; NaN where either is
+    unknown or both are the same."""
+    north, east = centre[0] - camera[0], (centre[1] - camera[1]) * math.cos(math.radians(camera[0]))
     return math.atan2(east, north) if north or east else math.nan
 
 
 def _nlerp(a: Quaternion, b: Quaternion, s: float) -> Quaternion:
-    """Between two rotations, the short way; not normalised, as the rotation matrix does not ask for it."""
+    """Between two rotations, the short way; not normalised, since the rotation matrix does not need it."""
     sign = 1.0 if sum(x * y for x, y in zip(a, b, strict=True)) >= 0.0 else -1.0
     w, x, y, z = ((1.0 - s) * p + s * sign * q for p, q in zip(a, b, strict=True))
     return w, x, y, z

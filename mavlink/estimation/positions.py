@@ -1,66 +1,184 @@
-"""One vehicle's positions: judged as they come, interpolated when asked."""
+"""One vehicle's reported positions: checked against what a vehicle can do, and kept when they can be right."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Hashable, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
-from mavlink.estimation.position_validation import (
-    NOT_YET,
-    GateParams,
-    altitude_known,
-    climbs_too_fast,
-    course_gap,
-    speed_possible,
-    too_far,
+from mavlink.estimation.interpolation import (
+    LOST_S,
+    Estimate,
+    Fix,
+    Insertion,
+    SampleBuffer,
+    horizontal_distance_m,
+    position_at,
 )
-from mavlink.estimation.sample_buffer import History
 from mavlink.geodesy import LocalFrame, wrap_pi
-from mavlink.protocol.messages import GlobalPosition
+from mavlink.protocol.messages import GlobalPosition, GpsRaw
 from mavlink.state import PositionState
 
-__all__ = ["LOST_S", "Estimate", "Fix", "Jumps", "Positions", "Verdict", "fix_of", "in_frame"]
+__all__ = [
+    "NOT_YET",
+    "Positions",
+    "VehicleLimits",
+    "Verdict",
+    "altitude_known",
+    "climbs_too_fast",
+    "course_gap",
+    "fix_of",
+    "in_frame",
+    "place_error",
+    "position_std",
+    "speed_possible",
+    "too_far",
+]
 
-Verdict = Literal["new", "standing", "moved", "frozen", "duplicate", "late", "jump", "leap"]
-"""new: usable; standing: usable, says nothing new; moved: usable after a jump; the others are not used (jump: too far,
-leap: too high)."""
 
-LOST_S = 3.0
-_STALE_S = 1.0  # radios are a few tenths of a second late, and that is no trouble
-_EXTRAPOLATE_S = 2.0
-_HERMITE_S = 2.0
-_ACCELERATION = 1.5  # m/s², 1σ of what a driver does between reports
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleLimits:
+    """Limits of what a vehicle can do."""
+
+    max_speed: float = 30.0
+    """m/s; a position that needs more than this to get to is rejected. Raise for fast vehicles."""
+    jump_margin_m: float = 20.0
+    """Beyond what the speed allows: filters settle in steps, and white noise of 4 m makes neighbours 20 m apart."""
+    jump_accept_us: int = 1_000_000
+    """A new place that has been held for this long, with nothing from the old one, is where the vehicle is."""
+    height_gap_m: float = 30.0
+    """A ground vehicle this far above or below the home plane reports the wrong altitude."""
+    course_gap: float = math.radians(40.0)
+    """Heading this far from the course, forward or backward, while driving: the heading is wrong."""
+    course_speed: float = 1.0
+    """m/s; at less the course says nothing."""
+    default_std_m: float = 2.0
+    """1σ when the receiver reports none."""
+    max_acceleration: float = 4.0
+    """m/s²; what two radios of one vehicle may differ by between their reports. Raise for agile vehicles."""
+    max_climb: float = 20.0
+    """m/s; an aircraft whose height changes faster has jumped."""
+    climb_margin_m: float = 20.0
+    """Beyond what the climb allows."""
+
+
+class Verdict(Enum):
+    """What became of one report, with the reason where it was not used."""
+
+    NEW = ""
+    REPEATED = "the position of the report before, standing"
+    MOVED = "accepted after a jump, since the vehicle has stayed there"
+    DUPLICATE = "a report of that time is there"
+    FROZEN = "moving, and at the same place as before"
+    OUT_OF_ORDER = "out of order, seconds late"
+    JUMP = "farther than it can have driven"
+    CLIMB = "higher or lower than it can have flown"
+
+    @property
+    def accepted(self) -> bool:
+        """The report can be right and is kept."""
+        return self in (Verdict.NEW, Verdict.REPEATED, Verdict.MOVED)
+
+    @property
+    def impossible(self) -> bool:
+        """The vehicle cannot have got there."""
+        return self in (Verdict.JUMP, Verdict.CLIMB)
+
+
+NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
+"""Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
+_NEAR_ZERO_DEG = 1e-3
+"""Autopilots without a fix report 0/0, or a few units of 1e-7° around it."""
+_FIX_NONE, _FIX_2D = 1, 2
+_STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
+"""1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
+_M_PER_HDOP = 1.5
+"""1σ of a single-frequency receiver at a dilution of 1."""
+_LEAST_ACCURACY_M, _LEAST_DILUTED_M = 0.02, 0.5
+"""1σ is never less than this, by reported accuracy and by dilution."""
+_ALTITUDE_M = -1000.0, 20_000.0
+"""Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
+_STDS = 3.0
+"""Position errors up to this many σ are no jump."""
+
+_STALE_S = 1.0
+"""Radios are a few tenths of a second late: younger positions are never stale."""
+_PERIOD_GAIN = 0.1
+"""Weight of the newest gap in the usual period between reports: one loss must not look like a slow sender."""
 _STANDING_SPEED = 0.3
+"""m/s; at less a vehicle stands, and its position may repeat."""
 _STANDING_REPORT_US = 1_000_000
+"""A standing vehicle's repeated position counts as new evidence this often."""
 _YAW_GAP = math.radians(20.0)
+"""A heading this far from the attitude's yaw is wrong."""
 _COURSE_DISTRUST, _COURSE_WORST = 5, 10
-_TURNS, _TURNS_US = 3, 10_000_000  # there, back and there again
-_AWAY_US = 2_000_000  # a new place that is held is believed before
-_SETTLED_US = 3_000_000
+"""Reports (wrong less right ones) after which a heading is distrusted, and the most that are counted: trust comes back
+after as many right ones."""
 
 
-class Fix(NamedTuple):
-    """A position in ENU metres and how it was moving."""
+def place_error(position: GlobalPosition, gps: GpsRaw | None) -> str:
+    """Why a report is no place on Earth, in a word or two; empty when it may be one.
 
-    east: float
-    north: float
-    up: float
-    v_east: float
-    v_north: float
-    v_up: float
-    heading: float
-    """Clockwise from north, NaN unknown."""
-    std_m: float
-    height_m: float
-    """Above home as reported."""
+    Args:
+        position: the report.
+        gps: the same vehicle's receiver lately, None unknown.
+    """
+    lat, lon = position.lat_deg, position.lon_deg
+    if not (math.isfinite(lat) and math.isfinite(lon)):
+        return "not a number"
+    if abs(lat) < _NEAR_ZERO_DEG and abs(lon) < _NEAR_ZERO_DEG:
+        return "no fix (0/0)"
+    if abs(lat) > 90.0 or abs(lon) > 180.0:
+        return "out of range"
+    if gps is not None and gps.fix_type == _FIX_NONE:
+        return "no GPS fix"
+    return ""
+
+
+def altitude_known(alt_m: float) -> bool:
+    """Whether an altitude above sea level is possible at all."""
+    return _ALTITUDE_M[0] < alt_m < _ALTITUDE_M[1]
+
+
+def speed_possible(position: GlobalPosition, limits: VehicleLimits) -> bool:
+    """Whether a reported velocity is one that this vehicle can have; True when none is given."""
+    return not math.hypot(position.v_east, position.v_north) > limits.max_speed
+
+
+def climbs_too_fast(gap_m: float, dt_s: float, limits: VehicleLimits) -> bool:
+    """Whether nothing that flies gets this far up or down in this time."""
+    return abs(gap_m) > limits.max_climb * max(dt_s, 0.0) + limits.climb_margin_m
+
+
+def too_far(gap_m: float, dt_s: float, std_m: float, limits: VehicleLimits) -> bool:
+    """Whether nothing that drives gets this far in this time."""
+    return gap_m > limits.max_speed * max(dt_s, 0.0) + limits.jump_margin_m + _STDS * std_m
+
+
+def position_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
+    """1σ of a horizontal position: as the receiver estimates it, else by its dilution, else by its kind of fix."""
+    if gps is None or gps.fix_type < _FIX_2D:
+        return limits.default_std_m
+    if math.isfinite(gps.h_acc_m):
+        return max(gps.h_acc_m, _LEAST_ACCURACY_M)
+    if gps.fix_type in _STD_OF_FIX_M:
+        return _STD_OF_FIX_M[gps.fix_type]
+    if math.isfinite(gps.hdop):
+        return max(_M_PER_HDOP * gps.hdop, _LEAST_DILUTED_M)
+    return limits.default_std_m
+
+
+def course_gap(v_east: float, v_north: float, heading: float) -> float:
+    """Angle between a heading and the line of travel, 0..π/2: 0 both forward and in reverse."""
+    gap = abs(wrap_pi(math.atan2(v_east, v_north) - heading))
+    return min(gap, math.pi - gap)
 
 
 def in_frame(fixes: Sequence[Fix], before: LocalFrame, now: LocalFrame) -> list[Fix]:
-    """The same places in another local frame. Velocities and headings stay: they are told by the north of the place."""
+    """The same places in another local frame; velocities and headings stay, they refer to the north at the place."""
     p_enu = np.array([fix[:3] for fix in fixes], dtype=np.float64).reshape(-1, 3)
     moved = now.to_enu(*before.to_geodetic(p_enu)).tolist()
     return [fix._replace(east=p[0], north=p[1], up=p[2]) for p, fix in zip(moved, fixes, strict=True)]
@@ -73,7 +191,7 @@ def fix_of(
     *,
     heading: float,
     std_m: float,
-    params: GateParams,
+    limits: VehicleLimits,
     drives: bool,
 ) -> tuple[Fix, tuple[str, ...]]:
     """A report in ENU, and what was left out of it because it cannot be right.
@@ -81,23 +199,23 @@ def fix_of(
     Args:
         sample: a place that may be one.
         frame: ENU.
-        home_alt_m: altitude of the home plane, NaN unknown; what drives stands on it.
-        heading: from :meth:`Positions.judged_heading`.
+        home_alt_m: altitude of the home plane, NaN unknown; ground vehicles stand on it.
+        heading: from :meth:`Positions.check_heading`.
         std_m: 1σ.
-        params: what the vehicle can do.
+        limits: what the vehicle can do.
         drives: a ground vehicle.
     """
     left_out = []
     alt_m = sample.alt_m if altitude_known(sample.alt_m) else math.nan
-    if drives and not abs(alt_m - home_alt_m) <= params.height_gap_m:
-        # rovers report sea level as their altitude until their filter has started, and more after
+    if drives and not abs(alt_m - home_alt_m) <= limits.height_gap_m:
+        # rovers report sea level as their altitude until their filter has started, and some after
         if math.isfinite(home_alt_m):
             left_out.append("altitude, far from the ground")
         alt_m = home_alt_m if math.isfinite(home_alt_m) else alt_m if math.isfinite(alt_m) else frame.alt_m
     known = math.isfinite(alt_m)
     east, north, up = frame.to_enu_point(sample.lat_deg, sample.lon_deg, alt_m if known else frame.alt_m)
     v_east, v_north = sample.v_east, sample.v_north
-    if not speed_possible(sample, params):
+    if not speed_possible(sample, limits):
         left_out.append("faster than it can be")
         v_east = v_north = math.nan
     if math.isnan(heading) and not math.isnan(sample.heading):
@@ -107,65 +225,56 @@ def fix_of(
     return Fix(east, north, up, v_east, v_north, -sample.v_down, heading, std_m, height_m), tuple(left_out)
 
 
-class Estimate(NamedTuple):
-    """Where a vehicle is at some time, by its own reports."""
-
-    fix: Fix
-    age_s: float
-    """Since the newest report at or before that time."""
-    bracketed: bool
-    """A later report exists too, and soon enough after: interpolated, not extrapolated."""
-
-
 class Positions:
     """Positions of one vehicle by its own boot time in µs.
 
     Args:
-        params: limits.
+        limits: what the vehicle can do.
         drives: a ground vehicle, whose course must fit its heading.
     """
 
-    def __init__(self, params: GateParams, *, drives: bool) -> None:
+    def __init__(self, limits: VehicleLimits, *, drives: bool) -> None:
         self.period_s = math.nan
         """Usual time between reports."""
-        self._params = params
+        self._limits = limits
         self._drives = drives
-        self._history: History[Fix] = History()
+        self._fixes: SampleBuffer[Fix] = SampleBuffer()
         self._elsewhere: list[tuple[int, Fix]] = []
-        self._course_badness = 0
+        """The first and the last two reports in a row that were too far away."""
+        self._heading_errors = 0
         self._heading_trusted = True
         self._place = (math.nan, math.nan)
         self._reported_us = 0
 
     def clear(self) -> None:
-        """Forgets every position, for a vehicle that has rebooted."""
-        self._history.clear()
+        """Removes every position, for a vehicle that has rebooted."""
+        self._fixes.clear()
         self._elsewhere.clear()
         self._place = (math.nan, math.nan)
         self._reported_us = 0
 
-    def move(self, before: LocalFrame, now: LocalFrame, reach_m: float) -> None:
-        """Tells every position in another local frame; forgets them where the newest is farther than it reaches."""
-        self._history.replace(lambda fixes: in_frame(fixes, before, now))
+    def change_frame(self, before: LocalFrame, now: LocalFrame, reach_m: float) -> None:
+        """Converts every position to another local frame; removes them where the newest is farther than it reaches."""
+        self._fixes.replace_all(lambda fixes: in_frame(fixes, before, now))
         self._elsewhere.clear()
-        if self.last is not None and math.hypot(*self.last[1][:3]) > reach_m:
+        if self.newest is not None and math.hypot(*self.newest[1][:3]) > reach_m:
             self.clear()
 
     @property
     def known(self) -> bool:
         """Whether any position was accepted."""
-        return len(self._history) > 0
+        return len(self._fixes) > 0
 
     def has(self, boot_us: int) -> bool:
         """Whether a position of exactly this time is known."""
-        return self._history.has(boot_us)
+        return self._fixes.has(boot_us)
 
     @property
-    def last(self) -> tuple[int, Fix] | None:
+    def newest(self) -> tuple[int, Fix] | None:
         """The newest accepted position and its time."""
-        return self._history.last
+        return self._fixes.newest
 
-    def judged_heading(self, sample: GlobalPosition, yaw: float) -> float:
+    def check_heading(self, sample: GlobalPosition, yaw: float) -> float:
         """The reported heading, or NaN when attitude or course contradict it.
 
         Args:
@@ -175,196 +284,96 @@ class Positions:
         heading = sample.heading
         if math.isnan(heading):
             return heading
-        if self._drives and math.hypot(sample.v_east, sample.v_north) >= self._params.course_speed:
-            wrong = course_gap(sample.v_east, sample.v_north, heading) > self._params.course_gap
-            badness = self._course_badness + (1 if wrong else -1)
-            self._course_badness = max(0, min(_COURSE_WORST, badness))
-            if self._course_badness >= _COURSE_DISTRUST:
+        if self._drives and math.hypot(sample.v_east, sample.v_north) >= self._limits.course_speed:
+            wrong = course_gap(sample.v_east, sample.v_north, heading) > self._limits.course_gap
+            errors = self._heading_errors + (1 if wrong else -1)
+            self._heading_errors = max(0, min(_COURSE_WORST, errors))
+            if self._heading_errors >= _COURSE_DISTRUST:
                 self._heading_trusted = False
-            elif self._course_badness == 0:
+            elif self._heading_errors == 0:
                 self._heading_trusted = True
         contradicted = abs(wrap_pi(heading - yaw)) > _YAW_GAP  # False when yaw is NaN
         return math.nan if contradicted or not self._heading_trusted else heading
 
-    def take(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
-        """Judges one report against those before and keeps it when it can be right.
+    def add(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
+        """Compares one report with those before and keeps it when it can be right.
 
         Args:
             boot_us: when it was made.
             fix: the position in ENU.
-            place: the position as it was on the wire, to tell a repetition.
+            place: latitude and longitude as sent, to recognise a repetition.
         """
-        if self._history.has(boot_us):
-            return "duplicate"
-        last = self._history.last
-        if last is not None and self._is_jump(boot_us, fix, last):
-            return self._jump(boot_us, fix, place)
-        if last is not None and self._is_leap(boot_us, fix, last):
-            return "leap" if self._jump(boot_us, fix, place) == "jump" else "moved"
+        if self._fixes.has(boot_us):
+            return Verdict.DUPLICATE
+        newest = self._fixes.newest
+        if newest is not None and self._is_jump(boot_us, fix, newest):
+            return Verdict.MOVED if self._settles(boot_us, fix, place) else Verdict.JUMP
+        if newest is not None and self._is_climb(boot_us, fix, newest):
+            return Verdict.MOVED if self._settles(boot_us, fix, place) else Verdict.CLIMB
         repeated = place == self._place
         if repeated and math.hypot(fix.v_east, fix.v_north) > _STANDING_SPEED:
-            return "frozen"
-        if self._history.add(boot_us, fix) != "added":
-            return "late"
+            return Verdict.FROZEN
+        if self._fixes.add(boot_us, fix) is not Insertion.ADDED:
+            return Verdict.OUT_OF_ORDER
         self._elsewhere.clear()
-        self._learn_period(boot_us, last)
+        self._learn_period(boot_us, newest)
         if repeated and boot_us - self._reported_us < _STANDING_REPORT_US:
-            return "standing"
+            return Verdict.REPEATED
         self._place, self._reported_us = place, max(boot_us, self._reported_us)
-        return "new"
+        return Verdict.NEW
 
     def at(self, boot_us: int) -> Estimate | None:
-        """Position at a time: between two reports interpolated, after the last carried on for two seconds at most.
+        """Position at a time, see :func:`mavlink.estimation.interpolation.position_at`."""
+        return position_at(self._fixes, boot_us)
 
-        Returns:
-            None before the first report.
-        """
-        before, after = self._history.around(boot_us)
-        if before is None:
-            return None
-        age_s = (boot_us - before[0]) * 1e-6
-        if after is not None and after[0] - before[0] <= LOST_S * 1e6:
-            return Estimate(_between(before, after, boot_us), age_s, True)
-        return Estimate(_carried(before[1], age_s), age_s, False)
-
-    def state(self, estimate: Estimate | None, refused_for: str) -> PositionState:
+    def state(self, estimate: Estimate | None, rejected_for: str) -> PositionState:
         """How far an estimate may be relied on: stale after a second and twice the usual period, lost after three.
 
         Args:
             estimate: from :meth:`at`.
-            refused_for: why the last report was not used, empty where it was or is long ago.
+            rejected_for: why the last report was not used, empty where it was or is long ago.
         """
         if estimate is None:
-            return "refused" if refused_for and refused_for not in NOT_YET else "never"
+            return "refused" if rejected_for and rejected_for not in NOT_YET else "never"
         due_s = _STALE_S if math.isnan(self.period_s) else 2.0 * self.period_s
         if estimate.bracketed or estimate.age_s <= due_s:
             return "ok"
-        if refused_for:
+        if rejected_for:
             return "refused"
         if estimate.age_s <= _STALE_S:
             return "ok"
         return "stale" if estimate.age_s <= LOST_S else "lost"
 
-    def _is_jump(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:
-        gap_m = _apart_m(fix, last[1])
-        return too_far(gap_m, abs(boot_us - last[0]) * 1e-6, max(fix.std_m, last[1].std_m), self._params)
+    def _is_jump(self, boot_us: int, fix: Fix, since: tuple[int, Fix]) -> bool:
+        gap_m = horizontal_distance_m(fix, since[1])
+        return too_far(gap_m, abs(boot_us - since[0]) * 1e-6, max(fix.std_m, since[1].std_m), self._limits)
 
-    def _is_leap(self, boot_us: int, fix: Fix, last: tuple[int, Fix]) -> bool:
-        """A ground vehicle's height is that of the ground and never judged here."""
+    def _is_climb(self, boot_us: int, fix: Fix, since: tuple[int, Fix]) -> bool:
+        """A ground vehicle's height is that of the ground and never checked here."""
         if self._drives:
             return False
-        return climbs_too_fast(fix.up - last[1].up, abs(boot_us - last[0]) * 1e-6, self._params)
+        return climbs_too_fast(fix.up - since[1].up, abs(boot_us - since[0]) * 1e-6, self._limits)
 
-    def _jump(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
+    def _settles(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> bool:
+        """Whether the vehicle has stayed at a place too far away for long enough; then it starts again from there."""
         elsewhere = self._elsewhere
         if elsewhere and (
             boot_us <= elsewhere[-1][0]
             or self._is_jump(boot_us, fix, elsewhere[-1])
-            or self._is_leap(boot_us, fix, elsewhere[-1])
+            or self._is_climb(boot_us, fix, elsewhere[-1])
         ):
             elsewhere.clear()
         elsewhere.append((boot_us, fix))
         del elsewhere[1:-2]
-        if len(elsewhere) < 3 or boot_us - elsewhere[0][0] < self._params.jump_accept_us:
-            return "jump"
+        if len(elsewhere) < 3 or boot_us - elsewhere[0][0] < self._limits.jump_accept_us:
+            return False
         self.clear()
-        self._history.add(boot_us, fix)
+        self._fixes.add(boot_us, fix)
         self._place, self._reported_us = place, boot_us
-        return "moved"
+        return True
 
-    def _learn_period(self, boot_us: int, last: tuple[int, Fix] | None) -> None:
-        if last is None or boot_us <= last[0]:
+    def _learn_period(self, boot_us: int, newest: tuple[int, Fix] | None) -> None:
+        if newest is None or boot_us <= newest[0]:
             return
-        gap_s = min((boot_us - last[0]) * 1e-6, LOST_S)
-        # one gap after a loss must not look like a slow sender
-        self.period_s = gap_s if math.isnan(self.period_s) else self.period_s + 0.1 * (gap_s - self.period_s)
-
-
-class Jumps:
-    """Whether a vehicle's own place jumps to and fro, as that of a receiver which is jammed or fails.
-
-    A jump that stays, or one bad report, is none of it.
-    """
-
-    def __init__(self) -> None:
-        self._good_way: Hashable = None
-        self._good_fix: Fix | None = None
-        self._away_fix: Fix | None = None
-        self._turns: deque[int] = deque(maxlen=_TURNS)
-        self._away_us = 0
-        self._last_us = 0
-
-    def take(self, verdict: Verdict, way: Hashable, t_us: int, fix: Fix) -> None:
-        """Hears how a report was judged.
-
-        Args:
-            verdict: from :meth:`Positions.take`.
-            way: how it came; another sender's reports are no jumps of this one's.
-            t_us: Unix µs of its arrival.
-            fix: the place.
-        """
-        if verdict in ("jump", "leap"):
-            if way != self._good_way:
-                return
-            if not self._away_us:
-                self._away_us = t_us
-                self._turns.append(t_us)
-            self._last_us, self._away_fix = t_us, fix
-        elif verdict in ("new", "standing", "moved"):
-            if self._away_us and way == self._good_way:
-                self._last_us = t_us
-                if verdict != "moved" and self._is_back(fix):
-                    self._turns.append(t_us)
-            self._good_way, self._good_fix, self._away_us = way, fix, 0
-
-    def _is_back(self, fix: Fix) -> bool:
-        """Whether a place goes on from before a jump; one near that jumped to has only come within reach meanwhile."""
-        if self._good_fix is None or self._away_fix is None:
-            return False
-        return _apart_m(fix, self._good_fix) < _apart_m(fix, self._away_fix)
-
-    def jumps(self, t_us: int) -> bool:
-        """Whether it jumps to and fro at a Unix time, or did until a moment ago."""
-        if not 0 <= t_us - self._last_us < _SETTLED_US:
-            return False
-        away = self._away_us > 0 and self._last_us - self._away_us >= _AWAY_US
-        return away or (len(self._turns) == _TURNS and self._last_us - self._turns[0] < _TURNS_US)
-
-
-def _apart_m(one: Fix, other: Fix) -> float:
-    return math.hypot(one.east - other.east, one.north - other.north)
-
-
-def _between(before: tuple[int, Fix], after: tuple[int, Fix], boot_us: int) -> Fix:
-    """Cubic Hermite through both reports where their velocities fit their places, else a straight line."""
-    (t0, a), (t1, b) = before, after
-    dt = (t1 - t0) * 1e-6
-    s = (boot_us - t0) / (t1 - t0)
-    mix = [x + s * (y - x) for x, y in zip(a, b, strict=True)]
-    if _velocities_fit(a, b, dt):
-        # p = h00 p0 + h10 dt v0 + h01 p1 + h11 dt v1
-        h10, h11 = s * (1.0 - s) ** 2, -s * s * (1.0 - s)
-        h01 = s * s * (3.0 - 2.0 * s)
-        for k in range(3):
-            mix[k] = a[k] + h01 * (b[k] - a[k]) + dt * (h10 * a[k + 3] + h11 * b[k + 3])
-    mix[6] = (a.heading + s * wrap_pi(b.heading - a.heading)) % (2.0 * math.pi)
-    if math.isnan(mix[6]):
-        mix[6] = a.heading if s < 0.5 else b.heading
-    return Fix(*mix)
-
-
-def _velocities_fit(a: Fix, b: Fix, dt: float) -> bool:
-    if dt > _HERMITE_S:
-        return False
-    east = (b.east - a.east) / dt - 0.5 * (a.v_east + b.v_east)
-    north = (b.north - a.north) / dt - 0.5 * (a.v_north + b.v_north)
-    up = (b.up - a.up) / dt - 0.5 * (a.v_up + b.v_up)
-    return east * east + north * north + up * up < 4.0  # m²/s²; False when any is NaN
-
-
-def _carried(fix: Fix, age_s: float) -> Fix:
-    """The last report moved on by its velocity; less certain with every second."""
-    dt = min(age_s, _EXTRAPOLATE_S)
-    ve, vn, vu = (0.0 if math.isnan(v) else v for v in (fix.v_east, fix.v_north, fix.v_up))
-    std_m = math.hypot(fix.std_m, 0.5 * _ACCELERATION * age_s * age_s)
-    return fix._replace(east=fix.east + ve * dt, north=fix.north + vn * dt, up=fix.up + vu * dt, std_m=std_m)
+        gap_s = min((boot_us - newest[0]) * 1e-6, LOST_S)
+        self.period_s = gap_s if math.isnan(self.period_s) else self.period_s + _PERIOD_GAIN * (gap_s - self.period_s)

@@ -1,7 +1,7 @@
-"""Who is where, when: one UAV and its ground vehicles, from packets.
+"""Where every vehicle is at any time: one UAV and its ground vehicles, from packets.
 
 Samples are kept by each vehicle's own boot time, so that a clock learnt better later also dates earlier reports better.
-A report that cannot be right is counted and said, never used and never fatal.
+A report that cannot be right is counted and reported, never used and never fatal.
 """
 
 from __future__ import annotations
@@ -14,14 +14,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
-from mavlink.estimation.attitudes import ATTITUDE_LOST_S, Pose
 from mavlink.estimation.camera_report import CameraReports, CameraSample
-from mavlink.estimation.distress import Doubt
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Estimate, Fix, Pose
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
-from mavlink.estimation.position_validation import GateParams
-from mavlink.estimation.positions import Estimate, Fix, in_frame
-from mavlink.fleet.vehicle import Vehicle
+from mavlink.estimation.position_quality import Doubt
+from mavlink.estimation.positions import VehicleLimits, in_frame
+from mavlink.fleet.vehicle import PositionReport, Vehicle
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
@@ -45,21 +44,28 @@ from mavlink.protocol.messages import (
 )
 from mavlink.protocol.modes import is_vehicle, kind_name
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.state import CameraReport, FleetState, Level, MessageRate, Notice, Reports, UavState, VehicleStatus
+from mavlink.reception.reception import Arrival
+from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavState, VehicleStatus
 
 __all__ = ["CameraReport", "Fleet", "FleetState", "Notice", "Reports", "UavState", "VehicleStatus"]
 
-_UAV_SPEED, _UAV_ACCELERATION = 80.0, 12.0
-_USABLE_S = 2.0  # a position is carried on for no longer
+_UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
+"""A fast multicopter or a small plane."""
+_USABLE_S = 2.0
+"""A position is extrapolated for no longer."""
 _ORIGIN_PATIENCE_US = 10_000_000
-_WAITING = 2000  # reports kept until the origin is known
-_REPORTS = 100_000  # reports kept until somebody takes them
-_OF_MODEMS = (109, 166)  # RADIO_STATUS, RADIO
-_NOWHERE = Fix(*[math.nan] * 9)
+"""How long the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
+_MAX_WAITING = 2000
+"""Reports kept until the origin is known."""
+_MAX_REPORTS = 100_000
+"""Reports kept until they are collected."""
+_MODEM_MESSAGES = (109, 166)
+"""RADIO_STATUS and RADIO: about a radio, under the system id of the vehicle behind it."""
+_UNKNOWN = Fix(*[math.nan] * 9)
 
 
-class _Report(NamedTuple):
-    """A position that nobody has taken yet."""
+class _Evidence(NamedTuple):
+    """An accepted position that has not been collected yet."""
 
     vehicle: Vehicle
     boot_us: int
@@ -71,24 +77,24 @@ class _Report(NamedTuple):
 
     @property
     def made_us(self) -> int:
-        """Unix µs of boot_us: by the clock as it is known now, unless that is another since, as after a reboot."""
+        """Unix µs of boot_us: by the clock as it is known now, unless it was restarted since, as after a reboot."""
         clock = self.vehicle.clock
         return clock.unix_of(self.boot_us) if clock.restarts == self.restarts else self.dated_us
 
 
 class Fleet:
-    """Folds packets into the fleet's state.
+    """The state of all vehicles, from packets in order of arrival.
 
     Args:
         uav_id: system id of the UAV.
         ugv_ids: system ids of the ground vehicles; their order is that of all arrays.
         origin: of the ENU frame; None: the UAV's first position, or that of the first ground vehicle that has reported
             for ten seconds without the UAV.
-        params: what a ground vehicle can do.
-        camera_id: which of the UAV's cameras, by device id 1-6 or component id; 0: the first that tells its field of
-            view.
-        gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that speaks.
-        links: names of the links by index, for what is told.
+        limits: what a ground vehicle can do.
+        camera_id: which of the UAV's cameras, by device id 1-6 or component id; 0: the first that reports its field
+            of view.
+        gimbal_id: which of its gimbals, the same way; 0: the camera's, else the first that reports.
+        links: names of the links by index, for messages to the operator.
         address: of a link's index and a peer's number, in words; empty where it is not known.
     """
 
@@ -97,7 +103,7 @@ class Fleet:
         uav_id: int,
         ugv_ids: Sequence[int],
         origin: LocalFrame | None = None,
-        params: GateParams | None = None,
+        limits: VehicleLimits | None = None,
         *,
         camera_id: int = 0,
         gimbal_id: int = 0,
@@ -106,71 +112,71 @@ class Fleet:
     ) -> None:
         self._origin = Origin(origin)
         self._ids = np.array(ugv_ids, dtype=np.int64)
-        names, params = tuple(links), params or GateParams()
-        flies = GateParams(max_speed=_UAV_SPEED, max_acceleration=_UAV_ACCELERATION)
-        self._uav = Vehicle(uav_id, drives=False, params=flies, links=names, address=address)
+        names, limits = tuple(links), limits or VehicleLimits()
+        self._uav = Vehicle(uav_id, drives=False, limits=_UAV_LIMITS, links=names, address=address)
         self._ugvs = [
-            Vehicle(system_id, drives=True, params=params, links=names, address=address) for system_id in ugv_ids
+            Vehicle(system_id, drives=True, limits=limits, links=names, address=address) for system_id in ugv_ids
         ]
         self._vehicles = {vehicle.system_id: vehicle for vehicle in [self._uav, *self._ugvs]}
-        self._strangers: set[int] = set()
-        self._waiting: deque[tuple[Vehicle, int, int, GlobalPosition]] = deque(maxlen=_WAITING)
+        self._unknown_ids: set[int] = set()
+        self._waiting: deque[tuple[Vehicle, int, PositionReport]] = deque(maxlen=_MAX_WAITING)
         self._waiting_since_us = 0
-        self._reports: deque[_Report] = deque(maxlen=_REPORTS)
+        self._evidence: deque[_Evidence] = deque(maxlen=_MAX_REPORTS)
         self._gimbals = Gimbals(gimbal_id)
         self._camera = CameraReports(camera_id)
-        self._take: dict[type, Callable[[Vehicle, Any], Iterable[Notice]]] = {
-            Heartbeat: _heartbeat,
-            GpsRaw: lambda vehicle, sample: vehicle.take_gps(sample, self.origin),
-            FilterStatus: lambda vehicle, sample: vehicle.take_health(sample),
-            SensorHealth: lambda vehicle, sample: vehicle.take_health(sample),
-            StatusText: lambda vehicle, sample: vehicle.take_text(sample),
-            SystemTime: lambda vehicle, sample: vehicle.take_times(sample),
-            TimeSync: lambda vehicle, sample: vehicle.take_times(sample),
-            Attitude: self._attitude,
-            GlobalPosition: self._position,
-            GimbalAttitude: self._gimbal,
-            MountOrientation: self._gimbal,
-            MountStatus: self._gimbal,
-            CameraInformation: self._camera_message,
-            CameraSettings: self._camera_message,
-            CameraFov: self._camera_message,
-            VideoStreamInformation: self._camera_message,
+        self._handlers: dict[type, Callable[[Vehicle, Any, Arrival], Iterable[Notice]]] = {
+            Heartbeat: _add_heartbeat,
+            GpsRaw: lambda vehicle, sample, arrival: vehicle.add_gps(sample, arrival, self.origin),
+            FilterStatus: lambda vehicle, sample, arrival: vehicle.add_health(sample, arrival),
+            SensorHealth: lambda vehicle, sample, arrival: vehicle.add_health(sample, arrival),
+            StatusText: lambda vehicle, sample, arrival: vehicle.add_text(sample),
+            SystemTime: lambda vehicle, sample, arrival: vehicle.add_time(sample, arrival),
+            TimeSync: lambda vehicle, sample, arrival: vehicle.add_time(sample, arrival),
+            Attitude: _add_attitude,
+            GlobalPosition: self._add_position,
+            GimbalAttitude: self._add_gimbal,
+            MountOrientation: self._add_gimbal,
+            MountStatus: self._add_gimbal,
+            CameraInformation: self._add_camera,
+            CameraSettings: self._add_camera,
+            CameraFov: self._add_camera,
+            VideoStreamInformation: self._add_camera,
         }
 
-    def feed(self, packet: Packet) -> tuple[Notice, ...]:
-        """Takes one packet, in order of arrival; returns what an operator should know."""
+    def add_packet(self, packet: Packet) -> tuple[Notice, ...]:
+        """Adds one packet, in order of arrival; returns what an operator should know."""
         message_id = packet.message_id
         if message_id not in DEFINITIONS:
-            return ()  # not checked by anything, so not even its sender is known
-        if message_id in _OF_MODEMS:
-            return ()  # says how a radio is doing, in the name of whoever is behind it
+            return ()  # its checksum could not be verified, so not even its sender is known
+        if message_id in _MODEM_MESSAGES:
+            return ()
         vehicle = self._vehicles.get(packet.system_id)
         if packet.auth > Auth.GOOD:
-            return vehicle.refuse_packet(packet) if vehicle is not None else ()
+            return vehicle.reject_packet(packet) if vehicle is not None else ()
         if vehicle is None:
-            return self._stranger(packet)
-        if not vehicle.heard(packet, message_id):
+            return self._unknown_vehicle(packet)
+        arrival = vehicle.count_packet(packet, message_id)
+        if arrival is None:
             return ()
         if message_id == AUTOPILOT_VERSION:
-            return self._told(vehicle, vehicle.take_hardware(packet))
+            return self._after(vehicle, vehicle.add_hardware_id(packet, arrival))
         sample = decode(packet)
-        take = self._take.get(type(sample))
-        return self._told(vehicle, tuple(take(vehicle, sample))) if take is not None else ()
+        handler = self._handlers.get(type(sample))
+        return self._after(vehicle, tuple(handler(vehicle, sample, arrival))) if handler is not None else ()
 
     def at(self, t_us: int, heard_us: int = 0) -> FleetState:
-        """Everybody at a Unix time in µs: interpolated between reports, carried on for two seconds after the last.
+        """All vehicles at a Unix time in µs: interpolated between reports, extrapolated for two seconds after the last.
 
         Args:
             t_us: when.
-            heard_us: Whatever came before this Unix time was fed. Where that is earlier, ages and what follows from
-                them are told for then: nobody is silent who was not listened to. 0: all was.
+            heard_us: all packets before this Unix time were added. Where it is earlier, ages and what follows from them
+                are those of then: a vehicle whose packets are still queued is not silent. 0: none are queued.
         """
-        told_us = min(t_us, heard_us) if heard_us else t_us
+        status_us = min(t_us, heard_us) if heard_us else t_us
         estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
-        statuses = [_status(vehicle, told_us) for vehicle in self._ugvs]
-        rows = np.array([e.fix if e else _NOWHERE for e in estimates], dtype=np.float64).reshape(-1, len(_NOWHERE))
-        uav_status = _status(self._uav, told_us)
+        statuses = [_status(vehicle, status_us) for vehicle in self._ugvs]
+        rows = np.array([e.fix if e else _UNKNOWN for e in estimates], dtype=np.float64).reshape(-1, len(_UNKNOWN))
+        uav_status = _status(self._uav, status_us)
         uav = self._uav_at(t_us, uav_status)
         return FleetState(
             t_us=t_us,
@@ -185,158 +191,146 @@ class Fleet:
             vehicles=(uav_status, *statuses),
         )
 
-    def rates(self, t_us: int) -> tuple[MessageRate, ...]:
-        """How often which message comes from whom over which link, measured; to be asked once a second or so."""
-        return tuple(
-            rate for vehicle in self._vehicles.values() for rate in vehicle.reception.rates(vehicle.system_id, t_us)
-        )
-
     @property
     def origin(self) -> LocalFrame | None:
-        """Of the ENU frame, None until a place is known; another one once the UAV turns out to be elsewhere."""
+        """Of the ENU frame, None until a place is known; it moves when the UAV turns out to be elsewhere."""
         return self._origin.frame
 
     @property
     def video_offer(self) -> VideoStreamInformation | None:
-        """The video stream that the UAV offers, None while it offers none."""
+        """The video stream that the UAV advertises, None while there is none."""
         return self._camera.stream
 
     def take_reports(self) -> Reports:
         """Positions of ground vehicles accepted since the last call."""
-        taken, self._reports = self._reports, deque(maxlen=_REPORTS)
-        rows = np.array([report.fix for report in taken], dtype=np.float64).reshape(-1, len(_NOWHERE))
+        collected, self._evidence = self._evidence, deque(maxlen=_MAX_REPORTS)
+        rows = np.array([report.fix for report in collected], dtype=np.float64).reshape(-1, len(_UNKNOWN))
         return Reports(
-            t_us=np.array([report.made_us for report in taken], dtype=np.int64),
-            system_id=np.array([report.vehicle.system_id for report in taken], dtype=np.int64),
+            t_us=np.array([report.made_us for report in collected], dtype=np.int64),
+            system_id=np.array([report.vehicle.system_id for report in collected], dtype=np.int64),
             p_enu=rows[:, 0:3],
             v_enu=rows[:, 3:6],
             heading=rows[:, 6],
             std_m=rows[:, 7],
         )
 
-    def _told(self, vehicle: Vehicle, notices: tuple[Notice, ...]) -> tuple[Notice, ...]:
-        """Passes notices on; reports not yet taken of a vehicle that turns out to have two senders are dropped."""
-        if notices and self._reports and vehicle.contested(notices[-1].t_us):
-            kept = (report for report in self._reports if report.vehicle is not vehicle)
-            self._reports = deque(kept, maxlen=_REPORTS)
+    def _after(self, vehicle: Vehicle, notices: tuple[Notice, ...]) -> tuple[Notice, ...]:
+        """Drops positions not yet collected of a vehicle that turns out to have two senders; returns the notices."""
+        if notices and self._evidence and vehicle.in_conflict(notices[-1].t_us):
+            kept = (report for report in self._evidence if report.vehicle is not vehicle)
+            self._evidence = deque(kept, maxlen=_MAX_REPORTS)
         return notices
 
-    def _stranger(self, packet: Packet) -> tuple[Notice, ...]:
-        """Says once that a vehicle is on the air that is not in the mission."""
-        if packet.system_id in self._strangers or packet.message_id != 0:
+    def _unknown_vehicle(self, packet: Packet) -> tuple[Notice, ...]:
+        """Reports once that a vehicle is on the air that is not in the mission."""
+        if packet.system_id in self._unknown_ids or packet.message_id != 0:
             return ()
         sample = decode(packet)
         if not isinstance(sample, Heartbeat) or not is_vehicle(sample.type, sample.autopilot):
             return ()
-        self._strangers.add(packet.system_id)
+        self._unknown_ids.add(packet.system_id)
         text = f"{kind_name(sample.type)} {packet.system_id} is on the air and not in the mission: ignored"
         return (Notice(t_us=packet.t_us, level="info", kind="vehicle", text=text, system_id=packet.system_id),)
 
-    def _attitude(self, vehicle: Vehicle, sample: Attitude) -> tuple[Notice, ...]:
-        if not vehicle.counts(sample.component_id, sample.t_us):
-            return ()
-        boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
-        vehicle.take_attitude(boot_us, sample)
-        return notices
-
-    def _position(self, vehicle: Vehicle, sample: GlobalPosition) -> tuple[Notice, ...]:
-        vehicle.compare_place(sample)
-        if not vehicle.counts(sample.component_id, sample.t_us):
-            return vehicle.contest_notices(sample.t_us)
-        boot_us, notices = vehicle.learn_time(sample.boot_ms, sample)
-        reason = vehicle.nonsense(sample)
-        if reason and vehicle.clock.stray:
-            vehicle.refusals.count(reason)  # a reboot that is not yet believed begins without a fix
+    def _add_position(self, vehicle: Vehicle, sample: GlobalPosition, arrival: Arrival) -> tuple[Notice, ...]:
+        vehicle.compare_place(sample, arrival)
+        if not vehicle.is_from_autopilot(sample, arrival):
+            return vehicle.conflict_notices(sample.t_us)
+        reading, notices = vehicle.learn_clock(sample, arrival)
+        report = PositionReport(sample, arrival, reading)
+        reason = vehicle.place_error(sample, arrival)
+        if reason and not reading.fit.fits:
+            vehicle.rejections.count(reason)  # a reboot that is not accepted yet begins without a fix
             return notices
         far = not reason and self._origin.distance_m(sample) > FLEET_SPAN_M
-        if not reason and self._outlying(vehicle, sample, far):
+        if not reason and self._is_outlying(vehicle, report, far):
             reason = TOO_FAR
         if reason:
-            return notices + vehicle.refuse(sample.t_us, reason)
-        if self.origin is None and not self._found_origin(vehicle, boot_us, sample):
+            return notices + vehicle.reject_position(sample.t_us, reason)
+        if self.origin is None and not self._found_origin(vehicle, report):
             return notices
         if far and vehicle is not self._uav:
             notices += self._move_origin(sample)
-        return notices + self._place(vehicle, boot_us, sample)
+        return notices + self._keep_position(vehicle, report)
 
-    def _outlying(self, vehicle: Vehicle, sample: GlobalPosition, far: bool) -> bool:
+    def _is_outlying(self, vehicle: Vehicle, report: PositionReport, far: bool) -> bool:
         """Whether a vehicle is too far from the others to be right.
 
-        Where most agree on a place, who is not there is wrong. Where they do not, the UAV is believed: it may jump, and
-        takes the origin with it, and a ground vehicle must be near.
+        Where most agree on a place, one that is not there is wrong. Where they do not, the UAV is right: it may jump,
+        and the origin moves with it, and a ground vehicle must be near.
         """
-        if not vehicle.clock.stray and not vehicle.contested(sample.t_us):
-            self._origin.hear(sample)
+        sample = report.sample
+        if report.reading.fit.fits and not vehicle.in_conflict(sample.t_us):
+            self._origin.add_report(sample)
         if self.origin is not None and not far:
             return False
-        with_most = self._origin.with_most(sample)
-        return with_most is False or (with_most is None and far and vehicle is not self._uav)
+        near_majority = self._origin.near_majority(sample)
+        return near_majority is False or (near_majority is None and far and vehicle is not self._uav)
 
-    def _found_origin(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> bool:
+    def _found_origin(self, vehicle: Vehicle, report: PositionReport) -> bool:
         """Sets the origin if this report may; else keeps the report for when it is known."""
+        sample = report.sample
         self._waiting_since_us = self._waiting_since_us or sample.t_us
         if vehicle is not self._uav and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
-            self._waiting.append((vehicle, vehicle.clock.epoch, boot_us, sample))
+            self._waiting.append((vehicle, vehicle.clock.epoch, report))
             return False
-        self._origin.put(sample)
+        self._origin.move_to(sample)
         if vehicle is self._uav:
             self._origin.learn_home(sample)
-        for spoke, epoch, since_us, said in self._waiting:
+        for other, epoch, waiting in self._waiting:
             # boot times from before a reboot are those of another count
-            if epoch == spoke.clock.epoch and self._origin.distance_m(said) <= FLEET_SPAN_M:
-                self._place(spoke, since_us, said)
+            if epoch == other.clock.epoch and self._origin.distance_m(waiting.sample) <= FLEET_SPAN_M:
+                self._keep_position(other, waiting)
         self._waiting.clear()
         return True
 
-    def _place(self, vehicle: Vehicle, boot_us: int, sample: GlobalPosition) -> tuple[Notice, ...]:
+    def _keep_position(self, vehicle: Vehicle, report: PositionReport) -> tuple[Notice, ...]:
         assert self.origin is not None
-        fix, notices = vehicle.take_position(boot_us, sample, self.origin, self._origin.home_alt_m)
+        sample, boot_us = report.sample, report.reading.boot_us
+        fix, notices = vehicle.add_position(report, self.origin, self._origin.home_alt_m)
         if fix is not None and vehicle is self._uav:
             self._origin.learn_home(sample)
             if math.hypot(*fix[:3]) > LOCAL_REACH_M:
                 notices += self._move_origin(sample)
         elif fix is not None:
             clock = vehicle.clock
-            doubt = vehicle.doubt(sample.t_us)
-            fix = fix._replace(
-                std_m=_widened(fix.std_m, doubt),
-                heading=math.nan if vehicle.distress.compass(sample.t_us) else fix.heading,
-            )
-            self._reports.append(_Report(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
+            heading = math.nan if vehicle.doubts.compass_doubted(sample.t_us) else fix.heading
+            fix = fix._replace(std_m=_widened(fix.std_m, vehicle.doubt(sample.t_us)), heading=heading)
+            self._evidence.append(_Evidence(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
-        """Puts the origin where a vehicle is; what is kept of places moves along, what is too far away is dropped."""
+        """Puts the origin where a vehicle is; positions are converted, and those too far away dropped."""
         before, distance_m = self.origin, self._origin.distance_m(sample)
-        self._origin.put(sample)
+        self._origin.move_to(sample)
         now = self.origin
         assert before is not None and now is not None
         for vehicle in self._vehicles.values():
-            vehicle.move(before, now)
-        moved = in_frame([report.fix for report in self._reports], before, now)
-        reports = (report._replace(fix=fix) for report, fix in zip(self._reports, moved, strict=True))
+            vehicle.change_frame(before, now)
+        moved = in_frame([report.fix for report in self._evidence], before, now)
+        reports = (report._replace(fix=fix) for report, fix in zip(self._evidence, moved, strict=True))
         near = (report for report in reports if math.hypot(*report.fix[:3]) <= FLEET_SPAN_M)
-        self._reports = deque(near, maxlen=_REPORTS)
-        whom = "the UAV" if sample.system_id == self._uav.system_id else "where most vehicles are"
-        text = f"the local origin moves by {distance_m * 1e-3:,.0f} km to {whom}; names begin anew"
+        self._evidence = deque(near, maxlen=_MAX_REPORTS)
+        where = "the UAV" if sample.system_id == self._uav.system_id else "where most vehicles are"
+        text = f"the local origin moves by {distance_m * 1e-3:,.0f} km to {where}; names begin anew"
         level: Level = "warning" if distance_m > 2.0 * LOCAL_REACH_M else "info"
         return (Notice(t_us=sample.t_us, level=level, kind="vehicle", text=text, system_id=self._uav.system_id),)
 
-    def _gimbal(self, vehicle: Vehicle, sample: GimbalSample) -> tuple[Notice, ...]:
-        if vehicle is not self._uav or vehicle.reception.late:
+    def _add_gimbal(self, vehicle: Vehicle, sample: GimbalSample, arrival: Arrival) -> tuple[Notice, ...]:
+        if vehicle is not self._uav or arrival.late:
             return ()
-        # stamped on arrival: gimbals of their own have a clock of their own
+        # by its arrival: gimbals have a clock of their own
         boot_us = vehicle.clock.boot_of(sample.t_us)
         pose = vehicle.attitudes.at(boot_us)
-        texts = self._gimbals.take(boot_us, sample, pose.yaw if pose else math.nan)
+        texts = self._gimbals.add(boot_us, sample, pose.yaw if pose else math.nan)
         return self._camera_notices(sample.t_us, texts)
 
-    def _camera_message(self, vehicle: Vehicle, sample: CameraSample) -> tuple[Notice, ...]:
+    def _add_camera(self, vehicle: Vehicle, sample: CameraSample, arrival: Arrival) -> tuple[Notice, ...]:
         if vehicle is not self._uav:
             return ()
-        notices = self._camera_notices(sample.t_us, self._camera.take(sample))
-        self._gimbals.link(self._camera.gimbal_id)
-        return notices + (self._gimbal(vehicle, sample) if isinstance(sample, CameraFov) else ())
+        notices = self._camera_notices(sample.t_us, self._camera.add(sample))
+        self._gimbals.set_camera_gimbal(self._camera.gimbal_id)
+        return notices + (self._add_gimbal(vehicle, sample, arrival) if isinstance(sample, CameraFov) else ())
 
     def _camera_notices(self, t_us: int, texts: list[str]) -> tuple[Notice, ...]:
         uav = self._uav.system_id
@@ -350,7 +344,7 @@ class Fleet:
     def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
         boot_us = self._uav.clock.boot_of(t_us)
         estimate, pose = self._uav.positions.at(boot_us), self._uav.attitudes.at(boot_us)
-        fix = estimate.fix if estimate else _NOWHERE
+        fix = estimate.fix if estimate else _UNKNOWN
         roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
         return UavState(
             p_enu=np.array(fix[0:3]),
@@ -374,13 +368,21 @@ def _status(vehicle: Vehicle, t_us: int) -> VehicleStatus:
     return vehicle.status(t_us, vehicle.positions.at(boot_us), vehicle.attitudes.at(boot_us))
 
 
-def _heartbeat(vehicle: Vehicle, sample: Heartbeat) -> Iterable[Notice]:
-    """Gimbals, cameras and relayed stations beat too, and are no vehicles."""
-    return vehicle.take_heartbeat(sample) if is_vehicle(sample.type, sample.autopilot) else ()
+def _add_heartbeat(vehicle: Vehicle, sample: Heartbeat, arrival: Arrival) -> Iterable[Notice]:
+    """Gimbals, cameras and relayed stations send heartbeats too, and are no vehicles."""
+    return vehicle.add_heartbeat(sample, arrival) if is_vehicle(sample.type, sample.autopilot) else ()
+
+
+def _add_attitude(vehicle: Vehicle, sample: Attitude, arrival: Arrival) -> tuple[Notice, ...]:
+    if not vehicle.is_from_autopilot(sample, arrival):
+        return ()
+    reading, notices = vehicle.learn_clock(sample, arrival)
+    vehicle.add_attitude(sample, arrival, reading)
+    return notices
 
 
 def _widened(std_m: float, doubt: Doubt | None) -> float:
-    """1σ of a position with what its vehicle doubts of it."""
+    """1σ of a position, with that of a doubt about it."""
     return math.hypot(std_m, doubt.std_m) if doubt is not None else std_m
 
 
@@ -389,7 +391,7 @@ def _fresh(pose: Pose | None) -> bool:
 
 
 def _usable(estimate: Estimate | None, status: VehicleStatus) -> bool:
-    """Whether a position may be used: heard in the last two seconds, from one sender only, and that at one place."""
+    """Whether a position may be used: reported in the last two seconds, by one sender only that does not jump."""
     if estimate is None or status.contested or status.jumps:
         return False
     return estimate.bracketed or estimate.age_s <= _USABLE_S

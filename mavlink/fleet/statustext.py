@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from mavlink.protocol.messages import StatusText
+from mavlink.state import Level
 
-__all__ = ["Texts"]
+__all__ = ["StatusTexts"]
 
 _REPEATED_US = 5_000_000
-_PIECE_BYTES, _MOST_CHARS, _MOST_OPEN = 50, 1000, 8
+"""The same text within this is a repetition."""
+_PIECE_BYTES = 50
+"""Length of STATUSTEXT's field: a shorter piece is the last of its text."""
+_MAX_CHARS, _MAX_OPEN = 1000, 8
+"""Of one text, and texts that wait for further pieces: bounded, since anybody can send them."""
+_WARNING = 4
+"""MAV_SEVERITY; lower is more serious."""
 
 
-class Texts:
-    """Takes STATUSTEXT messages in order of arrival."""
+class StatusTexts:
+    """STATUSTEXT messages in order of arrival."""
 
     def __init__(self) -> None:
         self.last = ""
@@ -19,20 +26,21 @@ class Texts:
         self._last_us = 0
         self._pieces: dict[tuple[int, int], str] = {}
 
-    def take(self, sample: StatusText) -> str:
+    def add(self, sample: StatusText) -> tuple[Level, str]:
         """The text to show; empty for a piece of a longer one and for a repetition within seconds."""
+        level: Level = "info" if sample.severity > _WARNING else "warning" if sample.severity == _WARNING else "alarm"
         text = self._joined(sample) if sample.text_id else sample.text
         if not text or (text == self.last and sample.t_us - self._last_us < _REPEATED_US):
-            return ""
+            return level, ""
         self.last, self._last_us = text, sample.t_us
-        return text
+        return level, text
 
     def _joined(self, sample: StatusText) -> str:
-        """A long text once its last piece is there (a piece shorter than full), empty before."""
+        """A long text once its last piece has come, empty before."""
         key = (sample.component_id, sample.text_id)
         text = self._pieces.pop(key, "") + sample.text
-        if len(sample.text.encode()) >= _PIECE_BYTES and len(text) < _MOST_CHARS:
-            while len(self._pieces) >= _MOST_OPEN:
+        if len(sample.text.encode()) >= _PIECE_BYTES and len(text) < _MAX_CHARS:
+            while len(self._pieces) >= _MAX_OPEN:
                 del self._pieces[next(iter(self._pieces))]
             self._pieces[key] = text
             return ""

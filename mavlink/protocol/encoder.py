@@ -8,7 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["ARDUPILOT", "COPTER", "GCS", "NO_AUTOPILOT", "ROVER", "Speaker"]
+__all__ = ["ARDUPILOT", "COPTER", "GCS", "NO_AUTOPILOT", "ROVER", "MavlinkEncoder"]
 
 COPTER, ROVER, GCS = 2, 10, 6
 """MAV_TYPE values."""
@@ -20,7 +20,7 @@ _STATE_ACTIVE = 4
 _UINT16_MAX = 65535
 
 
-class Speaker:
+class MavlinkEncoder:
     """One MAVLink sender with its own sequence counter.
 
     Angles in radians, yaw clockwise from north, velocities north-east-down in m/s, times in milliseconds since boot.

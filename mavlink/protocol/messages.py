@@ -230,8 +230,8 @@ class CameraFov(_Sample):
     vfov: float
     camera: tuple[float, float]
     """Latitude and longitude of the camera in degrees, NaN unknown."""
-    middle: tuple[float, float]
-    """Of the ground at the middle of the image."""
+    centre: tuple[float, float]
+    """Of the ground at the image's centre."""
     device_id: int
 
 

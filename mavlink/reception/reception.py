@@ -1,248 +1,334 @@
-"""How one vehicle is heard: over which channels, how often, with which signatures, and which packets are copies."""
+"""How one vehicle's packets arrive: over which channels, how often, with what loss, and which are duplicates.
+
+A channel is one network address on one link. Several channels may bring the same packets (two radios, a router), so a
+packet counts as new once, and each channel is known by how far it is behind the others.
+"""
 
 from __future__ import annotations
 
-import math
-from collections import Counter
+from enum import Enum
 from typing import NamedTuple
 
-from infra.reporting import ReportGrowth, Throttle
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.reception.duplicates import TIMED, Copies
-from mavlink.reception.rate_meter import Arrivals
-from mavlink.reception.rejections import REPORT_AGAIN_US
-from mavlink.reception.reordering import SLOWEST_US, Overtaken
-from mavlink.reception.sequence import SequenceLoss, SequenceRuns
-from mavlink.signing.streams import ticks_of
-from mavlink.state import ChannelStatus, Level, MessageRate
+from mavlink.reception.rejected_packets import PacketRejections
+from mavlink.state import ChannelStatus, Level
 
-__all__ = ["Reception", "Speaker"]
+__all__ = ["Arrival", "ChannelLag", "Reception", "SenderKey", "SequenceLoss"]
 
-_NEVER_US = -(1 << 62)
-_CHANNELS = 16
-_MESSAGES = 128
-_LATE_US = 2_000_000  # copies over a channel that come this long after the first make it a late one
-_LATE_KNOWN_US = 60_000_000
-_PROMPT_US = 3_000_000  # for so long a radio that was prompt tells better than one that is behind
-_BEHIND_US = 500_000  # a link this far behind another tells how the vehicle was
-_FIRST_HAND = 10  # a channel with so many new messages on end has no copies: numbers have come round in its heartbeats
-_ALARM_AFTER = 3
-_ALARM_EVERY_US = 30_000_000
-_OVERTAKEN, _OVERTAKEN_US = 20, 600_000_000  # so many are told, and again so much later: it lasts a whole flight
-_REFUSED_AS = {
-    Auth.UNSIGNED: "no signature",
-    Auth.BAD: "bad signature",
-    Auth.REPLAYED: "replayed signature",
-    Auth.FUTURE: "signature from the future",
-}
-_HELD_US = 3_000_000  # held packets so far apart are still one trouble; after as long it is told
-_AUTH_LASTS_US = 10_000_000  # a packet refused so lately says how a vehicle signs now
-_TICKS_S = 1e-5
+_MAX_CHANNELS = 16
+"""Per vehicle; forged addresses must not cost memory."""
+_LATE_US = 2_000_000
+"""A channel whose duplicates come this long after the first copy is late."""
+_LATE_REMEMBERED_US = 60_000_000
+"""How long that holds: duplicates of time-stamped messages may be rare."""
+_BEHIND_US = 500_000
+"""A channel this far behind another describes the vehicle's past."""
+_CURRENT_CHANNEL_US = 3_000_000
+"""A channel that was up to date this recently is preferred to one that is behind: three heartbeats."""
+_FIRST_COPIES = 10
+"""A channel with so many first copies in a row has no duplicates: what looks like one is a heartbeat whose sequence
+number has come round."""
+
+_DUPLICATE_MEMORY_US = 12_000_000
+"""How long packets are remembered at least: links that are ten seconds late exist."""
+_MAX_REMEMBERED = 4096
+"""Packets in each half of that memory: a flood must not cost memory."""
+_TIME_STAMPED = frozenset({2, 30, 31, 32, 33, 111, 259, 260, 265, 271, 285})
+"""Ids of messages that carry the time they were made at. Of others the same bytes may be new, once the sequence number
+has come round."""
+
+_RATE_WINDOW_US = 2_000_000
+"""Rates are measured over this: short enough to follow a change, two heartbeats long."""
+
+_SEQUENCE_LATE = 128
+"""Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
+_SEQUENCE_HALF_LIFE = 400.0
+"""Packets after which older ones count half in a loss."""
+_MAX_SEQUENCES = 32
+"""Counters followed for one loss: components times links."""
+_RUN_AHEAD, _RUN_BEHIND = 16, 8
+"""Steps forward (losses) and back (reordering) that still continue a run of sequence numbers."""
+_RUN_US = 3_000_000
+"""A run ends after this much silence."""
+_MAX_RUNS = 4
+"""Runs followed on one channel: the vehicle's and those of impostors."""
 
 
-def _span(seconds: float) -> str:
-    """A time in words, whole seconds or minutes."""
-    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
-
-
-class Speaker(NamedTuple):
-    """Who sent a packet, as far as the way it came tells."""
+class SenderKey(NamedTuple):
+    """Where a packet came from, as far as the way it came tells senders of one system id apart."""
 
     link: int
     peer: int
     run: int
-    """Of its sequence numbers on that channel."""
+    """Number of the run of sequence numbers on that channel: two senders behind one address count separately."""
     component: int = 0
+
+
+class ChannelLag(Enum):
+    """How far a channel's messages are behind the vehicle's own clock."""
+
+    UNKNOWN = "none of its messages carries a time"
+    CURRENT = "up to date"
+    BEHIND = "half a second behind or more"
+
+
+class Arrival(NamedTuple):
+    """How one new packet came."""
+
+    sender: SenderKey
+    late: bool
+    """Its channel is seconds behind another that brings the same packets."""
+    lag: ChannelLag
+    """Of its channel, by the message before."""
+
+
+class SequenceLoss:
+    """Share of packets lost lately; every sender counts its packets per channel, modulo 256.
+
+    Args:
+        half_life: packets after which older ones count half.
+    """
+
+    __slots__ = ("_half_life", "_last", "expected", "received")
+
+    def __init__(self, half_life: float = _SEQUENCE_HALF_LIFE) -> None:
+        self._half_life = half_life
+        self._last: dict[tuple[int, int], int] = {}
+        self.expected = 0.0
+        """Packets sent lately, by their numbers; older ones count less."""
+        self.received = 0.0
+
+    def add(self, link: int, component_id: int, seq: int) -> None:
+        """Counts one packet."""
+        key = (link, component_id)
+        last = self._last.get(key)
+        if last is None and len(self._last) >= _MAX_SEQUENCES:
+            return
+        step = 1 if last is None else (seq - last) & 0xFF
+        self.received += 1.0
+        if step == 0 or step >= _SEQUENCE_LATE:
+            self.expected += 1.0 if step == 0 else 0.0
+            return
+        self._last[key] = seq
+        self.expected += step
+        if self.expected > self._half_life:
+            self.expected *= 0.5
+            self.received *= 0.5
+
+    @property
+    def share(self) -> float:
+        """0 nothing lost .. 1 everything."""
+        return max(0.0, 1.0 - self.received / self.expected) if self.expected > 0.0 else 0.0
+
+
+class _SequenceRuns:
+    """Which of several counters on one channel a packet belongs to: two senders there count independently."""
+
+    __slots__ = ("_next", "_runs")
+
+    def __init__(self) -> None:
+        self._runs: list[list[int]] = []  # number, last sequence number, Unix µs of the last packet
+        self._next = 0
+
+    def add(self, seq: int, t_us: int) -> int:
+        """Number of the run that this packet continues, a new one when it continues none."""
+        best, best_step = None, _RUN_AHEAD + _RUN_BEHIND
+        for run in self._runs:
+            step = (seq - run[1] + _RUN_BEHIND) & 0xFF  # 0 .. _RUN_BEHIND + _RUN_AHEAD: continues the run
+            step = abs(step - _RUN_BEHIND - 1) if step <= _RUN_BEHIND + _RUN_AHEAD else 0x100
+            if step < best_step and abs(t_us - run[2]) < _RUN_US:
+                best, best_step = run, step
+                if step == 0:
+                    break
+        if best is None:
+            return self._begin(seq, t_us)
+        if (seq - best[1]) & 0xFF < _SEQUENCE_LATE:
+            best[1] = seq
+        best[2] = t_us
+        return best[0]
+
+    def _begin(self, seq: int, t_us: int) -> int:
+        if len(self._runs) >= _MAX_RUNS:
+            self._runs.remove(min(self._runs, key=lambda run: run[2]))
+        self._next += 1
+        self._runs.append([self._next, seq, t_us])
+        return self._next
+
+
+class _RateMeter:
+    """Counts arrivals in windows that begin and end with one: a steady sender's rate comes out exactly."""
+
+    __slots__ = ("_count", "_hz", "_since_us", "last_us")
+
+    def __init__(self) -> None:
+        self.last_us = 0
+        """Unix µs of the newest arrival, 0 never."""
+        self._since_us = 0
+        self._count = 0
+        self._hz = 0.0
+
+    def add(self, t_us: int) -> None:
+        """Counts one arrival."""
+        self.last_us = t_us
+        if not self._since_us:
+            self._since_us = t_us
+            return
+        self._count += 1
+        elapsed_us = t_us - self._since_us
+        if elapsed_us >= _RATE_WINDOW_US or elapsed_us < 0:
+            self._hz = self._count / elapsed_us * 1e6 if elapsed_us > 0 else 0.0
+            self._since_us, self._count = t_us, 0
+
+    def hz(self, t_us: int) -> float:
+        """Arrivals per second at a Unix time in µs; falls towards 0 while nothing comes."""
+        elapsed_us = t_us - self._since_us
+        if elapsed_us <= 0 or not self._since_us:
+            return self._hz
+        overdue = elapsed_us > _RATE_WINDOW_US + (2e6 / self._hz if self._hz else 0.0)
+        return self._count / elapsed_us * 1e6 if overdue or not self._hz else self._hz
+
+
+class _FirstCopies:
+    """Remembers one vehicle's packets, byte for byte, for twelve to twenty-four seconds."""
+
+    __slots__ = ("_newer", "_older", "_since_us")
+
+    def __init__(self) -> None:
+        self._newer: dict[int, tuple[int, int, int]] = {}
+        self._older: dict[int, tuple[int, int, int]] = {}
+        self._since_us = 0
+
+    def find(self, packet: Packet, dated: bool) -> tuple[int, int, int] | None:
+        """When and where the same packet came first, as (t_us, link, peer); None for a new one.
+
+        Args:
+            packet: any.
+            dated: it carries a time, so that its bytes cannot repeat.
+        """
+        key = hash(packet.raw)
+        first = self._newer.get(key) or self._older.get(key)
+        if first is None:
+            return None
+        return first if dated or first[1:] != (packet.link, packet.peer) else None
+
+    def add(self, packet: Packet) -> None:
+        """Remembers a new packet."""
+        if not 0 <= packet.t_us - self._since_us < _DUPLICATE_MEMORY_US or len(self._newer) >= _MAX_REMEMBERED:
+            self._older, self._newer, self._since_us = self._newer, {}, packet.t_us
+        self._newer[hash(packet.raw)] = (packet.t_us, packet.link, packet.peer)
 
 
 class _Channel:
     """One address on one link."""
 
-    __slots__ = ("behind_us", "first_hand", "late_at_us", "late_us", "loss", "messages", "packets", "rate", "runs")
+    __slots__ = ("delay_us", "first_copies", "late_at_us", "late_us", "loss", "packets", "rate", "runs")
 
     def __init__(self) -> None:
         self.packets = 0
-        self.rate = Arrivals()
-        self.messages: dict[int, Arrivals] = {}
+        self.rate = _RateMeter()
         self.loss = SequenceLoss()
-        self.runs: dict[int, SequenceRuns] = {}
+        self.runs: dict[int, _SequenceRuns] = {}
         self.late_us = 0
+        """How long after the first copy its last duplicate came, and when that was."""
         self.late_at_us = 0
-        self.behind_us = -1
-        self.first_hand = 0
+        self.delay_us = -1
+        """How long after it was made its last message came, by the vehicle's clock; −1 unknown."""
+        self.first_copies = 0
+        """Packets in a row that no other channel had brought before."""
 
-    def take(self, packet: Packet, message_id: int) -> int:
+    def add(self, packet: Packet) -> int:
         """Counts a packet and returns the run of its sequence number."""
         t_us, component_id, seq = packet.t_us, packet.component_id, packet.seq
         self.packets += 1
-        self.rate.take(t_us)
-        message = self.messages.get(message_id)
-        if message is None and len(self.messages) < _MESSAGES:
-            message = self.messages[message_id] = Arrivals()
-        if message is not None:
-            message.take(t_us)
-        self.loss.take(0, component_id, seq)
+        self.rate.add(t_us)
+        self.loss.add(0, component_id, seq)
         runs = self.runs.get(component_id)
         if runs is None:
-            runs = self.runs[component_id] = SequenceRuns()
-        return runs.take(seq, t_us)
+            runs = self.runs[component_id] = _SequenceRuns()
+        return runs.add(seq, t_us)
+
+    @property
+    def lag(self) -> ChannelLag:
+        if self.delay_us < 0:
+            return ChannelLag.UNKNOWN
+        return ChannelLag.BEHIND if self.delay_us > _BEHIND_US else ChannelLag.CURRENT
 
 
 class Reception:
-    """Counts and sorts one vehicle's packets before anything in them is believed."""
+    """Counts and sorts one vehicle's packets before anything in them is used."""
 
     def __init__(self) -> None:
-        self.copies = 0
+        self.duplicates = 0
         """Packets that had come before."""
+        self.rejections = PacketRejections()
         self.signed = 0
-        """With a signature that was verified."""
+        """Packets with a signature that was verified."""
         self.unsigned = 0
-        """Without: no key is set, or one is and the packet was refused."""
-        self.bad_signature = 0
-        """Refused: made with another key, replayed, or from the future."""
-        self.replayed = 0
-        """Of these, what was kept for a while and is played again."""
-        self.held = 0
-        """Refused because nothing proves that they are made now."""
-        self.speaker = Speaker(0, 0, 0)
-        """Of the packet taken last."""
-        self._prompt = -1, 0, 0  # how and when the last one came that was not delayed
+        """Accepted packets without one."""
         self._channels: dict[tuple[int, int], _Channel] = {}
-        self._channel = _Channel()
-        self._copies = Copies()
-        self._overtaken, self._overtaken_reports = Overtaken(), Throttle(_OVERTAKEN_US)
-        self._overtaken_count = 0
-        self._players: dict[tuple[int, int], int] = {}  # who played a recording, and when last
-        self._refused: Counter[Auth] = Counter()
-        self._refused_reports: dict[Auth, ReportGrowth] = {}
-        self._signed_us = self._refused_us = self._held_us = self._held_since_us = _NEVER_US
-        self._lag_s = math.nan
-        self._held_reports = Throttle(REPORT_AGAIN_US)
+        self._first_copies = _FirstCopies()
+        self._current = -1, 0, 0  # link, peer and time of the last packet over a channel that was up to date
 
-    def take(self, packet: Packet, message_id: int) -> bool:
-        """Counts a packet that may be believed; False for a copy of one that came before."""
-        first = self._copies.first(packet)
-        channel = self._channel = self._channel_of(packet.link, packet.peer)
-        run = channel.take(packet, message_id)
-        dated = message_id in TIMED or packet.signed
+    def add_packet(self, packet: Packet, message_id: int) -> Arrival | None:
+        """Counts a packet whose signature allows to use it.
+
+        Returns:
+            How it came; None for a duplicate of one that came before.
+        """
+        dated = message_id in _TIME_STAMPED or packet.signed
+        first = self._first_copies.find(packet, dated)
+        channel = self._channel_of(packet.link, packet.peer)
+        run = channel.add(packet)
         if first is None:
-            channel.first_hand += dated
-        elif dated or channel.first_hand < _FIRST_HAND:
-            self.copies += 1
+            channel.first_copies += dated
+        elif dated or channel.first_copies < _FIRST_COPIES:
+            self.duplicates += 1
             if first[1:] != (packet.link, packet.peer) and dated:
-                channel.first_hand = 0
-                if message_id in TIMED:
+                channel.first_copies = 0
+                if message_id in _TIME_STAMPED:
                     channel.late_us, channel.late_at_us = packet.t_us - first[0], packet.t_us
-            return False
-        self._copies.add(packet)
-        self.speaker = Speaker(packet.link, packet.peer, run, packet.component_id)
+            return None
+        self._first_copies.add(packet)
         if packet.auth is Auth.GOOD:
             self.signed += 1
-            self._signed_us = packet.t_us
+            self.rejections.note_verified(packet.t_us)
         else:
             self.unsigned += 1
         if packet.signed:
-            self._overtaken.good(packet)  # in a replay too, which tells only who was refused
-        return True
+            self.rejections.note_signed(packet)  # in a replay too, where only rejections are recorded
+        late = channel.late_us > _LATE_US and abs(packet.t_us - channel.late_at_us) < _LATE_REMEMBERED_US
+        return Arrival(SenderKey(packet.link, packet.peer, run, packet.component_id), late, channel.lag)
 
-    def refuse(self, packet: Packet) -> tuple[Level, str]:
-        """Counts a packet whose signature forbids to believe it; says why when an operator should know."""
+    def reject_packet(self, packet: Packet) -> tuple[Level, str]:
+        """Counts a packet whose signature forbids to use it.
+
+        Returns:
+            What an operator should know, an empty text for nothing.
+        """
         if packet.auth is Auth.REPLAYED:
-            first = self._copies.first(packet)
-            if first is not None and packet.t_us - first[0] < SLOWEST_US:
-                self.copies += 1  # the same packet over a second link
+            first = self._first_copies.find(packet, dated=True)
+            if first is not None and self.rejections.is_recent(first[0], packet.t_us):
+                self.duplicates += 1  # the same packet over a second link
                 return "info", ""
-            if self._merely_late(packet):
-                return "warning", self._late_words(packet.t_us)
-            self.replayed += 1
-        self._refused_us = packet.t_us
-        if packet.auth is Auth.HELD:
-            self.held += 1
-            return "warning", self._held_words(packet)
-        if packet.auth is Auth.UNSIGNED:
-            self.unsigned += 1
-        else:
-            self.bad_signature += 1
-        self._refused[packet.auth] += 1
-        refused = self._refused[packet.auth]
-        reports = self._refused_reports.setdefault(
-            packet.auth, ReportGrowth(first=_ALARM_AFTER, rest=_ALARM_EVERY_US, every=_ALARM_EVERY_US)
-        )
-        if not reports.due(refused, packet.t_us):
-            return "info", ""
-        said = f"{refused} packets refused, {_REFUSED_AS[packet.auth]}"
-        return "alarm", said + (self._replay_words(packet) if packet.auth is Auth.REPLAYED else "")
-
-    def signs(self, t_us: int) -> bool:
-        """Whether it was verified and nothing refused in the seconds before a Unix time in µs."""
-        return t_us - self._signed_us < _AUTH_LASTS_US <= t_us - self._refused_us
-
-    def held_s(self, t_us: int) -> float:
-        """How far signatures are behind, s, while all that comes is held; else NaN."""
-        held = t_us - self._held_us < _HELD_US <= t_us - self._signed_us
-        return self._lag_s if held else math.nan
-
-    def _merely_late(self, packet: Packet) -> bool:
-        """Whether a packet that is not newer than others was overtaken, and comes from nobody who plays recordings."""
-        source, late = (packet.link, packet.peer), self._overtaken.late(packet)
-        if not late:
-            if source not in self._players and len(self._players) >= _CHANNELS:
-                del self._players[next(iter(self._players))]
-            self._players[source] = packet.t_us
-        return late and packet.t_us - self._players.get(source, _NEVER_US) >= SLOWEST_US
-
-    def _held_words(self, packet: Packet) -> str:
-        t_us = packet.t_us
-        if t_us - self._held_us >= _HELD_US:
-            self._held_since_us = t_us
-        self._held_us = t_us
-        self._lag_s = (ticks_of(t_us) - int.from_bytes(packet.raw[-12:-6], "little")) * _TICKS_S
-        if t_us - self._held_since_us < _HELD_US or not self._held_reports.due("", t_us):
-            return ""
-        return f"signatures {_span(self._lag_s)} behind, nothing proves that its packets are made now: held"
-
-    def _replay_words(self, packet: Packet) -> str:
-        """What is known of a recording that is played."""
-        age_us = self._overtaken.age_us(packet)
         channel = self._channels.get((packet.link, packet.peer))
-        recorded = "before this flight" if age_us is None else f"at least {_span(age_us * 1e-6)} ago"
-        own = channel is not None and packet.t_us - channel.rate.last_us < _AUTH_LASTS_US
-        return f": a recording made {recorded} is played" + (", from where it speaks itself" if own else "")
+        return self.rejections.add(packet, sender_last_us=channel.rate.last_us if channel is not None else None)
 
-    def _late_words(self, t_us: int) -> str:
-        self._overtaken_count += 1
-        number = self._overtaken_count
-        if number < _OVERTAKEN or not self._overtaken_reports.due("", t_us):
-            return ""
-        return f"{number} signed packets came after newer ones and are refused: out of order, or over a slower radio"
+    def set_delay(self, sender: SenderKey, delay_us: int) -> None:
+        """Notes how long after it was made, by the vehicle's clock, the last packet of a channel came."""
+        self._channel_of(sender.link, sender.peer).delay_us = max(delay_us, 0)
 
-    @property
-    def late(self) -> bool:
-        """Whether the packet taken last came over a channel that is seconds behind another."""
-        channel = self._channel
-        return channel.late_us > _LATE_US and abs(channel.rate.last_us - channel.late_at_us) < _LATE_KNOWN_US
+    def is_outdated(self, arrival: Arrival, t_us: int) -> bool:
+        """Whether a packet may describe the vehicle's past while another channel is up to date.
 
-    def dated(self, delay_us: int) -> None:
-        """The packet taken last came so long after it was made, by the vehicle's clock."""
-        self._channel.behind_us = max(delay_us, 0)
-
-    @property
-    def behind(self) -> bool:
-        """Whether the packet taken last came over a channel whose messages are not of this moment."""
-        return self._channel.behind_us > _BEHIND_US
-
-    @property
-    def prompt(self) -> bool:
-        """Whether it came over one whose messages are; neither where none of them says when it was made."""
-        return 0 <= self._channel.behind_us <= _BEHIND_US
-
-    def outdated(self, t_us: int) -> bool:
-        """Whether the packet taken last may tell how the vehicle was, while another radio tells how it is."""
-        link, peer, *_ = self.speaker
-        if self.prompt:
-            self._prompt = link, peer, t_us
-        elsewhere = (link, peer) != self._prompt[:2]
-        return not self.prompt and elsewhere and abs(t_us - self._prompt[2]) < _PROMPT_US
+        Args:
+            arrival: of that packet, at most one for each time.
+            t_us: when it came.
+        """
+        if arrival.lag is ChannelLag.CURRENT:
+            self._current = arrival.sender.link, arrival.sender.peer, t_us
+            return False
+        link, peer, last_us = self._current
+        return arrival.sender[:2] != (link, peer) and abs(t_us - last_us) < _CURRENT_CHANNEL_US
 
     @property
     def loss(self) -> float:
@@ -251,8 +337,9 @@ class Reception:
         received = sum(channel.loss.received for channel in self._channels.values())
         return max(0.0, 1.0 - received / expected) if expected > 0.0 else 0.0
 
-    def freshest(self) -> int:
-        """Index of the link that was heard last, -1 before any."""
+    @property
+    def newest_link(self) -> int:
+        """Index of the link of the newest packet, −1 before any."""
         if not self._channels:
             return -1
         return max(self._channels, key=lambda key: self._channels[key].rate.last_us)[0]
@@ -272,24 +359,10 @@ class Reception:
             for (link, peer), channel in self._channels.items()
         )
 
-    def rates(self, system_id: int, t_us: int) -> tuple[MessageRate, ...]:
-        """Measured rates of all messages, by link and message id; addresses of one link together."""
-        found: dict[tuple[int, int], tuple[float, int]] = {}
-        for (link, _), channel in self._channels.items():
-            for message_id, rate in channel.messages.items():
-                hz, last_us = found.get((link, message_id), (0.0, 0))
-                found[link, message_id] = hz + rate.hz(t_us), max(last_us, rate.last_us)
-        return tuple(
-            MessageRate(
-                system_id=system_id, link=link, message_id=message_id, hz=hz, age_s=max(0.0, (t_us - last_us) * 1e-6)
-            )
-            for (link, message_id), (hz, last_us) in sorted(found.items())
-        )
-
     def _channel_of(self, link: int, peer: int) -> _Channel:
         channel = self._channels.get((link, peer))
         if channel is None:
-            if len(self._channels) >= _CHANNELS:
+            if len(self._channels) >= _MAX_CHANNELS:
                 del self._channels[min(self._channels, key=lambda key: self._channels[key].rate.last_us)]
             channel = self._channels[link, peer] = _Channel()
         return channel

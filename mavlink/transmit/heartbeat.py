@@ -5,7 +5,7 @@ Both are beaten by the caller's loop, so that a hung program falls silent. What 
 
 from __future__ import annotations
 
-from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, Speaker
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 
 __all__ = ["Heartbeat", "TimeSyncer"]
 
@@ -17,11 +17,11 @@ class Heartbeat:
     """One HEARTBEAT a second while it is polled.
 
     Args:
-        speaker: this station; not 255, or the vehicle's failsafe would take us for its first station.
+        encoder: this station; not 255, or the vehicle's failsafe would take us for its first station.
     """
 
-    def __init__(self, speaker: Speaker) -> None:
-        self._speaker = speaker
+    def __init__(self, encoder: MavlinkEncoder) -> None:
+        self._encoder = encoder
         self._due_s = 0.0
 
     def poll(self, now_s: float) -> bytes | None:
@@ -33,18 +33,18 @@ class Heartbeat:
         if now_s < self._due_s:
             return None
         self._due_s = now_s + HEARTBEAT_S
-        return self._speaker.heartbeat(GCS, autopilot=NO_AUTOPILOT, armed=False)
+        return self._encoder.heartbeat(GCS, autopilot=NO_AUTOPILOT, armed=False)
 
 
 class TimeSyncer:
-    """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.timesync` reads the answers.
+    """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.clock_health` reads the answers.
 
     Args:
-        speaker: this station.
+        encoder: this station.
     """
 
-    def __init__(self, speaker: Speaker) -> None:
-        self._speaker = speaker
+    def __init__(self, encoder: MavlinkEncoder) -> None:
+        self._encoder = encoder
         self._due_s = 0.0
 
     def poll(self, now_s: float, unix_ns: int) -> bytes | None:
@@ -57,4 +57,4 @@ class TimeSyncer:
         if now_s < self._due_s:
             return None
         self._due_s = now_s + TIMESYNC_S
-        return self._speaker.timesync(0, unix_ns)
+        return self._encoder.timesync(0, unix_ns)

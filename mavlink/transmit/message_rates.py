@@ -16,9 +16,9 @@ from typing import Literal
 
 from infra.reporting import Hysteresis
 from mavlink.protocol.dialect import message_name
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.reception.sequence import SequenceLoss
+from mavlink.reception.reception import SequenceLoss
 from mavlink.state import SILENT_S
 from mavlink.transmit.rate_requests import (
     ATTITUDE,
@@ -134,7 +134,7 @@ class _Peer:
         self.since_s = self.heard_s = now_s
         self.behind_s = -math.inf  # when a packet was refused because another link had brought newer ones
         self.boot_ms = 0
-        self.loss = SequenceLoss(memory=LOSS_MEMORY)
+        self.loss = SequenceLoss(half_life=LOSS_MEMORY)
         self.streams = {message_id: _Stream() for message_id in wanted}
         self.asking: int | None = None
         self.asked_s = -math.inf
@@ -150,7 +150,7 @@ class RateKeeper:
     """Rates of a fleet. One thread may take packets while another polls.
 
     Args:
-        speaker: this station; None measures only.
+        encoder: this station; None measures only.
         own: its system id, which answers to its requests carry.
         uav: system id of the UAV, the only one that is asked.
         ground: system ids of the ground vehicles.
@@ -160,7 +160,7 @@ class RateKeeper:
 
     def __init__(
         self,
-        speaker: Speaker | None,
+        encoder: MavlinkEncoder | None,
         uav: int,
         ground: Collection[int] = (),
         *,
@@ -168,7 +168,7 @@ class RateKeeper:
         uav_rates: Mapping[int, float] = UAV_RATES,
         ugv_rates: Mapping[int, float] = UGV_RATES,
     ) -> None:
-        self._speaker = speaker
+        self._encoder = encoder
         self._own = own
         self._uav = uav
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
@@ -216,7 +216,7 @@ class RateKeeper:
             peer.restart(now_s)
             peer.boot_ms = 0
         peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s
-        peer.loss.take(packet.peer, packet.component_id, packet.seq)
+        peer.loss.add(packet.peer, packet.component_id, packet.seq)
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
             stream.ever = True
@@ -225,13 +225,13 @@ class RateKeeper:
 
     def poll(self, now_s: float) -> list[tuple[int, bytes]]:
         """Requests that are due, each with the link it belongs on; only to the UAV, one message at a time and link."""
-        if self._speaker is None:
+        if self._encoder is None:
             return []
         due: list[tuple[int, bytes]] = []
         with self._lock:
             for (system_id, link), peer in self._peers.items():
                 if system_id == self._uav and now_s - peer.heard_s <= SILENT_S:
-                    due += ((link, raw) for raw in self._ask(self._speaker, peer, now_s))
+                    due += ((link, raw) for raw in self._ask(self._encoder, peer, now_s))
         return due
 
     def rates(self, now_s: float) -> tuple[Rate, ...]:
@@ -259,7 +259,7 @@ class RateKeeper:
                     fresh.append(rate)
         return fresh
 
-    def _ask(self, speaker: Speaker, peer: _Peer, now_s: float) -> list[bytes]:
+    def _ask(self, encoder: MavlinkEncoder, peer: _Peer, now_s: float) -> list[bytes]:
         if now_s - peer.since_s < WINDOW_S or (peer.asking is not None and now_s - peer.asked_s < ANSWER_S):
             return []
         peer.asking = None
@@ -273,9 +273,9 @@ class RateKeeper:
             stream.tries, stream.due_s = stream.tries + 1, now_s + AGAIN_S
             peer.asked_s = now_s
             if stream.refused:
-                return [stream_request(speaker, self._uav, message_id, wanted_hz)]
+                return [stream_request(encoder, self._uav, message_id, wanted_hz)]
             peer.asking = message_id
-            return [interval_request(speaker, self._uav, message_id, wanted_hz)]
+            return [interval_request(encoder, self._uav, message_id, wanted_hz)]
         return []
 
     def _answer(self, peer: _Peer, packet: Packet) -> None:
@@ -292,7 +292,7 @@ class RateKeeper:
         peer = self._peers[system_id, link]
         stream = peer.streams[message_id]
         measured_hz = stream.hz(now_s)
-        state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._speaker is not None and system_id == self._uav)
+        state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._encoder is not None and system_id == self._uav)
         unsettled = now_s - peer.since_s < WINDOW_S or now_s - peer.heard_s > PAUSE_S
         if state != "ok" and (unsettled or now_s - peer.behind_s < BEHIND_S):
             state, hint = "measuring", ""

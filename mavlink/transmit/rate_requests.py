@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.addressing import target_of
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 
 __all__ = [
@@ -57,19 +57,19 @@ def boot_ms(packet: Packet) -> int:
     return 0
 
 
-def interval_request(speaker: Speaker, system_id: int, message_id: int, hz: float) -> bytes:
+def interval_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:
     """Asks an autopilot for one message."""
-    return speaker.pack(
+    return encoder.pack(
         ardupilotmega.MAVLink_command_long_message(
             system_id, 1, _SET_MESSAGE_INTERVAL, 0, message_id, round(1e6 / hz), 0, 0, 0, 0, 0
         )
     )
 
 
-def stream_request(speaker: Speaker, system_id: int, message_id: int, hz: float) -> bytes:
+def stream_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:
     """Asks an autopilot for the stream that a message belongs to."""
     rate = max(1, math.ceil(hz))
-    return speaker.pack(ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1))
+    return encoder.pack(ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1))
 
 
 def interval_answer(packet: Packet, own: int) -> int | None:

@@ -20,7 +20,7 @@ class Recorded(World):
 
     def feed(self, frame, t_us):
         self._file.write(struct.pack(">Q", t_us) + frame)
-        return self.fleet.feed(Packet(t_us, frame))
+        return self.fleet.add_packet(Packet(t_us, frame))
 
     def close(self):
         self._file.close()

@@ -40,7 +40,7 @@ def folded(datagrams, ids=range(11, 18)):
     for datagram in datagrams:
         frames, _ = split(datagram.raw)
         for raw in frames:
-            notes += fleet.feed(Packet(START_US + int(datagram.t_s * 1e6), raw))
+            notes += fleet.add_packet(Packet(START_US + int(datagram.t_s * 1e6), raw))
     return fleet, {notice.text for notice in notes}
 
 

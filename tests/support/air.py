@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mavlink.fleet.fleet import Fleet
-from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER, Speaker
+from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from tests.support.mavlink_flight import FIELD, T0, S
 
@@ -44,7 +44,7 @@ class Sender:
     ends_us: int = T0 + 10_000 * S
 
     def __post_init__(self):
-        self.speaker = Speaker(self.system_id)
+        self.speaker = MavlinkEncoder(self.system_id)
         self.speaker._mav.seq = self.seq
         self.rng = np.random.default_rng(self.peer)
 
@@ -91,7 +91,7 @@ class Air:
             due = sorted((w for w in self.waiting if w[0] <= self.now_us), key=lambda w: w[0])
             self.waiting = [w for w in self.waiting if w[0] > self.now_us]
             for t_us, raw, sender in due:
-                self.notices += self.fleet.feed(Packet(t_us, raw, sender.link, sender.peer, sender.auth))
+                self.notices += self.fleet.add_packet(Packet(t_us, raw, sender.link, sender.peer, sender.auth))
             self.now_us += STEP_US
             if not self.contested_us and self.status().contested:
                 self.contested_us = self.now_us

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import parse_mission
 from gcs.snapshot import Health
-from mavlink.protocol.encoder import COPTER, ROVER, Speaker
+from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from tests.support.mavlink_flight import FIELD, T0, S
 from vision.detect.detections import Detections
@@ -38,14 +38,14 @@ class Vehicle:
     """By which its clock is slow."""
     peer: int = 0
     booted_us: int = T0 - 60 * S
-    extra: Callable[[Speaker, int], list[bytes]] = lambda speaker, t_us: []
+    extra: Callable[[MavlinkEncoder, int], list[bytes]] = lambda speaker, t_us: []
     """Further frames, once a second."""
     check: Callable[[Packet], Auth] = lambda packet: Auth.OPEN
     """What its signatures are worth."""
-    speaker: Speaker = field(init=False)
+    speaker: MavlinkEncoder = field(init=False)
 
     def __post_init__(self):
-        self.speaker = Speaker(self.system_id)
+        self.speaker = MavlinkEncoder(self.system_id)
 
     def place(self, t_us):
         """East and north, and the velocity there."""

@@ -2,12 +2,12 @@
 
 import struct
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 
 T0 = 1_790_000_000_000_000
 """Unix µs of packet 0."""
-FRAMES = [Speaker(1 + k % 7).attitude(k, 0.1, 0.2, 0.01 * k) for k in range(50)]
+FRAMES = [MavlinkEncoder(1 + k % 7).attitude(k, 0.1, 0.2, 0.01 * k) for k in range(50)]
 
 
 def packet(k, **more):
@@ -27,7 +27,7 @@ def records(stop, start=0):
 
 def some_frames(count=200, *, version=2, key=None, system_id=7):
     """Four kinds of messages of one vehicle."""
-    speaker = Speaker(system_id, version=version, key=key)
+    speaker = MavlinkEncoder(system_id, version=version, key=key)
     frames = []
     for i in range(count):
         kind = i % 4
@@ -44,7 +44,7 @@ def some_frames(count=200, *, version=2, key=None, system_id=7):
 
 def heartbeats(count):
     """Of twenty vehicles in turn, each frame another."""
-    speakers = [Speaker(k + 1) for k in range(20)]
+    speakers = [MavlinkEncoder(k + 1) for k in range(20)]
     return [speakers[k % 20].heartbeat(custom_mode=k) for k in range(count)]
 
 

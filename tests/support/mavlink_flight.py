@@ -4,7 +4,7 @@ import numpy as np
 
 from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
-from mavlink.protocol.encoder import COPTER, ROVER, Speaker
+from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 
 T0 = 1_790_000_000_000_000
@@ -19,7 +19,7 @@ class World:
     def __init__(self, rovers=2, **options):
         self.ids = list(range(11, 11 + rovers))
         self.fleet = Fleet(1, self.ids, **options)
-        self.speakers = {i: Speaker(i) for i in [1, *self.ids]}
+        self.speakers = {i: MavlinkEncoder(i) for i in [1, *self.ids]}
         self.booted_us = {i: T0 - (50 + i) * S for i in self.speakers}
         self.notices = []
 
@@ -27,7 +27,7 @@ class World:
         return (t_us - self.booted_us[system_id]) // 1000
 
     def feed(self, frame, t_us):
-        notices = self.fleet.feed(Packet(t_us, frame))
+        notices = self.fleet.add_packet(Packet(t_us, frame))
         self.notices += notices
         return notices
 

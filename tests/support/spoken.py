@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 
-UAV, UGV = Speaker(1), Speaker(7)
+UAV, UGV = MavlinkEncoder(1), MavlinkEncoder(7)
 PARSER = dialect.MAVLink(None)
 
 

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.index import build_index
 
@@ -13,7 +13,7 @@ STEP_US = 10_000
 
 
 def some_packets(count=300):
-    speakers = [Speaker(1), Speaker(2, version=1), Speaker(3, key=b"k" * 32)]
+    speakers = [MavlinkEncoder(1), MavlinkEncoder(2, version=1), MavlinkEncoder(3, key=b"k" * 32)]
     packets = []
     for i in range(count):
         speaker, boot_ms = speakers[i % 3], 1000 + i * 10

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from mavlink.fleet.fleet import Fleet
-from mavlink.protocol.encoder import ARDUPILOT, ROVER, Speaker
+from mavlink.protocol.encoder import ARDUPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from tests.support.mavlink_flight import FIELD, T0, S
 
@@ -72,7 +72,7 @@ class Voice:
 @cache
 def frames(voice, until_s):
     """What it sends: (seconds of arrival, frame), lost and held up as its link does."""
-    speaker, rng = Speaker(UGV, voice.component), np.random.default_rng(voice.seq + 1)
+    speaker, rng = MavlinkEncoder(UGV, voice.component), np.random.default_rng(voice.seq + 1)
     speaker._mav.seq = voice.seq
     sent, heard = [], []
     period = 1.0 / voice.rate_hz
@@ -137,7 +137,7 @@ class Hearing:
             while look_s and t > due:
                 self.look(due)
                 due += look_s
-            self.notices += self.fleet.feed(Packet(T0 + round(t * S), raw, voice.link, voice.peer))
+            self.notices += self.fleet.add_packet(Packet(T0 + round(t * S), raw, voice.link, voice.peer))
         return self
 
     def look(self, t):

@@ -12,7 +12,7 @@ from gcs.command.look import Look
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, Mission, Vehicle
 from mavlink.geodesy import quaternion_from_euler
-from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit import message_rates as rates
 from tests.support.air_desk import PLACE, UAV, UGV, open_air
@@ -138,7 +138,7 @@ MISSION = Mission(
 
 def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds=8):
     """How far east the camera looks at the end, metres on the ground, and what was told; an answer comes after 2 s."""
-    pipeline, speaker, t0 = Pipeline(mission), Speaker(1), 1_790_000_000_000_000
+    pipeline, speaker, t0 = Pipeline(mission), MavlinkEncoder(1), 1_790_000_000_000_000
     told = []
     for k in range(10 * seconds):
         t_us, boot_ms = t0 + 100_000 * k, 1000 + 100 * k
@@ -153,7 +153,7 @@ def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds
             pipeline.feed(Packet(t_us, raw, 0, 1))
         if ack is not None and k == 20:
             said = dialect.MAVLink_command_ack_message(*ack)
-            pipeline.feed(Packet(t_us, Speaker(system_id).pack(said), 0, 1, auth))
+            pipeline.feed(Packet(t_us, MavlinkEncoder(system_id).pack(said), 0, 1, auth))
         snapshot = pipeline.frame(k, t_us)
         told += [event for event in snapshot.events if "an order turned the camera" in event.text]
     east_m = float(snapshot.footprint_enu[:, 0].mean() - snapshot.uav_enu[0])

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.tlog.log import Tlog
 from tests.support.bundled import SWARM, with_packets, with_payload
 
@@ -35,7 +35,7 @@ def moved(raw, east_m):
 
 def with_fault(folder, east_m, messages, ratio, who=WHO):
     """A copy of the session in which a vehicle is wrong for eight seconds, and its filter says so where it is asked."""
-    speaker, start_us = Speaker(who), log_start_us()
+    speaker, start_us = MavlinkEncoder(who), log_start_us()
 
     def go_wrong(packet):
         wrong = BEGIN_S <= (packet.t_us - start_us) * 1e-6 < END_S

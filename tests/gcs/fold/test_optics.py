@@ -12,7 +12,7 @@ from gcs.mission.mission import Camera, load_mission, parse_mission
 from gcs.session.session import mission_table
 from mavlink.fleet.fleet import CameraReport
 from mavlink.geodesy import LocalFrame
-from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import lens_text
@@ -158,7 +158,7 @@ FIELD = LocalFrame(-35.363, 149.165, 584.0)
 def flown(camera, *frames):
     """A pipeline that has heard a level copter 40 m up, looking north, and these frames."""
     pipeline = Pipeline(parse_mission({**WHO, **camera}, "m.toml"))
-    uav, t_us = Speaker(1), 1_790_000_000_000_000
+    uav, t_us = MavlinkEncoder(1), 1_790_000_000_000_000
     lat, lon, alt = (float(v) for v in FIELD.to_geodetic([0.0, 0.0, 40.0]))
     for k in range(10):
         boot_ms = 1000 + 100 * k
@@ -176,7 +176,7 @@ def fov_status(hfov_deg):
     from pymavlink.dialects.v20 import ardupilotmega
 
     message = ardupilotmega.MAVLink_camera_fov_status_message(1, *[2**31 - 1] * 6, [math.nan] * 4, hfov_deg, math.nan)
-    return Speaker(1).pack(message)
+    return MavlinkEncoder(1).pack(message)
 
 
 def stream(rotation):
@@ -185,7 +185,7 @@ def stream(rotation):
     message = ardupilotmega.MAVLink_video_stream_information_message(
         1, 1, 0, 1, 30, 640, 360, 0, rotation, 0, b"a", b"rtsp://x"
     )
-    return Speaker(1).pack(message)
+    return MavlinkEncoder(1).pack(message)
 
 
 def test_fold_uses_the_reported_field_of_view_at_the_size_of_the_image():

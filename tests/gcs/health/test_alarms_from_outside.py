@@ -20,7 +20,7 @@ from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event
 from mavlink.ingest.health import IngestHealth
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.signing.streams import ticks_of
 from mavlink.tlog.clock_watch import ClockWatch
@@ -301,7 +301,7 @@ def is_flooded_while_its_receiver_hangs(tmp_path, started, sender):
     if not sys.platform.startswith("linux"):
         pytest.skip("only Linux counts what it drops")
     ingest, port = started(ring_bytes=8192, system_ids=(UAV, UGV))
-    frame, came = Speaker(UAV).heartbeat(), {}
+    frame, came = MavlinkEncoder(UAV).heartbeat(), {}
 
     def all_came():
         sender.sendto(frame, (HOST, port))

@@ -12,7 +12,7 @@ from gcs.session.session import open_session
 from gcs.session.tables import read_table
 from infra.session_format import TableFormat
 from mavlink.errors import TlogError
-from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.log import Tlog
@@ -24,7 +24,7 @@ HOUR_US = 3_600_000_000
 
 
 def heartbeats(count, step_us=10_000):
-    speakers = [Speaker(1), Speaker(2), Speaker(3)]
+    speakers = [MavlinkEncoder(1), MavlinkEncoder(2), MavlinkEncoder(3)]
     return [
         Packet(T0 + k * step_us, speakers[k % 3].heartbeat(**({"kind": COPTER} if k % 3 == 0 else {})))
         for k in range(count)
@@ -132,7 +132,7 @@ def test_what_was_refused_in_flight_is_refused_again(tmp_path):
 
 
 def test_nobody_is_discovered_by_forged_heartbeats(tmp_path):
-    ghost = Packet(T0, Speaker(200).heartbeat(), auth=Auth.BAD)
+    ghost = Packet(T0, MavlinkEncoder(200).heartbeat(), auth=Auth.BAD)
     mission = discover(recorded(tmp_path, [ghost, *PACKETS]))
     assert (mission.uav.system_id, mission.ugv_ids) == (1, (2, 3))
 
@@ -142,8 +142,8 @@ def test_the_fold_leaves_refused_records_out(tmp_path):
 
     def flight(folder, forged):
         folder.mkdir()
-        true, liar = Speaker(2), Speaker(2)
-        uav = Speaker(1)
+        true, liar = MavlinkEncoder(2), MavlinkEncoder(2)
+        uav = MavlinkEncoder(1)
         packets = []
         for k in range(100):
             t_us, place = T0 + k * 100_000, (47.0, 8.0 + k * 1e-6, 500.0, 0.0)
@@ -215,7 +215,7 @@ def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
 
 def boots(packets_us):
     """Packets of two vehicles that tell their time since boot, stamped by another clock."""
-    speakers = [Speaker(1), Speaker(2)]
+    speakers = [MavlinkEncoder(1), MavlinkEncoder(2)]
     return [Packet(t_us, speakers[k % 2].attitude(5000 + 10 * k, 0.0, 0.0, 0.0)) for k, t_us in enumerate(packets_us)]
 
 

@@ -20,7 +20,7 @@ from gcs.session.sender_table import RecordSenders
 from gcs.session.session import open_session
 from mavlink.ingest.last_senders import LastSenders
 from mavlink.links.batch import Batch
-from mavlink.protocol.encoder import COPTER, Speaker
+from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter
 from tests.support.ingest_runs import HOST, wait_for
@@ -44,7 +44,7 @@ def noted(folder, packets):
 
 def crowd(count, seed=3):
     """Five vehicles over two links and three addresses, in any order; some speak MAVLink 1."""
-    rng, speakers = random.Random(seed), [Speaker(i, version=1 + (i != 4)) for i in range(1, 6)]
+    rng, speakers = random.Random(seed), [MavlinkEncoder(i, version=1 + (i != 4)) for i in range(1, 6)]
     return [
         Packet(T0 + 1000 * k, rng.choice(speakers).heartbeat(), rng.randrange(2), rng.randrange(1, 4))
         for k in range(count)
@@ -61,7 +61,7 @@ def test_every_record_is_given_back_with_its_sender(tmp_path):
 
 
 def test_a_vehicle_that_stays_where_it_is_takes_one_row(tmp_path):
-    speakers = [Speaker(i) for i in (1, 2, 3)]
+    speakers = [MavlinkEncoder(i) for i in (1, 2, 3)]
     noted(tmp_path, [Packet(T0 + k, speakers[k % 3].heartbeat(), 0, k % 3 + 1) for k in range(90)])
     rows = (tmp_path / "senders.csv").read_text().splitlines()
     assert rows[0] + "\n" == HEAD and len(rows) == 4
@@ -115,7 +115,7 @@ def test_a_table_without_rows_or_records_is_no_trouble(tmp_path, count):
 
 def two_of_one_id(ingest, port, rounds=25):
     """A vehicle and one that says the same from another address, by turns for three seconds."""
-    uav, true, liar = Speaker(1), Speaker(2), Speaker(2)
+    uav, true, liar = MavlinkEncoder(1), MavlinkEncoder(2), MavlinkEncoder(2)
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other,

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.fleet.fleet import Fleet
-from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from tests.support.air import UAV, UGV, Air, Sender
 from tests.support.mavlink_flight import FIELD, T0, S
@@ -110,10 +110,10 @@ def version(speaker, uid=0, uid2=b""):
 
 def test_another_hardware_id_is_found_at_once():
     air = Air(Sender()).run(5)
-    real, other = air.senders[2].speaker, Speaker(UGV)
-    air.fleet.feed(Packet(air.now_us, version(real, uid=0xAB), 0, 1))
-    assert air.fleet.feed(Packet(air.now_us, version(real, uid=0xAB, uid2=b"\x12\x34"), 0, 1)) == ()
-    (alarm,) = air.fleet.feed(Packet(air.now_us, version(other, uid=0xCD, uid2=b"\x56\x78"), 0, 2))
+    real, other = air.senders[2].speaker, MavlinkEncoder(UGV)
+    air.fleet.add_packet(Packet(air.now_us, version(real, uid=0xAB), 0, 1))
+    assert air.fleet.add_packet(Packet(air.now_us, version(real, uid=0xAB, uid2=b"\x12\x34"), 0, 1)) == ()
+    (alarm,) = air.fleet.add_packet(Packet(air.now_us, version(other, uid=0xCD, uid2=b"\x56\x78"), 0, 2))
     assert alarm.level == "alarm" and "hardware id 1234 and 5678: udp address 1 and udp address 2" in alarm.text
     assert air.run(30).status().contested
     assert not air.run(35).status().contested
@@ -121,9 +121,9 @@ def test_another_hardware_id_is_found_at_once():
 
 def test_another_board_after_a_reboot_is_told_and_believed():
     air = Air(Sender(ends_us=BEGIN), Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + 2 * S)).run(5)
-    air.fleet.feed(Packet(air.now_us, version(Speaker(UGV), uid=1), 0, 1))
+    air.fleet.add_packet(Packet(air.now_us, version(MavlinkEncoder(UGV), uid=1), 0, 1))
     air.run(4)
-    said = air.fleet.feed(Packet(air.now_us, version(Speaker(UGV), uid=2), 0, 2))
+    said = air.fleet.add_packet(Packet(air.now_us, version(MavlinkEncoder(UGV), uid=2), 0, 2))
     assert [n.level for n in said] == ["warning"] and "another autopilot since it has rebooted" in said[0].text
     assert not air.status().contested and air.status().hardware == "2"
 
@@ -211,23 +211,23 @@ def test_a_silent_radio_leaves_the_mode_to_the_one_that_is_behind():
 
 
 def test_heartbeats_over_a_new_address_are_no_copies_of_those_whose_numbers_have_come_round():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV)
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV)
     for k in range(
         20 * 32
     ):  # 256 packets in eight seconds: a heartbeat has the number of the one before the last seven
         t_us, peer = T0 + k * S // 32, 1 + (k > 320)
         raw = speaker.attitude(50_000 + k * 1000 // 32, 0.0, 0.0, 0.0) if k % 32 else speaker.heartbeat(ROVER)
-        fleet.feed(Packet(t_us, raw, 0, peer))
+        fleet.add_packet(Packet(t_us, raw, 0, peer))
         assert fleet.at(t_us).vehicles[1].heartbeat_age_s < 2.5
     assert fleet.at(t_us).vehicles[1].copies <= 1
 
 
 def test_a_companion_that_tells_the_time_is_not_the_autopilot():
     air = Air(Sender(clocked=True)).run(1)
-    companion = Speaker(UGV, 191)
+    companion = MavlinkEncoder(UGV, 191)
     for k in range(20):
         air.run(0.5)
-        air.notices += air.fleet.feed(Packet(air.now_us, companion.system_time(4000 + k, 1000 * S), 0, 1))
+        air.notices += air.fleet.add_packet(Packet(air.now_us, companion.system_time(4000 + k, 1000 * S), 0, 1))
     assert abs(air.status().clock_error_s) < 1 and not air.alarms
     assert not any("date" in notice.text for notice in air.notices)
 
@@ -266,16 +266,16 @@ def test_clock_readings_of_two_senders_are_no_drift():
                 answer = sender.speaker.timesync(
                     (air.now_us - sender.booted_us) * 1000, (air.now_us - 6000 // sender.peer) * 1000
                 )
-                air.notices += air.fleet.feed(Packet(air.now_us, answer, 0, sender.peer))
+                air.notices += air.fleet.add_packet(Packet(air.now_us, answer, 0, sender.peer))
     assert abs(air.status().drift_ppm) < 100
     assert not air.status().clock_fault
 
 
 def test_what_lasts_is_told_ever_more_rarely_and_again_when_it_comes_back():
-    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV).heartbeat()
+    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV).heartbeat()
 
     def told(start_s, stop_s):
-        return sum(bool(fleet.feed(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))) for k in range(start_s, stop_s))
+        return sum(bool(fleet.add_packet(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))) for k in range(start_s, stop_s))
 
     assert 5 <= told(0, 3600) <= 12
     assert told(4000, 4010) == 1
@@ -284,19 +284,19 @@ def test_what_lasts_is_told_ever_more_rarely_and_again_when_it_comes_back():
 
 
 def test_a_forger_is_told_at_once_though_unsigned_packets_were_refused_all_along():
-    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV).heartbeat()
+    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV).heartbeat()
     for k in range(3600):
-        fleet.feed(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))
-    said = [n.text for k in range(5) for n in fleet.feed(Packet(T0 + 3600 * S + k, raw, 0, 2, Auth.BAD))]
+        fleet.add_packet(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))
+    said = [n.text for k in range(5) for n in fleet.add_packet(Packet(T0 + 3600 * S + k, raw, 0, 2, Auth.BAD))]
     assert said == ["system 11: 3 packets refused, bad signature (link 0 address 2)"]
 
 
 def test_the_second_copy_of_a_signed_packet_is_no_replay():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     for i in range(10):
         raw = speaker.heartbeat()
-        fleet.feed(Packet(T0 + i * S, raw, 0, 1, Auth.GOOD))
-        assert fleet.feed(Packet(T0 + i * S + 5000, raw, 1, 1, Auth.REPLAYED)) == ()
+        fleet.add_packet(Packet(T0 + i * S, raw, 0, 1, Auth.GOOD))
+        assert fleet.add_packet(Packet(T0 + i * S + 5000, raw, 1, 1, Auth.REPLAYED)) == ()
     status = fleet.at(T0 + 10 * S).vehicles[1]
     assert (status.signed, status.bad_signature, status.copies) == (10, 0, 10)
 
@@ -304,12 +304,12 @@ def test_the_second_copy_of_a_signed_packet_is_no_replay():
 @pytest.mark.parametrize("believed", [Auth.GOOD, Auth.OPEN], ids=["in flight", "in a replay"])
 def test_signed_packets_that_were_overtaken_are_no_replay(believed):
     """ArduPilot signs for all its radios with one counter: what comes over the slower one is older than the newest."""
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     frames = [speaker.attitude(i * 100, 0.0, 0.0, 0.1) for i in range(200)]
     told = []
     for i in range(0, 200, 2):
-        told += fleet.feed(Packet(T0 + i * S // 10, frames[i + 1], 0, 1, believed))
-        told += fleet.feed(Packet(T0 + i * S // 10 + 5000, frames[i], 1, 1, Auth.REPLAYED))
+        told += fleet.add_packet(Packet(T0 + i * S // 10, frames[i + 1], 0, 1, believed))
+        told += fleet.add_packet(Packet(T0 + i * S // 10 + 5000, frames[i], 1, 1, Auth.REPLAYED))
     status = fleet.at(T0 + 20 * S).vehicles[1]
     assert (status.signed + status.unsigned, status.bad_signature) == (100, 0)
     (notice,) = [notice for notice in told if "refused" in notice.text]
@@ -317,11 +317,11 @@ def test_signed_packets_that_were_overtaken_are_no_replay(believed):
 
 
 def test_a_recording_of_minutes_ago_is_a_replay_though_its_packets_were_never_heard():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     old = [speaker.attitude(i * 100, 0.0, 0.0, 0.1) for i in range(10)]
     speaker._mav.signing.timestamp += 30 * 100_000
-    fleet.feed(Packet(T0, speaker.heartbeat(), 0, 1, Auth.GOOD))
-    told = [notice for raw in old for notice in fleet.feed(Packet(T0 + S, raw, 0, 2, Auth.REPLAYED))]
+    fleet.add_packet(Packet(T0, speaker.heartbeat(), 0, 1, Auth.GOOD))
+    told = [notice for raw in old for notice in fleet.add_packet(Packet(T0 + S, raw, 0, 2, Auth.REPLAYED))]
     assert [notice.level for notice in told] == ["alarm"] and "replayed signature" in told[0].text
     assert fleet.at(T0 + S).vehicles[1].bad_signature == 10
 
@@ -330,15 +330,15 @@ def test_a_recording_of_minutes_ago_is_a_replay_though_its_packets_were_never_he
 @pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
 def test_a_recording_played_from_elsewhere_is_told_as_one_however_slowly_the_counter_runs(seconds, per_s):
     """An armed ArduPilot's timestamps grow by 10 µs a packet: those of minutes ago are only milliseconds behind."""
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     frames = []
     for k in range(seconds + 30):
         speaker._mav.signing.timestamp = 10**12 + k * per_s
         frames += [speaker.attitude(k * 1000 + part * 500, 0.0, 0.0, 0.1) for part in range(2)]
         # half of them were lost on the way here, and the recording has them
-        fleet.feed(Packet(T0 + k * S, frames[-2], 0, 1, Auth.GOOD))
+        fleet.add_packet(Packet(T0 + k * S, frames[-2], 0, 1, Auth.GOOD))
     now = T0 + (seconds + 30) * S
-    told = [notice for raw in frames[1:20:2] for notice in fleet.feed(Packet(now, raw, 0, 2, Auth.REPLAYED))]
+    told = [notice for raw in frames[1:20:2] for notice in fleet.add_packet(Packet(now, raw, 0, 2, Auth.REPLAYED))]
     (notice,) = told
     assert notice.level == "alarm"
     said = re.search(r": a recording made at least (\d+) (s|min) ago is played \(link 0 address 2\)$", notice.text)
@@ -350,13 +350,17 @@ def test_a_recording_played_from_elsewhere_is_told_as_one_however_slowly_the_cou
 
 def test_a_recording_played_at_the_start_of_a_flight_is_told_by_the_vehicles_own_clock():
     """What newer packets say is three seconds old, and the counter has hardly moved in twenty minutes."""
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     beats = [speaker.heartbeat() for _ in range(40)]
     recording = [speaker.attitude(k * 500, 0.0, 0.0, 0.1) for k in range(40)]
     for k in range(30):
-        fleet.feed(Packet(T0 + k * S // 10, speaker.attitude(1_200_000 + k * 100, 0.0, 0.0, 0.1), 0, 1, Auth.GOOD))
+        fleet.add_packet(
+            Packet(T0 + k * S // 10, speaker.attitude(1_200_000 + k * 100, 0.0, 0.0, 0.1), 0, 1, Auth.GOOD)
+        )
     played = [raw for pair in zip(recording, beats, strict=True) for raw in pair]
-    told = [n for k, raw in enumerate(played) for n in fleet.feed(Packet(T0 + 3 * S + k, raw, 0, 2, Auth.REPLAYED))]
+    told = [
+        n for k, raw in enumerate(played) for n in fleet.add_packet(Packet(T0 + 3 * S + k, raw, 0, 2, Auth.REPLAYED))
+    ]
     assert [notice.level for notice in told] == ["alarm"]
     assert "a recording made at least 20 min ago is played (link 0 address 2)" in told[0].text
     assert fleet.at(T0 + 3 * S).vehicles[1].replayed == 80
@@ -364,12 +368,14 @@ def test_a_recording_played_at_the_start_of_a_flight_is_told_by_the_vehicles_own
 
 @pytest.mark.parametrize(("late_s", "replayed"), [(10, 0), (13, 5), (20, 5), (23, 5), (60, 5)])
 def test_the_same_packets_again_are_copies_for_twelve_seconds_and_then_a_recording(late_s, replayed):
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     frames = [speaker.heartbeat() for _ in range(100)]
     for k, raw in enumerate(frames):
-        fleet.feed(Packet(T0 + k * S, raw, 0, 1, Auth.GOOD))
+        fleet.add_packet(Packet(T0 + k * S, raw, 0, 1, Auth.GOOD))
     now = T0 + 99 * S
-    told = [n for k in range(5) for n in fleet.feed(Packet(now, frames[99 - late_s - k % 2], 0, 2, Auth.REPLAYED))]
+    told = [
+        n for k in range(5) for n in fleet.add_packet(Packet(now, frames[99 - late_s - k % 2], 0, 2, Auth.REPLAYED))
+    ]
     status = fleet.at(now).vehicles[1]
     assert (status.replayed, len(told)) == (replayed, min(replayed, 1))
 
@@ -377,43 +383,43 @@ def test_the_same_packets_again_are_copies_for_twelve_seconds_and_then_a_recordi
 @pytest.mark.parametrize("late_s", [1, 5, 10])
 @pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
 def test_a_slower_second_link_is_no_recording(late_s, per_s):
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     told, frames = [], []
     for k in range(200):
         speaker._mav.signing.timestamp = 10**12 + k * per_s
         frames.append([speaker.attitude(k * 1000 + part * 500, 0.0, 0.0, 0.1) for part in range(2)])
-        fleet.feed(Packet(T0 + k * S, frames[k][1], 0, 1, Auth.GOOD))
+        fleet.add_packet(Packet(T0 + k * S, frames[k][1], 0, 1, Auth.GOOD))
         if k >= late_s:
             for raw in frames[k - late_s]:  # one of them was lost on the faster link
-                told += fleet.feed(Packet(T0 + k * S + 5000, raw, 1, 1, Auth.REPLAYED))
+                told += fleet.add_packet(Packet(T0 + k * S + 5000, raw, 1, 1, Auth.REPLAYED))
     status = fleet.at(T0 + 200 * S).vehicles[1]
     assert (status.replayed, status.bad_signature) == (0, 0)
     assert {notice.level for notice in told} == {"warning"} and len(told) == 1
 
 
 def test_what_was_refused_is_over_ten_seconds_after_it_ended():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     for k in range(10):
-        fleet.feed(Packet(T0 + k * S, Speaker(UGV).heartbeat(), 0, 1, Auth.UNSIGNED))
+        fleet.add_packet(Packet(T0 + k * S, MavlinkEncoder(UGV).heartbeat(), 0, 1, Auth.UNSIGNED))
     assert not fleet.at(T0 + 9 * S).vehicles[1].signs
     for k in range(10, 30):
-        fleet.feed(Packet(T0 + k * S, speaker.heartbeat(), 0, 1, Auth.GOOD))
+        fleet.add_packet(Packet(T0 + k * S, speaker.heartbeat(), 0, 1, Auth.GOOD))
         assert fleet.at(T0 + k * S).vehicles[1].signs == (k >= 19)
     assert not fleet.at(T0 + 60 * S).vehicles[1].signs
 
 
 def test_held_is_said_with_how_far_and_from_where_and_is_over_with_the_first_that_is_believed():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV, key=bytes(32))
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
     speaker._mav.signing.timestamp = (T0 - 1_420_070_400 * S) // 10 - 1800 * 100_000
     told = []
     for k in range(100):
-        told += fleet.feed(Packet(T0 + k * S // 10, speaker.heartbeat(), 0, 2, Auth.HELD))
+        told += fleet.add_packet(Packet(T0 + k * S // 10, speaker.heartbeat(), 0, 2, Auth.HELD))
     assert [notice.text for notice in told] == [
         "system 11: signatures 30 min behind, nothing proves that its packets are made now: held (link 0 address 2)"
     ]
     status = fleet.at(T0 + 10 * S).vehicles[1]
     assert (status.held, round(status.held_s), status.bad_signature) == (100, 1810, 0)
-    fleet.feed(Packet(T0 + 10 * S, speaker.heartbeat(), 0, 2, Auth.GOOD))
+    fleet.add_packet(Packet(T0 + 10 * S, speaker.heartbeat(), 0, 2, Auth.GOOD))
     assert math.isnan(fleet.at(T0 + 10 * S).vehicles[1].held_s)
 
 
@@ -425,28 +431,25 @@ def test_loss_rate_and_freshness_are_told_for_each_link():
     assert first.loss == 0.0 and second.loss == pytest.approx(0.5, abs=0.2)
     assert first.rate_hz == pytest.approx(11.0, rel=0.15) and second.rate_hz == pytest.approx(1.5, rel=0.5)
     assert status.link in (0, 1) and first.age_s < 0.3
-    rates = {(r.link, r.message_id): r.hz for r in air.fleet.rates(air.now_us) if r.system_id == UGV}
-    assert rates[0, 33] == pytest.approx(5.0, rel=0.1) and rates[0, 0] == pytest.approx(1.0, rel=0.1)
     air.senders[2].ends_us = air.now_us
     air.run(10)
     assert air.status().link == 1
-    rates = {(r.link, r.message_id): r.hz for r in air.fleet.rates(air.now_us) if r.system_id == UGV}
-    assert rates[0, 33] < 0.6
+    assert air.status().channels[0].rate_hz < 1.2
 
 
 def test_a_flood_of_forged_heartbeats_is_told_in_a_few_lines():
     air = Air(Sender()).run(5)
-    forger, rng, said = Speaker(UGV), np.random.default_rng(3), []
+    forger, rng, said = MavlinkEncoder(UGV), np.random.default_rng(3), []
     for k in range(5000):
         raw = forger.heartbeat(int(rng.integers(0, 16)), autopilot=int(rng.integers(0, 8)), custom_mode=k)
-        said += air.fleet.feed(Packet(air.now_us + k * 400, raw, 0, 2))
+        said += air.fleet.add_packet(Packet(air.now_us + k * 400, raw, 0, 2))
     assert len(said) < 40
     assert next(n.text for n in said if n.level == "alarm").startswith("two senders use system id 11")
 
 
 def test_thousands_of_addresses_stay_bounded():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), Speaker(UGV)
+    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV)
     for peer in range(5000):
-        fleet.feed(Packet(T0 + peer * 1000, speaker.heartbeat(), 0, peer))
+        fleet.add_packet(Packet(T0 + peer * 1000, speaker.heartbeat(), 0, peer))
     assert len(fleet.at(T0 + 5 * S).vehicles[1].channels) <= 16
     assert math.isfinite(fleet.at(T0 + 5 * S).vehicles[1].loss)

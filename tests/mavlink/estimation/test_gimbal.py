@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import quaternion_from_euler, rotation_from_euler
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.mavlink_flight import FIELD, T0, S, World
 
 NOSE = 0.5  # yaw of the copter in World.run
@@ -26,12 +26,12 @@ def device(q, flags=44, component=1, device_id=1):
     message = ardupilotmega.MAVLink_gimbal_device_attitude_status_message(
         0, 0, 1, flags, list(q), math.nan, math.nan, math.nan, 0, gimbal_device_id=device_id
     )
-    return Speaker(1, component).pack(message)
+    return MavlinkEncoder(1, component).pack(message)
 
 
 def mount_status(pitch, roll, yaw):
     cdeg = (round(math.degrees(a) * 100) for a in (pitch, roll, yaw))
-    return Speaker(1).pack(ardupilotmega.MAVLink_mount_status_message(0, 0, *cdeg))
+    return MavlinkEncoder(1).pack(ardupilotmega.MAVLink_mount_status_message(0, 0, *cdeg))
 
 
 def fov(q, middle_enu=None):
@@ -42,14 +42,16 @@ def fov(q, middle_enu=None):
             [round(lat * 1e7), round(lon * 1e7), round(alt * 1e3)]
             for lat, lon, alt in (FIELD.to_geodetic(p) for p in ([0.0, 0.0, 40.0], middle_enu))
         )
-    return Speaker(1).pack(ardupilotmega.MAVLink_camera_fov_status_message(1, *here, *there, list(q), 60.0, 40.0))
+    return MavlinkEncoder(1).pack(
+        ardupilotmega.MAVLink_camera_fov_status_message(1, *here, *there, list(q), 60.0, 40.0)
+    )
 
 
 def information(gimbal_id):
     message = ardupilotmega.MAVLink_camera_information_message(
         1, [0] * 32, [0] * 32, 0, 8, 6.4, 4.8, 1920, 1080, 0, 0, 0, b"", gimbal_device_id=gimbal_id
     )
-    return Speaker(1).pack(message)
+    return MavlinkEncoder(1).pack(message)
 
 
 def attitude(world, t_us=T0 + S):

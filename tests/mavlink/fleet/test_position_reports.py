@@ -210,9 +210,9 @@ def test_a_second_link_ten_seconds_late_never_moves_anybody(world, loss):
         frame = position(world, t_us) if tick % 2 else world.speakers[11].heartbeat()
         sent.append((t_us, frame))
         if tick < 50 or rng.random() >= loss:
-            world.fleet.feed(Packet(t_us, frame, 0, 1))
+            world.fleet.add_packet(Packet(t_us, frame, 0, 1))
         if tick >= 100:
-            late = world.fleet.feed(Packet(t_us + 50_000, sent[tick - 100][1], 1, 1))
+            late = world.fleet.add_packet(Packet(t_us + 50_000, sent[tick - 100][1], 1, 1))
             assert late == ()
         now_us = t_us + 60_000
         if tick > 10:
@@ -235,9 +235,9 @@ def test_only_the_late_link_is_left(world):
         sent.append(frame)
         world.copter(t_us)
         if tick < 200:
-            world.fleet.feed(Packet(t_us, frame, 0, 1))
+            world.fleet.add_packet(Packet(t_us, frame, 0, 1))
         if tick >= 100:
-            world.fleet.feed(Packet(t_us + 50_000, sent[tick - 100], 1, 1))
+            world.fleet.add_packet(Packet(t_us + 50_000, sent[tick - 100], 1, 1))
     assert not world.fleet.at(t_us).valid[0]
     assert counts(world)["over a link that is seconds late"] == 100
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mavlink.fleet.fleet import Fleet
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.mavlink_flight import FIELD, SPEED, T0, S, World
 
 
@@ -243,7 +243,7 @@ def test_copies_that_come_ten_seconds_late_change_nothing(world):
 def test_other_components_do_not_move_the_vehicle(world):
     end_us = world.run(2)
     lat, lon, alt = (float(a) for a in FIELD.to_geodetic([3.0, 3.0, 0.0]))
-    frame = Speaker(11, 191).global_position_int(world.boot_ms(11, end_us), lat, lon, alt, 0, (0, 0, 0), 1.0)
+    frame = MavlinkEncoder(11, 191).global_position_int(world.boot_ms(11, end_us), lat, lon, alt, 0, (0, 0, 0), 1.0)
     world.feed(frame, end_us)
     assert world.fleet.at(end_us).p_enu[0] == pytest.approx(world.rover_truth(11, end_us), abs=0.05)
 

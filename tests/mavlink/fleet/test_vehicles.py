@@ -1,8 +1,8 @@
 import pytest
 
-from mavlink.protocol.encoder import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.encoder import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.modes import fix_name, is_aircraft, is_ground_vehicle, is_vehicle, kind_name, mode_name
-from mavlink.reception.sequence import SequenceLoss
+from mavlink.reception.reception import SequenceLoss
 from tests.support.mavlink_flight import FIELD, T0, S, World
 
 
@@ -23,7 +23,7 @@ def test_reboot_is_said_and_starts_afresh(world):
 def test_second_sender_of_the_same_id_is_told_and_kept_out(world):
     end_us = world.run(5)
     world.fleet.take_reports()
-    stranger = Speaker(11)
+    stranger = MavlinkEncoder(11)
     told_after = None
     for i in range(25):
         t_us = end_us + i * 200_000
@@ -42,11 +42,11 @@ def test_second_sender_of_the_same_id_is_told_and_kept_out(world):
 
 
 def test_stations_and_gimbals_are_no_vehicles(world):
-    said = world.feed(Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT), T0)
-    said += world.feed(Speaker(1, 154).heartbeat(26, autopilot=NO_AUTOPILOT), T0)
+    said = world.feed(MavlinkEncoder(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT), T0)
+    said += world.feed(MavlinkEncoder(1, 154).heartbeat(26, autopilot=NO_AUTOPILOT), T0)
     assert said == ()
     assert world.fleet.at(T0).vehicles[0].kind == ""
-    said = world.feed(Speaker(42).heartbeat(ROVER), T0) + world.feed(Speaker(42).heartbeat(ROVER), T0 + S)
+    said = world.feed(MavlinkEncoder(42).heartbeat(ROVER), T0) + world.feed(MavlinkEncoder(42).heartbeat(ROVER), T0 + S)
     assert [n.text for n in said] == ["rover 42 is on the air and not in the mission: ignored"]
 
 
@@ -124,14 +124,14 @@ def test_loss_by_sequence_numbers():
     loss = SequenceLoss()
     for seq in range(200):
         if seq % 4:
-            loss.take(0, 1, seq)
+            loss.add(0, 1, seq)
     assert loss.share == pytest.approx(0.25, abs=0.01)
     two_links = SequenceLoss()
     for seq in range(100):
-        two_links.take(0, 1, seq)
-        two_links.take(1, 1, (seq + 77) % 256)
+        two_links.add(0, 1, seq)
+        two_links.add(1, 1, (seq + 77) % 256)
     assert two_links.share == 0.0
-    overtaken = SequenceLoss()
+    reordered = SequenceLoss()
     for seq in (1, 3, 2, 4, 4, 5):
-        overtaken.take(0, 1, seq)
-    assert overtaken.share == 0.0
+        reordered.add(0, 1, seq)
+    assert reordered.share == 0.0

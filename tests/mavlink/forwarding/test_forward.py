@@ -13,12 +13,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
 from mavlink.protocol.addressing import EVERYBODY, target_of
-from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, Speaker
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 from mavlink.protocol.framing import Framer, checksum
 from mavlink.protocol.packet import Auth, Packet
 from tests.support.ports import free_port
 
-UAV, ROVER = Speaker(1), Speaker(7)
+UAV, ROVER = MavlinkEncoder(1), MavlinkEncoder(7)
 
 
 class Receiver:
@@ -63,7 +63,7 @@ def packets(*frames: bytes, link: int = 0, auth: Auth = Auth.OPEN, peer: int = 1
     return [Packet(1_000_000 + i, raw, link, peer, auth) for i, raw in enumerate(frames)]
 
 
-def command(speaker: Speaker, target: int, number: int = 400) -> bytes:
+def command(speaker: MavlinkEncoder, target: int, number: int = 400) -> bytes:
     return speaker.pack(dialect.MAVLink_command_long_message(target, 1, number, 0, 1, 0, 0, 0, 0, 0, 0))
 
 
@@ -110,12 +110,12 @@ def test_target_of_every_message_that_has_one():
         odd = {name for name in message.fieldnames if re.search("target$|sysid|system", name)} - named
         assert odd <= {"target_system"} or message.msgname == "MANUAL_CONTROL", message.msgname
     assert target_of(UAV.heartbeat()) == EVERYBODY
-    assert target_of(Speaker(3, version=1).pack(dialect.MAVLink_command_ack_message(400, 0))) == EVERYBODY
+    assert target_of(MavlinkEncoder(3, version=1).pack(dialect.MAVLink_command_ack_message(400, 0))) == EVERYBODY
 
 
 def test_frames_go_out_as_they_came_in_order(receiver):
-    signed = Speaker(2, key=bytes(range(32))).heartbeat()
-    old = Speaker(3, version=1).heartbeat()
+    signed = MavlinkEncoder(2, key=bytes(range(32))).heartbeat()
+    old = MavlinkEncoder(3, version=1).heartbeat()
     frames = [UAV.heartbeat(), signed, old, unknown(1), ROVER.attitude(1, 0.0, 0.1, 0.2)]
     forwarder = Forwarder([receiver.url])
     forwarder.forward(packets(*frames), nowhere)
@@ -154,7 +154,7 @@ def test_only_who_may_write_reaches_a_vehicle(receiver, option, passes):
     forwarder = Forwarder([receiver.url + option], uav=1)
     forwarder.forward(packets(UAV.heartbeat()), nowhere)
     receiver.get(1)
-    raw = Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
+    raw = MavlinkEncoder(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
     receiver.answer(raw)
     sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
@@ -168,7 +168,7 @@ def test_addressed_frames_go_only_where_the_target_was_heard(receiver):
     forwarder = Forwarder([receiver.url + "?rw=7,33"], uav=1)
     forwarder.forward(packets(UAV.heartbeat(), link=0) + packets(ROVER.heartbeat(), link=2), nowhere)
     receiver.get(2)
-    gcs = Speaker(255, 190, key=bytes(32))
+    gcs = MavlinkEncoder(255, 190, key=bytes(32))
     to_uav, to_rover, to_nobody = command(gcs, 1), command(gcs, 7), command(gcs, 33)
     beat = gcs.heartbeat(GCS, autopilot=NO_AUTOPILOT)
     for raw in (to_uav, to_rover, to_nobody, beat):
@@ -185,7 +185,7 @@ def test_a_target_that_was_only_pretended_is_no_route(receiver):
     forwarder.forward(packets(UAV.heartbeat(), link=0), nowhere)
     forwarder.forward(packets(UAV.heartbeat(), link=5, auth=Auth.BAD), nowhere)
     receiver.get(1)
-    raw = command(Speaker(255, 190), 1)
+    raw = command(MavlinkEncoder(255, 190), 1)
     receiver.answer(raw)
     sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
@@ -195,15 +195,15 @@ def test_a_target_that_was_only_pretended_is_no_route(receiver):
 
 def test_loops_keys_impostors_and_unknown_messages_are_stopped(receiver):
     forwarder = Forwarder([receiver.url + "?rw"], uav=1, vehicles=(1, 7), own=254)
-    out = Speaker(60).heartbeat()
+    out = MavlinkEncoder(60).heartbeat()
     forwarder.forward(packets(UAV.heartbeat()) + packets(out, peer=2), nowhere)
     receiver.get(2)
-    gcs = Speaker(255, 190)
+    gcs = MavlinkEncoder(255, 190)
     passed = gcs.heartbeat(GCS, autopilot=NO_AUTOPILOT)
     for raw in (
         out,  # came from us a moment ago
-        Speaker(7).heartbeat(),  # a vehicle, which is not behind an output
-        Speaker(254, 190).heartbeat(),  # ourselves
+        MavlinkEncoder(7).heartbeat(),  # a vehicle, which is not behind an output
+        MavlinkEncoder(254, 190).heartbeat(),  # ourselves
         gcs.pack(dialect.MAVLink_setup_signing_message(1, 1, [1] * 32, 5)),
         unknown(255),  # nobody knows whom it is for
         passed,
@@ -222,7 +222,7 @@ def test_what_a_vehicle_repeats_does_not_go_back_to_who_said_it(receiver):
     forwarder = Forwarder([receiver.url + "?rw", other.url], uav=1)
     forwarder.forward(packets(UAV.heartbeat()), nowhere)
     receiver.get(1), other.get(1)
-    beat = Speaker(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
+    beat = MavlinkEncoder(255, 190).heartbeat(GCS, autopilot=NO_AUTOPILOT)
     receiver.answer(beat)
     sent: list[tuple[int, bytes, int]] = []
     settle(forwarder, sent, 1)
@@ -267,7 +267,7 @@ def test_equal_heartbeats_a_second_apart_all_go_out(receiver):
 def test_an_old_frame_is_no_echo(receiver):
     now_s = [0.0]
     forwarder = Forwarder([receiver.url + "?rw"], uav=60, clock=lambda: now_s[0])
-    frame = Speaker(60).heartbeat()
+    frame = MavlinkEncoder(60).heartbeat()
     forwarder.forward(packets(frame), nowhere)
     receiver.get(1)
     sent: list[tuple[int, bytes, int]] = []
@@ -285,7 +285,7 @@ def test_a_link_that_fails_costs_its_frame_only(receiver):
     forwarder = Forwarder([receiver.url + "?rw"], uav=1)
     forwarder.forward(packets(UAV.heartbeat(), link=0) + packets(UAV.heartbeat(), link=1), nowhere)
     receiver.get(2)
-    raw = command(Speaker(255, 190), 1)
+    raw = command(MavlinkEncoder(255, 190), 1)
     receiver.answer(raw)
     sent: list[int] = []
 
@@ -348,7 +348,7 @@ def test_a_udp_port_serves_whoever_spoke_to_it_first():
     program = Receiver()
     program.socket.sendto(b"junk", ("127.0.0.1", port))
     forwarder.forward(packets(UAV.heartbeat()), nowhere)
-    program.socket.sendto(Speaker(255, 190).heartbeat(), ("127.0.0.1", port))
+    program.socket.sendto(MavlinkEncoder(255, 190).heartbeat(), ("127.0.0.1", port))
     raw = UAV.heartbeat()
     forwarder.forward([], nowhere)
     forwarder.forward(packets(raw), nowhere)
@@ -367,7 +367,7 @@ def test_a_radio_gets_everything_and_answers_however_often_it_is_looked_at():
         forwarder.maintain()
     assert forwarder.counts[0].sent == 5
     assert Framer().feed(os.read(controller, 4096)) == frames
-    raw = command(Speaker(255, 190), 1)
+    raw = command(MavlinkEncoder(255, 190), 1)
     os.write(controller, raw)
     settle(forwarder, sent, 1)
     assert sent == [(0, raw, 1)]

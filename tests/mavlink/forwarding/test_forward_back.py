@@ -16,14 +16,14 @@ from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.plan import Outputs
-from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, Speaker
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from tests.support.ingest_runs import HOST, recorded, wait_for
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
 UAV, ROVER_ID, OTHER = 1, 11, 12
-PROGRAM = Speaker(255, 190)
+PROGRAM = MavlinkEncoder(255, 190)
 _TARGETS = ("target_system", "target")
 
 
@@ -58,7 +58,9 @@ class Behind:
         url = f"udpout:{HOST}:{self.program.getsockname()[1]}{option}"
         self.forwarder = Forwarder([url], uav=UAV, vehicles=(UAV, ROVER_ID, OTHER), own=254)
         ids = (UAV, ROVER_ID, OTHER)
-        heard = [Packet(k, Speaker(i).heartbeat(), 0, peer) for k, (i, peer) in enumerate(zip(ids, at, strict=True))]
+        heard = [
+            Packet(k, MavlinkEncoder(i).heartbeat(), 0, peer) for k, (i, peer) in enumerate(zip(ids, at, strict=True))
+        ]
         self.forwarder.forward(heard, lambda *way: pytest.fail(f"sent {way}"))
         for _ in heard:
             self.here = self.program.recvfrom(4096)[1]
@@ -136,7 +138,7 @@ def test_what_is_for_everybody_goes_to_no_address_that_others_hear_too(behind, a
 
 def test_a_vehicle_outside_the_mission_is_not_spoken_to_either(behind):
     named = behind("?rw=11,12")
-    named.forwarder.forward([Packet(9, Speaker(77).heartbeat(), 0, 2)], lambda *way: None)
+    named.forwarder.forward([Packet(9, MavlinkEncoder(77).heartbeat(), 0, 2)], lambda *way: None)
     assert named.says(PROGRAM.heartbeat(GCS, autopilot=NO_AUTOPILOT)) == [1, 3]
 
 
@@ -206,7 +208,7 @@ def test_a_program_reaches_the_uav_alone_is_recorded_and_told(started, tmp_path)
         out = f"udpout:{HOST}:{program.getsockname()[1]}?rw"
         ingest = started(f"udpin:{HOST}:{port}", system_ids=ids, outputs=Outputs(urls=(out,), uav=UAV, own=254))
         for i, sock in zip(ids, vehicles, strict=True):
-            sock.sendto(Speaker(i).heartbeat(ROVER), (HOST, port))
+            sock.sendto(MavlinkEncoder(i).heartbeat(ROVER), (HOST, port))
             sock.settimeout(5.0)
         assert len(wait_for(ingest, 3)) == 3
         for _ in ids:

@@ -10,7 +10,7 @@ import pytest
 
 from infra.files.journal import Journal, make_journal
 from infra.files.segments import segments
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.writer import TlogWriter
 from tests.support.faulty_disk import FaultyDisk, HangingDisk
@@ -136,7 +136,7 @@ def test_what_is_killed_in_between_is_told(started, sender, tmp_path):
     assert log == frames or "at most 256 are lost" in told[0]
 
 
-BEAT = Speaker(1).heartbeat()
+BEAT = MavlinkEncoder(1).heartbeat()
 
 
 def record(k):

@@ -7,14 +7,14 @@ from mavlink.ingest.plan import Signing
 from mavlink.links.batch import Batch
 from mavlink.links.fair_shares import HOLD_S
 from mavlink.links.report import LinkCounts, LinkReport
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import Key, write_key
 from mavlink.signing.signer import Signer
 from tests.support.ingest_runs import HOST, recorded, wait_for
 from tests.support.waiting import until
 
-FRAMES = {k: Speaker(k).heartbeat() for k in (11, 12)}
+FRAMES = {k: MavlinkEncoder(k).heartbeat() for k in (11, 12)}
 REPORT = LinkReport(name="udp", counts=LinkCounts(turned_away=5))
 
 
@@ -65,7 +65,7 @@ def test_a_vehicle_is_recorded_through_a_flood_that_is_signed_wrongly_from_its_o
     keys.mkdir(mode=0o700)
     write_key(keys, 11, secret)
     ingest, port = started(signing=Signing(keys=str(keys)), system_ids=(11,))
-    good, forger, speaker = Signer(Key(secret)), Signer(Key(bytes(32 * [9]))), Speaker(11)
+    good, forger, speaker = Signer(Key(secret)), Signer(Key(bytes(32 * [9]))), MavlinkEncoder(11)
 
     def say(signer):
         frame = signer.sign(speaker.heartbeat(), time.time_ns() // 1000)

@@ -14,7 +14,7 @@ import pytest
 from infra.files.segments import segments
 from mavlink.ingest.plan import Signing
 from mavlink.links.udp import LEAST_BUFFER_BYTES
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import write_key
 from tests.support.frames import heartbeats
 from tests.support.ingest_runs import HOST, bearable, is_free, recorded, send, steady, wait_for
@@ -53,7 +53,7 @@ def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_ove
     socks = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
     try:
         for k, sock in enumerate(socks):
-            sock.sendto(Speaker(k + 1).heartbeat(), (HOST, port))
+            sock.sendto(MavlinkEncoder(k + 1).heartbeat(), (HOST, port))
             sock.settimeout(5.0)
         numbers = {packet.system_id: packet.peer for packet in wait_for(ingest, 3)}
         assert until(lambda: ingest.health().links[0].peers == 3)
@@ -67,7 +67,7 @@ def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_ove
         ingest.send(0, b"all")
         assert [sock.recv(100) for sock in socks] == [b"all"] * 3
         for k, sock in reversed(list(enumerate(socks))):
-            sock.sendto(Speaker(k + 1).heartbeat(), (HOST, port))
+            sock.sendto(MavlinkEncoder(k + 1).heartbeat(), (HOST, port))
         assert {packet.system_id: packet.peer for packet in wait_for(ingest, 3)} == numbers
     finally:
         for sock in socks:
@@ -172,7 +172,7 @@ def test_a_flood_of_strangers_costs_no_known_vehicle_a_packet(started, sender, t
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as rebooted:
         # a vehicle that comes back on a new port in the middle of it
         assert until(lambda: ingest.health().links[0].narrow)
-        back = Speaker(7).heartbeat(custom_mode=99_999)
+        back = MavlinkEncoder(7).heartbeat(custom_mode=99_999)
         heard_after = 0
         while back not in {packet.raw for packet in packets} and heard_after < 200:
             rebooted.sendto(back, (HOST, port))
@@ -201,14 +201,14 @@ def test_tcp_comes_back_and_holds_up_nobody(started, sender):
             server.settimeout(10.0)
             peer, _ = server.accept()
             with peer:
-                peer.sendall(Speaker(system_id).heartbeat()[:9])
+                peer.sendall(MavlinkEncoder(system_id).heartbeat()[:9])
                 time.sleep(0.1)
-                peer.sendall(Speaker(system_id).heartbeat()[9:] + Speaker(system_id).heartbeat())
+                peer.sendall(MavlinkEncoder(system_id).heartbeat()[9:] + MavlinkEncoder(system_id).heartbeat())
                 assert [(p.system_id, p.link) for p in wait_for(ingest, 2)] == [(system_id, 1)] * 2
                 ingest.send(1, b"answer")
                 peer.settimeout(5.0)
                 assert peer.recv(100) == b"answer"
-    sender.sendto(Speaker(9).heartbeat(), (HOST, udp))
+    sender.sendto(MavlinkEncoder(9).heartbeat(), (HOST, udp))
     assert [(p.system_id, p.link) for p in wait_for(ingest, 1)] == [(9, 0)]
     assert until(lambda: not ingest.health().links[1].connected)
 
@@ -225,7 +225,7 @@ def test_a_serial_port_that_is_unplugged_comes_back(started, tmp_path):
     ends = plug_in()
     ingest = started(f"serial:{tmp_path}/radio:57600")
     try:
-        os.write(ends[0], Speaker(3).heartbeat())
+        os.write(ends[0], MavlinkEncoder(3).heartbeat())
         assert [p.system_id for p in wait_for(ingest, 1)] == [3]
         for end in ends:
             os.close(end)
@@ -233,7 +233,7 @@ def test_a_serial_port_that_is_unplugged_comes_back(started, tmp_path):
         assert until(lambda: not ingest.health().links[0].connected)
         ends = plug_in()
         assert until(lambda: ingest.health().links[0].connected)
-        os.write(ends[0], Speaker(4).heartbeat())
+        os.write(ends[0], MavlinkEncoder(4).heartbeat())
         assert [p.system_id for p in wait_for(ingest, 1)] == [4]
         assert ingest.health().restarts == 0
     finally:
@@ -250,7 +250,7 @@ def test_records_are_numbered_over_all_processes(started, sender, tmp_path):
     numbers, sent = [], 0
     for life in range(3):
         for k in range(10):
-            sender.sendto(Speaker(1).heartbeat(custom_mode=100 * life + k), (HOST, port))
+            sender.sendto(MavlinkEncoder(1).heartbeat(custom_mode=100 * life + k), (HOST, port))
             numbers.append(sent + k)
         sent += 10
         assert len(wait_for(ingest, 10)) == 10

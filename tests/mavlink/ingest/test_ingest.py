@@ -10,7 +10,7 @@ import pytest
 from mavlink.errors import LinkError, SigningError, TlogError
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import write_key
@@ -44,7 +44,7 @@ def test_poison_costs_nobody_anything(started, sender, tmp_path):
 
 def test_unknown_messages_are_recorded_and_make_nobody_known(started, sender):
     ingest, port = started()
-    unknown = bytearray(Speaker(1).heartbeat())
+    unknown = bytearray(MavlinkEncoder(1).heartbeat())
     unknown[7:10] = (60_000).to_bytes(3, "little")
     unknown[-2:] = checksum(bytes(unknown), 77).to_bytes(2, "little")
     sender.sendto(bytes(unknown), (HOST, port))
@@ -58,9 +58,9 @@ def test_garbage_gets_no_answer(started, sender):
     ingest, port = started()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind((HOST, 0))
-        for data in (b"\xfd\xff\x00", b"hello", Speaker(1).heartbeat()[:-1] + b"\xff"):
+        for data in (b"\xfd\xff\x00", b"hello", MavlinkEncoder(1).heartbeat()[:-1] + b"\xff"):
             stranger.sendto(data, (HOST, port))
-        sender.sendto(Speaker(1).heartbeat(), (HOST, port))
+        sender.sendto(MavlinkEncoder(1).heartbeat(), (HOST, port))
         wait_for(ingest, 1)
         for _ in range(3):
             ingest.send(0, b"to those who are known")
@@ -78,7 +78,7 @@ def test_with_keys_only_those_who_have_them_are_believed_and_answered(started, s
     keys.mkdir(mode=0o700)
     write_key(keys, 1, secret)
     ingest, port = started(signing=Signing(keys=str(keys)))
-    good, forger = Speaker(1, key=secret), Speaker(1, key=bytes(32 * [9]))
+    good, forger = MavlinkEncoder(1, key=secret), MavlinkEncoder(1, key=bytes(32 * [9]))
     ticks = int((time.time() - 1_420_070_400) * 100_000)
     good._mav.signing.timestamp = forger._mav.signing.timestamp = ticks
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
@@ -86,7 +86,7 @@ def test_with_keys_only_those_who_have_them_are_believed_and_answered(started, s
         replayed = good.heartbeat()
         sender.sendto(replayed, (HOST, port))
         wait_for(ingest, 1)
-        for data in (forger.heartbeat(), Speaker(1).heartbeat(), replayed):
+        for data in (forger.heartbeat(), MavlinkEncoder(1).heartbeat(), replayed):
             stranger.sendto(data, (HOST, port))
         packets = wait_for(ingest, 3)
         assert [packet.auth for packet in packets] == [Auth.BAD, Auth.UNSIGNED, Auth.REPLAYED]
@@ -113,7 +113,7 @@ def test_the_address_of_a_tcp_client_is_known(started, tmp_path):
     port = free_port(socket.SOCK_STREAM)
     ingest = started(f"tcpin:{HOST}:{port}")
     with socket.create_connection((HOST, port)) as client:
-        client.sendall(Speaker(1).heartbeat())
+        client.sendall(MavlinkEncoder(1).heartbeat())
         (packet,) = wait_for(ingest, 1)
         where = f"{HOST}:{client.getsockname()[1]}"
         assert until(lambda: ingest.address(0, packet.peer) == where)
@@ -127,7 +127,7 @@ def test_a_key_is_never_recorded_or_handed_over(started, sender, tmp_path):
 
     ingest, port = started()
     secret = bytes(range(100, 132))
-    sender.sendto(Speaker(255).pack(ardupilotmega.MAVLink_setup_signing_message(1, 1, secret, 5)), (HOST, port))
+    sender.sendto(MavlinkEncoder(255).pack(ardupilotmega.MAVLink_setup_signing_message(1, 1, secret, 5)), (HOST, port))
     packets = wait_for(ingest, 1)
     assert packets[0].message_id == 256 and secret[:8] not in packets[0].raw
     ingest.stop()
@@ -139,7 +139,7 @@ def test_what_comes_goes_on_to_other_programs(started, sender):
         other.bind((HOST, 0))
         other.settimeout(5.0)
         ingest, port = started(outputs=Outputs(urls=(f"udpout:{HOST}:{other.getsockname()[1]}?ro",)))
-        frame = Speaker(1).heartbeat()
+        frame = MavlinkEncoder(1).heartbeat()
         sender.sendto(frame, (HOST, port))
         assert other.recv(300) == frame
         assert until(lambda: [output.sent for output in ingest.health().outputs] == [1])
@@ -180,7 +180,7 @@ def test_keys_that_cannot_be_used_are_said_before_the_flight(tmp_path):
 
 def test_stopping_twice_and_reading_after_it(started, sender):
     ingest, port = started()
-    sender.sendto(Speaker(1).heartbeat(), (HOST, port))
+    sender.sendto(MavlinkEncoder(1).heartbeat(), (HOST, port))
     wait_for(ingest, 1)
     assert until(lambda: math.isfinite(ingest.health().links[0].counts.silent_s))
     ingest.stop()

@@ -21,7 +21,7 @@ from mavlink.links.kinds import parse_url
 from mavlink.links.report import LinkCounts, LinkReport
 from mavlink.links.udp import UdpIn
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Auth
 from tests.support.link_reader import LinkReader
@@ -53,7 +53,7 @@ def arrived(sock):
 
 @given(st.sampled_from(["v2", "signed", "v1"]), st.integers(0, 60), st.integers(0, 255), st.integers(0, 3))
 def test_the_short_check_never_takes_what_the_search_does_not(kind, place, value, extra):
-    speaker = Speaker(7, version=1 if kind == "v1" else 2, key=KEY if kind == "signed" else None)
+    speaker = MavlinkEncoder(7, version=1 if kind == "v1" else 2, key=KEY if kind == "signed" else None)
     data = bytearray(speaker.heartbeat())
     if place < len(data):
         data[place] = value
@@ -63,12 +63,12 @@ def test_the_short_check_never_takes_what_the_search_does_not(kind, place, value
 
 
 def test_the_short_check_takes_whole_frames():
-    for speaker in (Speaker(7), Speaker(7, key=KEY)):
+    for speaker in (MavlinkEncoder(7), MavlinkEncoder(7, key=KEY)):
         frame = speaker.heartbeat()
         assert is_one_frame(frame) and looks_like_one_frame(frame)
         assert not any(is_one_frame(frame[:n]) for n in range(len(frame)))
         assert not is_one_frame(frame + b"\0")
-    too_long = bytearray(Speaker(7).heartbeat())
+    too_long = bytearray(MavlinkEncoder(7).heartbeat())
     too_long[1] = DEFINITIONS[0][0] + 1
     assert not is_one_frame(bytes(too_long))
 
@@ -82,7 +82,7 @@ def test_without_the_batch_call_everything_is_the_same(monkeypatch):
     with udp() as sender:
         port = free_port()
         link = UdpIn(parse_url(f"udpin:{HOST}:{port}"))
-        frames = [Speaker(k + 1).heartbeat() for k in range(100)]
+        frames = [MavlinkEncoder(k + 1).heartbeat() for k in range(100)]
         for frame in frames:
             sender.sendto(frame, (HOST, port))
             sender.sendto(b"\xfd\xff\x00", (HOST, port))
@@ -98,8 +98,8 @@ def test_only_known_systems_make_a_sender_known():
     with udp() as fleet, udp() as stranger:
         port = free_port()
         link = LinkReader(UdpIn(parse_url(f"udpin:{HOST}:{port}"), LinkOptions(system_ids=(1, 2))))
-        stranger.sendto(Speaker(200).heartbeat(), (HOST, port))
-        fleet.sendto(Speaker(2).heartbeat(), (HOST, port))
+        stranger.sendto(MavlinkEncoder(200).heartbeat(), (HOST, port))
+        fleet.sendto(MavlinkEncoder(2).heartbeat(), (HOST, port))
         assert len(link.read(1.0)) + len(link.read(0.1)) == 2
         assert list(link.peers.addresses().values()) == [fleet.getsockname()]
         link.close()
@@ -191,7 +191,7 @@ def test_arrival_is_the_kernels():
         port = free_port()
         link = UdpIn(parse_url(f"udpin:{HOST}:{port}"))
         before_us = time.time_ns() // 1000
-        sender.sendto(Speaker(1).heartbeat(), (HOST, port))
+        sender.sendto(MavlinkEncoder(1).heartbeat(), (HOST, port))
         after_us = time.time_ns() // 1000
         time.sleep(0.05)
         assert before_us <= link.read_batch().times_us[0] <= after_us + 1000

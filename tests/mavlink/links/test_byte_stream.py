@@ -15,7 +15,7 @@ from mavlink.links.counters import Counters
 from mavlink.links.kinds import open_link
 from mavlink.links.serial_port import patience_s
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import Framer, checksum
 from tests.support.frames import EVERY_VERSION, some_frames
 from tests.support.ingest_runs import HOST, recorded, wait_for
@@ -71,7 +71,7 @@ def test_a_frame_that_comes_in_pieces_with_long_pauses_is_not_given_up():
 
 
 def test_a_frame_that_carries_another_is_one_frame_as_long_as_its_bytes_come_in_time():
-    inner, carrier = some_frames(1)[0], bytearray(Speaker(7).statustext("x" * 50))
+    inner, carrier = some_frames(1)[0], bytearray(MavlinkEncoder(7).statustext("x" * 50))
     carrier[15 : 15 + len(inner)] = inner
     carrier[-2:] = checksum(bytes(carrier), DEFINITIONS[253][1]).to_bytes(2, "little")
     carrier, line = bytes(carrier), Line()
@@ -190,7 +190,7 @@ def test_what_noise_hides_is_recorded_when_the_flight_ends(link, started, tmp_pa
 
 @PTY
 def test_a_serial_line_with_noise_before_every_tenth_frame_loses_none(started, tmp_path):
-    frames = [Speaker(k % 7 + 1).heartbeat(custom_mode=k) for k in range(1487)]
+    frames = [MavlinkEncoder(k % 7 + 1).heartbeat(custom_mode=k) for k in range(1487)]
     with serial(started) as (ingest, send, _):
         packets = []
         for k in range(0, len(frames), 50):

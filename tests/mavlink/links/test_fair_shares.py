@@ -20,7 +20,7 @@ from mavlink.links.fair_shares import (
 )
 from mavlink.links.flood_limiter import STRANGERS, TICK_S, Gate
 from mavlink.links.peers import GONE_US, NUMBERED, PLACES, TRUSTED, WAITING, Peers, key_of
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.ports import needs_socket_filters, udp_socket
 
 HOST = "127.0.0.1"
@@ -132,9 +132,9 @@ def test_another_process_goes_on_with_what_is_known():
 
 
 FRAMES = {
-    "v2": Speaker(7).heartbeat(),
-    "signed": Speaker(7, key=KEY).heartbeat(),
-    "v1": Speaker(7, version=1).heartbeat(),
+    "v2": MavlinkEncoder(7).heartbeat(),
+    "signed": MavlinkEncoder(7, key=KEY).heartbeat(),
+    "v1": MavlinkEncoder(7, version=1).heartbeat(),
 }
 STRANGE_FLAG = FRAMES["v2"][:2] + b"\2" + FRAMES["v2"][3:]
 JUNK = [b"", b"\xfd", b"\xfd\xff\x00", b"\xfd\xff\x01", b"x" * 100, FRAMES["v2"][:-1], FRAMES["v1"] + b"\0"]

@@ -12,7 +12,7 @@ from mavlink.links.fair_shares import HOLD_S, SENDER_BURST_S, SENDER_PER_S
 from mavlink.links.flood_limiter import TICK_S
 from mavlink.links.kinds import parse_url
 from mavlink.links.udp import UdpIn
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.ingest_runs import HOST
 from tests.support.ports import free_port, needs_socket_filters, udp_socket
 
@@ -34,7 +34,7 @@ class Field:
         self.link._arrived_s = lambda: 0.0  # the kernel's stamps follow another clock than this test's
         stack.callback(self.link.close)
         self.sockets = {k: stack.enter_context(udp_socket()) for k in range(11, 19)}
-        self.speakers = {k: Speaker(k) for k in self.sockets}
+        self.speakers = {k: MavlinkEncoder(k) for k in self.sockets}
         self.sent = dict.fromkeys(self.sockets, 0)
         self.heard = dict.fromkeys(self.sockets, 0)
         self.of_flood = self.waiting = 0
@@ -87,11 +87,11 @@ def bad(frame):
     return frame[:-1] + bytes([frame[-1] ^ 1])
 
 
-CLAIM = [Speaker(11).heartbeat(custom_mode=1_000_000 + k) for k in range(16)]
+CLAIM = [MavlinkEncoder(11).heartbeat(custom_mode=1_000_000 + k) for k in range(16)]
 BAD = [bad(frame) for frame in CLAIM]
 PAIRS = [a + b for a, b in zip(CLAIM, BAD, strict=True)]
 SHORT = [random.Random(k).randbytes(8) for k in range(16)]
-BESIDE = [bad(Speaker(99).heartbeat(custom_mode=k)) for k in range(16)]
+BESIDE = [bad(MavlinkEncoder(99).heartbeat(custom_mode=k)) for k in range(16)]
 
 
 def crowd(field, ports, datagrams, count):

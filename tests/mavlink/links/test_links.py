@@ -10,7 +10,7 @@ import pytest
 from mavlink.errors import LinkError
 from mavlink.links.kinds import parse_url
 from mavlink.links.url import LinkUrl
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.ingest_runs import HOST, wait_for
 from tests.support.link_reader import open_reader
 from tests.support.ports import free_port
@@ -79,7 +79,7 @@ def test_bad_urls_say_how(url):
 
 
 def test_udp_packets_arrive_stamped_and_counted(listener, sender):
-    frames = [Speaker(i).heartbeat() for i in range(1, 101)]
+    frames = [MavlinkEncoder(i).heartbeat() for i in range(1, 101)]
     before_us = time.time_ns() // 1000
     for frame in frames:
         sender.sendto(frame, (HOST, listener.port))
@@ -100,7 +100,7 @@ def test_udp_asks_for_a_large_buffer_and_says_what_it_got(listener):
 
 
 def test_poison_of_a_stranger_costs_nobody_anything(listener, sender):
-    frames, packets = [Speaker(i % 250 + 1).heartbeat() for i in range(400)], []
+    frames, packets = [MavlinkEncoder(i % 250 + 1).heartbeat() for i in range(400)], []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for i, frame in enumerate(frames):
             sender.sendto(frame, (HOST, listener.port))
@@ -132,7 +132,7 @@ def test_udp_answers_only_those_who_spoke_mavlink(listener, sender):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.bind((HOST, 0))
         stranger.sendto(b"\xfd\xff\x00", (HOST, listener.port))
-        sender.sendto(Speaker(1).heartbeat(), (HOST, listener.port))
+        sender.sendto(MavlinkEncoder(1).heartbeat(), (HOST, listener.port))
         assert len(wait_for(listener, 1)) == 1
         listener.send(b"hello")
         sender.settimeout(10.0)
@@ -148,10 +148,10 @@ def test_udp_out_is_silent_until_it_sends(sender):
     assert link.read(0.02) == []
     with pytest.raises(TimeoutError):
         sender.recv(100)
-    link.send(Speaker(255).heartbeat())
+    link.send(MavlinkEncoder(255).heartbeat())
     data, address = sender.recvfrom(100)
-    assert data == Speaker(255).heartbeat()
-    sender.sendto(Speaker(7).heartbeat(), address)
+    assert data == MavlinkEncoder(255).heartbeat()
+    sender.sendto(MavlinkEncoder(7).heartbeat(), address)
     assert [p.system_id for p in wait_for(link, 1)] == [7]
     link.close()
 
@@ -179,7 +179,7 @@ def test_tcp_out_connects_again():
     with socket.create_server((HOST, 0)) as server:
         port = server.getsockname()[1]
         link = open_reader(f"tcp:{HOST}:{port}", 2)
-        frame = Speaker(1).heartbeat()
+        frame = MavlinkEncoder(1).heartbeat()
         for round_ in range(2):
             server.settimeout(0.01)
             deadline, peer = time.monotonic() + 20.0, None
@@ -215,7 +215,7 @@ def test_tcp_out_waits_for_a_server_without_raising():
 
 def test_tcp_in_parses_every_connection_by_itself():
     link = open_reader(f"tcpin:{HOST}:{free_port(socket.SOCK_STREAM)}")
-    a, b = Speaker(1).heartbeat(), Speaker(2).heartbeat()
+    a, b = MavlinkEncoder(1).heartbeat(), MavlinkEncoder(2).heartbeat()
     with pytest.raises(LinkError, match="nobody is connected"):
         link.send(b"x")
     with socket.create_connection((HOST, link.port)) as one, socket.create_connection((HOST, link.port)) as two:
@@ -243,7 +243,7 @@ def test_serial_port():
     controller, device = os.openpty()
     name = os.ttyname(device)
     link = open_reader(f"{name},57600", 4)
-    frame = Speaker(9, version=1).heartbeat()
+    frame = MavlinkEncoder(9, version=1).heartbeat()
     os.write(controller, b"\xfe\xff" + frame[:6])
     assert wait_for(link, 1, 0.1) == []
     os.write(controller, frame[6:])
@@ -273,7 +273,7 @@ def test_no_such_host(url):
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux counts what it drops")
 def test_what_the_system_drops_is_counted(listener, sender):
-    frame = Speaker(1).heartbeat()
+    frame = MavlinkEncoder(1).heartbeat()
     # a small datagram takes some 800 bytes of the buffer
     sent = listener.buffer_bytes // 400
     for _ in range(sent):
@@ -297,7 +297,7 @@ def test_nothing_is_stamped_earlier_than_it_was_sent_by_a_reader_that_was_held_u
     def held_up():
         time.sleep(0.05)
         sent_us.append(time.time_ns() // 1000)
-        sender.sendto(Speaker(7).heartbeat(), (HOST, listener.port))
+        sender.sendto(MavlinkEncoder(7).heartbeat(), (HOST, listener.port))
         return receive()
 
     datagrams.receive = held_up

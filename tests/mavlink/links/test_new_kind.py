@@ -11,7 +11,7 @@ import mavlink
 from mavlink.errors import LinkError
 from mavlink.ingest.plan import Outputs
 from mavlink.links.kinds import KINDS, parse_url
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.ingest_runs import recorded, wait_for
 from tests.support.unix_link import PEER, UnixLink
 from tests.support.waiting import until
@@ -39,9 +39,9 @@ def program(path):
 
 
 def test_it_receives_and_forwards(unix, started):
-    uav, ground = Speaker(1), Speaker(255, 190)
+    uav, ground = MavlinkEncoder(1), MavlinkEncoder(255, 190)
     order = ground.pack(dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
-    ours = Speaker(254).heartbeat()
+    ours = MavlinkEncoder(254).heartbeat()
     with program(unix / "in") as vehicle, program(unix / "out") as station:
         ingest = started(f"unix:{unix}/in", outputs=Outputs(urls=(f"unix:{unix}/out?rw",), uav=1))
         frames = [uav.heartbeat(custom_mode=k) for k in range(3)]

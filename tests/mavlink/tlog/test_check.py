@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gcs.cli.tlog import app
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.check import check
 from mavlink.tlog.log import Tlog
@@ -17,7 +17,7 @@ SECOND = 1_000_000
 
 def flight(seconds=30, *, system_id=1, speed=1.0, boots=(), start_us=T0, hz=20, version=2, key=None):
     """Packets of one sender whose clock runs ``speed`` times as fast as the stamps and begins anew at ``boots``."""
-    speaker, packets, booted = Speaker(system_id, version=version, key=key), [], -5.0
+    speaker, packets, booted = MavlinkEncoder(system_id, version=version, key=key), [], -5.0
     for i in range(seconds * hz):
         t = i / hz
         if t in boots:
@@ -66,7 +66,7 @@ def test_compressed_time_is_told(tmp_path):
 def test_restarts_are_counted_and_wraps_are_none(tmp_path):
     (clock,) = checked(tmp_path, flight(boots=(10.0, 20.0))).clocks
     assert clock.boots == 3
-    speaker = Speaker(1)
+    speaker = MavlinkEncoder(1)
     wrap = [Packet(T0 + i * 50_000, speaker.attitude((2**32 - 5000 + i * 50) % 2**32, 0, 0, 0)) for i in range(300)]
     (clock,) = check(Tlog.open(written(tmp_path, wrap, "wrap.tlog"))).clocks
     assert clock.boots == 1

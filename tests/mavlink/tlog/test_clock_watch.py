@@ -2,13 +2,13 @@ import struct
 
 import pytest
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.writer import TlogWriter
 
 T0 = 1_790_000_000_000_000
-FRAME = Speaker(1).attitude(0, 0.1, 0.2, 0.0)
+FRAME = MavlinkEncoder(1).attitude(0, 0.1, 0.2, 0.0)
 
 
 class Clocks:

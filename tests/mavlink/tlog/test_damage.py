@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Packet
 from tests.support.tlog_records import PACKETS, T0, frames_of, index_of, record
@@ -121,7 +121,9 @@ def test_unknown_messages_of_one_id_share_their_crc_extra():
 
 def test_frame_that_carries_a_frame_counts_once():
     inner = PACKETS[1].raw
-    tunnel = Speaker(4).pack(ardupilotmega.MAVLink_tunnel_message(0, 0, 1, len(inner), list(inner.ljust(128, b"\0"))))
+    tunnel = MavlinkEncoder(4).pack(
+        ardupilotmega.MAVLink_tunnel_message(0, 0, 1, len(inner), list(inner.ljust(128, b"\0")))
+    )
     packets = [PACKETS[0], Packet(T0 + 5, tunnel), PACKETS[2]]
     data = b"".join(map(record, packets))
     assert frames_of(data, index_of(data)) == [p.raw for p in packets]
@@ -130,7 +132,9 @@ def test_frame_that_carries_a_frame_counts_once():
 @pytest.mark.parametrize("hurt", [8, 9, 10, 12, 13, 100])
 def test_what_a_damaged_frame_carries_is_no_record(hurt):
     inner = PACKETS[1].raw
-    tunnel = Speaker(4).pack(ardupilotmega.MAVLink_tunnel_message(0, 0, 1, len(inner), list(inner.ljust(128, b"\1"))))
+    tunnel = MavlinkEncoder(4).pack(
+        ardupilotmega.MAVLink_tunnel_message(0, 0, 1, len(inner), list(inner.ljust(128, b"\1")))
+    )
     packets = [*PACKETS[:10], Packet(PACKETS[9].t_us + 5, tunnel), *PACKETS[10:20]]
     records = [bytearray(record(p)) for p in packets]
     records[10][hurt] ^= 0x40

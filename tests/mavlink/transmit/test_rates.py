@@ -7,9 +7,9 @@ import itertools
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.estimation.timesync import Exchanges
+from mavlink.estimation.clock_health import TimeSyncExchanges
 from mavlink.protocol.decode import decode
-from mavlink.protocol.encoder import Speaker
+from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import Heartbeat, TimeSyncer
 from mavlink.transmit.message_rates import TRIES, UAV_RATES, RateKeeper, uav_rates
@@ -22,7 +22,7 @@ BEAT = (2, 3, 0, 0, 4, 3)
 
 
 def test_one_heartbeat_a_second_and_none_while_nobody_asks():
-    beat = Heartbeat(Speaker(254, 190))
+    beat = Heartbeat(MavlinkEncoder(254, 190))
     given = [beat.poll(i * 0.1) for i in range(30)]
     assert sum(raw is not None for raw in given) == 3
     assert beat.poll(500.0) is not None
@@ -36,7 +36,7 @@ def test_one_heartbeat_a_second_and_none_while_nobody_asks():
 
 
 def test_the_clock_is_asked_for_every_few_seconds_with_our_own():
-    sync = TimeSyncer(Speaker(254, 190))
+    sync = TimeSyncer(MavlinkEncoder(254, 190))
     asked = [(i * 0.1, sync.poll(i * 0.1, 10**18 + i)) for i in range(300)]
     times = [at for at, raw in asked if raw is not None]
     assert min(b - a for a, b in itertools.pairwise(times)) >= 5.0 and times[-1] >= 20.0
@@ -45,10 +45,10 @@ def test_the_clock_is_asked_for_every_few_seconds_with_our_own():
 
 
 def test_the_fold_understands_the_answer():
-    sync, exchanges = TimeSyncer(Speaker(254, 190)), Exchanges()
+    sync, exchanges = TimeSyncer(MavlinkEncoder(254, 190)), TimeSyncExchanges()
     sent_ns = message(sync.poll(0.0, 1_700_000_000_000_000_000)).ts1
     answer = Packet(sent_ns // 1000 + 4000, UAV.timesync(10**10, sent_ns))
-    assert exchanges.take(decode(answer))
+    assert exchanges.add(decode(answer))
     assert exchanges.round_trip_s == pytest.approx(0.004)
 
 
@@ -117,7 +117,7 @@ class Sky:
 
 
 def keeper(**changes) -> RateKeeper:
-    return RateKeeper(Speaker(254, 190), 1, (7,), **changes)
+    return RateKeeper(MavlinkEncoder(254, 190), 1, (7,), **changes)
 
 
 def states(sky: Sky) -> dict[str, str]:
@@ -224,7 +224,7 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
         made.take(packet(UAV.heartbeat(2), link=3), now_s)
         made.take(packet(UGV.heartbeat(), link=1), now_s)
         made.take(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s) if i % 10 == 0 else None
-        made.take(packet(Speaker(9).heartbeat(), link=1), now_s)
+        made.take(packet(MavlinkEncoder(9).heartbeat(), link=1), now_s)
         for link, raw in made.poll(now_s):
             assert link in (0, 3)
             assert message(raw).target_system == 1
@@ -256,7 +256,7 @@ def test_a_link_that_is_lost_is_no_trouble_of_rates():
 
 def lossy(seconds, kept, rate_hz=5.0):
     """What is told of a ground vehicle of whose packets some are lost on the way, and the hint that it has then."""
-    made, told, speaker = RateKeeper(None, 1, (7,)), [], Speaker(7)
+    made, told, speaker = RateKeeper(None, 1, (7,)), [], MavlinkEncoder(7)
     for i in range(int(seconds * 10)):
         now_s = 100.0 + i * 0.1
         frames = [speaker.attitude(i, 0.0, 0.0, 0.0)]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mavlink.errors import LinkError
-from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, Speaker
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 from mavlink.protocol.packet import Auth
 from mavlink.transmit.transmitter import Outgoing, only_to_uav
 from tests.support.spoken import UAV, UGV, message, packet
@@ -20,7 +20,7 @@ def sent_by(uav: int = 1, **changes):
     return out, left
 
 
-GROUND = Speaker(254, 190)
+GROUND = MavlinkEncoder(254, 190)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,9 @@ def test_nothing_addressed_to_a_ground_vehicle_ever_leaves(target, message_id, p
         assert message_id in (0, 111) or 1 in values
 
 
-@pytest.mark.parametrize("raw", [b"", b"\xfd", b"\xfe" + bytes(20), bytes(12), Speaker(254, key=bytes(32)).heartbeat()])
+@pytest.mark.parametrize(
+    "raw", [b"", b"\xfd", b"\xfe" + bytes(20), bytes(12), MavlinkEncoder(254, key=bytes(32)).heartbeat()]
+)
 def test_what_is_no_plain_frame_does_not_leave(raw):
     out, left = sent_by()
     out.heard(packet(UAV.heartbeat(2)))
@@ -88,7 +90,7 @@ def test_one_row_of_numbers_signed_recorded_and_sent_to_the_peer():
     out, left = sent_by(sign=lambda raw, link: raw + b"S", sent=lambda link, raw: record.append((link, raw)))
     out.heard(packet(UAV.heartbeat(2), link=2, peer=4))
     for _ in range(300):
-        assert out.give(GROUND.heartbeat(GCS)) and out.give(Speaker(254, 190).timesync(0, 1))
+        assert out.give(GROUND.heartbeat(GCS)) and out.give(MavlinkEncoder(254, 190).timesync(0, 1))
     assert [raw[:-1][4] for _, _, raw in left] == [i % 256 for i in range(600)]
     assert {(link, peer) for link, peer, _ in left} == {(2, 4)}
     assert record == [(link, raw) for link, _, raw in left]

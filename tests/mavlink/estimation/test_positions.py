@@ -2,19 +2,21 @@ import math
 
 import pytest
 
-from mavlink.estimation.position_validation import (
-    GateParams,
+from mavlink.estimation.interpolation import Fix
+from mavlink.estimation.positions import (
+    Positions,
+    VehicleLimits,
+    Verdict,
     altitude_known,
     course_gap,
-    nonsense,
+    place_error,
     position_std,
     too_far,
 )
-from mavlink.estimation.positions import Fix, Positions
 from mavlink.protocol.messages import GlobalPosition, GpsRaw
 
 NAN = math.nan
-PARAMS = GateParams()
+LIMITS = VehicleLimits()
 MS = 1000
 
 
@@ -44,13 +46,13 @@ def receiver(fix_type=3, *, h_acc=NAN, hdop=NAN):
     ],
 )
 def test_places_that_are_none(lat, lon, reason):
-    assert nonsense(report(lat, lon), None).startswith(reason)
-    assert bool(nonsense(report(lat, lon), None)) == bool(reason)
+    assert place_error(report(lat, lon), None).startswith(reason)
+    assert bool(place_error(report(lat, lon), None)) == bool(reason)
 
 
 @pytest.mark.parametrize(("fix_type", "used"), [(0, True), (1, False), (2, True), (3, True), (6, True)])
 def test_no_fix_is_not_used_but_no_receiver_may_be(fix_type, used):
-    assert (nonsense(report(), receiver(fix_type)) == "") == used
+    assert (place_error(report(), receiver(fix_type)) == "") == used
 
 
 @pytest.mark.parametrize(
@@ -75,13 +77,13 @@ def test_altitude_sentinels(alt, known):
     ],
 )
 def test_how_good_a_position_is(gps, std):
-    assert position_std(gps, PARAMS) == pytest.approx(std)
+    assert position_std(gps, LIMITS) == pytest.approx(std)
 
 
 def test_too_far():
-    assert too_far(50.0, 0.2, 0.3, PARAMS)
-    assert not too_far(6.0, 0.2, 0.3, PARAMS)
-    assert not too_far(500.0, 20.0, 0.3, PARAMS)
+    assert too_far(50.0, 0.2, 0.3, LIMITS)
+    assert not too_far(6.0, 0.2, 0.3, LIMITS)
+    assert not too_far(500.0, 20.0, 0.3, LIMITS)
 
 
 @pytest.mark.parametrize(
@@ -102,13 +104,13 @@ def drive(positions, ticks, *, speed=5.0, start=0, east=0.0):
     verdicts = []
     for i in range(ticks):
         x = east + speed * 0.2 * i
-        verdicts.append(positions.take((start + i * 200) * MS, fix_at(x, v=(speed, 0.0), heading=1.5), (x, 0.0)))
+        verdicts.append(positions.add((start + i * 200) * MS, fix_at(x, v=(speed, 0.0), heading=1.5), (x, 0.0)))
     return verdicts
 
 
-def test_straight_drive_is_interpolated_and_carried_on():
-    positions = Positions(PARAMS, drives=True)
-    assert set(drive(positions, 10)) == {"new"}
+def test_straight_drive_is_interpolated_and_extrapolated():
+    positions = Positions(LIMITS, drives=True)
+    assert set(drive(positions, 10)) == {Verdict.NEW}
     assert positions.period_s == pytest.approx(0.2)
     between = positions.at(900 * MS)
     assert between.fix.east == pytest.approx(4.5)
@@ -121,7 +123,7 @@ def test_straight_drive_is_interpolated_and_carried_on():
 
 
 def test_turn_between_slow_reports_follows_the_arc():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     radius, rate = 10.0, 0.5
     for t in range(4):
         a = rate * t
@@ -131,7 +133,7 @@ def test_turn_between_slow_reports_follows_the_arc():
             heading=math.pi / 2 - a,
             v=(radius * rate * math.cos(a), radius * rate * math.sin(a)),
         )
-        positions.take(t * 1000 * MS, fix, (fix.east, fix.north))
+        positions.add(t * 1000 * MS, fix, (fix.east, fix.north))
     for t in (0.5, 1.25, 2.7):
         fix = positions.at(int(t * 1e6)).fix
         assert fix.east == pytest.approx(radius * math.sin(rate * t), abs=0.02)
@@ -139,118 +141,126 @@ def test_turn_between_slow_reports_follows_the_arc():
 
 
 def test_heading_goes_the_short_way_round():
-    positions = Positions(PARAMS, drives=True)
-    positions.take(0, fix_at(0, heading=math.radians(350)), (0, 0))
-    positions.take(200 * MS, fix_at(0.1, heading=math.radians(10)), (0.1, 0))
+    positions = Positions(LIMITS, drives=True)
+    positions.add(0, fix_at(0, heading=math.radians(350)), (0, 0))
+    positions.add(200 * MS, fix_at(0.1, heading=math.radians(10)), (0.1, 0))
     heading = positions.at(100 * MS).fix.heading
     assert math.cos(heading) == pytest.approx(1.0)
 
 
 def test_half_known_heading_is_the_nearer_one():
-    positions = Positions(PARAMS, drives=True)
-    positions.take(0, fix_at(0, heading=1.0), (0, 0))
-    positions.take(200 * MS, fix_at(0.1, heading=NAN), (0.1, 0))
+    positions = Positions(LIMITS, drives=True)
+    positions.add(0, fix_at(0, heading=1.0), (0, 0))
+    positions.add(200 * MS, fix_at(0.1, heading=NAN), (0.1, 0))
     assert positions.at(50 * MS).fix.heading == 1.0
     assert math.isnan(positions.at(150 * MS).fix.heading)
 
 
-def test_single_jump_is_refused():
-    positions = Positions(PARAMS, drives=True)
+def test_single_jump_is_rejected():
+    positions = Positions(LIMITS, drives=True)
     drive(positions, 5)
-    assert positions.take(1000 * MS, fix_at(500.0), (500.0, 0)) == "jump"
-    assert set(drive(positions, 5, start=1200, east=6.0)) == {"new"}
+    assert positions.add(1000 * MS, fix_at(500.0), (500.0, 0)) is Verdict.JUMP
+    assert set(drive(positions, 5, start=1200, east=6.0)) == {Verdict.NEW}
     assert positions.at(1100 * MS).fix.east == pytest.approx(5.5, abs=0.1)
 
 
 def test_new_place_is_accepted_after_a_second():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     drive(positions, 5)
     verdicts = drive(positions, 10, start=1000, east=800.0)
-    assert verdicts == ["jump"] * 5 + ["moved"] + ["new"] * 4
+    assert verdicts == [Verdict.JUMP] * 5 + [Verdict.MOVED] + [Verdict.NEW] * 4
     assert positions.at(900 * MS) is None  # nothing is interpolated across the jump
     assert positions.at(2800 * MS).fix.east == pytest.approx(809.0)
 
 
 def test_wild_jumps_are_never_accepted():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     drive(positions, 5)
     for i in range(30):
         place = 1000.0 * (1 + i % 3)
-        assert positions.take((1000 + i * 200) * MS, fix_at(place), (place, 0)) == "jump"
+        assert positions.add((1000 + i * 200) * MS, fix_at(place), (place, 0)) is Verdict.JUMP
 
 
 def test_long_silence_allows_a_long_way():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     drive(positions, 5)
-    assert drive(positions, 1, start=30_000, east=600.0) == ["new"]
+    assert drive(positions, 1, start=30_000, east=600.0) == [Verdict.NEW]
 
 
 def test_two_senders_at_two_places_do_not_mix():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     for i in range(20):
         t_us = i * 200 * MS
-        positions.take(t_us, fix_at(i * 0.5), (i * 0.5, 0))
-        far = positions.take(t_us + 100 * MS, fix_at(300.0 + i * 0.5), (300.0 + i * 0.5, 0))
-        assert far == "jump"
+        positions.add(t_us, fix_at(i * 0.5), (i * 0.5, 0))
+        far = positions.add(t_us + 100 * MS, fix_at(300.0 + i * 0.5), (300.0 + i * 0.5, 0))
+        assert far is Verdict.JUMP
     assert positions.at(t_us).fix.east < 20.0
 
 
-def test_an_aircraft_does_not_leap_and_a_new_height_that_stays_is_believed():
-    positions = Positions(PARAMS, drives=False)
+def test_an_aircraft_does_not_jump_up_and_a_new_height_that_stays_is_accepted():
+    positions = Positions(LIMITS, drives=False)
     heights = [40.0] * 10 + [640.0] + [40.0] * 5 + [640.0] * 10
-    verdicts = [positions.take(i * 200 * MS, fix_at(0.0)._replace(up=up), (0.0, i)) for i, up in enumerate(heights)]
-    assert verdicts == ["new"] * 10 + ["leap"] + ["new"] * 5 + ["leap"] * 5 + ["moved"] + ["new"] * 4
+    verdicts = [positions.add(i * 200 * MS, fix_at(0.0)._replace(up=up), (0.0, i)) for i, up in enumerate(heights)]
+    assert (
+        verdicts
+        == [Verdict.NEW] * 10
+        + [Verdict.CLIMB]
+        + [Verdict.NEW] * 5
+        + [Verdict.CLIMB] * 5
+        + [Verdict.MOVED]
+        + [Verdict.NEW] * 4
+    )
 
 
 def test_repeated_place_while_moving_is_no_evidence():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     moving = fix_at(1.0, v=(3.0, 0.0))
-    verdicts = [positions.take(i * 100 * MS, moving, (1.0, 0)) for i in range(20)]
-    assert verdicts == ["new"] + ["frozen"] * 19
+    verdicts = [positions.add(i * 100 * MS, moving, (1.0, 0)) for i in range(20)]
+    assert verdicts == [Verdict.NEW] + [Verdict.FROZEN] * 19
     assert positions.at(2000 * MS).age_s == pytest.approx(2.0)
 
 
 def test_parked_vehicle_stays_fresh_and_reports_once_a_second():
-    positions = Positions(PARAMS, drives=True)
-    verdicts = [positions.take(i * 200 * MS, fix_at(1.0), (1.0, 0)) for i in range(20)]
-    assert verdicts.count("new") == 4
-    assert set(verdicts) == {"new", "standing"}
+    positions = Positions(LIMITS, drives=True)
+    verdicts = [positions.add(i * 200 * MS, fix_at(1.0), (1.0, 0)) for i in range(20)]
+    assert verdicts.count(Verdict.NEW) == 4
+    assert set(verdicts) == {Verdict.NEW, Verdict.REPEATED}
     assert positions.at(3850 * MS).age_s == pytest.approx(0.05)
 
 
-def test_duplicates_late_copies_and_overtaken_reports():
-    positions = Positions(PARAMS, drives=True)
+def test_duplicates_late_copies_and_reordered_reports():
+    positions = Positions(LIMITS, drives=True)
     drive(positions, 30)
-    assert positions.take(5800 * MS, fix_at(29.0), (29.0, 0)) == "duplicate"
-    assert positions.take(100 * MS, fix_at(0.5), (0.5, 0)) == "late"
-    assert positions.take(5700 * MS, fix_at(28.5, v=(5, 0)), (28.5, 0)) == "new"
+    assert positions.add(5800 * MS, fix_at(29.0), (29.0, 0)) is Verdict.DUPLICATE
+    assert positions.add(100 * MS, fix_at(0.5), (0.5, 0)) is Verdict.OUT_OF_ORDER
+    assert positions.add(5700 * MS, fix_at(28.5, v=(5, 0)), (28.5, 0)) is Verdict.NEW
     assert positions.at(5700 * MS).fix.east == pytest.approx(28.5)
 
 
 def test_heading_against_the_course_is_dropped_and_trusted_again():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     sideways = report(v=(5.0, 0.0), heading=0.0)
-    headings = [positions.judged_heading(sideways, NAN) for _ in range(10)]
+    headings = [positions.check_heading(sideways, NAN) for _ in range(10)]
     assert headings[0] == 0.0 and math.isnan(headings[-1])
     straight = report(v=(5.0, 0.0), heading=math.pi / 2)
-    headings = [positions.judged_heading(straight, NAN) for _ in range(15)]
+    headings = [positions.check_heading(straight, NAN) for _ in range(15)]
     assert math.isnan(headings[0]) and headings[-1] == pytest.approx(math.pi / 2)
 
 
 def test_reverse_driving_keeps_its_heading():
-    positions = Positions(PARAMS, drives=True)
+    positions = Positions(LIMITS, drives=True)
     backward = report(v=(-5.0, 0.0), heading=math.pi / 2)
-    assert all(positions.judged_heading(backward, NAN) == math.pi / 2 for _ in range(30))
+    assert all(positions.check_heading(backward, NAN) == math.pi / 2 for _ in range(30))
 
 
 def test_aircraft_may_drift_sideways():
-    positions = Positions(PARAMS, drives=False)
-    assert all(positions.judged_heading(report(v=(5.0, 0.0), heading=0.0), NAN) == 0.0 for _ in range(30))
+    positions = Positions(LIMITS, drives=False)
+    assert all(positions.check_heading(report(v=(5.0, 0.0), heading=0.0), NAN) == 0.0 for _ in range(30))
 
 
 def test_heading_must_agree_with_the_attitude():
-    positions = Positions(PARAMS, drives=True)
-    assert positions.judged_heading(report(heading=1.0), 1.1) == 1.0
-    assert math.isnan(positions.judged_heading(report(heading=1.0), 2.0))
-    assert positions.judged_heading(report(heading=6.2), -0.1) == 6.2
-    assert math.isnan(positions.judged_heading(report(heading=NAN), 0.0))
+    positions = Positions(LIMITS, drives=True)
+    assert positions.check_heading(report(heading=1.0), 1.1) == 1.0
+    assert math.isnan(positions.check_heading(report(heading=1.0), 2.0))
+    assert positions.check_heading(report(heading=6.2), -0.1) == 6.2
+    assert math.isnan(positions.check_heading(report(heading=NAN), 0.0))
