@@ -6,7 +6,7 @@ Time is whatever the caller counts in, one unit and one clock for an object; cou
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 
 __all__ = ["Backoff", "Hysteresis", "ReportGrowth", "ReportOnce", "Throttle", "TokenBucket"]
 
@@ -139,26 +139,30 @@ class TokenBucket:
 
 
 class Backoff:
-    """When to try again: twice as long after each failure, and soon again after a success.
+    """How long to wait before something is tried again: longer after each failure in a row.
 
     Args:
-        first_s: wait after the first failure.
-        most_s: longest wait.
+        pauses_s: after the first, second, third failure in a row; the last repeats.
     """
 
-    def __init__(self, first_s: float = 0.5, most_s: float = 4.0) -> None:
-        self._first_s, self._most_s = first_s, most_s
-        self._wait_s = first_s
+    def __init__(self, pauses_s: Sequence[float]) -> None:
+        self._pauses_s = tuple(pauses_s)
+        self._failures = 0
         self._next_s = 0.0
 
-    def due(self, now_s: float) -> bool:
-        """Whether it may be tried now (monotonic seconds); the next time is then later."""
-        if now_s < self._next_s:
-            return False
-        self._next_s = now_s + self._wait_s
-        self._wait_s = min(2.0 * self._wait_s, self._most_s)
-        return True
+    def failed(self) -> float:
+        """How long to wait now, after one more failure, s."""
+        pause_s = self._pauses_s[min(self._failures, len(self._pauses_s) - 1)]
+        self._failures += 1
+        return pause_s
 
     def succeeded(self) -> None:
-        """What was tried worked."""
-        self._wait_s = self._first_s
+        """Ends the row."""
+        self._failures = 0
+
+    def due(self, now_s: float) -> bool:
+        """Whether to try now (monotonic), for who does not wait: it counts as failed until it succeeds."""
+        if now_s < self._next_s:
+            return False
+        self._next_s = now_s + self.failed()
+        return True

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Generic, TypeVar
 
 from infra.processes.child_process import ChildProcess
+from infra.reporting import Backoff
 
 __all__ = ["Supervisor"]
 
@@ -38,7 +39,7 @@ class Supervisor(Generic[Child]):
         watch_s: for which ``watch`` waits.
         start_s: for which a process may be silent at first.
         stop_s: for which it may be silent when it is to end.
-        pauses_s: before another is started, after none, one, two failures in a row; the last repeats.
+        pauses_s: before another is started, after one, two, three failures in a row; the last repeats.
         steady_s: a process that lived so long ends a row.
         spare: keep a process ready that takes over at once.
 
@@ -71,7 +72,7 @@ class Supervisor(Generic[Child]):
         self._start, self._begin, self._watch = start, begin, watch
         self._replaced, self._excused = replaced, excused
         self._watch_s, self._start_s, self._stop_s = watch_s, start_s, stop_s
-        self._pauses_s, self._steady_s = pauses_s, steady_s
+        self._backoff, self._steady_s = Backoff(pauses_s), steady_s
         self._keeps_spare = spare
         self._spare_due_s = 0.0
         self._stopping = threading.Event()
@@ -101,14 +102,14 @@ class Supervisor(Generic[Child]):
             self.process.close()
 
     def _run(self) -> None:
-        failures = 0
         while True:
             began_s = time.monotonic()
             failure, alive_s = self._watch_until_over(self.process)
             self.process.close()
-            failures = 0 if time.monotonic() - began_s > self._steady_s else failures + 1
+            if time.monotonic() - began_s > self._steady_s:
+                self._backoff.succeeded()
             if self.replaces:
-                self._stopping.wait(self._pauses_s[min(failures, len(self._pauses_s) - 1)])
+                self._stopping.wait(self._backoff.failed())
             successor = self._next() if self.replaces else None
             if successor is None:
                 break

@@ -14,6 +14,9 @@ from mavlink.links.url import LinkUrl
 
 __all__ = ["StreamLink"]
 
+PAUSES_S = (0.5, 1.0, 2.0, 4.0)
+"""Before it is opened again."""
+
 
 class StreamLink(Link):
     """What TCP clients and serial ports have in common.
@@ -28,7 +31,7 @@ class StreamLink(Link):
         self.connections = 0
         """How often it was opened."""
         self._connection: Connection | None = None
-        self._backoff = Backoff()
+        self._backoff = Backoff(PAUSES_S)
 
     @property
     def connected(self) -> bool:

@@ -20,6 +20,7 @@ import numpy as np
 
 from infra.processes.channel import Channel, connect_to_parent
 from infra.program_log import conceal_with
+from infra.reporting import Backoff
 from infra.shared_memory import map_memory
 from vision.errors import VideoError
 from vision.stream.connection import OPEN_TIMEOUT_S, READ_TIMEOUT_S, Input, datagrams, open_input
@@ -93,20 +94,19 @@ class _Worker:
                     self._complain(str(error))
 
     def _bind(self) -> Port | None:
-        attempt = 0
+        backoff = Backoff(PAUSES_S)
         while self._go_on():
             try:
                 bound = self._bound or bind(self._source.host, self._source.port)
                 return Port(bound, self._source.host, self._go_on, READ_TIMEOUT_S)
             except (VideoError, OSError) as error:
                 self._complain(str(error))
-                self._pause(attempt)
-                attempt += 1
+                self._pause(backoff)
         return None
 
     def _connect(self) -> None:
         """Connect, read until it breaks, and again with growing pauses."""
-        attempt = 0
+        backoff = Backoff(PAUSES_S)
         while self._go_on():
             self._reader.alive(OPENING_PATIENCE_S)
             before = self._reader.order.count
@@ -117,8 +117,9 @@ class _Worker:
                 self._complain(str(error))
             if self._reader.progress.ended:
                 return
-            attempt = 0 if self._reader.order.count > before else attempt + 1
-            self._pause(attempt)
+            if self._reader.order.count > before:
+                backoff.succeeded()
+            self._pause(backoff)
 
     def _read(self, opened: Input) -> None:
         with closing(opened.container):
@@ -133,8 +134,8 @@ class _Worker:
         self._reader.progress.error = text
         self._reader.tell()
 
-    def _pause(self, attempt: int) -> None:
-        until_s = time.monotonic() + PAUSES_S[min(attempt, len(PAUSES_S) - 1)]
+    def _pause(self, backoff: Backoff) -> None:
+        until_s = time.monotonic() + backoff.failed()
         while self._go_on() and (left_s := until_s - time.monotonic()) > 0:
             self._stop.wait(min(left_s, 0.2))
 
