@@ -14,7 +14,7 @@ from gcs.errors import SessionError
 from infra.files.append import AppendFile
 from infra.files.disk import OS_DISK, Disk
 from infra.files.record_state import RecordState
-from infra.files.write_buffer import Backlog, Piece
+from infra.files.write_buffer import Chunk, WriteBuffer
 
 __all__ = ["LineFile", "Lines", "open_new"]
 
@@ -69,8 +69,8 @@ class LineFile:
         except OSError as error:
             raise SessionError(f"{path}: cannot be made: {error.strerror}; choose another place") from error
         self._changed = threading.Condition()  # all that follows
-        self._waiting = Backlog(RAM_BYTES)
-        self._in_hand: Piece | None = None
+        self._waiting = WriteBuffer(RAM_BYTES)
+        self._in_hand: Chunk | None = None
         self._closing = self._abandoned = False
         self._thread = threading.Thread(target=self._run, name=path.name, daemon=True)
         self._thread.start()

@@ -29,7 +29,7 @@ from gcs.session.recording_events import RecordWatch
 from gcs.session.session import create_folder
 from gcs.snapshot import Event, Snapshot
 from infra.files.disk import OS_DISK, Disk
-from infra.files.flusher import Caretaker
+from infra.files.flusher import Flusher
 from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
 from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, PROGRAM_LOG, UNFOLDED, TableFormat
@@ -92,7 +92,7 @@ class Recorder:
             self._log.close()
             shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
             raise
-        self._caretaker = Caretaker([file.file for file in self._files], SYNC_S)
+        self._flusher = Flusher([file.file for file in self._files], SYNC_S)
         self._watch = RecordWatch()
         self._space = SpaceForecast()
         self._free_bytes = shutil.disk_usage(self.folder).free
@@ -198,7 +198,7 @@ class Recorder:
             telemetry: state of the log when the links' own process wrote it, after it ended.
             notes: what else is known at the end.
         """
-        self._caretaker.stop()
+        self._flusher.stop()
         if self._tlog is not None:
             self._tlog.close()
         for file in self._files:

@@ -1,7 +1,7 @@
 """A file that is only ever appended to, and that outlives full disks, failing disks and the death of the program.
 
 Rows go to the kernel with one system call before they count as accepted: SIGKILL loses none of them. A second thread
-(:class:`infra.files.flusher.Caretaker`) has them put on the disk and repairs what fails, so that nobody who writes ever
+(:class:`infra.files.flusher.Flusher`) has them put on the disk and repairs what fails, so that nobody who writes ever
 waits for the disk:
 
 - full, failing or read-only disk: the file is cut back to its last whole row, rows wait in memory and are written in
@@ -14,18 +14,19 @@ waits for the disk:
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import math
-import os
 import threading
 import time
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 from infra.files.disk import OS_DISK, Disk
 from infra.files.record_state import RecordState
+from infra.files.segment import Segment
 from infra.files.segments import segment_path
-from infra.files.write_buffer import Backlog, Piece
+from infra.files.write_buffer import Chunk, WriteBuffer
 
 __all__ = ["RAM_BYTES", "AppendFile"]
 
@@ -37,6 +38,29 @@ HANG_S = 5.0
 _COPY_BYTES = 1 << 20
 _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 """After these the same file goes on; after any other a new segment is begun."""
+
+
+class _Mode(Enum):
+    """Where accepted rows go."""
+
+    WRITING = "to the kernel"
+    RETRYING = "to memory, until the disk takes them"
+    REPLACING = "to memory, until a new segment follows the present one, which is not to be trusted"
+    CLOSED = "nowhere: they are lost"
+
+
+_FAILING = (_Mode.RETRYING, _Mode.REPLACING)
+
+
+@dataclass(frozen=True, slots=True)
+class _Failures:
+    """What has failed so far. Replaced as a whole: whoever asks sees no failure without its reason."""
+
+    count: int = 0
+    reason: str = ""
+    """Of the last one."""
+    began_s: float = -math.inf
+    last_s: float = -math.inf
 
 
 class AppendFile:
@@ -69,23 +93,22 @@ class AppendFile:
         self._ram_bytes = ram_bytes
         self._disk = disk
         self._lock = threading.Lock()  # all that follows; never held while the disk syncs or repairs
-        self._tending = threading.Lock()
-        self._fd = self._deleted_fd = -1
-        self._segment = -1
-        self._size = self._earlier_bytes = self._deleted_size = 0
-        self._torn = self._retire = self._named = self._closed = False
+        self._maintaining = threading.Lock()
+        self._mode = _Mode.WRITING
+        self._failures = _Failures()
+        self._retry_s = self._synced_s = time.monotonic()
+        self._segment: Segment | None = None
+        self._deleted: Segment | None = None
+        """One whose name is gone, until its content is in the present one."""
+        self._next_number = 0
+        self._earlier_bytes = 0
         self._accepted = first
-        self._faults = 0
-        self._failed_s = -math.inf
-        self._reason = self._last_reason = ""
-        self._failing_since_s = self._retry_s = self._synced_s = time.monotonic()
-        self._waiting = Backlog(ram_bytes)
-        self._unsynced = Backlog(ram_bytes)
+        self._waiting = WriteBuffer(ram_bytes)
+        self._unsynced = WriteBuffer(ram_bytes)
         self._syncing = False
         self._writing_since_s: float | None = None
         if not lazy:
-            self._fd = disk.open(path)
-            self._segment = 0
+            self._segment, self._next_number = Segment(path, 0, disk), 1
             self.write(b"", 0)  # the header
 
     def write(self, data: bytes, rows: int = 1) -> int:
@@ -97,17 +120,17 @@ class AppendFile:
         with self._lock:
             first = self._accepted
             self._accepted += rows
-            if self._reason or not self._put(data, rows):
+            if self._mode is not _Mode.WRITING or not self._put(data, rows):
                 self._waiting.append(data, rows)
         return first
 
-    def tend(self) -> None:
+    def maintain(self) -> None:
         """Sync, notice a deleted or cut file, repair; to be called some times a second, not by who writes."""
-        with self._tending:
-            if self._fd >= 0:
+        with self._maintaining:
+            if (segment := self._segment) is not None:
                 self._sync()
-                self._look_for_harm()
-            if self._reason and not self._closed and time.monotonic() >= self._retry_s:
+                self._check_file(segment)
+            if self._mode in _FAILING and time.monotonic() >= self._retry_s:
                 self._repair()
 
     def sync(self) -> None:
@@ -116,22 +139,22 @@ class AppendFile:
         Raises:
             OSError: it has not.
         """
-        with self._tending:
-            if self._reason and not self._closed:
+        with self._maintaining:
+            if self._mode in _FAILING:
                 self._repair()
             self._sync()
-        if self._reason:
-            raise OSError(errno.EIO, self._reason)
+        if self._mode is not _Mode.WRITING:
+            raise OSError(errno.EIO, "closed" if self._mode is _Mode.CLOSED else self._failures.reason)
 
     def close(self) -> RecordState:
-        """Try once more what failed, sync, and let go; what waits then or comes later is lost. Twice does nothing."""
-        if self._tending.acquire(timeout=HANG_S):
+        """Try once more what failed, sync, and close; what waits then or comes later is lost. Twice does nothing."""
+        if self._maintaining.acquire(timeout=HANG_S):
             try:
-                if not self._closed:
+                if self._mode is not _Mode.CLOSED:
                     self._finish()
             finally:
-                self._tending.release()
-        self._closed = True  # a disk that hangs is left alone: what the kernel has taken is not ours to save
+                self._maintaining.release()
+        self._mode = _Mode.CLOSED  # a disk that hangs is left alone: what the kernel has taken is not ours to save
         return self.state
 
     @property
@@ -140,25 +163,25 @@ class AppendFile:
         return self._accepted
 
     @property
-    def holds(self) -> bool:
+    def has_waiting_rows(self) -> bool:
         """Whether rows wait in memory for a disk that did not take them."""
         return bool(self._waiting)
 
     @property
     def state(self) -> RecordState:
         """How it is doing now; without the lock, since who asks must not hang with the disk."""
-        faults = self._faults  # before the reason, which is set before them
-        since_s = self._writing_since_s
-        now_s, waiting, closed = time.monotonic(), self._waiting, self._closed
-        failing = bool(self._reason) and not closed
+        mode = self._mode  # before the failures, which are set before it
+        failures, segment, waiting = self._failures, self._segment, self._waiting
+        since_s, now_s = self._writing_since_s, time.monotonic()
+        closed = mode is _Mode.CLOSED
         return RecordState(
-            name=segment_path(self.path, max(self._segment, 0)).name,
+            name=segment_path(self.path, max(self._next_number - 1, 0)).name,
             rows=self._accepted,
-            bytes=self._earlier_bytes + self._size,
-            failing_s=max(now_s - self._failing_since_s, 1e-3) if failing else 0.0,
-            reason=self._last_reason,
-            faults=faults,
-            failed_ago_s=max(now_s - self._failed_s, 0.0),
+            bytes=self._earlier_bytes + (segment.size if segment else 0),
+            failing_s=max(now_s - failures.began_s, 1e-3) if mode in _FAILING else 0.0,
+            reason=failures.reason,
+            faults=failures.count,
+            failed_ago_s=max(now_s - failures.last_s, 0.0),
             waiting=0 if closed else waiting.rows,
             waiting_bytes=0 if closed else waiting.bytes,
             lost=waiting.dropped + (waiting.rows if closed else 0),
@@ -166,7 +189,7 @@ class AppendFile:
             stalled_s=0.0 if since_s is None else now_s - since_s,
         )
 
-    # ---- by who writes and by the caretaker, under the lock
+    # ---- by who writes and by who maintains, under the lock
 
     def _put(self, data: bytes, rows: int) -> bool:
         """Write rows at once; False: the disk did not take them."""
@@ -174,9 +197,7 @@ class AppendFile:
             self._synced_s = time.monotonic()
         self._writing_since_s = time.monotonic()
         try:
-            if self._fd < 0:
-                self._begin_segment()
-            self._append(data)
+            self._append(self._segment or self._begin_segment(), data)
         except OSError as error:
             self._fail(error)
             return False
@@ -185,75 +206,52 @@ class AppendFile:
         self._unsynced.append(data, rows)
         return True
 
-    def _append(self, data: bytes) -> None:
-        """Hand all bytes to the kernel, or leave the file as it was."""
-        disk, fd = self._disk, self._fd
-        if self._torn:
-            disk.ftruncate(fd, self._size)
-            self._torn = False
-        if not self._size:
-            data = self._header + data
-        try:
-            written = disk.write(fd, data)
-            while written < len(data):
-                more = disk.write(fd, data[written:])
-                if not more:
-                    raise OSError(errno.EIO, os.strerror(errno.EIO))
-                written += more
-        except OSError:
-            self._cut()
-            raise
-        self._size += len(data)
-
-    def _cut(self) -> None:
-        """Back to the last whole row."""
-        try:
-            self._disk.ftruncate(self._fd, self._size)
-        except OSError:
-            self._torn = True  # tried again before the next row; a reader skips a torn one
+    def _append(self, segment: Segment, data: bytes) -> None:
+        segment.append(data if segment.size else self._header + data)
 
     def _fail(self, error: OSError, *, synced: bool = True) -> None:
-        now_s = time.monotonic()
-        began = not self._reason
-        if began:
-            self._failing_since_s = now_s
-        # in this order: who reads the state does not take the lock, and is to see no failure without its reason
-        self._failed_s = now_s
-        self._last_reason = error.strerror or str(error) or type(error).__name__
-        self._reason = self._last_reason
-        self._faults += began
-        self._retire = self._fd >= 0 and (
-            not synced or (self._size > len(self._header) and error.errno not in _SPACE_MAY_RETURN)
-        )
-        self._retry_s = now_s if self._retire else now_s + RETRY_S
+        """Rows wait from now on; where the segment cannot be trusted any more, for the next one."""
+        now_s, before, began = time.monotonic(), self._failures, self._mode is _Mode.WRITING
+        reason = error.strerror or str(error) or type(error).__name__
+        self._failures = _Failures(before.count + began, reason, now_s if began else before.began_s, now_s)
+        segment = self._segment
+        has_rows = segment is not None and segment.size > len(self._header)
+        untrusted = not synced or (has_rows and error.errno not in _SPACE_MAY_RETURN)
+        if segment is not None and untrusted:
+            self._enter(_Mode.REPLACING)
+            self._retry_s = now_s
+        else:
+            self._enter(_Mode.RETRYING)
+            self._retry_s = now_s + RETRY_S
 
-    def _begin_segment(self) -> None:
-        """Open the first name that is free."""
+    def _enter(self, mode: _Mode) -> None:
+        if self._mode is not _Mode.CLOSED:
+            self._mode = mode
+
+    def _begin_segment(self) -> Segment:
+        """Make the file with the first name that is free."""
         while True:
+            number = self._next_number
             try:
-                self._fd = self._disk.open(segment_path(self.path, self._segment + 1))
+                self._segment = Segment(self.path, number, self._disk)
             except FileExistsError:
-                self._segment += 1
+                self._next_number += 1
                 continue
-            self._segment += 1
-            self._earlier_bytes += self._size
-            self._size, self._torn, self._named = 0, False, False
-            return
+            self._next_number += 1
+            return self._segment
 
-    # ---- by the caretaker alone
+    # ---- by who maintains alone
 
     def _sync(self) -> None:
         with self._lock:
-            if not self._unsynced or self._fd < 0:
+            segment = self._segment
+            if not self._unsynced or segment is None:
                 return
-            held, self._unsynced = self._unsynced, Backlog(self._ram_bytes)
+            held, self._unsynced = self._unsynced, WriteBuffer(self._ram_bytes)
             self._syncing = True
             began_s = time.monotonic()
         try:
-            self._disk.fsync(self._fd)
-            if not self._named:
-                self._disk.fsync_folder(self.path.parent)
-                self._named = True
+            segment.sync()
         except OSError as error:
             with self._lock:
                 self._syncing = False
@@ -264,37 +262,32 @@ class AppendFile:
                 self._syncing = False
                 self._synced_s = began_s
 
-    def _look_for_harm(self) -> None:
-        size = self._size  # before the file is asked: it only grows
+    def _check_file(self, segment: Segment) -> None:
+        """Notice that a file is gone or was cut short."""
         try:
-            if not self._disk.named(self._fd, segment_path(self.path, self._segment)):
-                error = OSError(errno.ENOENT, "deleted or moved while it was written")
-            elif (left := self._disk.size(self._fd)) < size:
-                error = OSError(errno.EIO, f"cut short by another program, {size - left} bytes are gone")
-            else:
-                return
-        except OSError as failed:
-            error = failed
-        with self._lock:
-            self._fail(error, synced=error.errno == errno.ENOENT)
-            if error.errno == errno.ENOENT and self._deleted_fd < 0:
-                self._deleted_fd, self._deleted_size = self._fd, self._size
-                self._fd, self._size, self._retire = -1, 0, False
-                self._segment -= 1  # the same name again
-                self._retry_s = time.monotonic()
+            segment.check()
+        except OSError as error:
+            with self._lock:
+                self._fail(error, synced=error.errno == errno.ENOENT)
+                if error.errno == errno.ENOENT and self._deleted is None:
+                    self._deleted, self._segment = segment, None
+                    self._next_number = segment.number  # the same name again
+                    self._enter(_Mode.RETRYING)
+                    self._retry_s = time.monotonic()
 
     def _repair(self) -> None:
         """What failed once more: a new segment, the deleted file's content, the rows that wait; then all is well."""
         try:
-            if self._retire:
+            if self._mode is _Mode.REPLACING:
                 self._end_segment()
-            if self._fd < 0:
-                segment_path(self.path, self._segment + 1).parent.mkdir(mode=0o755, parents=True, exist_ok=True)
-                self._begin_segment()
-            if self._deleted_fd >= 0:
-                self._copy_deleted()
-            while (piece := self._oldest()) is not None:
-                self._write_waiting(piece)
+            segment = self._segment
+            if segment is None:
+                segment_path(self.path, self._next_number).parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+                segment = self._begin_segment()
+            if self._deleted is not None:
+                self._restore(self._deleted, segment)
+            while (chunk := self._take_oldest()) is not None:
+                self._write_waiting(segment, chunk)
         except OSError as error:
             with self._lock:
                 self._fail(error)
@@ -302,58 +295,53 @@ class AppendFile:
     def _end_segment(self) -> None:
         """Leave a segment that is not to be trusted; what is perhaps not on the disk goes into the next one."""
         with self._lock:
-            if self._deleted_fd < 0:  # else all is copied again
+            if self._deleted is None:  # else all is copied again
                 self._waiting.put_before(self._unsynced)
-                self._unsynced = Backlog(self._ram_bytes)
-            fd, self._fd, self._retire = self._fd, -1, False
-            self._let_go(fd)
+                self._unsynced = WriteBuffer(self._ram_bytes)
+            if (segment := self._segment) is not None:
+                self._segment = None
+                self._earlier_bytes += segment.size
+                segment.close()
+            self._enter(_Mode.RETRYING)
 
-    def _finish(self) -> None:
-        for _ in range(2):  # again where the last sync failed
-            if self._reason:
-                self._repair()
-            self._sync()
-        with self._lock:
-            self._closed = True
-            self._reason = self._reason or "closed"
-            fds = [fd for fd in (self._fd, self._deleted_fd) if fd >= 0]
-            self._fd = self._deleted_fd = -1
-        for fd in fds:
-            self._let_go(fd)
-
-    def _let_go(self, fd: int) -> None:
-        with contextlib.suppress(OSError):  # what it may say was said by the sync before
-            self._disk.close(fd)
-
-    def _copy_deleted(self) -> None:
-        while self._size < self._deleted_size:
-            data = self._disk.read(self._deleted_fd, min(_COPY_BYTES, self._deleted_size - self._size), self._size)
+    def _restore(self, deleted: Segment, segment: Segment) -> None:
+        """Copy what a deleted file held, its header too."""
+        while segment.size < deleted.size:
+            data = deleted.read(min(_COPY_BYTES, deleted.size - segment.size), segment.size)
             if not data:
                 break
-            header, self._header = self._header, b""  # it is in the data
-            try:
-                self._append(data)
-            finally:
-                self._header = header
-        fd, self._deleted_fd = self._deleted_fd, -1
-        self._let_go(fd)
+            segment.append(data)
+        self._deleted = None
+        deleted.close()
 
-    def _oldest(self) -> Piece | None:
+    def _take_oldest(self) -> Chunk | None:
         """The rows that have waited longest; None ends the failure: who writes may use the file again."""
         with self._lock:
             if self._waiting:
                 return self._waiting.pop()
-            self._reason = ""
+            self._enter(_Mode.WRITING)
             return None
 
-    def _write_waiting(self, piece: Piece) -> None:
+    def _write_waiting(self, segment: Segment, chunk: Chunk) -> None:
         try:
-            self._append(bytes(piece.data))
+            self._append(segment, bytes(chunk.data))
         except OSError:
             with self._lock:
-                self._waiting.put_back(piece)
+                self._waiting.put_back(chunk)
             raise
         with self._lock:
             if not self._unsynced:
                 self._synced_s = time.monotonic()
-            self._unsynced.append(piece.data, piece.rows)
+            self._unsynced.append(chunk.data, chunk.rows)
+
+    def _finish(self) -> None:
+        for _ in range(2):  # again where the last sync failed
+            if self._mode in _FAILING:
+                self._repair()
+            self._sync()
+        with self._lock:
+            self._mode = _Mode.CLOSED
+            open_segments = [segment for segment in (self._segment, self._deleted) if segment is not None]
+            self._segment = self._deleted = None
+        for segment in open_segments:
+            segment.close()

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 
 from infra.files.append import AppendFile
 
-__all__ = ["Caretaker"]
+__all__ = ["Flusher"]
 
 _CLOSE_S = 5.0
 
 
-class Caretaker:
-    """Tends some files until it is stopped.
+class Flusher:
+    """Maintains some files until it is stopped.
 
     Args:
-        files: tended in this order, one after the other.
+        files: maintained in this order, one after the other.
         period_s: from the end of one round to the start of the next.
     """
 
@@ -35,4 +35,4 @@ class Caretaker:
     def _run(self) -> None:
         while not self._stop.wait(self._period_s):
             for file in self._files:
-                file.tend()
+                file.maintain()

@@ -1,10 +1,10 @@
 """Rows on their way to the disk, in shared memory: a disk that hangs holds nobody up, and who dies loses nothing.
 
 One process at a time uses it, with two threads: one puts rows in, the other writes them to their files
-(:class:`infra.files.journal_writer.Scribe`) and only then takes them out. When the process dies, the next one goes on
-with what is there; the end of the one and the start of the other order the memory of both. Rows of several files are
-kept in the order in which they were put. Past the bound new rows are lost, and counted; so those that are kept have
-numbers without gaps.
+(:class:`infra.files.journal_writer.JournalWriter`) and only then takes them out. When the process dies, the next one
+goes on with what is there; the end of the one and the start of the other order the memory of both. Rows of several
+files are kept in the order in which they were put. Past the bound new rows are lost, and counted; so those that are
+kept have numbers without gaps.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from infra.files.append import AppendFile
 from infra.files.journal import PIECE_BYTES, Journal, Piece
 from infra.files.segments import segments
 
-__all__ = ["HANG_S", "Scribe"]
+__all__ = ["HANG_S", "JournalWriter"]
 
 GATHER_S = 0.04
 """Rows of so long are written together: fewer system calls. Until then they are in memory that outlives the process."""
@@ -21,7 +21,7 @@ _LOOK_S = 0.1
 """Between looks whether a disk that failed takes rows again."""
 
 
-class Scribe:
+class JournalWriter:
     """Writes until it is stopped.
 
     Args:
@@ -37,7 +37,7 @@ class Scribe:
         self._journal, self._files, self._whole = journal, files, whole
         self._goes_on = goes_on
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="scribe", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="journal writer", daemon=True)
         self._thread.start()
 
     def stop(self) -> bool:
@@ -66,8 +66,8 @@ class Scribe:
         for file, data in piece.data.items():
             if data:
                 self._files[file].write(data, piece.rows[file])
-        while any(self._files[file].holds for file in piece.data) and not self._stop.wait(_LOOK_S):
-            continue  # the caretaker repairs
+        while any(self._files[file].has_waiting_rows for file in piece.data) and not self._stop.wait(_LOOK_S):
+            continue  # the flusher repairs
         self._journal.done(piece)
 
     def _without_written(self, piece: Piece) -> Piece:

@@ -12,13 +12,13 @@ import threading
 import time
 from pathlib import Path
 
-__all__ = ["KeptFile"]
+__all__ = ["RestorableFile"]
 
 LOOK_S = 0.5
 JOIN_S = 1.5
 
 
-class KeptFile:
+class RestorableFile:
     """One new file.
 
     Attributes:

@@ -17,9 +17,9 @@ from types import TracebackType
 
 from infra.files.append import RAM_BYTES, AppendFile
 from infra.files.disk import OS_DISK, Disk
-from infra.files.flusher import Caretaker
+from infra.files.flusher import Flusher
 from infra.files.journal import Journal
-from infra.files.journal_writer import Scribe
+from infra.files.journal_writer import JournalWriter
 from infra.files.record_state import RecordState, overall
 from infra.plain_text import to_cell
 from infra.session_format import CLOCK, REFUSED, SENDERS, TableFormat
@@ -82,12 +82,12 @@ class TlogWriter:
         self._files = (self._log, *(_table(self.path, form, disk) for form in (REFUSED, CLOCK, SENDERS)))
         self._clock = clock or ClockWatch()
         self._journal = journal
-        self._scribe: Scribe | None = None
+        self._journal_writer: JournalWriter | None = None
         self._abandoned = False
         if journal is not None:
             goes_on = journal.take_over()
-            self._scribe = Scribe(journal, self._files, _whole, goes_on=goes_on)
-        self._caretaker = Caretaker(self._files, SYNC_S)
+            self._journal_writer = JournalWriter(journal, self._files, _whole, goes_on=goes_on)
+        self._flusher = Flusher(self._files, SYNC_S)
 
     def write(self, packet: Packet) -> int | None:
         """Append one packet, and note it when it is not believed.
@@ -172,10 +172,10 @@ class TlogWriter:
 
         A disk that hangs is left after a minute, with the files open.
         """
-        if self._scribe is not None and not self._scribe.stop():
+        if self._journal_writer is not None and not self._journal_writer.stop():
             self._abandoned = True
             return
-        self._caretaker.stop()
+        self._flusher.stop()
         for file in self._files:
             file.close()
 

@@ -19,7 +19,7 @@ from av.container import OutputContainer
 from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
-from infra.files.restorable_file import KeptFile
+from infra.files.restorable_file import RestorableFile
 from vision.errors import VideoError
 
 __all__ = ["FIRST_FRAME", "START_US", "DisplayOrder", "Recording", "require_new", "segment_path"]
@@ -63,8 +63,8 @@ class Recording:
         self.path = path
         self.segment = segment
         self._error = ""
-        self._kept: KeptFile | None = None
-        self._put_back: KeptFile | None = None
+        self._kept: RestorableFile | None = None
+        self._put_back: RestorableFile | None = None
         self._container: OutputContainer | None = None
         self._stream: CodedStream | None = None
         self._format: tuple[str, int, int] | None = None
@@ -148,7 +148,7 @@ class Recording:
             if not os.path.lexists(path):
                 break
         path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
-        self._kept = KeptFile(path)
+        self._kept = RestorableFile(path)
         container: OutputContainer = av.open(self._kept.name, "w", format="matroska", options=OPTIONS)
         container.metadata.update({FIRST_FRAME: str(first_frame), START_US: str(round(unix_s * 1e6))})
         return container

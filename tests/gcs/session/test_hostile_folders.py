@@ -15,7 +15,7 @@ from gcs.health.faults import Faults
 from gcs.mission.mission import load_mission
 from gcs.session.metadata import SessionFile, seal
 from gcs.session.session import create_folder, open_session
-from infra.files.restorable_file import KeptFile
+from infra.files.restorable_file import RestorableFile
 from infra.files.safe_open import create, is_shared, open_to_append, read_small
 from mavlink.errors import TlogError
 from mavlink.tlog.log import Tlog
@@ -138,7 +138,7 @@ def test_what_a_flight_notes_of_itself_follows_no_link(tmp_path):
     Faults(tmp_path / "faults.txt").take("job", ValueError("x"))
     (tmp_path / "video.mkv").symlink_to(tmp_path / "absent")
     with pytest.raises(FileExistsError):
-        KeptFile(tmp_path / "video.mkv")
+        RestorableFile(tmp_path / "video.mkv")
     (tmp_path / "session.toml").symlink_to(victim)
     SessionFile(tmp_path, ONE_UGV).close({})
     assert victim.read_text() == "mine"

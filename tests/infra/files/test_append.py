@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from infra.files import append
-from infra.files.append import AppendFile
+from infra.files.append import AppendFile, _Mode
 from infra.files.segments import segment_path, segments
-from infra.files.write_buffer import Backlog
+from infra.files.write_buffer import WriteBuffer
 from tests.support.faulty_disk import FaultyDisk
 from tests.support.waiting import until
 
@@ -64,7 +64,7 @@ def test_nothing_accepted_is_ever_lost_or_out_of_order(steps, with_header):
                     assert file.write(b"%08d\n" % count) == count
                     count += 1
             elif what == "tend":
-                file.tend()
+                file.maintain()
             elif what == "delete":
                 if value == "folder":
                     shutil.rmtree(path.parent, ignore_errors=True)
@@ -73,7 +73,7 @@ def test_nothing_accepted_is_ever_lost_or_out_of_order(steps, with_header):
                 for _ in range(3):  # as soon as the disk allows
                     disk.room = disk.most = None
                     disk.write_error = disk.sync_error = disk.open_error = disk.truncate_error = 0
-                    file.tend()
+                    file.maintain()
             else:
                 setattr(disk, what, value)
             state = file.state
@@ -82,7 +82,7 @@ def test_nothing_accepted_is_ever_lost_or_out_of_order(steps, with_header):
         disk.room = disk.most = None
         disk.write_error = disk.sync_error = disk.open_error = disk.truncate_error = 0
         for _ in range(3):
-            file.tend()
+            file.maintain()
         state = file.state
         assert (state.failing_s, state.waiting, state.lost) == (0, 0, 0)
         file.close()
@@ -108,12 +108,12 @@ def test_names_of_segments(tmp_path):
 
 
 def test_a_backlog_is_bounded_and_keeps_the_newest():
-    rows = Backlog(300_000)
+    rows = WriteBuffer(300_000)
     for k in range(100_000):
         rows.append(b"%09d\n" % k, 1)
     assert rows.bytes <= 300_000
     assert rows.rows + rows.dropped == 100_000
-    older = Backlog(300_000)
+    older = WriteBuffer(300_000)
     older.append(b"older\n", 1)
     rows.put_before(older)
     assert rows.pop().data.startswith((b"older", b"%09d" % rows.dropped))
@@ -128,7 +128,7 @@ def test_a_disk_that_hangs_hangs_nobody_who_asks_or_closes(tmp_path, monkeypatch
     file = AppendFile(tmp_path / "a.csv", disk=disk)
     monkeypatch.setattr(disk, "write", lambda fd, data: go_on.wait(20) and len(data))
     monkeypatch.setattr(disk, "fsync", lambda fd: go_on.wait(20))
-    threads = [threading.Thread(target=file.write, args=(b"1\n",)), threading.Thread(target=file.tend)]
+    threads = [threading.Thread(target=file.write, args=(b"1\n",)), threading.Thread(target=file.maintain)]
     for thread in threads:
         thread.start()
     assert until(lambda: file.state.rows == 1)
@@ -138,9 +138,9 @@ def test_a_disk_that_hangs_hangs_nobody_who_asks_or_closes(tmp_path, monkeypatch
         thread.join()
     file.write(b"2\n")
     go_on.clear()
-    syncing = threading.Thread(target=file.tend)
+    syncing = threading.Thread(target=file.maintain)
     syncing.start()
-    assert until(file._tending.locked)
+    assert until(file._maintaining.locked)
     assert file.close().lost == 0
     go_on.set()
     syncing.join()
@@ -154,7 +154,7 @@ def test_closing_twice_and_writing_afterwards_counts_as_lost(tmp_path):
     with pytest.raises(OSError, match="closed"):
         file.sync()
     file.write(b"2\n")
-    file.tend()
+    file.maintain()
     assert file.state.lost == 1
     assert file.state.failing_s == 0
     assert (tmp_path / "a.csv").read_bytes() == b"1\n"
@@ -180,7 +180,7 @@ def test_nobody_ever_sees_a_failure_without_its_reason(tmp_path, error):
     file = Watched(tmp_path / "a.csv")
     for failure in (error, OSError(errno.EIO, "bad")):
         file._fail(failure)
-        file._reason = ""  # repaired
+        file._mode = _Mode.WRITING  # repaired
     failed = [state for state in file.seen if state.faults or state.failing_s]
     assert max(state.faults for state in failed) == 2
     assert all(state.reason for state in failed)

@@ -327,9 +327,9 @@ def test_tables_keep_their_header_in_every_segment(tmp_path, disk):
     file = AppendFile(tmp_path / "identity.csv", header=b"a,b\n", disk=disk)
     file.write(b"1,2\n")
     disk.sync_error = errno.EIO
-    file.tend()
+    file.maintain()
     disk.sync_error = 0
-    file.tend()
+    file.maintain()
     file.write(b"3,4\n")
     file.close()
     parts = [part.read_text() for part in segments(tmp_path / "identity.csv")]

@@ -1,0 +1,98 @@
+"""One file of a recording while it is appended to."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from pathlib import Path
+
+from infra.files.disk import Disk
+from infra.files.segments import segment_path
+
+__all__ = ["Segment"]
+
+
+class Segment:
+    """A new file that holds whole rows and nothing else, as far as the disk lets it.
+
+    Args:
+        recording: path of the recording's first segment.
+        number: which segment this is.
+        disk: the operating system, or a test's.
+
+    Attributes:
+        number: which segment this is.
+        size: bytes of its whole rows, with the header.
+
+    Raises:
+        OSError: the file exists or cannot be made.
+    """
+
+    def __init__(self, recording: Path, number: int, disk: Disk) -> None:
+        self.number, self.size = number, 0
+        self._path = segment_path(recording, number)
+        self._disk = disk
+        self._fd = disk.open(self._path)
+        self._is_torn = self._is_name_synced = False
+
+    def append(self, data: bytes) -> None:
+        """Hands all bytes to the kernel, or leaves the file as it was.
+
+        Raises:
+            OSError: the disk does not take them.
+        """
+        disk, fd = self._disk, self._fd
+        if self._is_torn:
+            disk.ftruncate(fd, self.size)
+            self._is_torn = False
+        try:
+            written = disk.write(fd, data)
+            while written < len(data):
+                more = disk.write(fd, data[written:])
+                if not more:
+                    raise OSError(errno.EIO, os.strerror(errno.EIO))
+                written += more
+        except OSError:
+            self._cut()
+            raise
+        self.size += len(data)
+
+    def sync(self) -> None:
+        """Waits until the disk has all of it, and its name.
+
+        Raises:
+            OSError: it has not; the kernel says so once and forgets what it could not write.
+        """
+        self._disk.fsync(self._fd)
+        if not self._is_name_synced:
+            self._disk.fsync_folder(self._path.parent)
+            self._is_name_synced = True
+
+    def check(self) -> None:
+        """Looks whether the file is still there and whole.
+
+        Raises:
+            OSError: it is not; ENOENT where it was deleted or moved.
+        """
+        size = self.size  # before the file is asked: it only grows
+        if not self._disk.named(self._fd, self._path):
+            raise OSError(errno.ENOENT, "deleted or moved while it was written")
+        if (left := self._disk.size(self._fd)) < size:
+            raise OSError(errno.EIO, f"cut short by another program, {size - left} bytes are gone")
+
+    def read(self, size: int, offset: int) -> bytes:
+        """Reads bytes back, deleted or not."""
+        return self._disk.read(self._fd, size, offset)
+
+    def close(self) -> None:
+        """Closes the file; what that may say was said by the sync before."""
+        with contextlib.suppress(OSError):
+            self._disk.close(self._fd)
+
+    def _cut(self) -> None:
+        """Back to the last whole row."""
+        try:
+            self._disk.ftruncate(self._fd, self.size)
+        except OSError:
+            self._is_torn = True  # tried again before the next row; a reader skips a torn one
