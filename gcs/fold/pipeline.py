@@ -14,22 +14,23 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import OFFSET, YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
+from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.evidence import camera_of, observation_of, reports_of
+from gcs.fold.name_changes import NameChanges
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import SteadyCamera
 from gcs.fold.quarantine import doubted, quarantined
-from gcs.fold.snapshot_rows import View, boxes_of, mount_of, vehicle_rows
+from gcs.fold.snapshot_rows import View, boxes_of, vehicle_rows
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import Trends
-from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS
 from gcs.mission.mission import Mission
-from gcs.snapshot import Event, Health, Level, Snapshot
+from gcs.snapshot import Event, Health, Snapshot
 from mavlink.estimation.gimbal import turns_camera
-from mavlink.fleet.fleet import Fleet, FleetState, Notice, UavState
+from mavlink.fleet.fleet import Fleet, FleetState, Notice
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
-from vision.camera.camera import camera_pose, footprint, ground_sampling, image_warp, project
+from vision.camera.camera import footprint, ground_sampling, image_warp, project
 from vision.detect.detections import Detections
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, TrackerParams, Tracks
@@ -40,9 +41,6 @@ IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 MOST_BOXES = 300
 """Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
-MOUNT_DOUBT = np.deg2rad(20.0)
-TURNED_US = 5_000_000
-"""For a gimbal's reports to come that were asked for when an order turned the camera."""
 
 
 class Pipeline:
@@ -85,15 +83,9 @@ class Pipeline:
         self._steady = SteadyCamera()
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._optics = Optics(mission.camera, sized=sized)
-        self._mount = mount_of(mission.camera)
+        self._direction = CameraDirection(mission)
         self._view: View | None = None
-        self._name_of_track: dict[int, int] = {}
-        self._conflict: frozenset[int] = frozenset()
-        self._apart_since_us: dict[int, int] = {}
-        self._mount_doubted = False
-        self._turned_us = 0
-        """When an order turned the camera: from then on the mission does not know where it looks."""
-        self._turned_told = False
+        self._names = NameChanges(mission)
         self._events: list[Event] = []
         self._throttle = EventThrottle()
         self._trends = Trends()
@@ -102,7 +94,7 @@ class Pipeline:
     def feed(self, packet: Packet) -> None:
         """Take in one telemetry packet."""
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
-            self._turned_us = self._turned_us or packet.t_us
+            self._direction.order_given(packet.t_us)
         if notices := self.fleet.add_packet(packet):
             self._events += self._throttle.admit(map(_event, notices))
 
@@ -170,8 +162,7 @@ class Pipeline:
         self._view = view
         found = doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
         identities = quarantined(found, state)
-        self._tell(t_us, identities)
-        self._conflict |= self._apart_from_video(t_us, identities, state)
+        self._events += self._names.update(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
     def _tell_crowd(self, t_us: int, boxes: int) -> None:
@@ -219,53 +210,14 @@ class Pipeline:
         self._events += self._optics.take_events()
         if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None
-        R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
-        R_enu_gimbal = uav.R_enu_gimbal if uav.attitude_valid else None
-        self._compare_mount(state.t_us, uav, R_enu_gimbal)
-        mount = self._mount
-        if self.mission.camera is None and uav.camera is not None:
-            # an image turned clockwise is that of a camera rolled the other way
-            mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
-        p_enu = uav.p_enu + self._steady.shift_enu
-        pose = camera_pose(mount, p_enu, R_enu_body, R_enu_gimbal if self._follows_gimbal else None)
-        ground_z = float(uav.p_enu[2] - uav.height_m)
+        self._events += self._direction.check(state.t_us, uav)
         return View(
             intrinsics=intrinsics,
-            pose=pose,
-            ground_z=ground_z,
+            pose=self._direction.pose(uav, uav.p_enu + self._steady.shift_enu),
+            ground_z=float(uav.p_enu[2] - uav.height_m),
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
         )
-
-    def _compare_mount(self, t_us: int, uav: UavState, R_enu_gimbal: FloatArray | None) -> None:
-        """Say once when a gimbal reports to look elsewhere than the mission has it: the mission is followed."""
-        if self._turned_us and not self._turned_told:
-            self._tell_turned(t_us, R_enu_gimbal is not None)
-        if self._follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
-            return
-        R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
-        if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
-            self._mount_doubted = True
-            text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
-            self._events.append(Event(t_us=t_us, level="warning", kind="video", text=text))
-
-    @property
-    def _follows_gimbal(self) -> bool:
-        """Whether what the gimbal reports stands before the mission; a camera fixed to the body hangs on none."""
-        return self.mission.follows_gimbal or bool(self._turned_us)
-
-    def _tell_turned(self, t_us: int, reported: bool) -> None:
-        """Say once what is believed of a camera that an order has turned."""
-        if self.mission.follows_gimbal or self._mount.kind == "fixed":
-            self._turned_told = True
-        elif reported:
-            self._turned_told = True
-            text = "an order turned the camera: its direction is what the gimbal reports from now on"
-            self._events.append(Event(t_us=t_us, level="info", kind="camera", text=text))
-        elif t_us - self._turned_us > TURNED_US:
-            self._turned_told = True
-            text = "an order turned the camera and no gimbal reports where to: do not act on names"
-            self._events.append(Event(t_us=t_us, level="alarm", kind="camera", text=text))
 
     def _stitch(self, t_us: int, view: View | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
@@ -282,7 +234,7 @@ class Pipeline:
     def _known(self, state: FleetState) -> list[int]:
         """Tracks that carry a name whose vehicle says where it is."""
         heard = set(state.system_id[state.valid].tolist())
-        return [track for track, vehicle in self._name_of_track.items() if vehicle in heard]
+        return [track for track, vehicle in self._names.by_track.items() if vehicle in heard]
 
     def _projected(self, state: FleetState, view: View | None) -> dict[int, FloatArray]:
         """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""
@@ -299,38 +251,7 @@ class Pipeline:
         return self._identifier.update(observation, self._camera(view))
 
     def _camera(self, view: View) -> CameraState:
-        return camera_of(view, self._mount.kind == "stabilized")
-
-    def _tell(self, t_us: int, identities: Identities | None) -> None:
-        """Events for names that came, went or changed, and for vehicles whose reports contradict the video."""
-        if identities is None:
-            self._name_of_track, self._conflict = {}, frozenset()
-            return
-        named = {int(t): int(s) for t, s in zip(identities.track_id, identities.system_id, strict=True) if s}
-        sure = dict(zip(identities.track_id.tolist(), identities.confidence.tolist(), strict=True))
-        for track, vehicle in named.items():
-            before = self._name_of_track.get(track)
-            if before != vehicle:
-                text = f"track {track} is {self.mission.name_of(vehicle)} ({sure[track]:.0%})"
-                text += f", no longer {self.mission.name_of(before)}" if before else ""
-                level: Level = "warning" if before else "info"
-                self._events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
-        for track, vehicle in self._name_of_track.items():
-            if track in sure and track not in named:
-                text = f"track {track} is no longer {self.mission.name_of(vehicle)}: the evidence does not suffice"
-                self._events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
-        self._name_of_track, self._conflict = named, frozenset(identities.conflict)
-
-    def _apart_from_video(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
-        """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
-        before, self._apart_since_us = self._apart_since_us, {}
-        if identities is not None:
-            std_m = dict(zip(state.system_id.tolist(), state.std_m.tolist(), strict=True))
-            away = zip(identities.system_id.tolist(), identities.residual_m.tolist(), strict=True)
-            for vehicle, away_m in away:
-                if vehicle and away_m > APART_M + APART_STDS * std_m[vehicle]:
-                    self._apart_since_us[vehicle] = before.get(vehicle, t_us)
-        return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_S * 1e6)
+        return camera_of(view, self._direction.stabilized)
 
     def _believed(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""
@@ -371,7 +292,7 @@ class Pipeline:
             uav_heading=state.uav.yaw,
             health=self._believed(self._trends.of(t_us, health or Health())),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
-            conflicts=self._conflict,
+            conflicts=self._names.conflicts,
             origin=self.fleet.origin,
         )
         alarms, changes = self._alarms.update(snapshot)
@@ -383,9 +304,6 @@ class Pipeline:
 def _size_of(image: NDArray[np.uint8] | None) -> tuple[int, int] | None:
     """Width and height, px."""
     return None if image is None else (image.shape[1], image.shape[0])
-
-
-_LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
 
 
 def _on_ground(p_enu: FloatArray, ground_z: float) -> FloatArray:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.identification.identifier import Identities
-from gcs.mission.mission import Camera, Mission
+from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
-from vision.camera.camera import CameraPose, Mount, ground
+from vision.camera.camera import CameraPose, ground
 from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["View", "boxes_of", "mount_of", "vehicle_rows"]
+__all__ = ["View", "boxes_of", "vehicle_rows"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -42,15 +42,6 @@ class View:
     attitude_known: bool
     position_sure: bool
     """False: the UAV doubts its own position."""
-
-
-def mount_of(camera: Camera | None) -> Mount:
-    """How the camera hangs; straight down on a gimbal unless the mission says otherwise."""
-    if camera is None:
-        return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
-    roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])
-    kind: Literal["fixed", "stabilized"] = "fixed" if camera.mount == "fixed" else "stabilized"
-    return Mount(kind=kind, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
 
 
 def boxes_of(

@@ -1,0 +1,108 @@
+"""Which way the camera looks: as the mission's mount has it, or as the gimbal reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.mission.mission import Camera, Mission
+from gcs.snapshot import Event
+from mavlink.fleet.fleet import UavState
+from vision.camera.camera import CameraPose, Mount, camera_pose
+
+__all__ = ["CameraDirection", "mount_of"]
+
+MOUNT_DOUBT = np.deg2rad(20.0)
+"""The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
+TURNED_US = 5_000_000
+"""For a gimbal's reports to come that were asked for when an order turned the camera."""
+_LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
+
+
+class CameraDirection:
+    """The camera's mount, and whether the gimbal's reports stand before it."""
+
+    def __init__(self, mission: Mission) -> None:
+        self._mission = mission
+        self._mount = mount_of(mission.camera)
+        self._mount_doubted = False
+        self._turned_us = 0
+        """When an order turned the camera: from then on the mission does not know where it looks."""
+        self._turned_told = False
+
+    @property
+    def stabilized(self) -> bool:
+        """Whether a gimbal keeps the camera's horizon level."""
+        return self._mount.kind == "stabilized"
+
+    @property
+    def follows_gimbal(self) -> bool:
+        """Whether what the gimbal reports stands before the mission; a camera fixed to the body hangs on none."""
+        return self._mission.follows_gimbal or bool(self._turned_us)
+
+    def order_given(self, t_us: int) -> None:
+        """Note an order that turns the camera."""
+        self._turned_us = self._turned_us or t_us
+
+    def pose(self, uav: UavState, p_enu: NDArray[np.float64]) -> CameraPose:
+        """The camera's pose; without an attitude, that of a level UAV whose nose points north.
+
+        Args:
+            uav: how it hangs in the air.
+            p_enu: (3,) where it is, metres.
+        """
+        mount = self._mount
+        if self._mission.camera is None and uav.camera is not None:
+            # an image turned clockwise is that of a camera rolled the other way
+            mount = replace(mount, roll=-math.radians(uav.camera.rotation_deg))
+        R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
+        return camera_pose(mount, p_enu, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
+
+    def check(self, t_us: int, uav: UavState) -> Iterator[Event]:
+        """What an operator should know of the direction, each once.
+
+        Args:
+            t_us: now.
+            uav: with what its gimbal reports.
+        """
+        R_enu_gimbal = _gimbal(uav)
+        if self._turned_us and not self._turned_told:
+            yield from self._check_turned(t_us, R_enu_gimbal is not None)
+        if self.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
+            return
+        R_enu_cam = camera_pose(self._mount, uav.p_enu, uav.R_enu_body).R_enu_cam
+        if R_enu_cam[:, 2] @ R_enu_gimbal[:, 0] < np.cos(MOUNT_DOUBT):
+            self._mount_doubted = True
+            text = 'the gimbal reports another direction than the mission\'s camera; mount = "gimbal" would follow it'
+            yield Event(t_us=t_us, level="warning", kind="video", text=text)
+
+    def _check_turned(self, t_us: int, reported: bool) -> Iterator[Event]:
+        """What is believed of a camera that an order has turned."""
+        if self._mission.follows_gimbal or self._mount.kind == "fixed":
+            self._turned_told = True
+        elif reported:
+            self._turned_told = True
+            text = "an order turned the camera: its direction is what the gimbal reports from now on"
+            yield Event(t_us=t_us, level="info", kind="camera", text=text)
+        elif t_us - self._turned_us > TURNED_US:
+            self._turned_told = True
+            text = "an order turned the camera and no gimbal reports where to: do not act on names"
+            yield Event(t_us=t_us, level="alarm", kind="camera", text=text)
+
+
+def _gimbal(uav: UavState) -> NDArray[np.float64] | None:
+    return uav.R_enu_gimbal if uav.attitude_valid else None
+
+
+def mount_of(camera: Camera | None) -> Mount:
+    """How the camera hangs; straight down on a gimbal unless the mission says otherwise."""
+    if camera is None:
+        return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
+    roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])
+    kind: Literal["fixed", "stabilized"] = "fixed" if camera.mount == "fixed" else "stabilized"
+    return Mount(kind=kind, roll=float(roll), pitch=float(pitch), yaw=float(yaw))
