@@ -29,3 +29,13 @@ def test_whoever_looks_for_it_finds_it_and_may_use_it():
     assert PROJECT["license"] == "MIT"
     assert len(PROJECT["keywords"]) >= 5
     assert PROJECT["scripts"]["gcs"] == "gcs.cli.start:main"
+
+
+def test_the_changelog_has_this_version_in_the_form_that_the_release_looks_for():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    versions = re.findall(r"^## \[(.*?)\](.*)$", text, re.MULTILINE)
+    assert versions[0] == ("Unreleased", "")
+    assert PROJECT["version"] in dict(versions)
+    assert all(re.fullmatch(r" - \d{4}-\d\d-\d\d", date) for _, date in versions[1:])
+    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.*)$", text, re.MULTILINE)) <= kinds
