@@ -20,10 +20,10 @@ from gcs.command.wire import Place
 from gcs.snapshot import Event, Level
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.transmit.heartbeat import Heartbeat, TimeSyncer
+from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
 from mavlink.transmit.message_rates import UAV_RATES, Rate, RateKeeper
 from mavlink.transmit.rate_requests import GIMBAL_ATTITUDE
-from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Outgoing
+from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Transmitter
 
 __all__ = ["CommandDesk"]
 
@@ -38,7 +38,7 @@ class CommandDesk:
         uav: system id of the UAV.
         ground: system ids of the ground vehicles, by name.
         uav_name: what operators call the UAV.
-        outgoing: the way out, which lets nothing pass that is not for the UAV.
+        transmitter: the way out, which lets nothing pass that is not for the UAV.
         where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
         tell: given events, in the desk's thread or in the one that polls.
         own: system and component id that the station speaks as.
@@ -53,7 +53,7 @@ class CommandDesk:
         uav: int,
         ground: Mapping[int, str],
         uav_name: str,
-        outgoing: Outgoing,
+        transmitter: Transmitter,
         where: Callable[[int], Place | None],
         tell: Callable[[Event], None],
         own: tuple[int, int] = (SYSTEM_ID, COMPONENT_ID),
@@ -62,15 +62,15 @@ class CommandDesk:
         gimbal: int = 0,
     ) -> None:
         self._uav_id, self._uav_name, self._ground = uav, uav_name, dict(ground)
-        self._outgoing, self._tell = outgoing, tell
+        self._transmitter, self._tell = transmitter, tell
         encoder = MavlinkEncoder(*own)
-        self._heartbeat, self._timesync = Heartbeat(encoder), TimeSyncer(encoder)
+        self._heartbeat, self._timesync = HeartbeatTimer(encoder), TimeSyncTimer(encoder)
         self._rates = RateKeeper(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
         self._look_s = 0.0
         self._own = own
         self._holder: tuple[int, int] | None = None
         self._uav = Uav(gimbal)
-        self._sdk = Sdk(uav, own, outgoing.give)
+        self._sdk = Sdk(uav, own, transmitter.send)
         self._jobs = Jobs(self._sdk, self._uav, where, own=own, rules=rules or Rules())
         self._running: dict[str, tuple[Order, asyncio.Task[None]]] = {}
         self._loop = asyncio.new_event_loop()
@@ -79,7 +79,7 @@ class CommandDesk:
 
     def take(self, packet: Packet) -> None:
         """Every packet that came, of anybody; what is not believed is left out."""
-        self._outgoing.heard(packet)
+        self._transmitter.note_packet(packet)
         if packet.auth > Auth.GOOD:
             return
         self._rates.take(packet, time.monotonic())
@@ -93,9 +93,9 @@ class CommandDesk:
         now_s = time.monotonic()
         for raw in (self._heartbeat.poll(now_s), self._timesync.poll(now_s, time.time_ns())):
             if raw is not None:
-                self._outgoing.give_everywhere(raw)
+                self._transmitter.broadcast(raw)
         for link, raw in self._rates.poll(now_s):
-            self._outgoing.give(raw, link)
+            self._transmitter.send(raw, link)
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
             self._look(now_s)
@@ -118,7 +118,7 @@ class CommandDesk:
     @property
     def withheld(self) -> Mapping[str, int]:
         """Message name → frames that were not for the UAV and did not leave."""
-        return self._outgoing.refused
+        return self._transmitter.refused
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """What may be ordered about a selected vehicle: keys and words."""

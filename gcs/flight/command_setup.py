@@ -12,7 +12,7 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.signing.keys import KeyRing
 from mavlink.signing.signer import Signer
 from mavlink.transmit.message_rates import uav_rates
-from mavlink.transmit.transmitter import Outgoing
+from mavlink.transmit.transmitter import Transmitter
 
 __all__ = ["open_desk", "place_of"]
 
@@ -44,17 +44,17 @@ def open_desk(
         assert signer is not None
         return signer.sign(frame, time.time_ns() // 1000, link)
 
-    outgoing = Outgoing(
+    transmitter = Transmitter(
         uav,
         lambda link, peer, raw: ingest.send(link, raw, peer),
         sign=sign if signer else None,
-        knock=[index for index, name in enumerate(ingest.names) if name.startswith("udpout:")],
+        announce_on=[index for index, name in enumerate(ingest.names) if name.startswith("udpout:")],
     )
     return CommandDesk(
         uav=uav,
         ground={system_id: mission.name_of(system_id) for system_id in mission.ugv_ids},
         uav_name=mission.name_of(uav),
-        outgoing=outgoing,
+        transmitter=transmitter,
         where=where,
         tell=tell,
         rates=uav_rates(gimbal=mission.follows_gimbal),

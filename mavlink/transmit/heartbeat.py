@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 
-__all__ = ["Heartbeat", "TimeSyncer"]
+__all__ = ["HeartbeatTimer", "TimeSyncTimer"]
 
 HEARTBEAT_S = 1.0
 TIMESYNC_S = 7.0
 
 
-class Heartbeat:
+class HeartbeatTimer:
     """One HEARTBEAT a second while it is polled.
 
     Args:
@@ -36,7 +36,7 @@ class Heartbeat:
         return self._encoder.heartbeat(GCS, autopilot=NO_AUTOPILOT, armed=False)
 
 
-class TimeSyncer:
+class TimeSyncTimer:
     """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.clock_health` reads the answers.
 
     Args:

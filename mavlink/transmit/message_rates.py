@@ -101,7 +101,7 @@ class Rate:
         return f"{self.message} {comes}: {self.hint}"
 
 
-class _Stream:
+class _MessageStream:
     """Arrivals of one message, and what was asked for it."""
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class _Peer:
         self.behind_s = -math.inf  # when a packet was refused because another link had brought newer ones
         self.boot_ms = 0
         self.loss = SequenceLoss(half_life=LOSS_MEMORY)
-        self.streams = {message_id: _Stream() for message_id in wanted}
+        self.streams = {message_id: _MessageStream() for message_id in wanted}
         self.asking: int | None = None
         self.asked_s = -math.inf
 
@@ -187,7 +187,7 @@ class RateKeeper:
             self._wanted[self._uav] = {**self._wanted[self._uav], message_id: hz}
             for (system_id, _), peer in self._peers.items():
                 if system_id == self._uav:
-                    peer.streams.setdefault(message_id, _Stream())
+                    peer.streams.setdefault(message_id, _MessageStream())
 
     def take(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
@@ -316,7 +316,7 @@ class RateKeeper:
         )
 
 
-def _judge(stream: _Stream, measured_hz: float, wanted_hz: float, *, asks: bool) -> tuple[State, str]:
+def _judge(stream: _MessageStream, measured_hz: float, wanted_hz: float, *, asks: bool) -> tuple[State, str]:
     if measured_hz >= ENOUGH * wanted_hz:
         return "ok", ""
     if not asks:

@@ -3,7 +3,8 @@
 Everything not addressed to the UAV is dropped here and counted, whoever made it, but HEARTBEAT and TIMESYNC, which
 have no address and carry no order. All goes to the UAV's own network address only: who shares it (one radio, a router)
 hears it too, and sees that it is for the UAV. So this station gives no ground vehicle an order. On a link whose other
-end sends to nobody before it was spoken to, heartbeats knock until the UAV is heard there, or only somebody else is.
+end sends to nobody before it was spoken to, heartbeats announce this station until the UAV is heard there, or only
+others are.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 
-__all__ = ["COMPONENT_ID", "SYSTEM_ID", "Outgoing", "only_to_uav"]
+__all__ = ["COMPONENT_ID", "SYSTEM_ID", "Transmitter", "only_to_uav"]
 
 SYSTEM_ID, COMPONENT_ID = 254, 190
 """What this station speaks as, where it may: not as 255, behind which vehicles look for the first station."""
@@ -46,8 +47,8 @@ def only_to_uav(raw: bytes, uav: int) -> bool:
     return target[0] == uav if target != EVERYBODY else message_id in (_HEARTBEAT, _TIMESYNC)
 
 
-class Outgoing:
-    """Sends to the UAV, wherever it is heard. Any thread may give frames.
+class Transmitter:
+    """Sends to the UAV, wherever it is heard. Any thread may send.
 
     Args:
         uav: its system id.
@@ -55,7 +56,7 @@ class Outgoing:
             none; a link on which several speak must not pass the frame to the others.
         sign: makes a signed frame of an unsigned one, for a link; None leaves frames unsigned.
         sent: told the link and every frame that left, as it left.
-        knock: links to one address each (``udpout:``) that is told of this station by its heartbeats.
+        announce_on: links to one address each (``udpout:``) that is told of this station by its heartbeats.
     """
 
     def __init__(
@@ -65,13 +66,13 @@ class Outgoing:
         *,
         sign: Callable[[bytes, int], bytes] | None = None,
         sent: Callable[[int, bytes], None] = lambda link, raw: None,
-        knock: Collection[int] = (),
+        announce_on: Collection[int] = (),
     ) -> None:
         self._uav = uav
         self._send = send
         self._sign = sign
         self._sent = sent
-        self._knock = tuple(knock)
+        self._announce_on = tuple(announce_on)
         self._lock = threading.Lock()
         self._seq = 0
         self._where: dict[int, tuple[int, int]] = {}
@@ -92,7 +93,7 @@ class Outgoing:
         fresh = [(t_us, link) for link, (_, t_us) in _fresh(self._where).items()]
         return [link for _, link in sorted(fresh, reverse=True)]
 
-    def heard(self, packet: Packet) -> None:
+    def note_packet(self, packet: Packet) -> None:
         """Learns where the UAV is, and where only others are, from packets that are believed.
 
         Where its packets are held because nothing proves that they are made now, it gets heartbeats and nothing else:
@@ -107,7 +108,7 @@ class Outgoing:
         else:
             self._others.add(packet.link)
 
-    def give(self, raw: bytes, link: int | None = None) -> bool:
+    def send(self, raw: bytes, link: int | None = None) -> bool:
         """Sends a frame if it may leave.
 
         Args:
@@ -126,24 +127,28 @@ class Outgoing:
                 link = next(iter(self.links), None)
             if link is None or link not in self._where:
                 return False
-            return self._leave(raw, link, self._where[link][0])
+            return self._send_now(raw, link, self._where[link][0])
 
-    def give_everywhere(self, raw: bytes) -> int:
-        """Sends a frame wherever the UAV is heard, a heartbeat also where it knocks; on how many links it left."""
+    def broadcast(self, raw: bytes) -> int:
+        """Sends a frame wherever the UAV is heard, a heartbeat also where this station is to be announced.
+
+        Returns:
+            On how many links it left.
+        """
         heard = self.links
-        left = sum(self.give(raw, link) for link in heard)
+        left = sum(self.send(raw, link) for link in heard)
         if not only_to_uav(raw, self._uav) or Packet(0, raw).message_id != _HEARTBEAT:
             return left
-        knocks = {link: 0 for link in self._knock if self._waits(link, heard)}
-        knocks |= {link: peer for link, (peer, _) in _fresh(self._held).items() if link not in heard}
+        announced = {link: 0 for link in self._announce_on if self._may_wait(link, heard)}
+        announced |= {link: peer for link, (peer, _) in _fresh(self._held).items() if link not in heard}
         with self._lock:
-            return left + sum(self._leave(raw, link, peer) for link, peer in knocks.items())
+            return left + sum(self._send_now(raw, link, peer) for link, peer in announced.items())
 
-    def _waits(self, link: int, heard: Collection[int]) -> bool:
+    def _may_wait(self, link: int, heard: Collection[int]) -> bool:
         """Whether the UAV may be behind a link and not know of this station; not where a ground vehicle answered."""
         return link not in heard and (link in self._where or link not in self._others)
 
-    def _leave(self, raw: bytes, link: int, peer: int) -> bool:
+    def _send_now(self, raw: bytes, link: int, peer: int) -> bool:
         frame = _numbered(raw, self._seq)
         self._seq = (self._seq + 1) & 0xFF
         frame = self._sign(frame, link) if self._sign is not None else frame

@@ -6,7 +6,7 @@ import time
 from types import SimpleNamespace
 
 from gcs.command import CommandDesk, Place, Rules
-from mavlink.transmit.transmitter import Outgoing
+from mavlink.transmit.transmitter import Transmitter
 from tests.support.fake_autopilot import Socket, rover
 
 UAV, UGV, OTHER = 1, 3, 4
@@ -23,12 +23,12 @@ def open_air(make_uav, rules: Rules) -> SimpleNamespace:
     sock = Socket()
     uav, ugvs = make_uav(sock.address, UAV), [rover(sock.address, UGV), rover(sock.address, OTHER)]
     events, recorded, places = [], [], {UGV: PLACE}
-    outgoing = Outgoing(UAV, sock.send, sent=lambda link, raw: recorded.append(raw))
+    transmitter = Transmitter(UAV, sock.send, sent=lambda link, raw: recorded.append(raw))
     desk = CommandDesk(
         uav=UAV,
         ground={UGV: "UGV-3", OTHER: "UGV-4"},
         uav_name="UAV-1",
-        outgoing=outgoing,
+        transmitter=transmitter,
         where=places.get,
         tell=events.append,
         rules=rules,
@@ -73,6 +73,6 @@ def open_air(make_uav, rules: Rules) -> SimpleNamespace:
         until=until,
         order=order,
         sock=sock,
-        outgoing=outgoing,
+        transmitter=transmitter,
         close=close,
     )

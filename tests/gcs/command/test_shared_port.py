@@ -9,7 +9,7 @@ from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import Mission, Vehicle
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
-from mavlink.transmit.transmitter import Outgoing
+from mavlink.transmit.transmitter import Transmitter
 from tests.support.fake_autopilot import FakeVehicle, rover
 from tests.support.ports import free_port
 from tests.support.waiting import until
@@ -20,12 +20,12 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
     ingest = Ingest([f"udpin:127.0.0.1:{port}"], tmp_path / "telemetry.tlog", system_ids=(1, 3, 4))
     uav, ugvs = FakeVehicle(("127.0.0.1", port), 1), [rover(("127.0.0.1", port), k) for k in (3, 4)]
     events = []
-    outgoing = Outgoing(1, lambda link, peer, raw: ingest.send(link, raw, peer))
+    transmitter = Transmitter(1, lambda link, peer, raw: ingest.send(link, raw, peer))
     desk = CommandDesk(
         uav=1,
         ground={3: "UGV-3", 4: "UGV-4"},
         uav_name="UAV-1",
-        outgoing=outgoing,
+        transmitter=transmitter,
         where=lambda system_id: None,
         tell=events.append,
     )

@@ -11,7 +11,7 @@ from mavlink.estimation.clock_health import TimeSyncExchanges
 from mavlink.protocol.decode import decode
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.transmit.heartbeat import Heartbeat, TimeSyncer
+from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
 from mavlink.transmit.message_rates import TRIES, UAV_RATES, RateKeeper, uav_rates
 from tests.support.spoken import UAV, UGV, message, packet
 
@@ -22,7 +22,7 @@ BEAT = (2, 3, 0, 0, 4, 3)
 
 
 def test_one_heartbeat_a_second_and_none_while_nobody_asks():
-    beat = Heartbeat(MavlinkEncoder(254, 190))
+    beat = HeartbeatTimer(MavlinkEncoder(254, 190))
     given = [beat.poll(i * 0.1) for i in range(30)]
     assert sum(raw is not None for raw in given) == 3
     assert beat.poll(500.0) is not None
@@ -36,7 +36,7 @@ def test_one_heartbeat_a_second_and_none_while_nobody_asks():
 
 
 def test_the_clock_is_asked_for_every_few_seconds_with_our_own():
-    sync = TimeSyncer(MavlinkEncoder(254, 190))
+    sync = TimeSyncTimer(MavlinkEncoder(254, 190))
     asked = [(i * 0.1, sync.poll(i * 0.1, 10**18 + i)) for i in range(300)]
     times = [at for at, raw in asked if raw is not None]
     assert min(b - a for a, b in itertools.pairwise(times)) >= 5.0 and times[-1] >= 20.0
@@ -45,7 +45,7 @@ def test_the_clock_is_asked_for_every_few_seconds_with_our_own():
 
 
 def test_the_fold_understands_the_answer():
-    sync, exchanges = TimeSyncer(MavlinkEncoder(254, 190)), TimeSyncExchanges()
+    sync, exchanges = TimeSyncTimer(MavlinkEncoder(254, 190)), TimeSyncExchanges()
     sent_ns = message(sync.poll(0.0, 1_700_000_000_000_000_000)).ts1
     answer = Packet(sent_ns // 1000 + 4000, UAV.timesync(10**10, sent_ns))
     assert exchanges.add(decode(answer))
