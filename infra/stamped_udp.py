@@ -6,7 +6,8 @@ import contextlib
 import socket
 import struct
 import sys
-import time
+
+from infra.wall_clock import now_us
 
 __all__ = ["LARGEST_DATAGRAM", "STAMP", "open_stamped_udp", "receive_stamped"]
 
@@ -50,4 +51,4 @@ def receive_stamped(sock: socket.socket) -> tuple[bytes, tuple[str, int], int]:
         if (level, kind) == STAMP and len(value) == _TIMESPEC.size:
             seconds, nanoseconds = _TIMESPEC.unpack(value)
             return data, sender, seconds * 1_000_000 + nanoseconds // 1000
-    return data, sender, time.time_ns() // 1000
+    return data, sender, now_us()

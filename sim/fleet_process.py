@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.faults.fault_traffic import Traffic, traffic
 from sim.faults.fleet_faults import LIES, SimulatedSender, SimulatedSenders
@@ -61,7 +62,7 @@ def send(plan: Traffic, target: tuple[str, int], duration_s: float, stop: thread
     refused, late_s = 0, 0.0
     start = time.monotonic()
     try:
-        for datagram in traffic(plan, time.time_ns() // 1000):
+        for datagram in traffic(plan, now_us()):
             if datagram.t_s >= duration_s or stop.is_set():
                 break
             while (wait_s := start + datagram.t_s - time.monotonic()) > 0.0 and not stop.is_set():

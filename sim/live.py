@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.render.broadcast import VideoSender
 from sim.telemetry.vehicle_telemetry import TALK_FROM_S, Spoken, speak
@@ -77,7 +78,7 @@ def play(
     world = World(scenario)
     sender = VideoSender(world, video_url, truth_path) if video_url else None
     lead_s = LEAD_S + LEAD_PER_VEHICLE_SECOND * scenario.fleet_size * scenario.duration_s
-    start_us = time.time_ns() // 1000 + round((lead_s - TALK_FROM_S) * 1e6)
+    start_us = now_us() + round((lead_s - TALK_FROM_S) * 1e6)
     packets = dict.fromkeys((UAV_ID, *scenario.ugv_ids), 0)
     ids = (*scenario.ugv_ids, UAV_ID)
     with ExitStack() as stack:

@@ -25,6 +25,7 @@ from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, parse_mission
 from gcs.session.flight_notes import key_notes
 from gcs.session.recorder import Recorder
+from infra.wall_clock import ClockWatch
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
@@ -35,7 +36,6 @@ from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Packet
 from mavlink.signing.keys import Key, read_ring, write_key
 from mavlink.signing.streams import ticks_of
-from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.writer import TlogWriter
 from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import TALK_FROM_S, speak

@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import threading
-import time
 import traceback
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,6 +36,7 @@ from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
 from infra.files.safe_open import is_shared
+from infra.wall_clock import now_us
 from vision.stream.secrets import secrets_of
 
 __all__ = ["fly"]
@@ -141,7 +141,7 @@ def _look_around(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
     that is no screen's."""
 
     def tell(text: str, level: Level = "info") -> None:
-        flight.tell(Event(t_us=time.time_ns() // 1000, level=level, kind="recording", text=text))
+        flight.tell(Event(t_us=now_us(), level=level, kind="recording", text=text))
         if not screen:
             note(text)
 

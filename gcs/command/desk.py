@@ -18,6 +18,7 @@ from gcs.command.sdk import Sdk
 from gcs.command.uav import Uav
 from gcs.command.wire import Place
 from gcs.snapshot import Event, Level
+from infra.wall_clock import now_us
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
@@ -177,8 +178,7 @@ class CommandDesk:
             tell("alarm", f"failed: {error}")
 
     def _note(self, level: Level, kind: str, text: str, system_id: int) -> None:
-        now_us = time.time_ns() // 1000
-        self._tell(Event(t_us=now_us, level=level, kind=kind, text=text, system_id=system_id))
+        self._tell(Event(t_us=now_us(), level=level, kind=kind, text=text, system_id=system_id))
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)

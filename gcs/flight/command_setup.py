@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 from gcs.command import CommandDesk, Place
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Snapshot
+from infra.wall_clock import now_us
 from mavlink.ingest.ingest import Ingest
 from mavlink.signing.keys import KeyRing
 from mavlink.signing.signer import Signer
@@ -42,7 +42,7 @@ def open_desk(
 
     def sign(frame: bytes, link: int) -> bytes:
         assert signer is not None
-        return signer.sign(frame, time.time_ns() // 1000, link)
+        return signer.sign(frame, now_us(), link)
 
     transmitter = Transmitter(
         uav,
@@ -66,7 +66,7 @@ def place_of(system_id: int, snapshot: Snapshot | None) -> Place | None:
     """Where a vehicle is by its own reports, None when they are old, doubted or contested."""
     if snapshot is None or snapshot.origin is None:
         return None
-    if time.time_ns() // 1000 - snapshot.t_us + snapshot.health.behind_s * 1e6 > FRESH_US:
+    if now_us() - snapshot.t_us + snapshot.health.behind_s * 1e6 > FRESH_US:
         return None
     for row in snapshot.vehicles:
         if row.system_id == system_id:

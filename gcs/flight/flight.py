@@ -30,6 +30,7 @@ from gcs.session.flight_notes import PROGRAM, key_notes
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
@@ -184,11 +185,11 @@ class Flight:
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these: an event each."""
-        now_us = time.time_ns() // 1000
+        t_us = now_us()
         for alarm in alarms:
             self._fold.tell(
                 Event(
-                    t_us=now_us,
+                    t_us=t_us,
                     level="info",
                     kind="operator",
                     text=f"seen: {alarm.text}",
@@ -208,7 +209,7 @@ class Flight:
     def _tell_of_operator(self, system_id: int, text: str) -> None:
         self._fold.tell(
             Event(
-                t_us=time.time_ns() // 1000,
+                t_us=now_us(),
                 level="warning",
                 kind="operator",
                 text=f"{self._mission.name_of(system_id)}: {text}",

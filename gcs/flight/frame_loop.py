@@ -13,7 +13,7 @@ from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Health, Snapshot
-from mavlink.links.counters import now_us
+from infra.wall_clock import now_us
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 from vision.detect.detector import Detector

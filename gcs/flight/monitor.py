@@ -14,6 +14,7 @@ from gcs.flight.video import FlightVideo
 from gcs.health.faults import Faults
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Health, Level, LinkHealth
+from infra.wall_clock import now_us
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
 from mavlink.links.report import LinkReport
@@ -72,7 +73,7 @@ class FlightCare:
         for notice in self._ingest.notices():
             self._note(notice.t_us, cast(Level, notice.level), notice.text)
         for rate in self._rates.troubles(time.monotonic()) if self._rates else ():
-            self._note(time.time_ns() // 1000, "warning", rate.words, rate.system_id)
+            self._note(now_us(), "warning", rate.words, rate.system_id)
         for event in (*self._recorder.check(ingest.record), *self._video.check(offer)):
             self._tell(event)
         return self._health(ingest, pace, faults)

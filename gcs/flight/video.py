@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event, Level
+from infra.wall_clock import now_us
 from mavlink.protocol.messages import VideoStreamInformation
 from vision.errors import VideoError
 from vision.stream.secrets import concealed
@@ -122,4 +122,4 @@ class FlightVideo:
 
 
 def _event(level: Level, kind: str, text: str) -> Event:
-    return Event(t_us=time.time_ns() // 1000, level=level, kind=kind, text=text)
+    return Event(t_us=now_us(), level=level, kind=kind, text=text)

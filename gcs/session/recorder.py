@@ -33,6 +33,7 @@ from infra.files.flusher import Flusher
 from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
 from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, PROGRAM_LOG, UNFOLDED, TableFormat
+from infra.wall_clock import now_us
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter
 from vision.detect.detections import Detections
@@ -164,7 +165,7 @@ class Recorder:
         self._session.restore()
         with contextlib.suppress(OSError):  # a folder that was deleted is being made anew
             self._free_bytes = shutil.disk_usage(self.folder).free
-        t_us, settled_s = time.time_ns() // 1000, time.monotonic() + SETTLE_S
+        t_us, settled_s = now_us(), time.monotonic() + SETTLE_S
         for file in self._files:
             file.settle(max(settled_s - time.monotonic(), 0.0))
         told = self._watch.update(t_us, self.states(telemetry))

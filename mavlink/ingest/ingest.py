@@ -19,13 +19,13 @@ import msgspec
 from infra.files.journal import Journal, make_journal
 from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
 from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, SendFrame
 from mavlink.ingest.plan import Outputs, Plan, Signing
-from mavlink.links.counters import now_us
 from mavlink.links.kinds import KINDS, parse_url
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
 from mavlink.ingest.excess import Excess
@@ -15,7 +15,6 @@ from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.links.base import Link
 from mavlink.links.batch import Batch
-from mavlink.links.counters import now_us
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.store import StreamStore, open_verifier
 from mavlink.signing.verifier import Verifier, without_secret
@@ -197,7 +196,7 @@ class Receiver:
             elif packet.auth is Auth.GOOD:
                 known.add((packet.peer, packet.system_id))
         if known:
-            self._links[index].trust(known, time.time_ns() // 1000)
+            self._links[index].trust(known, now_us())
 
     def _hide_secrets(self, index: int, batch: Batch) -> dict[int, Packet]:
         """Takes keys out of a batch, before it is recorded; returns those packets as they came, by place."""

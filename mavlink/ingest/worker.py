@@ -17,6 +17,7 @@ from pathlib import Path
 
 from infra.files.journal import Journal
 from infra.processes.channel import Channel, connect_to_parent
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
@@ -24,7 +25,6 @@ from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestRequest, Opene
 from mavlink.ingest.plan import Plan
 from mavlink.ingest.receiver import Receiver, Signatures, open_outputs
 from mavlink.links.base import Link, LinkOptions
-from mavlink.links.counters import now_us
 from mavlink.links.kinds import open_link
 from mavlink.links.report import LinkReport
 from mavlink.tlog.writer import TlogWriter

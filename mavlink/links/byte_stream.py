@@ -8,8 +8,9 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from infra.wall_clock import now_us
 from mavlink.links.batch import Batch
-from mavlink.links.counters import Counters, now_us
+from mavlink.links.counters import Counters
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import FrameCounts, Framer
 from mavlink.protocol.packet import Packet

@@ -8,12 +8,7 @@ import time
 from mavlink.links.report import LinkCounts
 from mavlink.protocol.framing import FrameCounts
 
-__all__ = ["Counters", "now_us"]
-
-
-def now_us() -> int:
-    """Unix µs now."""
-    return time.time_ns() // 1000
+__all__ = ["Counters"]
 
 
 class Counters:

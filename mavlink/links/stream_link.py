@@ -5,11 +5,11 @@ from __future__ import annotations
 from abc import abstractmethod
 
 from infra.reporting import Backoff
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import Batch
 from mavlink.links.byte_stream import Connection
-from mavlink.links.counters import now_us
 from mavlink.links.url import LinkUrl
 
 __all__ = ["StreamLink"]

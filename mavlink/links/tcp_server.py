@@ -6,11 +6,11 @@ import socket
 import time
 from dataclasses import dataclass, replace
 
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import Batch, Claim
 from mavlink.links.byte_stream import Connection, FrameStream
-from mavlink.links.counters import now_us
 from mavlink.links.port_owner import cannot_listen
 from mavlink.links.report import LinkReport
 from mavlink.links.tcp_client import DEFAULT_PORT, tcp_connection

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from infra.stamped_udp import open_stamped_udp
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.links.base import LinkOptions
-from mavlink.links.counters import now_us
 from mavlink.links.port_owner import cannot_listen
 from mavlink.links.report import LinkReport
 from mavlink.links.udp_link import UdpLink

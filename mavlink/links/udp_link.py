@@ -11,9 +11,9 @@ from dataclasses import replace
 from itertools import chain
 
 from infra.stamped_udp import receive_stamped
+from infra.wall_clock import now_us
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import MIXED, Batch, Claim, Sender, is_one_frame, looks_like_one_frame, system_of
-from mavlink.links.counters import now_us
 from mavlink.links.fair_shares import Coming
 from mavlink.links.flood_limiter import Gate, Limit
 from mavlink.links.peers import Peers, address_of, key_of

@@ -23,10 +23,10 @@ from infra.files.journal_writer import JournalWriter
 from infra.files.record_state import RecordState, overall
 from infra.plain_text import to_cell
 from infra.session_format import CLOCK, REFUSED, SENDERS, TableFormat
+from infra.wall_clock import ClockWatch
 from mavlink.errors import TlogError
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
-from mavlink.tlog.clock_watch import ClockWatch
 
 __all__ = ["SYNC_S", "TlogWriter"]
 

@@ -3,10 +3,10 @@
 import socket
 from pathlib import Path
 
+from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import Batch
-from mavlink.links.counters import now_us
 from mavlink.links.url import LinkUrl
 from mavlink.protocol.framing import split
 

@@ -19,11 +19,11 @@ from gcs.health.station_alarms import STALLED_S, STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Event
+from infra.wall_clock import ClockWatch
 from mavlink.ingest.health import IngestHealth
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.signing.streams import ticks_of
-from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.writer import TlogWriter
 from tests.support.alarm_scenes import MISSION, OTHER, UAV, UGV, Scene, Vehicle, filter_status
 from tests.support.faulty_disk import HangingDisk

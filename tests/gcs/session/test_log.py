@@ -11,10 +11,10 @@ from gcs.session.log import SessionLog
 from gcs.session.session import open_session
 from gcs.session.tables import read_table
 from infra.session_format import TableFormat
+from infra.wall_clock import ClockWatch
 from mavlink.errors import TlogError
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.writer import TlogWriter
 from tests.support.numbered_video import steady, write_clip

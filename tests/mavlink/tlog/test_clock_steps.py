@@ -2,9 +2,9 @@ import struct
 
 import pytest
 
+from infra.wall_clock import ClockWatch
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
-from mavlink.tlog.clock_watch import ClockWatch
 from mavlink.tlog.writer import TlogWriter
 
 T0 = 1_790_000_000_000_000

@@ -1,15 +1,21 @@
-"""Notices when somebody sets the wall clock."""
+"""The wall clock, and when somebody sets it."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
-__all__ = ["STEP_US", "ClockWatch"]
+__all__ = ["STEP_US", "ClockWatch", "now_us"]
 
 STEP_US = 50_000
+"""A clock that is set by less is taken for one that is slewed."""
 _READ_NS = 5_000_000
 """Two clocks read further apart than this say nothing: the thread was held up between them."""
+
+
+def now_us() -> int:
+    """Unix time, µs."""
+    return time.time_ns() // 1000
 
 
 class ClockWatch:
