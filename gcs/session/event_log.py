@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+
+import msgspec
 
 from gcs.session.line_file import Lines, open_new
 from gcs.snapshot import Event, Level
@@ -16,7 +17,6 @@ __all__ = ["EventLog", "event_row"]
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
 _log = logging.getLogger(__name__)
-_JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
 
 
 class EventLog:
@@ -42,4 +42,4 @@ class EventLog:
 def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
-    return _JSON.encode(row | {"text": plain(event.text)})
+    return msgspec.json.encode(row | {"text": plain(event.text)}).decode()

@@ -6,12 +6,13 @@ written, not before: the same recording gives the same bytes.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+
+import msgspec
 
 from gcs.errors import SessionError
 from gcs.session.line_file import Lines, open_new
@@ -21,8 +22,6 @@ from infra.plain_text import plain
 from infra.session_format import IDENTITY, IDENTITY_EVIDENCE
 
 __all__ = ["IdentityLog", "json_row", "read_identity"]
-
-_JSON = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False)
 
 
 class IdentityLog:
@@ -104,11 +103,12 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "lat": _number(box.lat_deg, 7),
         "lon": _number(box.lon_deg, 7),
     }
-    return _JSON.encode(row)
+    return msgspec.json.encode(row).decode()
 
 
-def _number(value: float, digits: int) -> float | None:
-    return round(value, digits) + 0.0 if math.isfinite(value) else None
+def _number(value: float, digits: int) -> float:
+    """Rounded, never −0; NaN and infinity are null in JSON."""
+    return round(value, digits) + 0.0
 
 
 def _text(value: float, digits: int) -> str:
