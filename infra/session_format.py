@@ -21,7 +21,6 @@ __all__ = [
     "PROGRAM_LOG",
     "REFUSED",
     "SENDERS",
-    "TABLES",
     "TRUTH",
     "UNFOLDED",
     "TableFormat",
@@ -72,4 +71,3 @@ IDENTITY = TableFormat(
     "time_us,frame,track_id,system_id,confidence,cx,cy,w,h,angle,heading,lat,lon",
     frozenset({"track_id", "system_id", "confidence", "heading", "lat", "lon"}),
 )
-TABLES = (SENDERS, REFUSED, CLOCK, FRAMES, DETECTIONS, FOLDS, UNFOLDED, TRUTH, IDENTITY)

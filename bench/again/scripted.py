@@ -149,7 +149,7 @@ class _ScriptedFlight:
                 write_key(keys, system_id, SECRET)
         self.signing = Signing(keys=str(keys) if troubles.signed else "")
         notes = {"keys": key_notes(read_ring(keys))} if troubles.signed else {}
-        self.recorder = Recorder(folder / "sessions", self.mission, video=True, telemetry=False, notes=notes)
+        self.recorder = Recorder(folder / "sessions", self.mission, video=True, notes=notes)
         self.memory_fd = make_ingest_memory(troubles.ring_bytes)
         self.memory = IngestMemory(self.memory_fd)
         self.links = [_ScriptedLinks("first"), _ScriptedLinks("second")]

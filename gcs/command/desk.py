@@ -22,7 +22,7 @@ from infra.wall_clock import now_us
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
-from mavlink.transmit.message_rates import UAV_RATES, Rate, RateKeeper
+from mavlink.transmit.message_rates import UAV_RATES, RateKeeper
 from mavlink.transmit.rate_requests import GIMBAL_ATTITUDE
 from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Transmitter
 
@@ -111,15 +111,6 @@ class CommandDesk:
             who = "this station" if holder == self._own else f"system {holder[0]} component {holder[1]}"
             text = f"the gimbal of {self._uav_name} is controlled by {who if any(holder) else 'nobody'}"
             self._note("info", "camera", text, self._uav_id)
-
-    def rates(self) -> Sequence[Rate]:
-        """Message rates, wanted and measured."""
-        return self._rates.rates(time.monotonic())
-
-    @property
-    def withheld(self) -> Mapping[str, int]:
-        """Message name → frames that were not for the UAV and did not leave."""
-        return self._transmitter.refused
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """What may be ordered about a selected vehicle: keys and words."""

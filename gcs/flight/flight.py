@@ -96,7 +96,7 @@ class Flight:
             check_source(plan.video)
             detector = open_perception(mission.detector, threads=LOOK_THREADS)
             notes["models"] = fingerprints(mission.detector)
-        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), telemetry=False, notes=notes)
+        self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes)
         _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
         _log.info("Python %s on %s", platform.python_version(), platform.platform())
         self._desk: CommandDesk | None = None

@@ -34,8 +34,6 @@ from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
 from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, PROGRAM_LOG, UNFOLDED, TableFormat
 from infra.wall_clock import now_us
-from mavlink.protocol.packet import Packet
-from mavlink.tlog.writer import TlogWriter
 from vision.detect.detections import Detections
 
 __all__ = ["Recorder", "SpaceForecast"]
@@ -54,16 +52,16 @@ class Recorder:
         parent: where the folder is made.
         mission: what flies.
         video: whether there is a camera.
-        telemetry: write ``telemetry.tlog`` here, by ``packet``; False: the links' own process does, into ``tlog_path``.
         notes: what a replay has to know beside the mission (``gcs.session.flight_notes``).
         disk: the operating system, or a test's.
 
     Attributes:
-        folder, tlog_path, video_path: where it all goes; no video_path without a camera.
+        folder, tlog_path, video_path: where it all goes; the processes of links and video write the latter two; no
+            video_path without a camera.
         full_in_s: until the disk is full if it fills up as in the last minute, inf unknown.
 
     Raises:
-        SessionError, TlogError: the folder or a file cannot be made.
+        SessionError: the folder or a file cannot be made.
     """
 
     def __init__(
@@ -72,7 +70,6 @@ class Recorder:
         mission: Mission,
         *,
         video: bool,
-        telemetry: bool = True,
         notes: Mapping[str, Any] = MappingProxyType({}),
         disk: Disk = OS_DISK,
     ) -> None:
@@ -88,7 +85,7 @@ class Recorder:
         self._log = LogFile(self.folder / PROGRAM_LOG, least_level(logging.INFO))
         try:
             self._session = SessionFile(self.folder, mission, notes)
-            self._make_files(video, telemetry, disk)
+            self._make_files(video, disk)
         except BaseException:
             self._log.close()
             shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
@@ -98,7 +95,7 @@ class Recorder:
         self._space = SpaceForecast()
         self._free_bytes = shutil.disk_usage(self.folder).free
 
-    def _make_files(self, video: bool, telemetry: bool, disk: Disk) -> None:
+    def _make_files(self, video: bool, disk: Disk) -> None:
         make = partial(self._make, disk)
         self._identity = IdentityLog(self.folder, make)
         self._events = EventLog(self.folder / EVENTS, make)
@@ -107,7 +104,6 @@ class Recorder:
             self._detections = self._table(disk, DETECTIONS)
             self._folds = self._table(disk, FOLDS)
             self._unfolded = self._table(disk, UNFOLDED, lazy=True)
-        self._tlog = TlogWriter(self.tlog_path, disk=disk) if telemetry else None
 
     def _table(self, disk: Disk, form: TableFormat, *, lazy: bool = False) -> LineFile:
         return self._make(disk, self.folder / form.name, form.header, lazy=lazy)
@@ -116,11 +112,6 @@ class Recorder:
         file = LineFile(path, header, disk=disk, lazy=lazy)
         self._files.append(file)
         return file
-
-    def packet(self, packet: Packet) -> None:
-        """Append a raw packet, before anybody decodes it."""
-        assert self._tlog is not None, "the links' own process records the telemetry"
-        self._tlog.write(packet)
 
     def frame_time(self, index: int, t_us: int) -> None:
         """Note when a frame of the recorded video was taken."""
@@ -160,7 +151,7 @@ class Recorder:
         """What there is to be told of files and disk since the last call; to be called once a second or more often.
 
         Args:
-            telemetry: state of the log when the links' own process writes it.
+            telemetry: state of the log, which the process of the links writes.
         """
         self._session.restore()
         with contextlib.suppress(OSError):  # a folder that was deleted is being made anew
@@ -175,8 +166,6 @@ class Recorder:
     def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:
         """How each file is doing, by its name."""
         found = {file.file.path.name: file.state for file in self._files}
-        if telemetry is None and self._tlog is not None:
-            telemetry = self._tlog.state
         return found if telemetry is None else {self.tlog_path.name: telemetry} | found
 
     @property
@@ -196,12 +185,10 @@ class Recorder:
         """Write what still waits and seal the session; returns what was lost, a line each.
 
         Args:
-            telemetry: state of the log when the links' own process wrote it, after it ended.
+            telemetry: state of the log after the process of the links has ended.
             notes: what else is known at the end.
         """
         self._flusher.stop()
-        if self._tlog is not None:
-            self._tlog.close()
         for file in self._files:
             file.close()
         states = self.states(telemetry)

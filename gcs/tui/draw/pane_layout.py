@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["ON_DEMAND", "PANES", "Rect", "Wish", "arranged", "default_panes"]
+__all__ = ["PANES", "Rect", "Wish", "arranged", "default_panes"]
 
 Rect = tuple[int, int, int, int]
 """Left, top, width, height in cells."""
 
 PANES = ("video", "map", "fleet", "identity", "events")
-ON_DEMAND = ("alarms",)
-"""Panes that no layout shows unless they are asked for."""
 FLEET_WIDTHS = (31, 40, 50, 59, 64, 70, 77)
 """Widths at which one more column of the fleet table fits."""
 IDENTITY_ROWS = 13

@@ -187,7 +187,7 @@ class Station:
 
     def __init__(self, folder, *, ingest=None, video="", keys=1, disk=None):
         self.disk = disk or HangingDisk()
-        self.recorder = Recorder(folder, MISSION, video=bool(video), telemetry=False, disk=self.disk)
+        self.recorder = Recorder(folder, MISSION, video=bool(video), disk=self.disk)
         self.video, self.faults = FlightVideo(video, self.recorder), Faults(self.recorder.folder / "faults.txt")
         self.ingest = ingest or SimpleNamespace(health=IngestHealth, notices=list)
         self.events = []

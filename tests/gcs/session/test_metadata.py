@@ -20,10 +20,10 @@ FLIGHT = """
 import sys, time
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
-from gcs.session.recorder import Recorder
+from tests.support.whole_recorder import WholeRecorder
 from tests.support.snapshots import ONE_UGV
 from tests.support.frames import packet
-recorder = Recorder(Path(sys.argv[1]), ONE_UGV, video=True)
+recorder = WholeRecorder(Path(sys.argv[1]), ONE_UGV, video=True)
 for k in range(100):
     recorder.packet(packet(k))
 print(recorder.folder, flush=True)

@@ -26,6 +26,7 @@ from mavlink.protocol.packet import Packet
 from tests.support.faulty_disk import FaultyDisk, HangingDisk, delete
 from tests.support.frames import FRAMES, T0, packet, records
 from tests.support.waiting import until
+from tests.support.whole_recorder import WholeRecorder
 from vision.detect.detections import Detections
 
 MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
@@ -101,7 +102,7 @@ def disk():
 
 @pytest.fixture
 def recorder(tmp_path, disk):
-    recorder = Recorder(tmp_path, MISSION, video=True, disk=disk)
+    recorder = WholeRecorder(tmp_path, MISSION, video=True, disk=disk)
     yield recorder
     recorder.close()
 
@@ -198,7 +199,7 @@ def test_what_is_lost_at_the_end_is_said_and_kept_in_the_session(recorder, disk)
 
 
 def test_telemetry_may_be_another_processs_business(tmp_path):
-    recorder = Recorder(tmp_path, MISSION, video=False, telemetry=False)
+    recorder = Recorder(tmp_path, MISSION, video=False)
     assert not recorder.tlog_path.exists()
     state = RecordState(name="telemetry.tlog", rows=77, failing_s=0.3, reason="No space left on device", faults=1)
     told = recorder.check(state)
@@ -219,7 +220,7 @@ def test_a_recording_that_cannot_begin_leaves_nothing(tmp_path, disk):
 def test_a_disk_that_hangs_holds_up_neither_the_flight_nor_its_end(tmp_path, monkeypatch):
     monkeypatch.setattr("gcs.session.line_file.HANG_S", 1.0)
     disk = HangingDisk()
-    recorder = Recorder(tmp_path, MISSION, video=True, telemetry=False, disk=disk)
+    recorder = Recorder(tmp_path, MISSION, video=True, disk=disk)
     recorder.snapshot(snapshot(0))
     assert recorder.check() == ()
     disk.may_write.clear()
@@ -311,7 +312,7 @@ def test_a_fault_that_is_over_keeps_the_reason_of_the_file_that_had_it():
 
 
 def test_a_kept_packet_keeps_its_time(tmp_path):
-    recorder = Recorder(tmp_path, MISSION, video=False)
+    recorder = WholeRecorder(tmp_path, MISSION, video=False)
     recorder.packet(Packet(time.time_ns() // 1000, FRAMES[0]))
     recorder.close()
     assert not (recorder.folder / "clock.csv").exists()
@@ -319,7 +320,7 @@ def test_a_kept_packet_keeps_its_time(tmp_path):
 
 
 def test_the_program_log_of_a_session_has_events_and_faults(tmp_path):
-    recorder = Recorder(tmp_path, MISSION, video=False, telemetry=False)
+    recorder = Recorder(tmp_path, MISSION, video=False)
     recorder.events((Event(t_us=T0, level="alarm", kind="link", text="14550: gone"),))
     Faults(recorder.folder / "faults.txt").take("naming", ValueError("odd"))
     recorder.close()
