@@ -1,1 +1,1 @@
-"""Who is who: association of image tracks with reported positions. Plain arrays only; ENU metres, radians, Unix µs."""
+"""Association of image tracks with reported vehicle positions. Plain arrays only; ENU metres, radians, Unix µs."""

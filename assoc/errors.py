@@ -13,11 +13,11 @@ __all__ = ["AssocError", "DegenerateError", "ShapeError"]
 
 
 class AssocError(Exception):
-    """Base of everything that this package raises on purpose."""
+    """Base of all errors of this package."""
 
 
 class DegenerateError(AssocError):
-    """The positions do not determine the answer (collinear vehicles, too few of them); the message says why."""
+    """The positions do not determine the answer (collinear vehicles, too few of them); the message names the reason."""
 
 
 class ShapeError(AssocError):

@@ -1,4 +1,4 @@
-"""What was seen in the last seconds, kept raw so that it can be reprojected under any pose correction.
+"""The observations of the last seconds, kept raw so that they can be reprojected under any pose correction.
 
 Rows are frames (thinned), columns are tracks. Times are float seconds since the identifier's first frame.
 """
@@ -16,8 +16,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _SPARE_COLUMNS = 8
-_LOOKS = 2.0
-"""Times the step between the last looks: so long may a track be unseen where looks are far apart."""
+"""Columns by which the buffers are widened at once."""
+_MISSED_FRAMES = 2.0
+"""A track may be unseen for so many times the step between the last frames, where frames are far apart."""
 
 
 class TrackHistory:
@@ -46,6 +47,7 @@ class TrackHistory:
         """(T,) column in which each track broke off before it went on here, −1 none."""
         self.first_s = np.zeros(0)
         self.last_s = np.zeros(0)
+        """(T,) when each track was seen first and last, seconds."""
         self._column: dict[int, int] = {}
 
     def append(self, t: float, observation: Observation, camera: CameraState) -> IntArray:
@@ -112,9 +114,9 @@ class TrackHistory:
         self.n = self._keep
 
     def _broken_off(self, track_id: IntArray, t: float) -> dict[int, int]:
-        """End the columns of tracks that come back out of a hole: a tracker may have gone on with somebody else.
+        """End the columns of tracks that reappear after a hole: the tracker may have continued with another vehicle.
 
-        A hole is longer than is bridged, and not only the time from one look to the next.
+        A hole is longer than what is bridged, and longer than the time between frames.
 
         Returns:
             The columns that ended, by track.
@@ -123,7 +125,7 @@ class TrackHistory:
         step = self.t[self.n - 2] - self.t[self.n - 3] if self.n > 2 else np.inf
         for key in track_id.tolist():
             column = self._column.get(key, -1)
-            if column >= 0 and t - self.last_s[column] > max(self._gap_max_s, _LOOKS * step):
+            if column >= 0 and t - self.last_s[column] > max(self._gap_max_s, _MISSED_FRAMES * step):
                 broken[key] = self._column.pop(key)
                 self.track_id[column] = -key
         return broken

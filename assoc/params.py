@@ -76,7 +76,7 @@ class LockParams:
     share: float = 0.7
     """Share of the tracks that must be certain if not all are."""
     least_tracks: float = 3.0
-    """Certain tracks that are then needed at least: three determine the pose."""
+    """Certain tracks that are then needed at least: two hold the pose, the third confirms it."""
     hypothesis_share: float = 0.9
     """Posterior weight that the best hypothesis must then have."""
     after_s: float = 4.0
@@ -87,7 +87,7 @@ class LockParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningParams:
-    """What is learnt from answers, and how sure these must be."""
+    """What is learnt from answers, and how certain these must be."""
 
     confidence: float = 0.9
     """Probability from which an answer is learnt from."""

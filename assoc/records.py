@@ -116,14 +116,14 @@ class VehicleReports:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identities:
-    """Who the tracks of a frame are, in the order of the observation."""
+    """Which vehicle each track of a frame is, in the order of the observation."""
 
     track_id: IntArray
     """(m,)."""
     system_id: IntArray
-    """(m,) 0 = nobody or unknown."""
+    """(m,) 0 = none of ours or unknown."""
     confidence: FloatArray
-    """(m,) probability of what is said: named, of that name; unnamed, of "none of ours"."""
+    """(m,) probability of the answer: named, of that name; unnamed, of "none of ours"."""
     runner_up: IntArray
     """(m,) the next best name, 0 = none."""
     runner_up_confidence: FloatArray
@@ -133,7 +133,7 @@ class Identities:
     position_age_s: FloatArray
     """(m,) age of that report, NaN unnamed."""
     projection: FloatArray
-    """(m,) projection mass of the named vehicle at the last look, at most 0.3 s ago; NaN unnamed."""
+    """(m,) projection mass of the named vehicle, at most 0.5 s old; NaN unnamed."""
     topology: FloatArray
     """(m,) topology mass, likewise."""
     fused: FloatArray

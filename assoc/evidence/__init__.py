@@ -1,1 +1,1 @@
-"""What tracks and reports say of each other: observations and reports in, log likelihood ratios of pairs out."""
+"""How well tracks and reports fit each other: observations and reports in, log likelihood ratios of pairs out."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from assoc.evidence.motion import Samples
 from assoc.geometry.ground import OFFSET, THETA, GroundTracks
+from assoc.params import MANY_PAIRS
 
 __all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "make_blocks", "with_first_look"]
 
@@ -19,14 +20,22 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_FEW = 400
 _REACH_M = 25.0
-"""Among more pairs than ``_FEW``, those that were never this close are not compared: they cannot be the same."""
+"""Among more pairs than ``MANY_PAIRS``, those that were never this close, metres, are not compared."""
 LEAP_M, LEAP_MPS = 2.0, 15.0
-"""A track that moves further than this has jumped to something else."""
+"""A track that moves further than the first, metres, and the second for each second has jumped to something else."""
 _HEADING_MEMORY_S = 3.0
-"""How fast headings of the past lose their say."""
+"""Time constant with which past headings lose weight, seconds."""
 _HEADING_REACH_S = 12.0
+"""Older headings, seconds, are not used at all: their weight is below 2 %."""
+_FRONT, _REAR, _ANY = 0.88, 0.07, 0.05
+"""How often a detector's front is the front, the rear, or anything; a detector that knows no fronts gives none."""
+_MOST_DISAGREEMENTS = 4.0
+"""As so many independent samples a lasting disagreement of headings counts at most; agreement counts as one."""
+_SPEED_STD_MPS, _ACCELERATION_STD_MPS2 = 0.5, 1.0
+"""1σ of the speed and of the acceleration of a vehicle whose report is extrapolated."""
+_LEAST_SPREAD_S2 = 1e-3
+"""Spread of the times in a block from which a velocity can be fitted, s²."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +79,7 @@ def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
     kappa = 1.0 / std**2
     scale = np.sqrt(2 * np.pi * kappa)
     c = np.cos(error)
-    ratio = 0.88 * scale * np.exp(kappa * (c - 1)) + 0.07 * scale * np.exp(-kappa * (c + 1)) + 0.05
+    ratio = _FRONT * scale * np.exp(kappa * (c - 1)) + _REAR * scale * np.exp(-kappa * (c + 1)) + _ANY
     return np.asarray(np.log(ratio))
 
 
@@ -107,11 +116,11 @@ def _interpolated(
 def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolArray:
     """(T, n) pairs that came within reach in some block, all while they are few; place: the tracks' means (B, T, 2)."""
     n_blocks, n_tracks = place.shape[:2]
-    if n_tracks * n <= _FEW:
+    if n_tracks * n <= MANY_PAIRS:
         return np.ones((n_tracks, n), np.bool_)
     key, size = block * n + samples.vehicle, n_blocks * n
     sums = np.stack([np.bincount(key, x, size) for x in samples.p.T], axis=1)
-    with np.errstate(invalid="ignore"):  # blocks without reports are near nobody
+    with np.errstate(invalid="ignore"):  # blocks without reports are near no track
         report = sums / np.bincount(key, minlength=size)[:, None]
     gap = place[:, :, None, :] - report.reshape(n_blocks, 1, n, 2)
     return np.asarray(np.any(np.hypot(gap[..., 0], gap[..., 1]) < _REACH_M, axis=0))
@@ -146,7 +155,7 @@ def _by_block(
 
 
 def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -> FloatArray:
-    """Least-squares velocity of each track in each block, (K, T, 2); 0 where it cannot be told."""
+    """Least-squares velocity of each track in each block, (K, T, 2); 0 where it cannot be fitted."""
     k = np.add.reduceat(seen.astype(np.float64), starts, axis=0)
     w = np.where(seen, (t - t[0])[:, None], 0.0)
     q = np.where(seen[..., None], p - np.nan_to_num(p[:1]), 0.0)
@@ -154,7 +163,7 @@ def _velocity(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntArray) -
     sq, swq = np.add.reduceat(q, starts, axis=0), np.add.reduceat(w[..., None] * q, starts, axis=0)
     # v = (k Σtp − Σt Σp) / (k Σt² − (Σt)²)
     spread = k * sww - sw * sw
-    safe = np.where(spread > 1e-3, spread, np.inf)
+    safe = np.where(spread > _LEAST_SPREAD_S2, spread, np.inf)
     return np.asarray((k[..., None] * swq - sw[..., None] * sq) / safe[..., None])
 
 
@@ -220,14 +229,14 @@ def make_blocks(
 def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int, std: float) -> FloatArray:
     """(n_pairs,) heading evidence: mean ratio of the last seconds, times the samples but at most four (errors last).
 
-    Agreement counts once: those on one road look one way.
+    Agreement counts once: vehicles on one road face the same way.
     """
     known = np.isfinite(error) & (t > np.max(t, initial=-np.inf) - _HEADING_REACH_S)
     error, t, pair = error[known], t[known], pair[known]
     weight = np.exp((t - np.max(t, initial=-np.inf)) / _HEADING_MEMORY_S)
     k = np.bincount(pair, weight, n_pairs)
     mean = np.bincount(pair, weight * _heading_ratio(error, std), n_pairs) / np.maximum(k, 1e-9)
-    return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, 4.0)))
+    return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, _MOST_DISAGREEMENTS)))
 
 
 def with_first_look(
@@ -249,8 +258,8 @@ def with_first_look(
     wanted = ~(seen | np.any(blocks.count > 0, axis=0))
     wanted &= np.isfinite(tracks.p[-1, :, 0])[:, None] & (np.isfinite(p[:, 0]) & (np.abs(age_s) <= longest_s))[None, :]
     age = np.where(np.abs(age_s) <= longest_s, age_s, 0.0)
-    # speed uncertain by 0.5 m/s, acceleration by 1 m/s²
-    extra = (0.5 * age) ** 2 + (0.5 * age**2) ** 2
+    # σ² = (σ_v t)² + (σ_a t²/2)²
+    extra = (_SPEED_STD_MPS * age) ** 2 + (0.5 * _ACCELERATION_STD_MPS2 * age**2) ** 2
     mean = np.where(wanted[..., None], tracks.p[-1][:, None, :] - p[None, :, :], 0.0)
     known = np.isfinite(tracks.p[-1, :, 0])
     zero = np.zeros((1, *wanted.shape))

@@ -7,7 +7,7 @@ Model of a pair that belongs together, per axis: residual = b(t) + white noise, 
     ln p₁ = ln N(e; 0, s) − (k − 1) ln 2πσ_w² − ln k − S/2σ_w²
 
 with M, V mean and variance of the bias from a scalar Kalman filter over blocks; N has a wider second part, so that a
-vehicle with a worse receiver than the others is not taken for a stranger.
+vehicle with a worse receiver than the others is not taken for clutter.
 """
 
 from __future__ import annotations
@@ -39,11 +39,15 @@ BoolArray = NDArray[np.bool_]
 NEVER = -1e6
 """Score of a pair that was never compared."""
 _FIRST_LEAST = -30.0
-_UNHEARD = 2.0
+"""Least that a pair's first comparison counts, nats: one outlier must not rule a pair out for good."""
+_NO_REPORT = 2.0
 """A block without reports makes a change of owner this many nats less likely than a look would cost."""
 _WIDER = 5.0
-_LOG_NEAR, _LOG_FAR = float(np.log(0.85)), float(np.log(0.15))
+"""The wider part of N has so many bias variances more."""
+_LOG_NEAR, _LOG_WIDE = float(np.log(0.85)), float(np.log(0.15))
+"""ln of the weights of the two parts of N: one vehicle in seven wanders more than the others."""
 _LOG_2PI = float(np.log(2.0 * np.pi))
+"""ln 2π, of the normal density."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +67,9 @@ class Noise:
     log_area: float
     """ln of twice the ground area in view: where a report could be if it were unrelated."""
     increment_max: float
+    """Most that one block may count for or against a pair, nats."""
     in_view_bonus: FloatArray
-    """(n,) what each block adds for a vehicle that should be in view: receivers wander in ways that no model has."""
+    """(n,) what each block adds for a vehicle that should be in view, nats: biases wander in ways that no model has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +103,7 @@ def bounded(state: PairState, bias_std: float) -> PairState:
 
 
 def _constant(blocks: Blocks, noise: Noise) -> tuple[FloatArray, FloatArray]:
-    """(B, T, n) variance of the block mean about the bias, and the part of ln p₁ that does not hang on e and V."""
+    """(B, T, n) variance of the block mean about the bias, and the part of ln p₁ that does not depend on e and V."""
     k = np.maximum(blocks.count, 1.0)
     white = noise.white_var + noise.pixel_var * blocks.pixel_var[:, :, None]
     constant = -(k - 1) * np.log(2 * np.pi * white) - np.log(k) - blocks.scatter / (2 * white)
@@ -109,11 +114,11 @@ def _log_density(e2: FloatArray, s: FloatArray, V: FloatArray) -> FloatArray:
     """ln of (1 − w) N(e; 0, s) + w N(e; 0, s'), s' with six times the bias variance V: some wander more than others."""
     wide = s + _WIDER * V
     near = _LOG_NEAR - np.log(s) - e2 / (2 * s)
-    return np.asarray(np.logaddexp(near, _LOG_FAR - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
+    return np.asarray(np.logaddexp(near, _LOG_WIDE - np.log(wide) - e2 / (2 * wide)) - _LOG_2PI)
 
 
 def _first_null(blocks: Blocks, noise: Noise) -> FloatArray:
-    """(B, T, n) ln p₀ of a first comparison: one sample's share is a uniform density over the ground in view."""
+    """(B, T, n) ln p₀ of a first comparison: for one sample it is a uniform density over the ground in view."""
     return np.asarray(blocks.log_null * (1.0 - 1.0 / np.maximum(blocks.count, 1.0)) - noise.log_area)
 
 
@@ -158,7 +163,7 @@ def run_filter(
         later = np.minimum(np.maximum(log_p - null_later[b], -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
-        # the track may have been somebody else until now: that one's evidence, the chance of it, and a first look
+        # the track may have been another vehicle until now: its evidence, the chance of a change, a first comparison
         before = np.max(L, axis=1, initial=0.0) + log_switch[b]
         switch = np.where(seen, before[:, None] + restart[b], NEVER)
         gain = V / s
@@ -166,8 +171,8 @@ def run_filter(
         changed = switch > stay
         M = np.where(has, np.where(changed, M_first[b], M_stay), M)
         V = np.where(has, np.where(changed, V_first[b], V_stay), V)
-        unheard = np.where(seen, np.logaddexp(L, before[:, None] - _UNHEARD), L)
-        L = np.where(has, np.logaddexp(stay, switch), unheard)
+        no_report = np.where(seen, np.logaddexp(L, before[:, None] - _NO_REPORT), L)
+        L = np.where(has, np.logaddexp(stay, switch), no_report)
         seen = seen | has
     final = PairState(score=L, mean=axes(M), var=V, seen=seen)
     return final, final if fold >= len(mean_r) else folded

@@ -1,6 +1,6 @@
-"""The vehicles' own reports: how well they predict themselves, and how noisy they are.
+"""The vehicles' position reports: how well a vehicle's past predicts the next one, and how noisy they are.
 
-"The track is not this vehicle" leaves the vehicle's reports to be explained by its own past alone. That null model is
+"The track is not this vehicle" means that the vehicle's reports are explained by its own past alone. That null model is
 a constant-velocity Kalman filter per vehicle and per candidate white noise σ; its one-step likelihoods are kept with
 each report, and their sums over all reports choose σ without any association.
 """
@@ -33,14 +33,19 @@ _LEAST_LOG = -12.0
 _JUMP = 36.0
 """Squared innovation, in variances, from which a report has jumped."""
 _STANDING_MPS = 0.3
-_USELESS_M = 30.0
-"""A report that is this uncertain by its vehicle's own word, 1σ, says nothing of which of the boxes in view it is."""
+"""Speed below which a vehicle may report the same position twice, m/s."""
+_UNCERTAIN_M = 30.0
+"""A report whose vehicle states a larger 1σ than this, metres, fits any box in view and is not compared."""
 _FORGET_S = 60.0
+"""Time constant with which the likelihoods that choose σ forget, seconds."""
 _PARTS = 500
-"""Reports are kept as they come in so many parts at most, also while nobody asks for them."""
+"""Reports are kept as they come, in so many parts at most, until they are joined."""
 _WHITE_VAR = WHITE_STD_M**2 + 0.01
+"""(G,) variance of a report about its vehicle's motion, m²: with 0.1 m on top for what is rounded."""
 _FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD**2)], axis=1)
+"""(G, 3) covariance pp, pv, vv after a vehicle's first report."""
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
+"""(G,) log prior of the candidates: log-normal about 0.4 m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,14 +83,17 @@ class ReportLog:
                 jump_var=np.empty((0, groups)),
             )
         ]
-        """in the order of arrival, with the likelihoods under each candidate"""
+        """In the order of arrival, with the likelihoods under each candidate."""
         self.last_t = np.full(n, -np.inf)
         """(n,) time of the newest accepted report, seconds."""
         self.last_p = np.full((n, 2), np.nan)
+        """(n, 2) its east and north, metres."""
         self.last_v = np.full((n, 2), np.nan)
         """(n, 2) velocity, as reported or else as filtered."""
         self.last_heading = np.full(n, np.nan)
+        """(n,) its heading, clockwise from north, NaN unknown."""
         self.first_t = np.full(n, np.inf)
+        """(n,) time of the first accepted report, seconds."""
         self.frozen: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest position was an exact repeat of a moving vehicle's."""
         self.too_uncertain: BoolArray = np.zeros(n, np.bool_)
@@ -95,15 +103,15 @@ class ReportLog:
         self._score = np.zeros((n, groups))
         self._place = np.zeros((n, groups), np.complex128)
         self._speed = np.zeros((n, groups), np.complex128)
-        """filtered position and velocity, east + i north"""
+        """(n, G) filtered position and velocity, east + i north."""
         self._cov = np.zeros((n, groups, 3))
-        """pp, pv, vv: the axes share one covariance."""
+        """(n, G, 3) pp, pv, vv: the axes share one covariance."""
 
     @property
     def white(self) -> int:
         """Index in ``WHITE_STD_M`` nearest to the mean variance of the white noise, given all reports: √E[σ²].
 
-        Few reports say little of σ, and to take it for small makes the first names too sure.
+        Few reports tell little of σ, and a value that is too small makes the first names too certain.
         """
         log_p = np.sum(self._score, axis=0) + _LOG_PRIOR_STD
         p = np.exp(log_p - np.max(log_p))
@@ -111,7 +119,7 @@ class ReportLog:
 
     @property
     def white_std_m(self) -> float:
-        """The white noise gone by, metres."""
+        """1σ of the white noise that is used now, metres."""
         return float(WHITE_STD_M[self.white])
 
     def add(self, t: FloatArray, reports: VehicleReports) -> None:
@@ -119,13 +127,14 @@ class ReportLog:
 
         Args:
             t: (k,) sample times in the identifier's seconds.
-            reports: The reports; not finite, older or repeated ones are passed over.
+            reports: The reports; those not finite, older or repeated are left out.
         """
+        # the filters of all vehicles run together: the k-th report of each vehicle is in the k-th turn
         turns: list[list[int]] = []
-        spoken: dict[int, int] = {}
+        counted: dict[int, int] = {}
         for row in np.argsort(t, kind="stable").tolist():
             vehicle = int(reports.vehicle[row])
-            turn = spoken[vehicle] = spoken.get(vehicle, -1) + 1
+            turn = counted[vehicle] = counted.get(vehicle, -1) + 1
             if turn == len(turns):
                 turns.append([])
             turns[turn].append(row)
@@ -157,7 +166,7 @@ class ReportLog:
             longest_s: Beyond this age the position is not moved further.
 
         Returns:
-            (n, 2) positions, NaN where nothing was ever heard; (n,) ages, inf likewise, and where they are another's or
+            (n, 2) positions, NaN where no report was received; (n,) ages, inf likewise, and where they are another's or
             too uncertain.
         """
         age = t - self.last_t
@@ -168,10 +177,10 @@ class ReportLog:
         )
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
-        """Take at most one report per vehicle."""
+        """Accept at most one report per vehicle."""
         p = reports.p_enu[rows, :2]
         good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + 1e-4))
-        uncertain = reports.std_m[rows] > _USELESS_M
+        uncertain = reports.std_m[rows] > _UNCERTAIN_M
         self.too_uncertain[vehicle[good]] = uncertain[good]
         good = np.asarray(good & ~uncertain)
         good = np.asarray(good & np.logical_not(self._repeats(vehicle, t, p, reports.v_enu[rows, :2])))

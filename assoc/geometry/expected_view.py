@@ -14,7 +14,9 @@ __all__ = ["chance_in_view"]
 FloatArray = NDArray[np.float64]
 
 _HALF_VEHICLE_M = 1.0
-_HEARD_S = 3.0
+"""Half the length of a vehicle, metres: at the border part of it is still seen."""
+_FRESH_S = 3.0
+"""Time constant with which a report loses its value, seconds."""
 
 
 def chance_in_view(
@@ -38,6 +40,6 @@ def chance_in_view(
     x, y, z = unturned(p, camera.R_enu_cam, camera.p_enu, camera.ground_z, theta).T
     across, along = camera.half_view
     inside = np.minimum(across * z - np.abs(x), along * z - np.abs(y))
-    chance = ndtr(inside / np.hypot(std_m, _HALF_VEHICLE_M)) * np.exp(-np.maximum(np.abs(age_s), 0.0) / _HEARD_S)
+    chance = ndtr(inside / np.hypot(std_m, _HALF_VEHICLE_M)) * np.exp(-np.maximum(np.abs(age_s), 0.0) / _FRESH_S)
     chance = np.where(np.isfinite(chance) & (z > 0.0), chance, 0.0)
     return np.asarray(chance if np.isfinite(across + along) else np.full(len(p), 0.5))

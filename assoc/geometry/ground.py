@@ -41,6 +41,7 @@ YAW, YAW_RATE, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET = range(THETA)
 _LEAST_FALL = 0.05
 """Rays flatter than this (sine of the angle below the horizon) do not meet the ground usefully."""
 _DELTA_S = 0.02
+"""Step of the numerical derivative by δ, seconds: about half a frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

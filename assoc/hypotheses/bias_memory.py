@@ -11,6 +11,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _FRESHNESS_VAR = 0.05
+"""Variance added to a remembered bias, m²: a new track's box lies a little differently on its vehicle."""
 
 
 class BiasMemory:

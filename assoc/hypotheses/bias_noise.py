@@ -1,4 +1,4 @@
-"""How large the vehicles' wandering biases are, learnt from pairs that are already sure."""
+"""How large the vehicles' wandering biases are, learnt from pairs that are already certain."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ BIAS_TAU_S = np.array([7.0, 20.0, 60.0, 240.0])
 """Candidates of τ, seconds."""
 
 _MEDIAN_M, _SPREAD, _WEIGHT = 1.2, 0.7, 2.0
+"""Prior of σ_b: log-normal, median in metres, 1σ of its log, and its weight in samples."""
 _MEDIAN_TAU_S, _TAU_SPREAD = 60.0, 1.0
+"""Prior of τ: log-normal, median in seconds and 1σ of its log."""
 _KEEP = 0.6
+"""Share of the old value that one step keeps: single steps are noisy."""
 
 
 def learnt_bias(
@@ -39,7 +42,7 @@ def learnt_bias(
     Args:
         context: The update's context.
         best: Its best hypothesis.
-        tracks: (p,) rows of sure pairs.
+        tracks: (p,) rows of certain pairs.
         vehicles: (p,) their vehicles.
         state: Evidence of all columns before the first block, variances as they are known.
         now: Present σ_b, metres, and τ, seconds.

@@ -14,7 +14,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _LEAST_WEIGHT = 1e-4
+"""Hypotheses with less than this share of the best one's weight are left out."""
+_MOST_BIAS_GAP = 5.0
+"""Most that a large bias may count for a look-alike, nats."""
 _SPREAD_M = 12.0
+"""Distance over which a look-alike may follow one of our vehicles, metres."""
 
 
 def weights(hypotheses: list[Hypothesis]) -> FloatArray:
@@ -38,8 +42,8 @@ def mixed_marginals(
         hypotheses: Joint hypotheses over m tracks and n vehicles.
         share: Their weights.
         bias_std: σ_b, metres.
-        chance: Prior chance that a track is a stranger driving like one of ours.
-        in_view: (n,) part of the scores that speaks for a vehicle because it should be in view.
+        chance: Prior chance that a track is a look-alike that moves like one of ours.
+        in_view: (n,) part of the scores that a vehicle has because it should be in view.
         log_free: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
 
     Returns:
@@ -51,16 +55,16 @@ def mixed_marginals(
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
             score = doubted(hypothesis.score, bias, bias_std, chance, in_view)
-            # however well a track drives like a vehicle, it is not the one that was seen beside it
+            # however well a track moves like a vehicle, it is not one that was seen beside it
             total += w * marginals(score + log_free)
             used += w
     return np.asarray(total / used)
 
 
 def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float, in_view: FloatArray) -> FloatArray:
-    """Scores with room for strangers that drive like one of ours a few metres away.
+    """Scores with room for look-alikes that move like one of ours a few metres away.
 
-    A stranger that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
+    Clutter that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
     of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one over about 12 m:
     gap = 2 ln(12/σ_b) − min(|M|²/2σ_b², 5);  L' = L − ln((1 − c) + c·exp(max_j (L_j − gap_j))).
 
@@ -69,14 +73,16 @@ def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float,
         bias: (m, n, 2) bias means, metres.
         bias_std: σ_b, metres.
         chance: c.
-        in_view: (n,) part of the scores that does not speak for a stranger who drives like the vehicle.
+        in_view: (n,) part of the scores that a look-alike of the vehicle does not have.
 
     Returns:
-        (m, n) scores against "unrelated or such a stranger".
+        (m, n) scores against "unrelated or such a look-alike".
     """
     if score.shape[1] == 0:
         return score
-    gap = 2.0 * np.log(_SPREAD_M / bias_std) - np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), 5.0)
+    gap = 2.0 * np.log(_SPREAD_M / bias_std) - np.minimum(
+        np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), _MOST_BIAS_GAP
+    )
     alike = np.max(score - in_view - gap, axis=1)
     return np.asarray(score - np.logaddexp(np.log1p(-chance), np.log(chance) + alike)[:, None])
 

@@ -1,6 +1,6 @@
-"""Assignments of tracks to vehicles in which nobody has to be anybody, and their marginals.
+"""Assignments of tracks to vehicles, in which either may stay unassigned, and their marginals.
 
-A score L (m × n, natural log) says how much likelier a track *is* a vehicle than that the two are unrelated; leaving
+A score L (m × n, natural log) is how much likelier a track *is* a vehicle than that the two are unrelated; leaving
 a track or a vehicle alone scores 0.
 """
 
@@ -18,8 +18,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _ROUNDS = 40
-_STEADY = 1e-5
-_EXACT = 10
+"""Most rounds of belief propagation; a few are the rule."""
+_CONVERGED = 1e-5
+"""Change of a message at which it has converged."""
+_EXACT_SIZE = 10
+"""Largest smaller side of a part that is summed exactly: 2¹⁰ states."""
 _NEGLIGIBLE = 12.0
 """Pairs that cost this much against the best assignment, nats, are not weighed."""
 
@@ -79,7 +82,7 @@ def marginals(score: FloatArray) -> FloatArray:
         if part.size == 1:
             p[rows[0], columns[0]] = 1.0 / (1.0 + np.exp(-part[0, 0]))
         else:
-            exact = min(part.shape) <= _EXACT
+            exact = min(part.shape) <= _EXACT_SIZE
             p[np.ix_(rows, columns)] = (exact_marginals if exact else loopy_marginals)(part)[:, :-1]
     p[:, n] = np.maximum(1.0 - np.sum(p, axis=1), 0.0)
     return p
@@ -119,7 +122,7 @@ def exact_marginals(score: FloatArray) -> FloatArray:
 
 
 def loopy_marginals(score: FloatArray) -> FloatArray:
-    """The same approximately, by loopy belief propagation: exact without loops, too sure of the best with short ones.
+    """The same approximately, by loopy belief propagation: exact without loops, overconfident with short ones.
 
     Reference: Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE TAES 50(4), 2014.
@@ -141,7 +144,7 @@ def loopy_marginals(score: FloatArray) -> FloatArray:
         after = -np.logaddexp(0.0, _log_sum_others(up, axis=0))
         change = float(np.max(np.abs(np.exp(after) - np.exp(down))))
         down = after
-        if change < _STEADY:
+        if change < _CONVERGED:
             break
     b = np.concatenate([a + down, np.zeros((m, 1))], axis=1)
     b = np.exp(b - np.max(b, axis=1, keepdims=True))

@@ -23,7 +23,8 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _ROUNDS = 3
-_LOST = 40.0
+"""Rounds of reweighting: weights settle in two or three."""
+_OUTLIER = 40.0
 """Squared innovation, in variances, from which it is no innovation of this pair."""
 
 
@@ -67,7 +68,7 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BiasModels:
-    """C beliefs of how the vehicles' position biases wander."""
+    """C models of how the vehicles' position biases wander."""
 
     std: FloatArray
     """(C,) σ_b, metres."""
@@ -135,13 +136,13 @@ def _innovations(
         M, V = decay[..., None, None] * M, decay**2 * V + renewed[b]
         s = V + variance[b]
         e = x[b] - M
-        # a pair that begins only now, after a tracker's swap: what was before says nothing of the pose
-        lost = has[b] & (np.sum(e[..., 0] ** 2, axis=2) > _LOST * s)
-        used = has[b] & ~lost
+        # a pair that begins only now, after a tracker's swap: its residuals before tell nothing about the pose
+        outlier = has[b] & (np.sum(e[..., 0] ** 2, axis=2) > _OUTLIER * s)
+        used = has[b] & ~outlier
         yield e, s, used
         gain = np.where(used, V / s, 0.0)
-        M = np.where(lost[..., None, None], 0.0, M + gain[..., None, None] * e)
-        V = np.where(lost, prior, V - gain * V)
+        M = np.where(outlier[..., None, None], 0.0, M + gain[..., None, None] * e)
+        V = np.where(outlier, prior, V - gain * V)
 
 
 def log_evidence(
@@ -153,7 +154,7 @@ def log_evidence(
     noise: Noise,
     models: BiasModels,
 ) -> FloatArray:
-    """How well beliefs about the biases explain the residuals of some pairs.
+    """How well models of the biases explain the residuals of some pairs.
 
     ln p = −Σ ln s − ½ Σ |e|²/s over the innovations e of each pair's bias filter
 
@@ -164,7 +165,7 @@ def log_evidence(
         theta: (8,) correction to evaluate at.
         state: State of the bias filters before the first block; unknown biases start from the model's own prior.
         noise: Noise levels; its bias part is not used.
-        models: C beliefs.
+        models: C of them.
 
     Returns:
         (C,) up to a constant.
@@ -187,7 +188,7 @@ def misfit(white: Whitened, theta: FloatArray) -> FloatArray:
 
 
 def fit(white: Whitened, prior: PosePrior) -> Fitted:
-    """θ of least cost, with pairs that fit badly held down.
+    """θ of least cost, with pairs that fit badly weighted down.
 
     Args:
         white: Innovations of the matched pairs.

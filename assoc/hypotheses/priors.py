@@ -1,4 +1,4 @@
-"""What is expected of a camera and of its vehicles' receivers before an update looks: the pose's prior, the noise."""
+"""What an update assumes: the prior of the camera's pose and the noise of the vehicles' reports."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ FloatArray = NDArray[np.float64]
 
 _EXTRA_WHITE_VAR = 0.02
 """Jitter of a box about its vehicle, m², whatever the reports' noise."""
+_AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
+"""Ground in view for a camera at height h: 2 h², within these bounds, m²."""
+_FREE_TILT_STD_DEG, _FREE_YAW_RATE_STD_DEG_S, _FREE_POSITION_STD_M = 5.0, 3.0, 30.0
+"""Prior 1σ where nothing is reported: tilt of a camera fixed to the body, drift of the heading, horizontal position."""
 
 
 def noise_of(
@@ -27,7 +31,7 @@ def noise_of(
     tau_s: float,
     in_view_bonus: FloatArray,
 ) -> Noise:
-    """Noise levels as believed now.
+    """Noise levels as estimated now.
 
     Args:
         q: Numbers of the identifier.
@@ -38,7 +42,7 @@ def noise_of(
         in_view_bonus: (n,) see :class:`Noise`.
     """
     height = max(float(camera.p_enu[2]) - camera.ground_z, 1.0)
-    area = float(np.clip(2.0 * height**2, 50.0, 5e4))
+    area = float(np.clip(_AREA_PER_HEIGHT2 * height**2, _LEAST_AREA_M2, _MOST_AREA_M2))
     return Noise(
         white_var=white_std_m**2 + _EXTRA_WHITE_VAR,
         bias_std=bias_std,
@@ -54,7 +58,11 @@ def noise_of(
 def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> PosePrior:
     """Prior of θ for this camera; without attitude all headings are possible. ``offset_std_s``: 1σ of δ."""
     free = not camera.attitude_known
-    tilt = np.deg2rad(5.0 if free and not camera.stabilized else q.tilt_std_deg)
-    yaw, rate = (np.pi, np.deg2rad(3.0)) if free else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
-    level = q.position_std_m if camera.position_known else 30.0
+    tilt = np.deg2rad(_FREE_TILT_STD_DEG if free and not camera.stabilized else q.tilt_std_deg)
+    yaw, rate = (
+        (np.pi, np.deg2rad(_FREE_YAW_RATE_STD_DEG_S))
+        if free
+        else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
+    )
+    level = q.position_std_m if camera.position_known else _FREE_POSITION_STD_M
     return PosePrior(std=np.array([yaw, rate, tilt, tilt, level, level, q.height_std_m, offset_std_s], np.float64))

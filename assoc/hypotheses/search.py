@@ -30,8 +30,14 @@ _TURNS = 4
 _SWAP_LOSS = 40.0
 """Swaps that lose more than this at the present θ, nats, are not tried."""
 _ABSENT, _ABSENT_PER_S = 8.0, 20.0
-"""Most that speaks for a track that is not seen any more while another began in its place, nats, and what one that is
+"""Largest score of a track that is not seen any more while another began in its place, nats, and what a track that is
 not seen loses per second."""
+_SHIFT_STD, _LEAST_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
+"""Shifts up to so many prior σ are tried, from so many metres on, and so far apart from one another."""
+_TURN_DEG, _SIDE_DEG = 20.0, 12.0
+"""Headings to start from: all round in steps of the first where none is known, else this far to both sides."""
+_WIDE_OFFSET_S, _OFFSET_START_S = 0.2, 0.35
+"""Where the prior 1σ of the clock offset is above the first, seconds, offsets of the second are tried too."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
@@ -40,7 +46,7 @@ _FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UpdateContext:
-    """All that an update works on. T tracks: the m live ones first, then confident ones that ended."""
+    """The inputs of one update. T tracks: the m live ones first, then confident ones that ended."""
 
     history: TrackHistory
     columns: IntArray
@@ -85,7 +91,7 @@ class UpdateContext:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypothesis:
-    """One answer to both questions."""
+    """One answer to both questions: which track is which vehicle, and by how much the pose is wrong."""
 
     theta: FloatArray
     """(8,)."""
@@ -149,7 +155,7 @@ def refine(
     Args:
         context: What the update works on.
         theta: (8,) to start from.
-        vehicle: (m,) assignment to start from, if one is believed already.
+        vehicle: (m,) assignment to start from, if there is one already.
         blocks: Residuals that hold at ``theta``, if there are any already.
     """
     blocks = blocks or residual_blocks(context, theta)
@@ -213,7 +219,7 @@ def swaps(context: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesi
 
 
 def _forced(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
-    """The hypothesis with a given assignment and the θ that suits it; None when that gains too little."""
+    """The hypothesis with a given assignment and its best θ; None when that gains too little."""
     white = whiten(best.blocks, *_pairs(context, vehicle), context.state, context.noise)
     fitted = fit(white, context.prior)
     theta = fitted.theta
@@ -235,13 +241,13 @@ def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArr
     )
     residual = residual[(best.blocks.count[:, : context.live] > 0).any(axis=0)]
     far = np.hypot(residual[:, 0], residual[:, 1])
-    limit = 4.0 * np.hypot(context.prior.std[EAST], context.noise.bias_std)
+    limit = _SHIFT_STD * np.hypot(context.prior.std[EAST], context.noise.bias_std)
     starts: list[FloatArray] = []
     taken: list[FloatArray] = []
     for k in np.argsort(far, kind="stable"):
         if far[k] > limit or len(starts) >= most:
             break
-        if far[k] < 1.0 or any(np.hypot(*(residual[k] - other)) < 1.5 for other in taken):
+        if far[k] < _LEAST_SHIFT_M or any(np.hypot(*(residual[k] - other)) < _DISTINCT_SHIFT_M for other in taken):
             continue
         taken.append(residual[k])
         theta = best.theta.copy()
@@ -253,13 +259,13 @@ def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArr
 def turns(prior: PosePrior, pose_free: bool) -> list[FloatArray]:
     """Starts from the prior: its mean, turned to both sides (all round without attitude), earlier and later."""
     found = [np.zeros(THETA)]
-    yaws = np.deg2rad(np.arange(20.0, 360.0, 20.0) if pose_free else np.array([12.0, -12.0]))
+    yaws = np.deg2rad(np.arange(_TURN_DEG, 360.0, _TURN_DEG) if pose_free else np.array([_SIDE_DEG, -_SIDE_DEG]))
     for yaw in yaws:
         start = np.zeros(THETA)
         start[YAW] = (yaw + np.pi) % (2 * np.pi) - np.pi
         found.append(start)
-    if prior.std[OFFSET] > 0.2:
-        for delta in (-0.35, 0.35):
+    if prior.std[OFFSET] > _WIDE_OFFSET_S:
+        for delta in (-_OFFSET_START_S, _OFFSET_START_S):
             start = np.zeros(THETA)
             start[OFFSET] = delta
             found.append(start)

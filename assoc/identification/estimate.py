@@ -25,21 +25,21 @@ from assoc.tracks.co_visibility import CoVisibility
 from assoc.tracks.swap_risk import SwapRisk
 from assoc.tracks.track_handover import replaced
 
-__all__ = ["Estimate", "Estimator"]
+__all__ = ["Estimator", "UpdateResult"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _UNKNOWN_VIEW = 0.5
-"""Chance that a vehicle is in view whose reports are too uncertain to tell: even odds."""
+"""Chance that a vehicle is in view whose reports are too uncertain: even odds."""
 _LONGEST_AGE_S = 1e3
 """Ages of reports are cut here, seconds, so that those never received give a finite variance."""
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
-    """What one update says of the tracks that are seen, or were a moment ago."""
+class UpdateResult:
+    """The answers of one update for the tracks that are seen, or were a moment ago."""
 
     columns: IntArray
     """(m,) columns of the history."""
@@ -111,7 +111,7 @@ class Estimator:
                 self._anchors.pop(column, None)
                 self._confident.pop(column, None)
 
-    def update(self, t: float, camera: CameraState) -> Estimate:
+    def update(self, t: float, camera: CameraState) -> UpdateResult:
         """Weigh all that was observed and reported up to the newest frame.
 
         Args:
@@ -122,7 +122,7 @@ class Estimator:
         live = np.flatnonzero((history.track_id > 0) & (history.last_s > t - self._params.search.recent_s))
         if not len(live) or not n:
             nothing = np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
-            return Estimate(live, nothing, ())
+            return UpdateResult(live, nothing, ())
         self._updates += 1
         self._note_places(t, live, camera)
         context = self._context(t, live, camera)
@@ -143,7 +143,7 @@ class Estimator:
         review = self._conflicts.review(t, context, best, p)
         self._log.doubted_since = review.doubted_since
         self._fold(context, best)
-        return Estimate(live, review.p, review.vehicles)
+        return UpdateResult(live, review.p, review.vehicles)
 
     def predicted(self, t: float) -> tuple[FloatArray, FloatArray]:
         """Where the vehicles should be seen on the corrected ground: (n, 2) metres and (n,) variance per axis."""

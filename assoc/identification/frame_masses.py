@@ -1,4 +1,4 @@
-"""The paper's masses of one frame, with the camera's pose known: what a single look says."""
+"""The paper's masses of one frame, with the camera's pose known: the evidence of that frame alone."""
 
 from __future__ import annotations
 
@@ -27,23 +27,26 @@ def frame_masses(
     Args:
         observation: m tracks.
         camera: The camera.
-        p: (n, 2) reports extrapolated to the frame, NaN never heard.
+        p: (n, 2) reports extrapolated to the frame, NaN never received.
         heading: (n,) reported headings, NaN unknown.
         theta: (8,) pose correction.
 
     Returns:
-        Three (m, n) matrices; vehicles never heard have mass 0.
+        Three (m, n) matrices; vehicles that never reported have mass 0.
     """
     shape = (len(observation.track_id), len(p))
-    heard = np.flatnonzero(np.isfinite(p[:, 0]))
+    reported = np.flatnonzero(np.isfinite(p[:, 0]))
     results = tuple(np.zeros(shape) for _ in range(3))
-    if not len(heard) or not shape[0]:
+    if not len(reported) or not shape[0]:
         return results[0], results[1], results[2]
-    E = off_axis(observation.ray_cam, p[heard], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta) / camera.px_rad
-    C = _topology(observation, camera, p[heard], heading[heard])
+    E = (
+        off_axis(observation.ray_cam, p[reported], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta)
+        / camera.px_rad
+    )
+    C = _topology(observation, camera, p[reported], heading[reported])
     first, second = masses(np.nan_to_num(E, nan=1e9, posinf=1e9)), masses(C)
     for result, part in zip(results, (first, second, fuse(first, second)), strict=True):
-        result[:, heard] = part
+        result[:, reported] = part
     return results[0], results[1], results[2]
 
 

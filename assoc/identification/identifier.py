@@ -136,13 +136,13 @@ class Identifier:
         if t - self._last_update_s < self._interval_s(t, len(begun) > 0) - _ROUNDING_S:
             return
         self._last_update_s = t
-        estimate = self._estimator.update(t, usable)
+        result = self._estimator.update(t, usable)
         # what is believed of a track is not worse for its box being missed
-        seen = np.flatnonzero(self._history.last_s[estimate.columns] >= t)
-        ids = self._history.track_id[estimate.columns[seen]]
+        seen = np.flatnonzero(self._history.last_s[result.columns] >= t)
+        ids = self._history.track_id[result.columns[seen]]
         # without any track nothing can contradict, and nothing is cleared up
-        conflict = estimate.conflict if len(estimate.columns) else self._beliefs.conflict
-        self._beliefs = self._beliefs.renewed(ids, estimate.p[seen], conflict)
+        conflict = result.conflict if len(result.columns) else self._beliefs.conflict
+        self._beliefs = self._beliefs.renewed(ids, result.p[seen], conflict)
 
     def _watch_residuals(self, t: float, answer: Identities) -> None:
         """Make an update due when a named track is suddenly elsewhere than its vehicle reports to be."""

@@ -22,13 +22,16 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _BLOCK = 20_160
+"""Hypotheses times frames of one block: 8 factorial / 2, a few hundred kB."""
 _SETS = 16
+"""Least sets of vehicles in a block where there are many: fewer cost more calls than they save memory."""
 _MEETINGS = 2**18
+"""Largest size of ``meets``, numbers: 2 MB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orders:
-    """A run of orders."""
+    """Consecutive orders."""
 
     track: IntArray
     """(s, h) track of each place."""

@@ -1,10 +1,10 @@
 """Costs turned into masses and fused by Dempster's rule.
 
 Reference: Chen, Du, Wu, Drones 2025, 9(9), 612, section 3.4, doi:10.3390/drones9090612. Masses lie on singletons only:
-row j of a mass matrix says how much speaks for each vehicle being track j.
+row j of a mass matrix holds the support for each vehicle being track j.
 
-Answers where the formulas have none: a matrix of equal costs says nothing, so every row is uniform; a row of zeros
-says nothing, so it is uniform; two rows in full conflict (K = 1) leave nothing, so the result is uniform.
+Where the formulas are undefined: a matrix of equal costs carries no information, so every row is uniform; so is a row
+of zeros, and the result of two rows in full conflict (K = 1).
 """
 
 from __future__ import annotations

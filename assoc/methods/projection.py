@@ -10,7 +10,7 @@ to the more is a hypothesis. Its normal equations are sums of per-vehicle and pe
 
 so the frames are summed once and not once per hypothesis. XᵀX depends on the set of vehicles alone: it is solved once
 per set, for all pairs, and the θ of all hypotheses of the set are one product Θ = B A, B the solved pairs and A the 0/1
-matrix of who meets whom. Hypotheses are the last axis of every array.
+matrix of which vehicle meets which track. Hypotheses are the last axis of every array.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _RANK_TOLERANCE = 1e-9
+"""Least over largest eigenvalue of XᵀX from which θ is determined."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

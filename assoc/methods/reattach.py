@@ -1,4 +1,4 @@
-"""Lost tracks found again: leftover detections are compared with projected telemetry.
+"""Lost tracks continued: leftover detections are compared with projected telemetry.
 
 Reference: Chen, Du, Wu, Drones 2025, 9(9), 612, Algorithm 1 lines 15–22, doi:10.3390/drones9090612. As printed, a
 detection takes the nearest vehicle however far away that is; the gated version demands plausibility and that the
@@ -57,7 +57,7 @@ def reattach_gated(
     Args:
         predicted: (n, 2) positions of all vehicles, any planar unit, NaN unknown.
         variance: (n,) variance of a prediction against a detection per axis, same unit squared.
-        lost_vehicle: (a,) vehicle of each unmatched track, −1 unnamed; a vehicle named twice is not given back.
+        lost_vehicle: (a,) vehicle of each unmatched track, −1 unnamed; a vehicle named twice is left out.
         centres: (b, 2) detections left over.
         gate: Largest squared distance in σ². Raise → more tracks continue, more of them wrongly.
 

@@ -6,8 +6,8 @@ World: v₀ is the UAV's heading, v₀ᵢ leads from the UAV to vehicle i, vᵢ 
 β = ∠(v₀ᵢ, vᵢ). Image: v₀ is straight up, v₀ⱼ leads from the image centre to box j, vⱼ is its front. All vectors are
 given here as (right, forward): east and north in the world, +u and −v in the image.
 
-As printed, angles come from the law of cosines and lie in [0, π], so left and right are lost; the signed variant keeps
-them and is named so.
+As printed, angles come from the law of cosines and lie in [0, π], so left and right cannot be distinguished; the signed
+variant can.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Association of one frame by triangles alone: who has the same neighbours at the same angles (TTS).
+"""Association of one frame by triangles alone: targets with the same neighbours at the same angles are the same (TTS).
 
 Reference: X. Li, L. Wu, Y. Niu, A. Ma, "Multi-Target Association for UAVs Based on Triangular Topological Sequence",
 Drones 2022, 6(5), 119, doi:10.3390/drones6050119; the method that Chen, Du and Wu (Drones 2025, 9(9), 612) compare
@@ -15,13 +15,14 @@ A sequence begins where the turn to the next triangle is widest: at the opening 
 
 Where the source leaves room, both readings are named. Which pairs (x, y) are summed: ``"sequence"``, the best cyclic
 alignment of the shorter sequence with the longer one, bounded by 1, or ``"pairs"``, all of them. The second step: one
-affine map is fitted to the better half of the first step's pairs, and everybody is assigned again by distance under it.
+affine map is fitted to the better half of the first step's pairs, and all targets are assigned again by their distance
+under it.
 
 Angles do not change under rotation, translation and scale, but a mirrored view has its sequences the wrong way round:
 points are therefore (right, forward) as for :mod:`assoc.methods.topology`, +u and −v in the image.
 
 Two points, points on a line and coinciding points have no triangles. Such a view has no similarity to anything, and
-nobody is associated.
+nothing is associated.
 """
 
 from __future__ import annotations
@@ -42,8 +43,11 @@ IntArray = NDArray[np.int64]
 Reading = Literal["sequence", "pairs"]
 
 _SCALE = 1.72
+"""Of the similarity w, see above."""
 _FLAT = 1e-9
+"""Second over first singular value below which points lie on a line."""
 _AFFINE = 3
+"""Pairs that an affine map needs."""
 
 
 def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:

@@ -1,1 +1,1 @@
-"""How tracks relate to one another: track histories in, who was seen together, handed over or exchanged out."""
+"""How tracks relate to one another: track histories in, which were seen together, continued or exchanged out."""

@@ -1,7 +1,7 @@
-"""Who was seen beside whom: two boxes in one image are two vehicles, also after one of them is lost.
+"""Which tracks were in view together: two boxes in one image are two vehicles, also after one of them is lost.
 
-While both tracks are seen the matching holds that. Once one of them is lost, what was believed of it goes on speaking
-against those that were seen beside it; one that began only since may be its vehicle.
+While both tracks are seen the assignment ensures that. Once one of them is lost, its last probabilities still count
+against the tracks that were seen beside it; a track that began only since may be its vehicle.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _MOST = 8.0
-"""Most that lost tracks speak against another, nats: their names may have been wrong."""
+"""Most that lost tracks count against another, nats: their names may have been wrong."""
 
 
 class CoVisibility:
-    """Remembers the company of each track, and what was believed of it when it was seen last.
+    """Remembers which tracks each was seen beside, and its probabilities when it was seen last.
 
     Tracks are columns of the history.
     """
@@ -31,7 +31,7 @@ class CoVisibility:
         """(C, C) whether a track was seen beside another, too far from it to have been exchanged with it."""
 
     def begin(self, columns: IntArray, width: int) -> None:
-        """Tracks that are new in their ``columns``, of ``width`` in all."""
+        """Start tracks that are new in their ``columns``, of ``width`` in all."""
         more = width - len(self._belief)
         self._belief = np.pad(self._belief, ((0, more), (0, 0)))
         self._beside = np.pad(self._beside, ((0, more), (0, more)))
@@ -39,11 +39,11 @@ class CoVisibility:
         self._beside[columns] = self._beside[:, columns] = False
 
     def forget(self, columns: IntArray) -> None:
-        """Tracks that may be somebody else by now."""
+        """Clear what is known of tracks that may be another vehicle by now."""
         self._beside[columns] = False
 
     def note(self, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
-        """Take in the tracks of a frame.
+        """Remember the tracks of a frame.
 
         Args:
             seen: (s,) their columns.
@@ -56,7 +56,7 @@ class CoVisibility:
         self._belief[seen] = belief
 
     def log_claims(self, before: IntArray, change: float) -> FloatArray:
-        """What tracks that broke off say of those that a tracker went on with: ln (p + (1 − p) c).
+        """Evidence of tracks that broke off for those that a tracker went on with: ln (p + (1 − p) c).
 
         Args:
             before: (k,) their columns, −1 none.

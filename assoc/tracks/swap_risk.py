@@ -15,6 +15,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _FIRST_LOOK = -50.0
+"""ln chance of a change in the first comparison after the window: practically none."""
 
 
 def _near(place: FloatArray, reach_m: float) -> BoolArray:
@@ -25,7 +26,7 @@ def _near(place: FloatArray, reach_m: float) -> BoolArray:
 
 
 class SwapRisk:
-    """Remembers, block by block, which tracks were in danger of changing their owner."""
+    """Remembers, block by block, which tracks were in danger of changing their vehicle."""
 
     def __init__(self, params: IdentifierParams) -> None:
         self._params = params
@@ -33,13 +34,13 @@ class SwapRisk:
         self._place: dict[int, tuple[float, FloatArray]] = {}
 
     def forget(self, column: int) -> None:
-        """A new track begins in a column."""
+        """Drop what is known of a column: a new track begins in it."""
         self._place.pop(column, None)
 
     def note(
         self, t: float, columns: IntArray, ground: FloatArray, missed: BoolArray, first_block: int | None
     ) -> BoolArray:
-        """Take in where tracks are now.
+        """Remember where tracks are now.
 
         Args:
             t: Time, seconds.
@@ -49,7 +50,7 @@ class SwapRisk:
             first_block: Blocks before are forgotten.
 
         Returns:
-            (m,) which of them may have changed their owner.
+            (m,) which of them may have changed their vehicle.
         """
         q = self._params
         lost = ~np.isfinite(ground[:, 0])
@@ -77,7 +78,7 @@ class SwapRisk:
         return np.array([t for t, _ in noted]), np.array([place for _, place in noted]).reshape(-1, 2)
 
     def log_chances(self, first: int, blocks: int, columns: IntArray) -> FloatArray:
-        """(B + 1, T) ln chance of a change of owner in each block from the first on; none in the first look after."""
+        """(B + 1, T) ln chance of a change of vehicle in each block, and in the first comparison after them."""
         q = self._params
         result = np.full((blocks + 1, len(columns)), np.log(q.switch_rate * q.block_s))
         for b in range(blocks):
@@ -89,7 +90,7 @@ class SwapRisk:
         return result
 
     def _leapt(self, t: float, column: int, place: FloatArray) -> bool:
-        """Whether the track moved as no vehicle does since it was last noted; notes where it is."""
+        """Whether the track moved as no vehicle does since it was last noted; remembers where it is."""
         if not np.isfinite(place[0]):
             return False
         then, before = self._place.get(column, (t, place))

@@ -1,7 +1,7 @@
 """Constant-velocity Kalman filter of box centres, all tracks in one call.
 
 State of each of k tracks: x = (cx, cy, vx, vy), px and px/s, with covariance P. Velocity wanders as a random walk of
-intensity q, so that one step of 2·dt says the same as two steps of dt: frames may drop or come at any pace.
+intensity q, so that one step of 2·dt equals two steps of dt: frames may drop or come at any pace.
 
 Reference:
     Y. Bar-Shalom, X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001,
@@ -27,7 +27,7 @@ _STILL_BOTH = np.eye(16)
 
 
 def initial(centre: Floats, noise: Floats, speed: Floats) -> tuple[Floats, Floats]:
-    """State (k, 4) and covariance (k, 4, 4) of things seen once.
+    """State (k, 4) and covariance (k, 4, 4) of boxes seen once.
 
     Args:
         centre: (k, 2) px.

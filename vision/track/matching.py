@@ -45,7 +45,7 @@ class Pairs(NamedTuple):
 def assign(rows: Indices, columns: Indices, cost: Floats, limit: float) -> tuple[Indices, Indices]:
     """Cheapest one-to-one assignment among candidate pairs, where leaving a pair unmatched costs ``limit``.
 
-    Candidates that nobody contests are taken at once; only the rest goes through the linear assignment.
+    Candidates that share neither row nor column are taken at once; only the rest goes through the linear assignment.
 
     Args:
         rows: (p,) row of each candidate.

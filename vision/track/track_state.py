@@ -1,4 +1,4 @@
-"""What is known of every track, as one table, and how it moves on in time and with the camera."""
+"""State of all tracks, as one table, and how it moves on in time and with the camera."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ SIZE_TIME_S = 0.5
 AXIS_TIME_S = 0.12
 """Time constant of the smoothed axis."""
 VOTES = 5.0
-"""Most votes for a front that are remembered: a turned front is believed after about as many sightings."""
+"""Most votes for a front that are remembered: a turned front is accepted after about as many detections."""
 NEARLY_SQUARE = 1.4
-"""Ratio of sides below which width and length may have been taken for each other."""
+"""Ratio of sides below which width and length may have been confused."""
 
 RATES = -1.0 / np.array([[SIZE_TIME_S], [SIZE_TIME_S], [AXIS_TIME_S]])
+"""Smoothing of the rows SHAPE, 1/s, with its sign turned."""
 
 # rows of the table: with everything in one array each step is a few calls, whatever the number of tracks
-X, SIDES, SHAPE, AGES, TOLD, WHOLE, COVARIANCE = (
+X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE = (
     slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31))
 )
 W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
@@ -41,7 +42,7 @@ class TrackState:
     """k tracks in order of their ids.
 
     The rows of its table (31, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
-    √(w h) px, at least one; votes for the front along the axis (positive) or against (0: never known); score; seconds
+    √(w h) px, at least one; votes for the front along the axis (positive) or against (0: unknown); score; seconds
     since first and since last seen; in whole numbers the id, the index into this frame's detections (-1 unseen) and
     the frames in which it was seen; the covariance of the first four.
     """
@@ -123,24 +124,28 @@ class TrackState:
         """Axis turned to the voted front, (k,) rad clockwise from image right; the axis itself when none was seen."""
         return self.table[AXIS, :] + np.pi * (self.table[FRONT, :] < 0.0)
 
+    def move(self, rows: Indices, place: Floats, gap_s: Floats) -> None:
+        """Put tracks (h,) to places (h, 2) px, unseen for (h,) seconds."""
+        self.table[:2, rows], self.table[GAP, rows] = place.T, gap_s
+
     def apart(self, boxes: Detections) -> Floats:
         """Squared distances of tracks and boxes, (k, m) px²."""
         dx, dy = boxes.cx - self.table[0, :, None], boxes.cy - self.table[1, :, None]
         return dx * dx + dy * dy
 
-    def told(self) -> tuple[Floats, Ints]:
+    def columns(self) -> tuple[Floats, Ints]:
         """Read-only copies of the rows up to the gap, (12, k), and of the whole numbers, (3, k)."""
-        told, whole = self.table[TOLD].copy(), self.table[WHOLE].astype(np.int64)
-        told.setflags(write=False)
+        reported, whole = self.table[REPORTED].copy(), self.table[WHOLE].astype(np.int64)
+        reported.setflags(write=False)
         whole.setflags(write=False)
-        return told, whole
+        return reported, whole
 
     def take(self, rows: Indices) -> TrackState:
         """Copies of the tracks ``rows``."""
         return TrackState(self.table.take(rows, axis=1))
 
     def join(self, other: TrackState) -> TrackState:
-        """These and then those."""
+        """These tracks and then the others."""
         return TrackState(np.concatenate([self.table, other.table], axis=1))
 
     def predict(self, dt: float, wander: float) -> None:
@@ -188,7 +193,7 @@ def _move(table: Floats, x: Floats, P: Floats) -> None:
 
 
 def _place(table: Floats, seen: Floats, noise: Floats, speed: Floats) -> None:
-    """Put tracks where boxes (7, k) are seen, with their shape."""
+    """Put the tracks of a table where boxes (7, k) are seen, with their shape."""
     _move(table, *kalman.initial(seen[:2].T, noise, speed))
     table[SHAPE] = seen[SEEN_SHAPE]
     table[FRONT] = np.where(np.isnan(seen[SEEN_HEADING]), 0.0, _vote(seen[SEEN_HEADING], table[AXIS]))
@@ -196,18 +201,18 @@ def _place(table: Floats, seen: Floats, noise: Floats, speed: Floats) -> None:
 
 
 def _measure(table: Floats) -> None:
-    """Lengths of boxes whose sides changed."""
+    """Write the lengths of boxes whose sides changed into a table."""
     table[LENGTH] = np.maximum(np.sqrt(table[W] * table[H]), 1.0)
 
 
 def _see(table: Floats, seen: Floats, index: Indices) -> None:
-    """Tracks were seen as detections ``index``."""
+    """Note in a table that its tracks were seen as the detections ``index``."""
     table[SCORE], table[DETECTION], table[GAP] = seen[SEEN_SCORE], index, 0.0
     table[HITS] += 1.0
 
 
 def _reshape(table: Floats, seen: Floats) -> None:
-    """Sides and axis move towards what is seen (7, k), the front by majority."""
+    """Move sides and axis in a table towards what is seen (7, k), and the front by majority."""
     change = seen[SEEN_SHAPE] - table[SHAPE]
     if np.abs(change[2]).max() > np.pi / 4:
         _turn_back(change, table, seen)
@@ -223,7 +228,7 @@ def _reshape(table: Floats, seen: Floats) -> None:
 
 
 def _turn_back(change: Floats, table: Floats, seen: Floats) -> None:
-    """An axis has no direction, and nearly square boxes of unknown front may have their sides the other way round."""
+    """Correct ``change`` where the axis is seen the other way round, or the sides of nearly square boxes exchanged."""
     turn = change[2] = _near_zero(change[2], np.pi)
     swapped = (np.abs(turn) > np.pi / 4) & np.isnan(seen[SEEN_HEADING])
     if np.count_nonzero(swapped):
@@ -237,7 +242,7 @@ def _poll(front: Floats, vote: Floats) -> Floats:
     """Votes for the front after one more each."""
     votes = front + vote
     if np.count_nonzero(votes) < len(votes):
-        # a draw goes to what was believed before
+        # a draw goes to the previous front
         votes = np.where(votes == 0, -0.5 * vote, votes)
     return np.minimum(np.maximum(votes, -VOTES), VOTES)
 

@@ -19,7 +19,7 @@ from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detect.detections import Detections
 from vision.track import kalman
 from vision.track.matching import Pairs, assign, one_to_one
-from vision.track.merged_detections import take_together
+from vision.track.merged_detections import find_merged
 from vision.track.track_state import TrackState
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
@@ -30,12 +30,16 @@ Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-# A common shift is believed by this share when this many tracks with this many hits bear witness to it.
 SHIFT_SHARE = 0.7
-SHIFT_WORTH = 0.1
-"""Less than this, in sizes, is left to the filter."""
-LEAST_WITNESSES = 3
+"""Share of a shift common to all tracks by which they are moved: part of it may be their own motion."""
+LEAST_SHIFT = 0.1
+"""A smaller one, in box sizes, is left to the filter."""
+LEAST_SETTLED = 3
+"""Settled tracks that are needed to see a common shift."""
 SETTLED_HITS = 4
+"""Frames in which a settled track has been seen at least."""
+SHIFT_GATE = 4.0
+"""Factor on the gate while a common shift is looked for."""
 
 
 class Tracker:
@@ -64,26 +68,26 @@ class Tracker:
         stitch: Stitch | None = None,
         known: Collection[int] = (),
     ) -> Tracks:
-        """Take in one frame.
+        """Continue, begin and end tracks by the boxes of one frame.
 
         Args:
             detections: its boxes, in any order.
             t_us: when it was taken. Frames may be missing; a time that does not advance counts as no time passed.
             warp: (3, 3) homography from the previous frame given here to this one, from the camera's motion.
-            stitch: asked once which lost tracks the boxes continue that nothing else explains.
-            known: ids of tracks whose owner is known. Once they have been out of sight for a while, ``stitch`` alone
-                continues them: where the owner says it is tells more than where the track was heading.
+            stitch: called once for lost tracks and left-over boxes; returns which boxes continue which tracks.
+            known: ids of tracks whose vehicle is known. Once they have been out of sight for a while, ``stitch`` alone
+                continues them: the vehicle's report is better evidence than the track's course.
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
-        # nobody is out of sight while no frame comes
+        # a track is not out of sight while no frame comes
         self._recent_s = max(self.params.known_s, dt)
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
         if len(self._state) and len(detections):
-            self._match(detections, free, known if stitch is not None else ())
+            free = self._match(detections, free, known if stitch is not None else ())
             if stitch is not None:
-                self._stitch(detections, free, stitch)
+                free = self._stitch(detections, free, stitch)
         self._drop()
         self._begin(detections, free)
         return self._tracks()
@@ -94,13 +98,14 @@ class Tracker:
         if warp is not None and np.isfinite(warp).all():
             state.warp(np.asarray(warp, dtype=np.float64))
 
-    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> None:
-        """Both rounds; what they use, and boxes round several tracks, are struck from the boxes (m,) that are free."""
+    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> Flags:
+        """Both rounds on the boxes (m,) that are free; which are free afterwards; those around several never are."""
         params, state = self.params, self._state
         apart = state.apart(boxes)
-        together = take_together(state, params, boxes, apart)
-        if np.count_nonzero(together):
-            free[together] = False
+        merged = find_merged(state, params, boxes, apart)
+        if len(merged.rows):
+            free = free & ~merged.box
+            state.move(merged.rows, merged.place, merged.gap_s)
             apart = state.apart(boxes)
         high = free & (boxes.score >= params.high_score)
         if self._shift(boxes, high, apart):
@@ -111,17 +116,17 @@ class Tracker:
         rows, columns = self._rounds(boxes, pairs, high, free)
         if len(rows):
             state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
-            free[columns] = False
+        return _without(free, columns)
 
     def _owned(self, known: Collection[int]) -> Flags:
-        """Tracks (k,) out of sight that are continued by their owners' reports only."""
+        """Tracks (k,) out of sight that are continued by their vehicles' reports only."""
         owned = self._state.gap_s > self._recent_s
         if np.count_nonzero(owned):
             owned &= np.isin(self._state.track_id, list(known))
         return owned
 
     def _shift(self, boxes: Detections, chosen: Flags, apart: Floats) -> bool:
-        """Take out what all tracks are off by alike: the camera turned in a way that the warp did not know.
+        """Remove the offset that all tracks share: the camera turned in a way that the warp does not contain.
 
         Args:
             boxes: of this frame.
@@ -133,16 +138,16 @@ class Tracker:
         """
         params, state = self.params, self._state
         settled = (state.hits >= SETTLED_HITS) & (state.gap_s <= self._recent_s)
-        witnesses, count = int(np.count_nonzero(settled)), int(np.count_nonzero(chosen))
-        if witnesses < LEAST_WITNESSES or not count:
+        voters, count = int(np.count_nonzero(settled)), int(np.count_nonzero(chosen))
+        if voters < LEAST_SETTLED or not count:
             return False
         nearest = (apart if count == len(chosen) else apart[:, chosen]).min(axis=1)
-        near = nearest < (SHIFT_WORTH * state.length) ** 2
-        if np.count_nonzero(near & settled) > witnesses // 2:
+        near = nearest < (LEAST_SHIFT * state.length) ** 2
+        if np.count_nonzero(near & settled) > voters // 2:
             return False
-        pairs = self._candidates(boxes, np.where(settled[:, None] & chosen, apart, np.inf), 4.0 * params.gate)
-        i, j = self._settle(boxes, pairs, 4.0 * params.gate + params.overlap_weight)
-        if len(i) < max(LEAST_WITNESSES, witnesses // 2):
+        pairs = self._candidates(boxes, np.where(settled[:, None] & chosen, apart, np.inf), SHIFT_GATE * params.gate)
+        i, j = self._settle(boxes, pairs, SHIFT_GATE * params.gate + params.overlap_weight)
+        if len(i) < max(LEAST_SETTLED, voters // 2):
             return False
         off = boxes.centre[j] - state.x[i, :2]
         # the median in the plane: the one that is nearest to all others
@@ -167,12 +172,12 @@ class Tracker:
         return pairs if np.count_nonzero(inside) == len(inside) else pairs.where(inside)
 
     def _rounds(self, boxes: Detections, pairs: Pairs, high: Flags, free: Flags) -> tuple[Indices, Indices]:
-        """Rows and columns that belong together: sure boxes choose first, doubtful ones among the tracks left."""
+        """Rows and columns that belong together: boxes of high score choose first, the others among the tracks left."""
         limit = self.params.limit
         first = high[pairs.column]
         if np.count_nonzero(first) == len(first):
             return self._settle(boxes, pairs, limit)
-        # doubtful boxes only continue tracks that were seen a moment ago
+        # boxes of low score only continue tracks that were seen a moment ago
         then = ~first & free[pairs.column] & (self._state.gap_s <= self.params.short_s)[pairs.row]
         both = pairs.where(first | then)
         if both.undisputed(limit - self.params.overlap_weight):
@@ -194,21 +199,21 @@ class Tracker:
         i, j = assign(row, column, cost + weight * (1 - overlap), limit)
         return np.concatenate([pairs.row[~disputed], i]), np.concatenate([pairs.column[~disputed], j])
 
-    def _stitch(self, boxes: Detections, free: Flags, stitch: Stitch) -> None:
-        """Let somebody who knows more continue lost tracks."""
+    def _stitch(self, boxes: Detections, free: Flags, stitch: Stitch) -> Flags:
+        """Continue lost tracks with boxes (m,) that are free, as ``stitch`` has it; which boxes are still free."""
         state = self._state
         columns = np.flatnonzero(free & (boxes.score >= self.params.new_score))
         if not len(columns):
-            return
+            return free
         rows = np.flatnonzero(state.unseen & (state.hits >= self.params.confirm_hits))
         if not len(rows):
-            return
+            return free
         pairs = np.asarray(stitch(state.track_id[rows], boxes.centre[columns]), dtype=np.intp).reshape(-1, 2)
         pairs = one_to_one(pairs, len(rows), len(columns))
         i, j = rows[pairs[:, 0]], columns[pairs[:, 1]]
         size = np.maximum(np.sqrt(boxes.w[j] * boxes.h[j]), 1.0)
         state.restart(i, boxes, j, self._noise_of(size), self.params.first_speed * size)
-        free[j] = False
+        return _without(free, j)
 
     def _drop(self) -> None:
         """End tracks that were not seen for too long."""
@@ -251,7 +256,7 @@ class Tracker:
     def _tracks(self) -> Tracks:
         angle = wrap(self._state.ahead)
         heading = (angle + 0.5 * np.pi) % (2 * np.pi)
-        (cx, cy, vx, vy, w, h, _, _, front, score, age_s, gap_s), (track_id, detection, hits) = self._state.told()
+        (cx, cy, vx, vy, w, h, _, _, front, score, age_s, gap_s), (track_id, detection, hits) = self._state.columns()
         if np.count_nonzero(front) < len(front):
             heading[front == 0] = np.nan
         return Tracks(
@@ -270,3 +275,10 @@ class Tracker:
             vx=vx,
             vy=vy,
         )
+
+
+def _without(free: Flags, used: Indices) -> Flags:
+    """The boxes (m,) that are free less those that are used."""
+    left = free.copy()
+    left[used] = False
+    return left

@@ -1,4 +1,4 @@
-"""What a tracker may be told, and what it says at each frame."""
+"""Parameters of a tracker, and its output for each frame."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ Stitch = Callable[[Ints, Floats], Indices]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerParams:
-    """What a tracker may be told. A box's size is √(w h)."""
+    """Parameters of a tracker. A box's size is √(w h)."""
 
     high_score: float = 0.5
-    """Boxes matched in the first round. Raise → doubtful boxes give way to sure ones; lower → fewer gaps."""
+    """Boxes matched in the first round. Raise → boxes of low score give way to others; lower → fewer gaps."""
     low_score: float = 0.1
     """Boxes below are ignored. Raise → fewer wrong continuations; lower → tracks live through blur and shade."""
     new_score: float = 0.3
     """Boxes that may begin a track. Raise → fewer false tracks; lower → weak vehicles are tracked at all."""
     confirm_hits: int = 2
-    """Sightings that confirm a track. Raise → false boxes stay tentative longer; lower → tracks count sooner."""
+    """Detections that confirm a track. Raise → false boxes stay tentative longer; lower → tracks count sooner."""
     gate: float = 16.0
     """Largest squared Mahalanobis distance (2 degrees of freedom; 16 keeps 99.97 %). Raise → jerks are followed;
     lower → fewer swaps between neighbours."""
     near: float = 0.6
-    """Sizes within which a box matches whatever the filter thinks. Raise → sudden camera motion is survived."""
+    """Sizes within which a box matches whatever the filter predicts. Raise → sudden camera motion is survived."""
     overlap_weight: float = 16.0
     """Cost of not overlapping at all, in units of the squared distance. Raise → shape and angle count more."""
     limit: float = 40.0
@@ -54,7 +54,7 @@ class TrackerParams:
     coast_s: float = 2.5
     """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
     known_s: float = 0.45
-    """A track whose owner is known and that was out of sight for longer is continued by the owner's report only."""
+    """A track of a known vehicle that was out of sight for longer is continued by that vehicle's report only."""
     frame_size: tuple[int, int] | None = None
     """Width and height, px, when known: a track that has coasted out of the frame ends after ``tentative_s``, so that
     the next vehicle to come in there does not inherit its id."""
@@ -79,7 +79,7 @@ class Tracks:
     angle: Floats
     """Image +x to width axis, clockwise on screen, rad in [-π, π); points to the front where that is known."""
     heading: Floats
-    """Clockwise from image up, rad in [0, 2π), NaN unknown; a single turned-around sighting does not flip it."""
+    """Clockwise from image up, rad in [0, 2π), NaN unknown; a single detection turned around does not flip it."""
     score: Floats
     """Of the last detection."""
     hits: Ints
@@ -87,9 +87,9 @@ class Tracks:
     age_s: Floats
     """Since first seen."""
     gap_s: Floats
-    """Since last seen, 0 when seen now; in a box round several at most 0.2."""
+    """Since last seen, 0 when seen now; in a box around several at most 0.2."""
     vx: Floats
-    """px/s, camera motion removed as far as the warps said it."""
+    """px/s, camera motion removed as far as the warps contain it."""
     vy: Floats
 
     def __post_init__(self) -> None:

@@ -57,7 +57,7 @@ def test_a_track_half_a_metre_aside():
 
 def test_large_fleets_leave_out_only_pairs_that_were_never_near(monkeypatch):
     some = made(25)
-    monkeypatch.setattr(module, "_FEW", 10_000)
+    monkeypatch.setattr(module, "MANY_PAIRS", 10_000)
     everything = made(25)
     near = (np.hypot(everything.mean[..., 0], everything.mean[..., 1]) < 24.0) & (everything.count > 0)
     near = near.any(axis=0)
