@@ -33,8 +33,8 @@ __all__ = [
     "IdentityChoice",
     "Links",
     "Mission",
-    "Signing",
-    "Vehicle",
+    "MissionVehicle",
+    "SigningChoice",
     "load_mission",
     "load_table",
     "parse_mission",
@@ -59,7 +59,7 @@ MessageId = Annotated[int, Meta(ge=0, le=0xFFFFFF)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Vehicle:
+class MissionVehicle:
     """One vehicle of the mission."""
 
     system_id: SystemId
@@ -172,7 +172,7 @@ class Links:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Signing:
+class SigningChoice:
     """Whose frames are believed."""
 
     keys: str = ""
@@ -192,15 +192,15 @@ class Signing:
 class Mission:
     """All that a flight or a replay has to be told."""
 
-    uav: Vehicle
-    ugv: tuple[Vehicle, ...]
+    uav: MissionVehicle
+    ugv: tuple[MissionVehicle, ...]
     camera: Camera | None = None
     """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once heard."""
     clock: Clock = field(default_factory=Clock)
     detector: DetectorChoice = field(default_factory=DetectorChoice)
     identity: IdentityChoice = field(default_factory=IdentityChoice)
     links: Links = field(default_factory=Links)
-    signing: Signing = field(default_factory=Signing)
+    signing: SigningChoice = field(default_factory=SigningChoice)
 
     def __post_init__(self) -> None:
         ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
-from gcs.mission.mission import Mission, Vehicle
+from gcs.mission.mission import Mission, MissionVehicle
 from gcs.playback.recorded_order import RecordedTurns, missing
 from gcs.session.fold_order import NO_FRAME
 from gcs.session.frame_tables import FrameDetections, read_detections, read_times
@@ -60,7 +60,7 @@ def discover(log: SessionLog) -> Mission:
     if not aircraft or not ground:
         missing = "aircraft" if not aircraft else "ground vehicle"
         raise SessionError(f"{log.path}: no {missing} heartbeat in it; name the vehicles with --mission")
-    return Mission(uav=Vehicle(system_id=aircraft[0]), ugv=tuple(Vehicle(system_id=i) for i in ground))
+    return Mission(uav=MissionVehicle(system_id=aircraft[0]), ugv=tuple(MissionVehicle(system_id=i) for i in ground))
 
 
 class Analysis:

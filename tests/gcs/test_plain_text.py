@@ -9,7 +9,7 @@ import pytest
 
 from gcs.cli.rollcall import say_rollcall
 from gcs.health.faults import Faults
-from gcs.mission.mission import Mission, Vehicle
+from gcs.mission.mission import Mission, MissionVehicle
 from gcs.report.overlay import draw, label_of
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import event_row
@@ -100,7 +100,7 @@ def test_what_the_command_line_repeats_is_plain(tmp_path):
 
 @pytest.mark.parametrize("name", [*filter(None, HOSTILE), *NAMES.values()])
 def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, capsys):
-    mission = Mission(uav=Vehicle(system_id=1, name=name), ugv=(Vehicle(system_id=2, name=name),))
+    mission = Mission(uav=MissionVehicle(system_id=1, name=name), ugv=(MissionVehicle(system_id=2, name=name),))
     toml = mission_table(mission, {})
     assert is_plain(toml)
     if "\ud800" not in name:

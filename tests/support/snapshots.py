@@ -2,11 +2,13 @@
 
 import numpy as np
 
-from gcs.mission.mission import Mission, Vehicle
+from gcs.mission.mission import Mission, MissionVehicle
 from gcs.snapshot import Box, Health, Snapshot, VehicleRow
 
-ONE_UGV = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"),))
-TWO_UGVS = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
+ONE_UGV = Mission(uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"),))
+TWO_UGVS = Mission(
+    uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"), MissionVehicle(system_id=3))
+)
 
 
 def box(track_id, system_id, **change):

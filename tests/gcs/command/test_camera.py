@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.command import Place, Rules
 from gcs.command.look import Look
 from gcs.fold.pipeline import Pipeline
-from gcs.mission.mission import Camera, Mission, Vehicle
+from gcs.mission.mission import Camera, Mission, MissionVehicle
 from mavlink.geodesy import quaternion_from_euler
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
@@ -130,8 +130,8 @@ def test_a_slow_gimbal_is_waited_for_while_it_turns():
 
 
 MISSION = Mission(
-    uav=Vehicle(system_id=1),
-    ugv=(Vehicle(system_id=3),),
+    uav=MissionVehicle(system_id=1),
+    ugv=(MissionVehicle(system_id=3),),
     camera=Camera(width=640, height=480, fx=500.0, fy=500.0, cx=320.0, cy=240.0, mount="stabilized"),
 )
 

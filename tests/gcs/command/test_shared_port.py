@@ -6,7 +6,7 @@ import time
 
 from gcs.command import CommandDesk
 from gcs.flight.flight import Flight, FlightPlan
-from gcs.mission.mission import Mission, Vehicle
+from gcs.mission.mission import Mission, MissionVehicle
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
 from mavlink.transmit.transmitter import Transmitter
@@ -50,7 +50,7 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
 
 def test_packets_received_are_not_those_that_were_sent(tmp_path):
     port = free_port()
-    mission = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=3),))
+    mission = Mission(uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=3),))
     url = f"udpin:127.0.0.1:{port}"
     flight = Flight(FlightPlan(mission=mission, links=(url,), video="", sessions=tmp_path, command=True))
     uav = FakeVehicle(("127.0.0.1", port), 1)

@@ -10,7 +10,7 @@ import pytest
 
 from gcs.errors import SessionError
 from gcs.health.faults import Faults
-from gcs.mission.mission import Mission, Vehicle
+from gcs.mission.mission import Mission, MissionVehicle
 from gcs.session.fold_order import FoldOrder, FoldTurn
 from gcs.session.frame_tables import read_detections, read_times
 from gcs.session.line_file import LineFile
@@ -29,7 +29,9 @@ from tests.support.waiting import until
 from tests.support.whole_recorder import WholeRecorder
 from vision.detect.detections import Detections
 
-MISSION = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=2, name="Alpha"), Vehicle(system_id=3)))
+MISSION = Mission(
+    uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"), MissionVehicle(system_id=3))
+)
 TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv", "folds.csv", "unfolded.csv")
 
 

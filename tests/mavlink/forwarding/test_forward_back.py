@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.flight.flight import Flight, FlightPlan
-from gcs.mission.mission import Mission, Vehicle
+from gcs.mission.mission import Mission, MissionVehicle
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
 from mavlink.forwarding.outputs import parse_output
@@ -183,7 +183,7 @@ def test_options_of_an_output(option, named):
 
 
 def test_speaking_to_vehicles_takes_the_command_option(tmp_path):
-    mission = Mission(uav=Vehicle(system_id=1), ugv=(Vehicle(system_id=11),))
+    mission = Mission(uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=11),))
     plan = FlightPlan(
         mission=mission,
         links=(f"udpin:{HOST}:{free_port()}",),
