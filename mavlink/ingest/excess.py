@@ -1,7 +1,7 @@
-"""Packets that are not believed and come in masses: all are counted, and of each sender's only so many are recorded.
+"""Limits how many packets with refused signatures are recorded of each sender; all of them are counted.
 
-A key keeps a forger's packets from being believed, but not from coming, from the very address of the vehicle that he
-poses as. Those with a right signature are recorded however many there are of the others.
+Keys keep forged packets from being believed, not from arriving, even from the address of the vehicle that is imitated.
+Packets with a valid signature are always recorded.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 from infra.reporting import TokenBucket
 from mavlink.links.batch import Batch, Claim
 from mavlink.links.fair_shares import HOLD_S
-from mavlink.links.flood_limiter import Limit
+from mavlink.links.flood_limiter import FloodLimit
 from mavlink.links.report import LinkReport
 from mavlink.protocol.packet import Auth
 
-__all__ = ["BURST_S", "KEPT_PER_S", "Excess"]
+__all__ = ["BURST_S", "KEPT_PER_S", "RefusedPacketLimiter"]
 
 KEPT_PER_S, BURST_S = 500.0, 4.0
 """Refused packets recorded of one sender: all of a vehicle that has no key, and enough to see what a forger does."""
@@ -32,14 +32,15 @@ class _RefusedSender:
     bucket: TokenBucket
     seen: int = 0
     shed: int = 0
-    """Of this flood."""
+    """Packets of this flood that were not recorded."""
     shed_s: float = 0.0
-    told: tuple[int, float] = (0, 0.0)
-    """How many were seen when it was last told, and when that was."""
+    """When the last of them came, monotonic."""
+    reported: tuple[int, float] = (0, 0.0)
+    """Packets seen at the last report, and when that was, monotonic."""
 
 
-class Excess:
-    """Says what is not to be recorded.
+class RefusedPacketLimiter:
+    """Drops refused packets beyond a rate for each sender.
 
     Args:
         clock_s: monotonic.
@@ -50,8 +51,8 @@ class Excess:
         self._senders: dict[tuple[int, Claim], _RefusedSender] = {}
         self._shed: Counter[int] = Counter()
 
-    def without(self, index: int, batch: Batch, auths: Sequence[Auth]) -> tuple[Batch, Sequence[Auth]]:
-        """A link's batch, and what its signatures are worth, without what is too much of the refused ones."""
+    def limit(self, index: int, batch: Batch, auths: Sequence[Auth]) -> tuple[Batch, Sequence[Auth]]:
+        """A batch and the results of its signature checks, without refused packets beyond their senders' rate."""
         if max(auths, default=Auth.OPEN) <= Auth.GOOD:
             return batch, auths
         claims, now_s = batch.claims(), self._clock_s()
@@ -63,8 +64,8 @@ class Excess:
         some = Batch([times_us[k] for k in kept], [frames[k] for k in kept], [peers[k] for k in kept])
         return some, [auths[k] for k in kept]
 
-    def told(self, index: int, report: LinkReport, address: Callable[[int], str]) -> LinkReport:
-        """A link's report, with what was not recorded and whose that was."""
+    def add_to_report(self, index: int, report: LinkReport, address: Callable[[int], str]) -> LinkReport:
+        """A link's report, with what was not recorded of it and from whom."""
         counts = replace(report.counts, turned_away=report.counts.turned_away + self._shed[index])
         now_s = self._clock_s()
         limits = [
@@ -75,7 +76,7 @@ class Excess:
         return replace(report, counts=counts, limits=(*report.limits, *limits))
 
     def _keeps(self, index: int, claim: Claim, now_s: float) -> bool:
-        """Takes one refused packet off what its sender may have recorded."""
+        """Whether one more refused packet of a sender is recorded."""
         sender = self._senders.get((index, claim))
         if sender is None:
             sender = self._new(index, claim, now_s)
@@ -99,9 +100,9 @@ class Excess:
             (index, claim), _RefusedSender(TokenBucket(KEPT_PER_S, KEPT_PER_S * BURST_S, now_s))
         )
 
-    def _limit(self, claim: Claim, sender: _RefusedSender, address: Callable[[int], str], now_s: float) -> Limit:
-        seen, since_s = sender.told
-        sender.told = sender.seen, now_s
+    def _limit(self, claim: Claim, sender: _RefusedSender, address: Callable[[int], str], now_s: float) -> FloodLimit:
+        seen, since_s = sender.reported
+        sender.reported = sender.seen, now_s
         rate = (sender.seen - seen) / max(now_s - since_s, 1e-3) if since_s else 0.0
         where = address(claim[0]) or "many addresses"
-        return Limit(address=where, system_id=claim[1], wanted_per_s=rate, turned_away=sender.shed, refused=True)
+        return FloodLimit(address=where, system_id=claim[1], wanted_per_s=rate, turned_away=sender.shed, refused=True)

@@ -10,7 +10,7 @@ from mavlink.forwarding.forward import HARMLESS
 from mavlink.forwarding.outputs import InboundFrames
 from mavlink.ingest.health import IngestHealth
 from mavlink.links.batch import MIXED
-from mavlink.links.flood_limiter import STRANGERS, Limit
+from mavlink.links.flood_limiter import STRANGERS, FloodLimit
 from mavlink.links.report import LinkReport
 
 __all__ = ["HealthEvents"]
@@ -31,7 +31,7 @@ class HealthEvents:
     def __init__(self) -> None:
         self._connected: dict[str, bool] = {}
         self._patience: dict[str, int] = {}
-        self._limits: dict[str, dict[tuple[str, int, bool], Limit]] = {}
+        self._limits: dict[str, dict[tuple[str, int, bool], FloodLimit]] = {}
         self._losses: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
         self._troubles: frozenset[str] = frozenset()
         self._looks = 0
@@ -103,12 +103,12 @@ def _few(level: str, texts: list[str]) -> list[Told]:
     return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)
 
 
-def _key(limit: Limit) -> tuple[str, int, bool]:
+def _key(limit: FloodLimit) -> tuple[str, int, bool]:
     """Whom it is about; of strangers the address changes."""
     return "" if limit.system_id == STRANGERS else limit.address, limit.system_id, limit.refused
 
 
-def _flood(limit: Limit) -> str:
+def _flood(limit: FloodLimit) -> str:
     rate = float(f"{limit.wanted_per_s:.2g}")
     if limit.refused:
         return f"{_source(limit)} floods this link with packets that are refused; not all of them are recorded"
@@ -117,7 +117,7 @@ def _flood(limit: Limit) -> str:
     return f"{_source(limit)} floods this port, {rate:,.0f} datagrams/s, or somebody forges them; only some are let in"
 
 
-def _flood_over(limit: Limit) -> str:
+def _flood_over(limit: FloodLimit) -> str:
     if limit.refused:
         return f"{_source(limit)} floods no more; {limit.turned_away:,} refused packets were not recorded"
     if limit.system_id == STRANGERS:
@@ -125,6 +125,6 @@ def _flood_over(limit: Limit) -> str:
     return f"{_source(limit)} is let in whole again; about {limit.turned_away:,} datagrams were turned away"
 
 
-def _source(limit: Limit) -> str:
+def _source(limit: FloodLimit) -> str:
     kind = "in datagrams of several frames" if limit.system_id == MIXED else f"as system {limit.system_id}"
     return f"{limit.address} {kind}"

@@ -9,7 +9,7 @@ from pathlib import Path
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
-from mavlink.ingest.excess import Excess
+from mavlink.ingest.excess import RefusedPacketLimiter
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
 from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
@@ -125,7 +125,7 @@ class Receiver:
         self._signatures = signatures
         self._outputs = outputs
         self._senders = LastSenders()
-        self.excess = Excess()
+        self.excess = RefusedPacketLimiter()
         self.output_trouble = ""
 
     def take(self, index: int, batch: Batch) -> None:
@@ -135,7 +135,7 @@ class Receiver:
         if self._signatures.on:  # looked at before they are recorded: those of a forger could fill the disk
             packets = batch.packets(index)
             auths = self._signatures.check([original.get(k, packet) for k, packet in enumerate(packets)])
-            batch, auths = self.excess.without(index, batch, auths)
+            batch, auths = self.excess.limit(index, batch, auths)
         number = self._record(batch) if batch.frames else None
         self._memory.slots[Slot.IN_HAND] = 0
         if number is not None:

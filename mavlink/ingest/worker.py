@@ -164,7 +164,8 @@ class _Worker:
         if self._open or not self._reports:
             reports = [link.report() for link in self._links]
             self._reports = tuple(
-                self._receiver.excess.told(k, report, self._links[k].address) for k, report in enumerate(reports)
+                self._receiver.excess.add_to_report(k, report, self._links[k].address)
+                for k, report in enumerate(reports)
             )
         record = self._log.state
         outputs = self._outputs.counts if self._outputs else ()

@@ -1,4 +1,4 @@
-"""What a link brings at once, before anything is decoded."""
+"""Frames received together over one link, before anything is decoded."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 __all__ = ["MIXED", "Batch", "Claim", "Sender", "is_one_frame", "looks_like_one_frame", "system_of"]
 
 Claim = tuple[int, int]
-"""Number of an address on its link, and the system id that frames from there carry."""
+"""Number of a source address on its link, and the system id that its frames carry: who they claim to be from."""
 Sender = tuple[int, int]
-"""Number of an address, and the system id that its datagrams carry where each is one frame, or :data:`MIXED`.
+"""Number of a source address, and the system id of its datagrams that are one frame each, or :data:`MIXED`.
 
-A source address can be forged. So what is known of one kind of datagrams says nothing of the others from there."""
+A source address can be forged, so each class of datagrams from one address is trusted, and limited, for itself."""
 MIXED = 256
 """Stands for datagrams that are not exactly one frame."""
 
@@ -38,7 +38,7 @@ class Batch:
     peers: list[int] = field(default_factory=list)
     """Number of each frame's sender on its link."""
     unchecked: set[int] = field(default_factory=set)
-    """Indices of frames of unknown messages, which no checksum vouches for."""
+    """Indices of frames of unknown messages, whose checksum cannot be verified."""
     mixed: set[int] = field(default_factory=set)
     """Indices of frames that were not alone in their datagram."""
     _claimed: set[Claim] | None = field(default=None, repr=False, compare=False)
@@ -47,7 +47,7 @@ class Batch:
         return len(self.frames)
 
     def packets(self, link: int, auths: Sequence[Auth] | None = None) -> list[Packet]:
-        """The same as packets of one link, with what their signatures are worth where that is known."""
+        """The frames as packets of one link, with the results of their signature checks where there are any."""
         if auths is None:
             rows = zip(self.times_us, self.frames, self.peers, strict=True)
             return [Packet(t_us, raw, link, peer) for t_us, raw, peer in rows]
@@ -55,11 +55,11 @@ class Batch:
         return [Packet(t_us, raw, link, peer, auth) for t_us, raw, peer, auth in judged]
 
     def claims(self) -> list[Claim]:
-        """Who each frame claims to be from, and where it came from."""
+        """Source and claimed system id of each frame, in order."""
         return list(zip(self.peers, self._systems(), strict=True))
 
     def claimed(self) -> set[Claim]:
-        """The same, each once; to be asked for when all frames are there."""
+        """The set of :meth:`claims`, computed once; only valid after all frames were added."""
         if self._claimed is None:
             self._claimed = set(zip(self.peers, self._systems(), strict=True))
         return self._claimed
@@ -69,7 +69,7 @@ class Batch:
         return [raw[5] if raw[0] == MAGIC_V2 else raw[3] for raw in self.frames]
 
     def senders(self) -> list[Sender]:
-        """The same by the form of their datagrams."""
+        """Source of each frame with its claimed system id, or :data:`MIXED` where it was not alone in its datagram."""
         senders = self.claims()
         for k in self.mixed:
             senders[k] = self.peers[k], MIXED

@@ -1,9 +1,9 @@
-"""A socket filter in the kernel: who is known passes, whole or at a share of his own, of everybody else a random share.
+"""A socket filter in the kernel: known senders pass, or a random share of them; of all others a random share.
 
-A datagram that the filter refuses costs no memory and no time of this process, so a flood of them cannot push others
-out of the socket's buffer. Who is known is known by his address and the system id of his frames: other datagrams from
-the same address, which anybody can forge, are a stranger's. Strangers come in two classes: those whose datagram has the
-size that its MAVLink header says, and the rest, which is junk or several frames at once.
+A datagram that the filter drops costs no memory and no time of this process, so a flood cannot push others out of the
+socket's buffer. A sender is known by source address and the system id in its frames: other datagrams from that
+address, which can be forged, count as unknown. Unknown datagrams are of two classes: those whose size agrees with their
+MAVLink header, and the rest, which is junk or several frames at once.
 
 Reference: Linux networking/filter.rst (classic BPF, SO_ATTACH_FILTER, SKF_AD_RANDOM).
 """
@@ -17,17 +17,17 @@ from collections.abc import Iterable, Mapping
 
 from mavlink.links.batch import MIXED
 
-__all__ = ["Source", "attach", "detach", "program"]
+__all__ = ["FilterSource", "attach", "detach", "program"]
 
-Source = tuple[int, int, int]
+FilterSource = tuple[int, int, int]
 """IPv4 address and port as numbers, and the system id or :data:`mavlink.links.batch.MIXED`."""
 
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _INSTRUCTION = struct.Struct("=HBBI")
 _PROGRAM = struct.Struct("@HP")
-_MOST = 4096  # instructions that the kernel takes
-_BLOCK = 200  # a condition jumps over 255 instructions at most
-_ODD, _ODDER = 0x9E3779B1, 0x85EBCA6B
+_MOST_INSTRUCTIONS = 4096  # instructions that the kernel takes
+_MOST_JUMP = 200  # a condition jumps over 255 instructions at most
+_HASH_IP, _HASH_KIND = 0x9E3779B1, 0x85EBCA6B
 _KIND = 0  # place in the filter's memory
 _LOAD_NUMBER, _LOAD_MEMORY, _STORE = 0x00, 0x60, 0x02
 _LOAD, _LOAD_HALF, _LOAD_BYTE, _LOAD_LENGTH = 0x20, 0x28, 0x30, 0x80
@@ -44,34 +44,39 @@ _FIXED_V1, _FIXED_V2, _SIGNATURE = 8 + 8, 8 + 12, 13
 _Code = list[tuple[int, int, int, int]]
 
 
-def program(known: Iterable[Source], own: Mapping[Source, float], likely: float, other: float) -> bytes:
+def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], likely: float, other: float) -> bytes:
     """The filter's instructions.
 
     Args:
-        known: who always passes.
-        own: who passes at a share of his own, 0..1.
-        likely: share of strangers' datagrams that pass if they look like one MAVLink frame, 0..1.
-        other: share of strangers' other datagrams that pass, 0..1.
+        known: senders that always pass.
+        own: senders of whose datagrams a share passes, 0..1.
+        likely: share of unknown datagrams that pass if they look like one MAVLink frame, 0..1.
+        other: share of other unknown datagrams that pass, 0..1.
 
     Raises:
         ValueError: more instructions than the kernel takes.
     """
-    shares = {_mixed(*source): share for source, share in own.items()}
+    shares = {_hash(*source): share for source, share in own.items()}
     code = [*_KEY]
     for key, share in sorted(shares.items()):
-        sieve = _sieve(share)
-        code += [(_IF_EQUAL, 0, len(sieve), key), *sieve]
-    code += _known(sorted({_mixed(*source) for source in known} - shares.keys()))
-    code += [(_LOAD_MEMORY, 0, 0, _KIND), (_IF_EQUAL, 0, len(_sieve(other)), MIXED), *_sieve(other), *_sieve(likely)]
-    if len(code) > _MOST:
-        raise ValueError(f"{len(code)} instructions are more than the {_MOST} that the kernel takes")
+        share_code = _pass_share(share)
+        code += [(_IF_EQUAL, 0, len(share_code), key), *share_code]
+    code += _pass_known(sorted({_hash(*source) for source in known} - shares.keys()))
+    code += [
+        (_LOAD_MEMORY, 0, 0, _KIND),
+        (_IF_EQUAL, 0, len(_pass_share(other)), MIXED),
+        *_pass_share(other),
+        *_pass_share(likely),
+    ]
+    if len(code) > _MOST_INSTRUCTIONS:
+        raise ValueError(f"{len(code)} instructions are more than the {_MOST_INSTRUCTIONS} that the kernel takes")
     return b"".join(_INSTRUCTION.pack(*step) for step in code)
 
 
-def _mixed(ip: int, port: int, kind: int) -> int:
-    """All three in 32 bits: (ip · odd + port + kind · another odd). Who could send from an address with an equal one
-    could as well send from that address."""
-    return (ip * _ODD + port + kind * _ODDER) & 0xFFFFFFFF
+def _hash(ip: int, port: int, kind: int) -> int:
+    """A 32-bit hash (ip · odd + port + kind · another odd). Collisions do no harm: who can send from a chosen address
+    can forge the known one as well."""
+    return (ip * _HASH_IP + port + kind * _HASH_KIND) & 0xFFFFFFFF
 
 
 _KEY: _Code = [
@@ -109,27 +114,27 @@ _KEY: _Code = [
     (_LOAD_HALF, 0, 0, _SOURCE_PORT),
     (_TO_X, 0, 0, 0),
     (_LOAD, 0, 0, _SOURCE_IP),
-    (_TIMES, 0, 0, _ODD),
+    (_TIMES, 0, 0, _HASH_IP),
     (_PLUS_X, 0, 0, 0),
     (_TO_X, 0, 0, 0),
     (_LOAD_MEMORY, 0, 0, _KIND),
-    (_TIMES, 0, 0, _ODDER),
+    (_TIMES, 0, 0, _HASH_KIND),
     (_PLUS_X, 0, 0, 0),
 ]
 
 
-def _known(keys: list[int]) -> _Code:
-    """Lets those with one of these keys pass."""
+def _pass_known(keys: list[int]) -> _Code:
+    """Code that lets datagrams with one of these hashes pass."""
     code: _Code = []
-    for start in range(0, len(keys), _BLOCK):
-        block = keys[start : start + _BLOCK]
+    for start in range(0, len(keys), _MOST_JUMP):
+        block = keys[start : start + _MOST_JUMP]
         code += [(_IF_EQUAL, len(block) - k, 0, key) for k, key in enumerate(block)]
         code += [(_JUMP, 0, 0, 1), (_RETURN, 0, 0, _PASS)]
     return code
 
 
-def _sieve(share: float) -> _Code:
-    """Lets a random share pass."""
+def _pass_share(share: float) -> _Code:
+    """Code that lets a random share pass."""
     below = round(share * 2.0**32)
     if below > 0xFFFFFFFF:
         return [(_RETURN, 0, 0, _PASS)]

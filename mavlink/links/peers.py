@@ -1,8 +1,8 @@
-"""Who sends to a UDP port: numbers for the addresses of all whose frames are kept, and trust for what has proved good.
+"""Senders to a UDP port: numbers for the addresses of kept frames, and which senders are trusted after good frames.
 
-A source address can be forged, so trust is in what comes from an address under one system id, never in all that comes
-from there, and nothing that only claims to come from there ends it. All tables are bounded, and of one system only a
-few addresses are trusted, those heard most often: a crowd that speaks in its name pushes out its own.
+A source address can be forged, so trust is for one address with one system id, never for all that comes from an
+address, and nothing that only claims to come from there ends it. All tables are bounded, and few addresses are trusted
+for one system, those heard most often: many impostors of one system displace each other, not the vehicle.
 """
 
 from __future__ import annotations
@@ -15,21 +15,24 @@ from dataclasses import dataclass
 from itertools import islice
 
 from mavlink.links.batch import MIXED, Claim, Sender
-from mavlink.links.bpf import Source
+from mavlink.links.bpf import FilterSource
 
 __all__ = ["Peers", "address_of", "key_of"]
 
 TRUSTED = 512
+"""Senders trusted at a time, of all systems."""
 NUMBERED = 4096
-PLACES = 4
-"""Addresses trusted for one system: it may be heard over some routes at once, and has a new one when it reboots."""
+"""Addresses that have a number at a time."""
+ADDRESSES_PER_SYSTEM = 4
+"""Addresses trusted for one system: it may come over several routes, and from a new one after a reboot."""
 WAITING = 512
-"""Senders that may wait for a place."""
-TOLD = 32
-QUIET_US = 60_000_000
-"""Trust ends when nothing good was heard for this long."""
-GONE_US = 5_000_000
-"""Nor does anybody wait for a place who says nothing for this long."""
+"""Senders that may wait for trust while all addresses of their system are taken."""
+REPORTED = 32
+"""Untrusted senders whose addresses are reported."""
+TRUSTED_US = 60_000_000
+"""Trust ends after so long without a good frame."""
+WAITING_US = 5_000_000
+"""A waiting sender is forgotten after so long without a good frame."""
 _KEY = struct.Struct("=q")
 _SENDER = struct.Struct("=H2s4s")
 
@@ -51,7 +54,7 @@ def address_of(key: int) -> str:
 class _Trust:
     heard_us: int
     times: int = 0
-    """Reviews before which it was heard."""
+    """Updates of trust before which it was heard."""
 
 
 class Peers:
@@ -61,12 +64,12 @@ class Peers:
         self.numbers: OrderedDict[int, int] = OrderedDict()
         """Address (:func:`key_of`) → number, from 1; the oldest first."""
         self.trusted: dict[Claim, _Trust] = {}
-        """Those whose frames were good and who have a place; look-ups say whether somebody is trusted."""
+        """Trusted senders, those with good frames."""
         self.changes = 0
         """Grows whenever what is trusted changes."""
         self._waiting: dict[Claim, _Trust] = {}
-        """Those whose frames were good while all places of their system were taken."""
-        self._places: Counter[int] = Counter()
+        """Senders with good frames while all addresses of their system were taken."""
+        self._addresses_of: Counter[int] = Counter()
         """System id → how many of the trusted speak for it."""
         self._known: Counter[int] = Counter()
         """Number → for how many systems it is trusted."""
@@ -76,7 +79,7 @@ class Peers:
         """Number → address, as in :attr:`numbers`."""
         self._last = 0
         self._heard: set[Claim] = set()
-        self._told: tuple[int, dict[int, tuple[str, int]]] = (-1, {})
+        self._address_cache: tuple[int, dict[int, tuple[str, int]]] = (-1, {})
 
     def number(self, key: int) -> int:
         """An address's number; a new one if it has none."""
@@ -84,47 +87,47 @@ class Peers:
         if known is not None:
             return known
         if len(self.numbers) >= NUMBERED:
-            self._forget_one()
+            self._evict_oldest()
         self._last += 1
         self.numbers[key] = self._last
         self.keys[self._last] = key
         return self._last
 
-    def hear(self, claims: set[Claim]) -> None:
-        """Good frames have just come from these, who are trusted already."""
+    def note_heard(self, claims: set[Claim]) -> None:
+        """Notes good frames of senders that are trusted already."""
         self._heard |= claims
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """Good frames have just come from these addresses under these system ids."""
-        self.hear(claims)
+        """Notes good frames of senders, and trusts those that there is room for."""
+        self.note_heard(claims)
         for claim in claims.difference(self.trusted):
             if claim[0] not in self.keys:
                 continue  # forgotten meanwhile
-            if self._places[claim[1]] < PLACES and len(self.trusted) < TRUSTED:
-                self._place(claim, _Trust(t_us))
+            if self._addresses_of[claim[1]] < ADDRESSES_PER_SYSTEM and len(self.trusted) < TRUSTED:
+                self._admit(claim, _Trust(t_us))
             elif claim in self._waiting or len(self._waiting) < WAITING:
                 self._waiting.setdefault(claim, _Trust(t_us)).heard_us = t_us
 
-    def mix(self, numbers: Set[int]) -> None:
-        """Good frames have come from these addresses in datagrams that were not one frame each."""
+    def note_mixed(self, numbers: Set[int]) -> None:
+        """Notes that good frames came from these addresses in datagrams that were not one frame each."""
         new = {number for number in numbers - self._mixed if number in self.keys}
         if new:
             self._mixed |= new
             self.changes += 1
 
-    def review(self, t_us: int) -> None:
-        """Ends the trust in those who are silent, and gives their places to others."""
+    def update_trust(self, t_us: int) -> None:
+        """Ends the trust in silent senders, and trusts waiting ones instead."""
         for table in (self.trusted, self._waiting):
             for claim in self._heard.intersection(table):
                 table[claim].heard_us = t_us
                 table[claim].times += 1
         self._heard.clear()
-        for claim in [claim for claim, entry in self.trusted.items() if t_us - entry.heard_us > QUIET_US]:
-            self._drop(claim)
+        for claim in [claim for claim, entry in self.trusted.items() if t_us - entry.heard_us > TRUSTED_US]:
+            self._revoke(claim)
         if self._waiting:
-            self._fill_places(t_us)
+            self._admit_waiting(t_us)
 
-    def adopt(
+    def restore(
         self,
         known: Mapping[int, tuple[str, int]],
         claims: Collection[Claim],
@@ -132,7 +135,7 @@ class Peers:
         last: int,
         t_us: int,
     ) -> None:
-        """Goes on with the numbers, and the trust, of a table that ended without notice.
+        """Takes over the numbers and the trust of another process that has ended.
 
         Args:
             known: number → address of those who were trusted.
@@ -145,7 +148,7 @@ class Peers:
             key = key_of(address)
             self.numbers[key], self.keys[number] = number, key
         self.trust(set(claims), t_us)
-        self.mix(set(mixed))
+        self.note_mixed(set(mixed))
         self._last = max(self._last, last, *known.keys())
 
     @property
@@ -160,17 +163,20 @@ class Peers:
 
     def addresses(self) -> dict[int, tuple[str, int]]:
         """Number → address of those who are trusted, as sockets take them."""
-        if self._told[0] != self.changes:
-            self._told = self.changes, {number: address for number in self._known for address in self.one(number)}
-        return self._told[1]
+        if self._address_cache[0] != self.changes:
+            self._address_cache = (
+                self.changes,
+                {number: address for number in self._known for address in self.socket_addresses(number)},
+            )
+        return self._address_cache[1]
 
-    def strangers(self) -> dict[int, str]:
-        """Number → host and port of the latest who are not trusted, to tell an operator."""
+    def untrusted(self) -> dict[int, str]:
+        """Number → host and port of the latest senders that are not trusted, for operators."""
         latest = (number for number in reversed(self.numbers.values()) if number not in self._known)
-        return {number: self.address(number) for number in islice(latest, TOLD)}
+        return {number: self.address(number) for number in islice(latest, REPORTED)}
 
-    def one(self, number: int) -> list[tuple[str, int]]:
-        """A sender's address, as sockets take it, trusted or not; none where it is forgotten."""
+    def socket_addresses(self, number: int) -> list[tuple[str, int]]:
+        """A sender's address as sockets take it, trusted or not; empty where it is forgotten."""
         if number not in self.keys:
             return []
         host, port = self._source(number)
@@ -181,37 +187,37 @@ class Peers:
         key = self.keys.get(number)
         return "" if key is None else address_of(key)
 
-    def knows(self, sender: Sender) -> bool:
-        """Whether somebody is trusted, in this form of his datagrams."""
+    def trusts(self, sender: Sender) -> bool:
+        """Whether a sender is trusted with this class of datagrams."""
         number, kind = sender
         return sender in self.trusted or (kind == MIXED and number in self._mixed and number in self._known)
 
     def systems(self) -> dict[Sender, int]:
-        """Those who are trusted, by the form of their datagrams → for how many systems each speaks so."""
+        """Trusted senders by class of datagrams → for how many systems each sends."""
         systems = dict.fromkeys(self.trusted, 1)
         if self._mixed:
             systems |= {(number, MIXED): self._known[number] for number in self._mixed.intersection(self._known)}
         return systems
 
-    def source(self, sender: Sender) -> Source:
-        """One of those, as the kernel's filter knows it."""
+    def source(self, sender: Sender) -> FilterSource:
+        """A sender as the kernel's filter knows it."""
         return (*self._source(sender[0]), sender[1])
 
     def _source(self, number: int) -> tuple[int, int]:
         _, port, host = _SENDER.unpack(_KEY.pack(self.keys[number]))
         return int.from_bytes(host, "big"), int.from_bytes(port, "big")
 
-    def _place(self, claim: Claim, entry: _Trust) -> None:
+    def _admit(self, claim: Claim, entry: _Trust) -> None:
         self.trusted[claim] = entry
-        self._places[claim[1]] += 1
+        self._addresses_of[claim[1]] += 1
         self._known[claim[0]] += 1
         self.changes += 1
 
-    def _fill_places(self, t_us: int) -> None:
-        """One of each system who wait takes a place that is free, or that of one who was heard less often."""
+    def _admit_waiting(self, t_us: int) -> None:
+        """Of each system one waiting sender takes a free place, or that of one that was heard less often."""
         first: dict[int, Claim] = {}
         for claim, entry in list(self._waiting.items()):
-            if t_us - entry.heard_us > GONE_US or claim[0] not in self.keys:
+            if t_us - entry.heard_us > WAITING_US or claim[0] not in self.keys:
                 del self._waiting[claim]
             elif claim[1] not in first or entry.times > self._waiting[first[claim[1]]].times:
                 first[claim[1]] = claim
@@ -220,28 +226,28 @@ class Peers:
             if claim[1] not in last or entry.times < self.trusted[last[claim[1]]].times:
                 last[claim[1]] = claim
         for system_id, claim in first.items():
-            if self._places[system_id] >= PLACES:
+            if self._addresses_of[system_id] >= ADDRESSES_PER_SYSTEM:
                 other = last[system_id]
             elif len(self.trusted) >= TRUSTED:
                 other = min(last.values(), key=lambda placed: self.trusted[placed].times)
             else:
-                self._place(claim, self._waiting.pop(claim))
+                self._admit(claim, self._waiting.pop(claim))
                 continue
             if self.trusted[other].times < self._waiting[claim].times:
                 self._waiting[other] = self.trusted[other]
-                self._drop(other)
-                self._place(claim, self._waiting.pop(claim))
+                self._revoke(other)
+                self._admit(claim, self._waiting.pop(claim))
                 last[system_id] = claim
 
-    def _drop(self, claim: Claim) -> None:
+    def _revoke(self, claim: Claim) -> None:
         del self.trusted[claim]
-        self._places[claim[1]] -= 1
+        self._addresses_of[claim[1]] -= 1
         self._known[claim[0]] -= 1
         if not self._known[claim[0]]:
             del self._known[claim[0]]
         self.changes += 1
 
-    def _forget_one(self) -> None:
+    def _evict_oldest(self) -> None:
         """The oldest who is not trusted; there always is one, as more are numbered than trusted."""
         while self.numbers[key := next(iter(self.numbers))] in self._known:
             self.numbers.move_to_end(key)

@@ -1,4 +1,4 @@
-"""What a link tells of itself: to operators, and to the process that goes on with it when this one has died."""
+"""The state of a link: for operators, and for the process that takes over when this one has died."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from mavlink.links.batch import Claim
-from mavlink.links.flood_limiter import Limit
+from mavlink.links.flood_limiter import FloodLimit
 
 __all__ = ["LinkCounts", "LinkReport"]
 
@@ -26,7 +26,7 @@ class LinkCounts:
     dropped: int = 0
     """Datagrams that the system threw away because nobody read them in time."""
     turned_away: int = 0
-    """Datagrams of strangers that were not let in while they came in masses."""
+    """Datagrams that the filter dropped during floods."""
     silent_s: float = math.inf
     """Since the last packet, inf before the first."""
 
@@ -52,10 +52,10 @@ class LinkReport:
     """What the known senders are trusted for."""
     mixed: tuple[int, ...] = ()
     """Numbers of those whose datagrams are not always one frame."""
-    limits: tuple[Limit, ...] = ()
-    """Who floods it and is not let in whole."""
+    limits: tuple[FloodLimit, ...] = ()
+    """Senders that flood it and of whom only a share passes."""
 
     @property
     def narrow(self) -> bool:
-        """Whether somebody floods it and is not let in whole."""
+        """Whether a sender floods it and only a share of it passes."""
         return bool(self.limits)

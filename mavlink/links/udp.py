@@ -69,12 +69,12 @@ class UdpIn(UdpLink):
     def troubles(self) -> tuple[str, ...]:
         """That nobody can be kept out, on a system that cannot do it."""
         text = f"{self.name}: this system has no socket filters; a flood of strangers can push others out"
-        return (text,) if self.gate.broken else ()
+        return (text,) if self.limiter.is_unsupported else ()
 
     def resume(self, before: LinkReport) -> None:
         """Senders keep their numbers, and those who were known stay known."""
         known = {number: (host, port) for number, host, port in before.addresses}
-        self.peers.adopt(known, before.claims, before.mixed, before.last_peer, now_us())
+        self.peers.restore(known, before.claims, before.mixed, before.last_peer, now_us())
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
         """Sends to everybody who sent good frames in the last minute, or to one sender.
@@ -87,7 +87,9 @@ class UdpIn(UdpLink):
         Raises:
             LinkError: nobody was heard yet, or not this one.
         """
-        wanted = self.peers.one(peer) if peer else list(self.peers.addresses().values())[: self._most_receivers]
+        wanted = (
+            self.peers.socket_addresses(peer) if peer else list(self.peers.addresses().values())[: self._most_receivers]
+        )
         if not wanted:
             whom = f"cannot send to sender {peer}" if peer else "nobody to send to"
             raise LinkError(f"{self.name}: {whom}, nothing was heard in the last minute")

@@ -14,8 +14,8 @@ from infra.stamped_udp import receive_stamped
 from infra.wall_clock import now_us
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import MIXED, Batch, Claim, Sender, is_one_frame, looks_like_one_frame, system_of
-from mavlink.links.fair_shares import Coming
-from mavlink.links.flood_limiter import Gate, Limit
+from mavlink.links.fair_shares import Traffic
+from mavlink.links.flood_limiter import FloodLimit, FloodLimiter
 from mavlink.links.peers import Peers, address_of, key_of
 from mavlink.links.recvmmsg import BATCH, STRIDE, Datagrams, available
 from mavlink.links.report import LinkCounts, LinkReport
@@ -29,7 +29,7 @@ __all__ = ["UdpLink"]
 _CLOCK_GAP_US = 10_000_000
 """A stamp that is older is of before the clock was set."""
 SUDDEN = 1000
-"""Strangers' datagrams that cannot wait for the next tenth of a second: a socket has room for some ten thousand."""
+"""Unknown datagrams after which the shares are updated at once: a socket has room for some ten thousand."""
 _WAITED_S = 10.0
 """Nothing lies longer in the socket, as far as rates are concerned."""
 
@@ -48,19 +48,21 @@ class UdpLink(Link):
     ) -> None:
         super().__init__(url, options)
         self.peers = Peers()
-        self.gate = Gate(sock)
+        self.limiter = FloodLimiter(sock)
         self._socket = sock
         self._system_ids = frozenset(options.system_ids)
         self._trusts_checksums = options.trusts_checksums
         self._datagrams = Datagrams(sock) if available() else None
         self._batches: list[Batch] = []
-        self._spoiled: Counter[Sender] = Counter()
-        self._strange = [0, 0]
-        self._strangers: Counter[int] = Counter()
-        self._crowd = ""
+        """Received since the last update of the shares, as are the counts that follow."""
+        self._bad_datagrams: Counter[Sender] = Counter()
+        self._unknown_counts = [0, 0]
+        """Datagrams of unknown senders that look like one frame, and others."""
+        self._unknown_addresses: Counter[int] = Counter()
+        self._unknown_words = ""
         self._clock_s = clock_s
         self._newest_us = 0
-        self._hurry = False
+        self._was_full = False
         self._is_refused = False
         """Whether the system told that nobody listened where a frame was sent to."""
 
@@ -68,8 +70,8 @@ class UdpLink(Link):
     def counts(self) -> LinkCounts:
         """What came so far."""
         if self._open:
-            self.gate.count_drops()
-        return self._counters.snapshot(dropped=self.gate.dropped, turned_away=self.gate.turned_away)
+            self.limiter.count_drops()
+        return self._counters.snapshot(dropped=self.limiter.dropped, turned_away=self.limiter.turned_away)
 
     @property
     def buffer_bytes(self) -> int:
@@ -91,7 +93,7 @@ class UdpLink(Link):
         batch = Batch()
         if not self._open:
             return batch
-        self.gate.look(self._hurry)
+        self.limiter.note_fill(self._was_full)
         try:
             if self._datagrams:
                 self._receive_many(batch)
@@ -104,97 +106,97 @@ class UdpLink(Link):
                 raise
             return batch
         now = now_us()
-        self._note(batch, now)
-        if sum(self._strange) > SUDDEN:
+        self._note_senders(batch, now)
+        if sum(self._unknown_counts) > SUDDEN:
             self.adapt(now)
         return batch
 
-    def _note(self, batch: Batch, t_us: int) -> None:
-        """Who a batch came from."""
+    def _note_senders(self, batch: Batch, t_us: int) -> None:
+        """Notes the senders of a batch, and trusts new ones whose checksums are right."""
         if not batch.frames:
             return
         self._batches.append(batch)
         if batch.mixed:
-            self.peers.mix({batch.peers[k] for k in batch.mixed})
+            self.peers.note_mixed({batch.peers[k] for k in batch.mixed})
         claimed = batch.claimed()
         new = claimed.difference(self.peers.trusted)
         if not new:
             if self._trusts_checksums:
-                self.peers.hear(claimed)
+                self.peers.note_heard(claimed)
             return
         claims = batch.claims()
         for k, claim in enumerate(claims):
             if claim in new:
-                self._strange[k in batch.mixed] += 1
-                self._strangers[self.peers.keys.get(claim[0], 0)] += 1
+                self._unknown_counts[k in batch.mixed] += 1
+                self._unknown_addresses[self.peers.keys.get(claim[0], 0)] += 1
         if self._trusts_checksums:
-            self.peers.trust(claimed - new | self._vouched(batch, claims, new), t_us)
+            self.peers.trust(claimed - new | self._newly_trusted(batch, claims, new), t_us)
 
     def address(self, peer: int) -> str:
         """Host and port of a sender; empty where it is forgotten."""
         return self.peers.address(peer)
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """These have proved who they are: they pass as far as can be borne, and may be sent to."""
+        """These senders have proved who they are: they pass up to their limits, and may be sent to."""
         self.peers.trust(claims, t_us)
 
-    def limits(self) -> tuple[Limit, ...]:
-        """Who is not let in whole at the moment."""
-        return tuple(self.gate.limits(self.peers, self._crowd))
+    def limits(self) -> tuple[FloodLimit, ...]:
+        """Senders of whom only a share passes at the moment."""
+        return tuple(self.limiter.limits(self.peers, self._unknown_words))
 
     def maintain(self) -> None:
-        """Adapts who is let in; to be called every tenth of a second or so."""
-        if self._open and self.gate.due(self._clock_s()):
+        """Updates which shares pass; to be called every tenth of a second or so."""
+        if self._open and self.limiter.due(self._clock_s()):
             self.adapt(now_us())
 
     def adapt(self, t_us: int) -> None:
-        """Lets in as much of whom as can be borne."""
-        self.peers.review(t_us)
-        if self._strangers:
-            others = len(self._strangers) - 1
-            self._crowd = address_of(self._strangers.most_common(1)[0][0])
-            self._crowd += f" and {others} more address{'es' * (others > 1)}" if others else ""
+        """Updates the trust in senders, and which share of their datagrams passes."""
+        self.peers.update_trust(t_us)
+        if self._unknown_addresses:
+            others = len(self._unknown_addresses) - 1
+            self._unknown_words = address_of(self._unknown_addresses.most_common(1)[0][0])
+            self._unknown_words += f" and {others} more address{'es' * (others > 1)}" if others else ""
         now_s = self._clock_s()
-        dt_s = max(self.gate.elapsed_s(now_s), self._arrived_s())
-        frames, read = self._come(dt_s)
-        likely, other = self._strange
-        coming = Coming(likely=likely, other=other, frames=frames if self._trusts_checksums else {}, read=read)
-        self._batches, self._strange = [], [0, 0]
-        self._spoiled.clear()
-        self._strangers.clear()
-        self.gate.adapt(now_s, dt_s, coming, self.peers)
+        dt_s = max(self.limiter.elapsed_s(now_s), self._span_s())
+        frames, read = self._traffic_of_known(dt_s)
+        likely, other = self._unknown_counts
+        traffic = Traffic(likely=likely, other=other, frames=frames if self._trusts_checksums else {}, read=read)
+        self._batches, self._unknown_counts = [], [0, 0]
+        self._bad_datagrams.clear()
+        self._unknown_addresses.clear()
+        self.limiter.adapt(now_s, dt_s, traffic, self.peers)
 
-    def _arrived_s(self) -> float:
-        """In which time all arrived that was read since the last time: it may have waited while nobody could read."""
+    def _span_s(self) -> float:
+        """Time over which the frames since the last update arrived: they may have queued for a while."""
         newest_us = self._batches[-1].times_us[-1] if self._batches else self._newest_us
         before_us, self._newest_us = self._newest_us, newest_us
         return min((newest_us - before_us) * 1e-6, _WAITED_S) if before_us else 0.0
 
-    def _come(self, dt_s: float) -> tuple[Counter[Sender], Counter[Sender]]:
-        """Good frames of those who are known, and datagrams read; none where no one of them can be too many."""
+    def _traffic_of_known(self, dt_s: float) -> tuple[Counter[Sender], Counter[Sender]]:
+        """Good frames of known senders, and datagrams read of them; empty where none can be over its limit."""
         frames: Counter[Sender] = Counter()
-        if self.gate.relaxed(sum(map(len, self._batches)) + self._spoiled.total(), self._busiest, dt_s):
+        if self.limiter.is_calm(sum(map(len, self._batches)) + self._bad_datagrams.total(), self._busiest, dt_s):
             return frames, frames
         for batch in self._batches:
             frames.update(batch.senders())
-        for sender in [s for s in frames if not self.peers.knows(s)]:
+        for sender in [s for s in frames if not self.peers.trusts(s)]:
             del frames[sender]
-        return frames, frames + self._spoiled
+        return frames, frames + self._bad_datagrams
 
     def _busiest(self) -> int:
         """Datagrams of one address at most, in whatever form."""
         counts = Counter(chain.from_iterable(batch.peers for batch in self._batches))
-        return max(counts.values(), default=0) + self._spoiled.total()
+        return max(counts.values(), default=0) + self._bad_datagrams.total()
 
     def report(self) -> LinkReport:
-        """How it is doing, with who is known and who floods."""
+        """How it is doing, with known senders and floods."""
         addresses = tuple((number, host, port) for number, (host, port) in self.peers.addresses().items())
         return replace(
             super().report(),
             buffer_bytes=self.buffer_bytes,
             peers=len(addresses),
             addresses=addresses,
-            others=tuple(self.peers.strangers().items()),
+            others=tuple(self.peers.untrusted().items()),
             claims=tuple(self.peers.trusted),
             mixed=tuple(self.peers.mixed),
             limits=self.limits(),
@@ -205,8 +207,8 @@ class UdpLink(Link):
         self._open = False
         self._socket.close()
 
-    def _vouched(self, batch: Batch, claims: list[Claim], new: Set[Claim]) -> set[Claim]:
-        """Those of some new ones who sent a good frame of a system that is known."""
+    def _newly_trusted(self, batch: Batch, claims: list[Claim], new: Set[Claim]) -> set[Claim]:
+        """New senders with a frame of a known message, of a system of the mission where those are given."""
         return {
             claim
             for k, claim in enumerate(claims)
@@ -218,7 +220,7 @@ class UdpLink(Link):
         datagrams = self._datagrams
         assert datagrams is not None
         count = datagrams.receive()
-        self._hurry = count == BATCH
+        self._was_full = count == BATCH
         if count:
             now = now_us()  # not before the call: what comes while this process is held up would be stamped too early
             lengths, view = datagrams.lengths(count), datagrams.view
@@ -239,7 +241,7 @@ class UdpLink(Link):
                 data.append(one)
                 keys.append(key_of(sender))
                 times_us.append(t_us)
-        self._hurry = len(data) == BATCH
+        self._was_full = len(data) == BATCH
         self._find_frames(batch, data, keys, times_us, now_us())
 
     def _find_frames(
@@ -261,15 +263,15 @@ class UdpLink(Link):
                 add_peer(numbers.get(key) or self.peers.number(key))
                 good += 1
             else:
-                self._search(batch, data, key, t_us)
+                self._split_datagram(batch, data, key, t_us)
         self._counters.add(sum(map(len, datagrams)), FrameCounts(good=good))
 
-    def _search(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
+    def _split_datagram(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
         """Finds the frames in a datagram, whatever else is in it."""
         frames, counts = split(data)
         self._counters.add(0, counts)
         if not frames:
-            self._empty(data, key)
+            self._note_bad_datagram(data, key)
             return
         number, alone = self.peers.number(key), looks_like_one_frame(data)
         for frame in frames:
@@ -281,12 +283,12 @@ class UdpLink(Link):
             batch.frames.append(frame)
             batch.peers.append(number)
 
-    def _empty(self, data: bytes, key: int) -> None:
-        """A datagram with nothing in it, whoever sent it: its address may be forged."""
+    def _note_bad_datagram(self, data: bytes, key: int) -> None:
+        """Counts a datagram without a frame, for its sender where that is trusted: the address may be forged."""
         alone = looks_like_one_frame(data)
         sender = self.peers.numbers.get(key, 0), system_of(data) if alone else MIXED
-        if self.peers.knows(sender):
-            self._spoiled[sender] += 1
+        if self.peers.trusts(sender):
+            self._bad_datagrams[sender] += 1
         else:
-            self._strange[not alone] += 1
-            self._strangers[key] += 1
+            self._unknown_counts[not alone] += 1
+            self._unknown_addresses[key] += 1

@@ -16,7 +16,7 @@ from mavlink.ingest.messages import IngestRequest
 from mavlink.ingest.plan import Outputs, Plan, Signing
 from mavlink.links.base import LinkOptions
 from mavlink.links.batch import MIXED, is_one_frame, looks_like_one_frame
-from mavlink.links.flood_limiter import STRANGERS, Limit
+from mavlink.links.flood_limiter import STRANGERS, FloodLimit
 from mavlink.links.kinds import parse_url
 from mavlink.links.report import LinkCounts, LinkReport
 from mavlink.links.udp import UdpIn
@@ -201,7 +201,9 @@ def test_arrival_is_the_kernels():
 # ---- what is told
 
 
-STRANGE = Limit(address="10.0.0.9:5 and 299 more addresses", system_id=STRANGERS, wanted_per_s=57_312.0, turned_away=7)
+STRANGE = FloodLimit(
+    address="10.0.0.9:5 and 299 more addresses", system_id=STRANGERS, wanted_per_s=57_312.0, turned_away=7
+)
 
 
 def test_each_change_is_told_once():
@@ -229,8 +231,8 @@ def test_each_change_is_told_once():
 
 def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end():
     events = HealthEvents()
-    first = Limit(address="10.0.0.7:5", system_id=11, wanted_per_s=60_123.0, turned_away=1)
-    router = Limit(address="10.0.0.7:5", system_id=MIXED, wanted_per_s=9000.0, turned_away=1)
+    first = FloodLimit(address="10.0.0.7:5", system_id=11, wanted_per_s=60_123.0, turned_away=1)
+    router = FloodLimit(address="10.0.0.7:5", system_id=MIXED, wanted_per_s=9000.0, turned_away=1)
     link = LinkReport(name="udp", counts=LinkCounts(), limits=(first,))
     assert events.since_last(IngestHealth(links=(link,))) == [
         (

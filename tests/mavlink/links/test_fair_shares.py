@@ -1,4 +1,4 @@
-"""Who is let in over a UDP port, and how much of whom: places, allowances, the filter in the kernel and the gate."""
+"""Who is let in over a UDP port, and how much of whom: places, allowances, the filter in the kernel and the limiter."""
 
 import math
 import socket
@@ -14,12 +14,12 @@ from mavlink.links.fair_shares import (
     OTHER_PER_S,
     READ_PER_S,
     SENDER_PER_S,
-    Coming,
     Shares,
+    Traffic,
     fair_level,
 )
-from mavlink.links.flood_limiter import STRANGERS, TICK_S, Gate
-from mavlink.links.peers import GONE_US, NUMBERED, PLACES, TRUSTED, WAITING, Peers, key_of
+from mavlink.links.flood_limiter import STRANGERS, TICK_S, FloodLimiter
+from mavlink.links.peers import ADDRESSES_PER_SYSTEM, NUMBERED, TRUSTED, WAITING, WAITING_US, Peers, key_of
 from mavlink.protocol.encoder import MavlinkEncoder
 from tests.support.ports import needs_socket_filters, udp_socket
 
@@ -58,12 +58,12 @@ def test_a_crowd_of_strangers_pushes_out_its_own():
     fleet = {(peer(peers, k), k + 1) for k in range(100)}
     for t_us in range(10):
         peers.trust(fleet, t_us)
-        peers.review(t_us)
+        peers.update_trust(t_us)
     for k in range(3 * NUMBERED):
         peers.trust({(peer(peers, 1000 + k), k % 256)}, 100)
         if k % 1000 == 0:
-            peers.review(101)
-    peers.review(101)
+            peers.update_trust(101)
+    peers.update_trust(101)
     assert len(peers.trusted) <= TRUSTED and len(peers.numbers) <= NUMBERED
     assert fleet <= peers.trusted.keys()
     assert {(peer(peers, k), k + 1) for k in range(100)} == fleet
@@ -75,55 +75,55 @@ def test_a_crowd_that_speaks_as_one_vehicle_gets_few_places_and_those_heard_long
     vehicle, rebooted = (peer(peers, 1), 11), (peer(peers, 2), 11)
     crowd = {(peer(peers, 10 + k), 11) for k in range(50)}
     peers.trust({vehicle}, 0)
-    peers.review(0)
+    peers.update_trust(0)
     for t_us in range(1, 10):
         peers.trust({vehicle, *crowd}, t_us)
-        peers.review(t_us)
-    assert vehicle in peers.trusted and len(peers.trusted) == PLACES
+        peers.update_trust(t_us)
+    assert vehicle in peers.trusted and len(peers.trusted) == ADDRESSES_PER_SYSTEM
     # one that was never silent takes the place of one that spoke once
     late = max(peers.trusted, key=lambda claim: claim[0])
     for t_us in range(10, 40):
         peers.trust({vehicle, rebooted, *crowd} - {late}, t_us)
-        peers.review(t_us)
-    assert late not in peers.trusted and vehicle in peers.trusted and len(peers.trusted) == PLACES
+        peers.update_trust(t_us)
+    assert late not in peers.trusted and vehicle in peers.trusted and len(peers.trusted) == ADDRESSES_PER_SYSTEM
 
 
 def test_trust_ends_with_silence_and_its_place_is_free():
     peers = Peers()
-    claims = {(peer(peers, k), 11) for k in range(PLACES)}
+    claims = {(peer(peers, k), 11) for k in range(ADDRESSES_PER_SYSTEM)}
     waiting = (peer(peers, 99), 11)
     peers.trust(claims, 0)
     peers.trust({waiting}, 0)
-    peers.review(0)
+    peers.update_trust(0)
     assert waiting not in peers.trusted
     peers.trust({waiting}, 59_000_000)
-    peers.review(59_000_000)
+    peers.update_trust(59_000_000)
     changes = peers.changes
     peers.trust({waiting}, 60_000_000)
-    peers.review(60_000_001)
+    peers.update_trust(60_000_001)
     assert list(peers.trusted) == [waiting] and peers.changes > changes
-    peers.review(120_000_002)
+    peers.update_trust(120_000_002)
     assert not peers.trusted and not peers.addresses()
 
 
 def test_those_who_wait_for_a_place_are_few_and_soon_forgotten():
     peers = Peers()
-    claims = [(peer(peers, k), 11) for k in range(PLACES + 2 * WAITING)]
-    peers.trust(set(claims[:PLACES]), 0)
-    peers.trust(set(claims[PLACES:]), 0)
-    peers.review(0)
+    claims = [(peer(peers, k), 11) for k in range(ADDRESSES_PER_SYSTEM + 2 * WAITING)]
+    peers.trust(set(claims[:ADDRESSES_PER_SYSTEM]), 0)
+    peers.trust(set(claims[ADDRESSES_PER_SYSTEM:]), 0)
+    peers.update_trust(0)
     assert len(peers._waiting) == WAITING
-    peers.trust({claims[0]}, GONE_US + 1)
-    peers.review(GONE_US + 1)
-    assert not peers._waiting and len(peers.trusted) == PLACES
+    peers.trust({claims[0]}, WAITING_US + 1)
+    peers.update_trust(WAITING_US + 1)
+    assert not peers._waiting and len(peers.trusted) == ADDRESSES_PER_SYSTEM
 
 
 def test_another_process_goes_on_with_what_is_known():
     peers, after = Peers(), Peers()
     claims = {(peer(peers, 1), 11), (peer(peers, 1), 12), (peer(peers, 2), 13)}
     peers.trust(claims, 0)
-    peers.mix({peer(peers, 1)})
-    after.adopt(peers.addresses(), tuple(peers.trusted), tuple(peers.mixed), peers.last, 5)
+    peers.note_mixed({peer(peers, 1)})
+    after.restore(peers.addresses(), tuple(peers.trusted), tuple(peers.mixed), peers.last, 5)
     assert after.systems() == peers.systems() == {**dict.fromkeys(claims, 1), (peer(peers, 1), MIXED): 2}
     assert after.addresses() == peers.addresses() and after.last == peers.last
 
@@ -211,21 +211,21 @@ def settle(shares, offered, seconds=5.0, late=False):
             share = (
                 getattr(shares, who).share
                 if isinstance(who, str)
-                else shares.own[who].share
-                if who in shares.own
+                else shares.limited[who].share
+                if who in shares.limited
                 else 1
             )
             seen[who] = (round(rate * share * TICK_S), round(good * share * TICK_S))
             passed[who] += rate * share * TICK_S
         known = {who: counts for who, counts in seen.items() if not isinstance(who, str)}
-        coming = Coming(
+        traffic = Traffic(
             likely=seen.get("likely", (0, 0))[0],
             other=seen.get("other", (0, 0))[0],
             frames={who: good for who, (_, good) in known.items() if good},
             read={who: read for who, (read, _) in known.items()},
             late=late,
         )
-        shares.adapt(coming, {}, TICK_S, 10.0 + k * TICK_S)
+        shares.adapt(traffic, {}, TICK_S, 10.0 + k * TICK_S)
     return {who: total / seconds for who, total in passed.items()}
 
 
@@ -246,21 +246,21 @@ def test_strangers_are_let_in_as_often_as_can_be_borne():
 def test_a_known_sender_is_limited_alone_and_a_burst_of_his_is_not():
     shares, fleet = Shares(), {(k, k): (120, 120) for k in range(20)}
     assert settle(shares, fleet | {(99, 11): (SENDER_PER_S, SENDER_PER_S)})[99, 11] == pytest.approx(SENDER_PER_S)
-    assert not shares.own
+    assert not shares.limited
     settle(shares, fleet | {(99, 11): (10 * SENDER_PER_S, 10 * SENDER_PER_S)}, seconds=TICK_S)
-    assert all(part.share == 1.0 for part in shares.own.values())
+    assert all(part.share == 1.0 for part in shares.limited.values())
     got = settle(shares, fleet | {(99, 11): (60_000, 60_000)}, seconds=20.0)
     assert [got[k, k] for k in range(20)] == [pytest.approx(120)] * 20
     assert got[99, 11] == pytest.approx(SENDER_PER_S, rel=0.3)
     settle(shares, fleet, seconds=5.0)
     shares.forget(1e9, {})
-    assert not shares.own
+    assert not shares.limited
 
 
 def test_junk_that_claims_to_be_a_vehicle_does_not_count_as_its_frames():
     shares = Shares()
     assert settle(shares, {(1, 11): (29_000, 120)})[1, 11] == 29_000
-    assert not shares.own
+    assert not shares.limited
     got = settle(shares, {(1, 11): (3 * READ_PER_S, 120), (2, 12): (120, 120)}, seconds=20.0)
     assert got[1, 11] == pytest.approx(READ_PER_S, rel=0.1) and got[2, 12] == pytest.approx(120)
 
@@ -277,20 +277,20 @@ def test_a_machine_that_is_late_reads_less_of_those_who_flood_and_all_of_the_oth
 def test_a_large_fleet_is_let_in_whole():
     shares, fleet = Shares(), {(k, k): (200, 200) for k in range(100)}
     settle(shares, fleet)
-    assert not shares.own
+    assert not shares.limited
 
 
-# ---- the gate
+# ---- the limiter
 
 
 @needs_socket_filters
 def test_a_gate_that_cannot_work_lets_everybody_in():
     with udp_socket() as here, udp_socket() as stranger:
-        gate, peers = Gate(here), Peers()
+        limiter, peers = FloodLimiter(here), Peers()
         peers.systems = lambda: {(k, 1): 1 for k in range(5000)}  # more than the kernel takes
         peers.source = lambda sender: (sender[0], 1, 1)
-        gate.adapt(0.1, 0.1, Coming(100_000, 100_000, {}, {}), peers)
-        assert gate.broken and not list(gate.limits(peers, ""))
+        limiter.adapt(0.1, 0.1, Traffic(100_000, 100_000, {}, {}), peers)
+        assert limiter.is_unsupported and not list(limiter.limits(peers, ""))
         stranger.sendto(b"x", here.getsockname())
         assert arrived(here) == [b"x"]
 
@@ -298,11 +298,11 @@ def test_a_gate_that_cannot_work_lets_everybody_in():
 @needs_socket_filters
 def test_what_is_turned_away_is_not_called_lost_and_is_counted():
     with udp_socket() as here, udp_socket() as stranger:
-        gate, peers = Gate(here), Peers()
-        gate.adapt(0.1, 0.1, Coming(0, 1_000_000, {}, {}), peers)
+        limiter, peers = FloodLimiter(here), Peers()
+        limiter.adapt(0.1, 0.1, Traffic(0, 1_000_000, {}, {}), peers)
         for _ in range(500):
             stranger.sendto(b"junk", here.getsockname())
-        gate.adapt(0.2, 0.1, Coming(0, len(arrived(here)), {}, {}), peers)
-        assert gate.turned_away > 400 and gate.dropped == 0
-        (limit,) = gate.limits(peers, "here")
-        assert (limit.address, limit.system_id, limit.turned_away) == ("here", STRANGERS, gate.turned_away)
+        limiter.adapt(0.2, 0.1, Traffic(0, len(arrived(here)), {}, {}), peers)
+        assert limiter.turned_away > 400 and limiter.dropped == 0
+        (limit,) = limiter.limits(peers, "here")
+        assert (limit.address, limit.system_id, limit.turned_away) == ("here", STRANGERS, limiter.turned_away)

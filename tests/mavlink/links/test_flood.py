@@ -31,7 +31,7 @@ class Field:
         url = parse_url(f"udpin:{HOST}:{self.port}")
         options = LinkOptions(system_ids=range(11, 19), trusts_checksums=not keys)
         self.link = UdpIn(url, options, clock_s=lambda: self.now_s)
-        self.link._arrived_s = lambda: 0.0  # the kernel's stamps follow another clock than this test's
+        self.link._span_s = lambda: 0.0  # the kernel's stamps follow another clock than this test's
         stack.callback(self.link.close)
         self.sockets = {k: stack.enter_context(udp_socket()) for k in range(11, 19)}
         self.speakers = {k: MavlinkEncoder(k) for k in self.sockets}
