@@ -78,8 +78,7 @@ class Own(VideoStream):
     """The station's stream, and what its process uses."""
 
     def cpu_s(self) -> float:
-        fields = Path(f"/proc/{self.process_id}/stat").read_text().rpartition(")")[2].split()
-        return time.process_time() + (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return time.process_time() + self._supervisor.process.cpu_s
 
 
 def coded(n: int) -> list[list[bytes]]:

@@ -1,12 +1,13 @@
 """A password in a video's address is given to FFmpeg, and stands nowhere else."""
 
+import contextlib
 import signal
 import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
+import psutil
 import pytest
 
 from gcs.flight.video import FlightVideo, check_source
@@ -114,14 +115,14 @@ def test_a_flight_keeps_it_to_itself(tmp_path, given_by):
         deadline = time.monotonic() + 50
         while "cannot be opened" not in told() and time.monotonic() < deadline:
             time.sleep(0.1)
-        lines = {pid: (Path("/proc") / str(pid) / "cmdline").read_bytes() for pid in family(flight.pid)}
+        lines = list(command_lines(psutil.Process(flight.pid)))
         flight.send_signal(signal.SIGINT)
         stdout, stderr = flight.communicate(timeout=30)
         killer.cancel()
     assert flight.returncode == 4, stderr  # nothing was named
     assert "cannot be opened" in told()
     assert len(lines) >= 3
-    assert not [line for line in lines.values() if PASSWORD.encode() in line]
+    assert not [line for line in lines if PASSWORD in line]
     assert PASSWORD.encode() not in stdout + stderr
     assert (b"--video" in stderr) == (given_by == "option")
     files = [path for path in tmp_path.rglob("sessions/**/*") if path.is_file()]
@@ -129,10 +130,11 @@ def test_a_flight_keeps_it_to_itself(tmp_path, given_by):
     assert not [path for path in files if PASSWORD.encode() in path.read_bytes()]
 
 
-def family(pid):
-    """A process and those that it started, as far as they live."""
-    children = Path(f"/proc/{pid}/task").glob("*/children")
-    return [pid, *(i for file in children for child in file.read_text().split() for i in family(int(child)))]
+def command_lines(station):
+    """Of a process and those that it started, as far as they live."""
+    for process in (station, *station.children(recursive=True)):
+        with contextlib.suppress(psutil.Error):
+            yield " ".join(process.cmdline())
 
 
 def test_a_fault_tells_nothing(tmp_path):
