@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from assoc.records import CameraState, Observation, VehicleReports
-from gcs.fold.snapshot_rows import CameraView
+from gcs.fold.snapshot_rows import FrameCamera
 from mavlink.fleet.fleet import Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections
@@ -53,7 +53,7 @@ def reports_of(reports: Reports, ugv_ids: Sequence[int]) -> VehicleReports:
     )
 
 
-def camera_of(view: CameraView, stabilized: bool) -> CameraState:
+def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
     """The camera as telemetry has it; ``stabilized``: a gimbal keeps its horizon."""
     lens = view.intrinsics
     return CameraState(

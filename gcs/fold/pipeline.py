@@ -20,7 +20,7 @@ from gcs.fold.name_changes import NameChanges
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import SteadyCamera
 from gcs.fold.quarantine import doubted, quarantined
-from gcs.fold.snapshot_rows import CameraView, boxes_of, vehicle_rows
+from gcs.fold.snapshot_rows import FrameCamera, boxes_of, vehicle_rows
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import Trends
@@ -84,7 +84,7 @@ class Pipeline:
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
-        self._view: CameraView | None = None
+        self._view: FrameCamera | None = None
         self._names = NameChanges(mission)
         self._events: list[Event] = []
         self._throttle = EventThrottle()
@@ -203,7 +203,7 @@ class Pipeline:
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
 
-    def _look(self, state: FleetState, size: tuple[int, int] | None) -> CameraView | None:
+    def _look(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
         """Camera pose from the UAV's report, None without a position or a camera."""
         uav = state.uav
         intrinsics = self._optics.look(state.t_us, uav.camera, size)
@@ -211,7 +211,7 @@ class Pipeline:
         if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None
         self._events += self._direction.check(state.t_us, uav)
-        return CameraView(
+        return FrameCamera(
             intrinsics=intrinsics,
             pose=self._direction.pose(uav, uav.p_enu + self._steady.shift_enu),
             ground_z=float(uav.p_enu[2] - uav.height_m),
@@ -219,7 +219,7 @@ class Pipeline:
             position_sure=not state.vehicles[0].doubted_for,
         )
 
-    def _stitch(self, t_us: int, view: CameraView | None) -> Stitch | None:
+    def _stitch(self, t_us: int, view: FrameCamera | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
         if view is None:
             return None
@@ -236,7 +236,7 @@ class Pipeline:
         heard = set(state.system_id[state.valid].tolist())
         return [track for track, vehicle in self._names.by_track.items() if vehicle in heard]
 
-    def _projected(self, state: FleetState, view: CameraView | None) -> dict[int, FloatArray]:
+    def _projected(self, state: FleetState, view: FrameCamera | None) -> dict[int, FloatArray]:
         """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""
         if view is None:
             return {}
@@ -245,14 +245,14 @@ class Pipeline:
         return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
 
     def _identify(
-        self, t_us: int, detections: Detections, tracks: Tracks, view: CameraView | None
+        self, t_us: int, detections: Detections, tracks: Tracks, view: FrameCamera | None
     ) -> Identities | None:
         if view is None:
             return None
         observation = observation_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics)
         return self._identifier.update(observation, self._camera(view))
 
-    def _camera(self, view: CameraView) -> CameraState:
+    def _camera(self, view: FrameCamera) -> CameraState:
         return camera_of(view, self._direction.stabilized)
 
     def _believed(self, health: Health) -> Health:
@@ -271,7 +271,7 @@ class Pipeline:
         index: int,
         t_us: int,
         state: FleetState,
-        view: CameraView | None,
+        view: FrameCamera | None,
         image: NDArray[np.uint8] | None,
         detections: Detections,
         tracks: Tracks | None,
@@ -314,7 +314,7 @@ def _on_ground(p_enu: FloatArray, ground_z: float) -> FloatArray:
     return flat
 
 
-def _warp(before: CameraView | None, now: CameraView | None) -> FloatArray | None:
+def _warp(before: FrameCamera | None, now: FrameCamera | None) -> FloatArray | None:
     """How the ground moved in the image, known where both poses are."""
     if before is None or now is None or not (before.attitude_known and now.attitude_known):
         return None

@@ -19,7 +19,7 @@ from vision.camera.intrinsics import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["CameraView", "boxes_of", "vehicle_rows"]
+__all__ = ["FrameCamera", "boxes_of", "vehicle_rows"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -32,7 +32,7 @@ CONFIRMED = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CameraView:
+class FrameCamera:
     """The camera at one frame."""
 
     intrinsics: Intrinsics
@@ -49,7 +49,7 @@ def boxes_of(
     tracks: Tracks | None,
     identities: Identities | None,
     vehicle_uv: dict[int, FloatArray],
-    view: CameraView | None,
+    view: FrameCamera | None,
     origin: LocalFrame | None,
 ) -> tuple[Box, ...]:
     """Boxes of a frame: those that tracks took, with their names, then those that no track took.
