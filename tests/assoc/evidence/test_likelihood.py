@@ -1,0 +1,117 @@
+"""The evidence of pairs, block by block, against densities worked out from all samples at once."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from assoc.evidence.blocks import Blocks
+from assoc.evidence.likelihood import NEVER, bounded, fresh_state, run_filter
+from assoc.geometry.ground import THETA
+from tests.support.residuals import BIAS_STD_M, DECAY, blocks_of, noise
+
+WIDE_SHARE, WIDE = 0.15, 6.0
+"""A part of the receivers wanders with six times the variance."""
+NO_SWITCH = -1e9
+seeds = st.integers(0, 10_000)
+
+
+def followed(samples, levels=None, switch=NO_SWITCH, state=None):
+    """The state after all blocks."""
+    blocks, levels = blocks_of(samples), levels or noise(in_view_bonus=np.zeros(len(samples[0][0])))
+    state = state or bounded(fresh_state(*blocks.count.shape[1:]), levels.bias_std)
+    return run_filter(blocks, np.zeros(THETA), state, levels, np.full(blocks.count.shape[:2], switch))[0]
+
+
+@settings(max_examples=30)
+@given(seeds, st.integers(1, 6))
+def test_a_first_block_scores_the_joint_density_of_its_samples(seed, k):
+    r = np.random.default_rng(seed).normal(0.5, 0.6, (k, 2))
+    white, together = 0.09 * np.eye(k), np.ones((k, k))
+
+    def log_joint(bias_var):
+        covariance = white + bias_var * together
+        return sum(multivariate_normal.logpdf(r[:, axis], np.zeros(k), covariance) for axis in (0, 1))
+
+    near = np.log(1.0 - WIDE_SHARE) + log_joint(BIAS_STD_M**2)
+    far = np.log(WIDE_SHARE) + log_joint(WIDE * BIAS_STD_M**2)
+    unrelated = -np.log(2e3)
+    score = followed([[[r]]]).score[0, 0]
+    assert score == pytest.approx(np.logaddexp(near, far) - unrelated, abs=1e-9)
+
+
+@settings(max_examples=30)
+@given(seeds, st.integers(2, 12))
+def test_the_bias_is_that_of_gaussian_process_regression(seed, count):
+    """A Gauss–Markov bias seen through block means; in some blocks nothing was seen."""
+    rng = np.random.default_rng(seed)
+    sizes = np.where(rng.random(count) < 0.3, 0, rng.integers(1, 5, count))
+    samples = [[[rng.normal(0.7, 0.5, (k, 2))]] for k in sizes]
+    found = followed(samples)
+    at = np.flatnonzero(sizes)
+    prior = BIAS_STD_M**2 * DECAY ** np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    gain = prior[-1, at] @ np.linalg.inv(prior[np.ix_(at, at)] + np.diag(0.09 / sizes[at])) if len(at) else np.empty(0)
+    means = np.array([samples[b][0][0].mean(axis=0) for b in at]).reshape(-1, 2)
+    np.testing.assert_allclose(found.mean[0, 0], gain @ means, atol=1e-9)
+    assert found.var[0, 0] == pytest.approx(prior[-1, -1] - gain @ prior[at, -1], abs=1e-9)
+
+
+@settings(max_examples=20)
+@given(seeds, st.integers(0, 8))
+def test_blocks_may_come_in_two_runs(seed, stop):
+    rng = np.random.default_rng(seed)
+    samples = [[[rng.normal(0, 1, (rng.integers(0, 4), 2)) for _ in range(2)] for _ in range(3)] for _ in range(8)]
+    levels = noise(in_view_bonus=np.array([0.0, 0.5]), increment_max=4.0)
+    whole = followed(samples, levels, -5.0)
+    parts = followed(samples[:stop], levels, -5.0) if stop else None
+    parts = followed(samples[stop:], levels, -5.0, parts) if stop < 8 else parts
+    for name in ("score", "mean", "var", "seen"):
+        np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), atol=1e-9)
+    log_switch = np.full((8, 3), -5.0)
+    start = bounded(fresh_state(3, 2), BIAS_STD_M)
+    _, folded = run_filter(blocks_of(samples), np.zeros(THETA), start, levels, log_switch, fold=stop)
+    before = followed(samples[:stop], levels, -5.0) if stop else start
+    np.testing.assert_allclose(folded.score, before.score, atol=1e-9)
+
+
+def test_a_pair_that_was_never_compared_has_no_score():
+    nothing = np.empty((0, 2))
+    state = followed([[[nothing, np.zeros((3, 2))]]] * 4)
+    assert state.score[0, 0] == NEVER and not state.seen[0, 0]
+    assert state.score[0, 1] > 0.0 and state.seen[0, 1]
+
+
+def test_one_block_can_say_only_so_much():
+    """However badly the second block fits, and however well the others do."""
+    levels = noise(increment_max=3.0)
+    states = [followed([[[np.full((5, 2), x)]] for x in (0.0, 500.0, 0.0)[:n]], levels).score[0, 0] for n in (1, 2, 3)]
+    assert states[1] - states[0] == pytest.approx(-3.0)
+    assert abs(states[2] - states[1]) <= 3.0 + 1e-9
+
+
+def test_a_track_that_changes_its_vehicle_is_believed_after_a_while():
+    near, far = np.zeros((5, 2)), np.full((5, 2), 12.0)
+    samples = [[[near, far]]] * 10 + [[[far, near]]] * 6
+    levels = noise(in_view_bonus=np.zeros(2), increment_max=4.0)
+    before = followed(samples[:10], levels, -8.0).score[0]
+    after = followed(samples, levels, -8.0).score[0]
+    assert before[0] > before[1] + 10.0
+    assert after[1] > after[0] + 10.0
+    assert after[1] > followed(samples, levels, NO_SWITCH).score[0, 1], "the chance of a change is what lets it in"
+
+
+def test_a_shift_of_the_camera_is_a_shift_of_the_residuals():
+    rng = np.random.default_rng(4)
+    samples = [[[rng.normal(0.0, 0.3, (4, 2))]] for _ in range(5)]
+    theta = np.zeros(THETA)
+    theta[4], theta[5] = 0.8, -0.3
+    blocks = blocks_of(samples)
+    jacobian = blocks.jacobian.copy()
+    jacobian[:, :, 0, 4] = jacobian[:, :, 1, 5] = 1.0
+    moved = [[[r + theta[4:6] for r in row] for row in block] for block in samples]
+    values = {name: getattr(blocks, name) for name in blocks.__slots__} | {"jacobian": jacobian}
+    start = bounded(fresh_state(1, 1), BIAS_STD_M)
+    shifted, _ = run_filter(Blocks(**values), theta, start, noise(), np.full((5, 1), NO_SWITCH))
+    np.testing.assert_allclose(shifted.score, followed(moved).score)
+    np.testing.assert_allclose(shifted.mean, followed(moved).mean)
