@@ -119,7 +119,7 @@ def _detector(least_outline: float | None) -> cv2.aruco.ArucoDetector:
 
 def read_image(image: Image) -> frozenset[int]:
     """Numbers of the tags that are read in a whole image (H, W, 3) BGR with OpenCV's own settings."""
-    return _search(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), None)
+    return _search(_grey(image), None)
 
 
 def read_tags(image: Image, boxes: FloatArray) -> list[frozenset[int]]:
@@ -132,7 +132,7 @@ def read_tags(image: Image, boxes: FloatArray) -> list[frozenset[int]]:
         image: (H, W, 3) BGR.
         boxes: (n, 4) cx, cy, w, h px of the vehicles.
     """
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    grey = _grey(image)
     return [_read(grey, box) for box in boxes]
 
 
@@ -146,10 +146,14 @@ def _read(grey: Image, box: FloatArray) -> frozenset[int]:
     found = _search(crop, LEAST_OUTLINE)
     if not found and max(crop.shape) <= LARGE_PX:
         large = cv2.resize(crop, None, fx=ENLARGED, fy=ENLARGED, interpolation=cv2.INTER_CUBIC)
-        found = _search(large, LEAST_OUTLINE)
+        found = _search(np.asarray(large, np.uint8), LEAST_OUTLINE)
     return found
+
+
+def _grey(image: Image) -> Image:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def _search(grey: Image, least_outline: float | None) -> frozenset[int]:
     _, numbers, _ = _detector(least_outline).detectMarkers(grey)
-    return frozenset(() if numbers is None else numbers.ravel().tolist())
+    return frozenset(() if numbers is None else map(int, numbers.ravel()))

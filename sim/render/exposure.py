@@ -53,7 +53,8 @@ def expose(image: Image, exposure: Exposure, rng: np.random.Generator) -> Image:
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), exposure.softness_px), np.uint8)
     factors = tuple(exposure.gain * b for b in exposure.balance)
     if exposure.vignette == 0.0 and factors != (1.0, 1.0, 1.0):
-        image = np.asarray(cv2.multiply(image, (*factors, 1.0)), np.uint8)
+        # the stubs know no scalar per channel
+        image = np.asarray(cv2.multiply(image, (*factors, 1.0)), np.uint8)  # type: ignore[call-overload]
     elif exposure.vignette > 0.0:
         image = np.asarray(
             cv2.multiply(image, _light(height, width, factors, exposure.vignette), scale=1.0 / 128.0), np.uint8

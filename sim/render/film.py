@@ -56,8 +56,8 @@ def write_video(world: World, t: FloatArray, path: Path, report: Callable[[int, 
         stream.width, stream.height, stream.pix_fmt = camera.width, camera.height, "yuv420p"
         stream.time_base = stream.codec_context.time_base = Fraction(1, 90_000)
         keyframes = str(max(1, round(2 * world.scenario.fps)))
-        quality = {"preset": "medium", "crf": str(camera.crf), "g": keyframes}
-        stream.options = quality | {"tune": "zerolatency", "threads": "1"}
+        options: dict[str, object] = {"preset": "medium", "crf": str(camera.crf), "g": keyframes}
+        stream.options = options | {"tune": "zerolatency", "threads": "1"}
         for done, frame in enumerate(_frames(film, t), start=1):
             for packet in stream.encode(frame):
                 container.mux(packet)

@@ -47,7 +47,7 @@ class Sheet:
     def fill(self, outline: FloatArray, color: Color, rough: float | None = None, hull: bool = False) -> None:
         """A polygon, or the convex hull of points; ``rough`` None leaves the roughness as it is."""
         points = self._fixed(outline)
-        points = cv2.convexHull(points) if hull else points
+        points = np.asarray(cv2.convexHull(points), np.int32) if hull else points
         cv2.fillPoly(self.image, [points], color, cv2.LINE_AA, SHIFT)
         if rough is not None:
             cv2.fillPoly(self.rough, [points], 255.0 * rough, cv2.LINE_8, SHIFT)
@@ -122,8 +122,10 @@ class Sheet:
         coarse = grain(self.side_px, (4, 2), float(rng.uniform(0.1, 0.55)), rng)
         fine = grain(self.side_px, (1,), float(rng.uniform(0.02, 0.15)), rng)
         rough = cv2.GaussianBlur(self.rough, (5, 5), 1.5)
-        parts = ((coarse, rough), (fine, 255 - rough))
-        mixed = cv2.add(*(cv2.multiply(part, share, scale=1.0 / 255.0) for part, share in parts))
+        ground, paved = (
+            cv2.multiply(part, share, scale=1.0 / 255.0) for part, share in ((coarse, rough), (fine, 255 - rough))
+        )
+        mixed = cv2.add(ground, paved)
         image = cv2.multiply(cv2.GaussianBlur(self.image, (3, 3), 0.7), cv2.merge([mixed] * 3), scale=1.0 / 128.0)
         return np.asarray(cv2.multiply(image, light, scale=1.0 / 128.0), np.uint8)
 

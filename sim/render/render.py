@@ -116,7 +116,8 @@ def draw_ground(ground: Ground | Yard, view: CameraView) -> Image:
         lens = (view.fx, view.fy, view.cx - 0.5, view.cy - 0.5, *(float(k) for k in view.distortion))
         rays = _undistorted(view.width, view.height, lens)
         maps = cv2.perspectiveTransform(rays, texture_from_cam).reshape(view.height, view.width, 2)
-        image = cv2.remap(texture, maps, None, flags, borderMode=cv2.BORDER_WRAP)
+        # the stubs want a second map, which one of two channels makes needless
+        image = cv2.remap(texture, maps, None, flags, borderMode=cv2.BORDER_WRAP)  # type: ignore[call-overload]
     else:
         K = np.array([[view.fx, 0.0, view.cx - 0.5], [0.0, view.fy, view.cy - 0.5], [0.0, 0.0, 1.0]])
         size = (view.width, view.height)
@@ -264,7 +265,7 @@ def _draw_contact(image: Image, view: CameraView, solids: list[FloatArray], styl
 def _fill_outline(mask: Image, view: CameraView, points: FloatArray) -> None:
     uv, ok = project(view, points)
     if ok.all():
-        hull = cv2.convexHull(uv.astype(np.float32)).reshape(-1, 2)
+        hull = np.asarray(cv2.convexHull(uv.astype(np.float32)), np.float32).reshape(-1, 2)
         cv2.fillConvexPoly(mask, _fixed(hull), 255, cv2.LINE_AA, SHIFT)
 
 

@@ -149,7 +149,8 @@ class _Fit:
 def _fit(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -> _Fit:
     until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-9)
     corners = [view.corners.reshape(-1, 1, 2) for view in views]
-    rms_px, K, lens, turns, places, _, _, errors = cv2.calibrateCameraExtended(
+    # the stubs want a first guess of camera and lens, which flags=0 does not use
+    rms_px, K, lens, turns, places, _, _, errors = cv2.calibrateCameraExtended(  # type: ignore[call-overload]
         [board.points] * len(views), corners, size, None, None, flags=0, criteria=until
     )
     return _Fit(
@@ -195,7 +196,7 @@ def _pixel_std(camera: Intrinsics, fit: _Fit, covariance: Floats) -> float:
 def _project(points: Floats, turn: Floats, place: Floats, fit: _Fit) -> tuple[Floats, Floats]:
     """Pixels (n, 2), and (2n, 6 + 9) their derivatives by rotation, translation and :data:`PARAMETERS`."""
     uv, derivatives = cv2.projectPoints(points, turn, place, fit.K, fit.lens)
-    return uv[:, 0], derivatives[:, : 6 + len(PARAMETERS)]
+    return np.asarray(uv[:, 0], np.float64), np.asarray(derivatives[:, : 6 + len(PARAMETERS)], np.float64)
 
 
 def _covered(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -> NDArray[np.bool_]:

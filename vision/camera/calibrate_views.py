@@ -99,15 +99,12 @@ def find_view(frame: Frame, board: Board) -> BoardView | None:
     if not found:
         return None
     # motion blurs the edges of one direction and leaves the other sharp
-    blur_px = max(
-        cv2.estimateChessboardSharpness(small, pattern, corners, 0.8, across)[0][0] for across in (False, True)
-    )
+    sharpness = (cv2.estimateChessboardSharpness(small, pattern, corners, 0.8, across)[0] for across in (False, True))
+    blur_px = max(float(np.ravel(edge)[0]) for edge in sharpness)
     # middles of pixels stay in the middle: (x + 1/2) / scale − 1/2
     full = ((corners.reshape(-1, 1, 2) + 0.5) / scale - 0.5).astype(np.float32)
-    refined = _refined(grey, full, board).reshape(-1, 2)
-    return BoardView(
-        frame=frame.index, corners=refined, blur_px=float(blur_px), pose=_pose(refined, board, (width, height))
-    )
+    refined = _refined(np.asarray(grey, np.uint8), full, board).reshape(-1, 2)
+    return BoardView(frame=frame.index, corners=refined, blur_px=blur_px, pose=_pose(refined, board, (width, height)))
 
 
 def chosen(views: Iterable[BoardView], most: int) -> list[BoardView]:

@@ -107,7 +107,8 @@ def draw(image: NDArray[np.uint8], fit: Letterbox, *, average: bool) -> NDArray[
     size = (round(image.shape[1] * fit.scale_x), round(image.shape[0] * fit.scale_y))
     inner = image
     if size != (image.shape[1], image.shape[0]):
-        inner = cv2.resize(image, size, interpolation=cv2.INTER_AREA if average else cv2.INTER_LINEAR)
+        how = cv2.INTER_AREA if average else cv2.INTER_LINEAR
+        inner = np.asarray(cv2.resize(image, size, interpolation=how), np.uint8)
     out = np.full((fit.height, fit.width, *image.shape[2:]), GREY, dtype=np.uint8)
     out[fit.top : fit.top + size[1], fit.left : fit.left + size[0]] = inner
     return out

@@ -202,7 +202,7 @@ def _rtp_header(data: bytes) -> int:
 
 def _mpegts(source: Source, file: _Bytes) -> Input:
     try:
-        container = av.open(file, format="mpegts", options=dict(SEARCH), buffer_size=READ_BYTES)
+        container = av.open(file, "r", format="mpegts", options=dict(SEARCH), buffer_size=READ_BYTES)
     except (av.FFmpegError, OSError, ValueError) as error:
         raise VideoError(f"video {source.text}: what comes cannot be read ({reason(error)})") from error
     return _input(source, container)
@@ -218,7 +218,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         if not unit.key:
             continue
         try:
-            probe = av.open(io.BytesIO(unit.data), format=depacketizer.codec, options={"fpsprobesize": "0"})
+            probe = av.open(io.BytesIO(unit.data), "r", format=depacketizer.codec, options={"fpsprobesize": "0"})
             opened = _input(source, probe)
         except (av.FFmpegError, OSError, ValueError):
             continue
