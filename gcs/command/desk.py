@@ -22,7 +22,7 @@ from infra.wall_clock import now_us
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
-from mavlink.transmit.message_rates import UAV_RATES, RateKeeper
+from mavlink.transmit.message_rates import UAV_RATES, MessageRates
 from mavlink.transmit.rate_requests import GIMBAL_ATTITUDE
 from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Transmitter
 
@@ -66,7 +66,7 @@ class CommandDesk:
         self._transmitter, self._tell = transmitter, tell
         encoder = MavlinkEncoder(*own)
         self._heartbeat, self._timesync = HeartbeatTimer(encoder), TimeSyncTimer(encoder)
-        self._rates = RateKeeper(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
+        self._rates = MessageRates(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
         self._look_s = 0.0
         self._own = own
         self._holder: tuple[int, int] | None = None
@@ -83,7 +83,7 @@ class CommandDesk:
         self._transmitter.note_packet(packet)
         if packet.auth > Auth.GOOD:
             return
-        self._rates.take(packet, time.monotonic())
+        self._rates.add_packet(packet, time.monotonic())
         if packet.system_id != self._uav_id:
             return
         self._uav.take(packet)
@@ -159,7 +159,7 @@ class CommandDesk:
 
         tell("info", "ordered")
         if order.job == "camera":
-            self._rates.want(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
+            self._rates.add_wanted(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
         try:
             await self._jobs.carry_out(order.key, system_id, tell)
         except asyncio.CancelledError:

@@ -36,7 +36,7 @@ from mavlink.forwarding.outputs import parse_output
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Outputs, Signing
 from mavlink.signing.keys import KeyRing, read_ring
-from mavlink.transmit.message_rates import RateKeeper, uav_rates
+from mavlink.transmit.message_rates import MessageRates, uav_rates
 from mavlink.transmit.transmitter import SYSTEM_ID
 from vision.detect.detector import Detector
 
@@ -110,7 +110,7 @@ class Flight:
         self._video = FlightVideo(plan.video, self._recorder)
         self._pipeline = Pipeline(mission, links=self._ingest.names, address=self._ingest.address)
         rates = uav_rates(gimbal=mission.follows_gimbal)
-        self._rates = RateKeeper(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
+        self._rates = MessageRates(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
         self._faults = Faults(self._recorder.folder / "faults.txt")
         self._fold = FlightFold(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
         self._fold.health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))
@@ -268,7 +268,7 @@ class Flight:
         elif packets:
             now_s = time.monotonic()
             for packet in packets:
-                self._rates.take(packet, now_s)
+                self._rates.add_packet(packet, now_s)
 
     def _name(self) -> None:
         frame = self._video.latest(IDLE_S)

@@ -19,7 +19,7 @@ from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
 from mavlink.links.report import LinkReport
 from mavlink.protocol.messages import VideoStreamInformation
-from mavlink.transmit.message_rates import RateKeeper
+from mavlink.transmit.message_rates import MessageRates
 
 __all__ = ["FlightCare", "Pace"]
 
@@ -53,7 +53,7 @@ class FlightCare:
         ingest: Ingest,
         recorder: Recorder,
         video: FlightVideo,
-        rates: RateKeeper | None,
+        rates: MessageRates | None,
         *,
         keys: int,
         tell: Callable[[Event], None],

@@ -15,7 +15,7 @@ from mavlink.duplicate_id.sender_path import (
     ALIVE_US,
     MAX_LINK_LAG_US,
     MAX_PROVEN_LAG_US,
-    Place,
+    ClaimedPlace,
     SenderPath,
     distance_m,
     off_course_m,
@@ -80,7 +80,7 @@ class ClaimedPlaces:
         path = self._paths.get(sender)
         clocked = sample.boot_ms > 0 or path is None or not path.boot_time_zero
         known = math.hypot(sample.v_east, sample.v_north) <= self._limits.max_speed
-        place = Place(
+        place = ClaimedPlace(
             sample.t_us,
             sample.boot_ms * 1000 if clocked else sample.t_us,
             sample.lat_deg,
@@ -97,7 +97,7 @@ class ClaimedPlaces:
         path.boot_time_zero = sample.boot_ms == 0
         return self._compare_with_others(path, place) if len(self._paths) > 1 else None
 
-    def _compare_with_others(self, path: SenderPath, place: Place) -> PlaceConflict | None:
+    def _compare_with_others(self, path: SenderPath, place: ClaimedPlace) -> PlaceConflict | None:
         found = None
         for other in self._paths.values():
             if other is not path:
@@ -132,7 +132,7 @@ class ClaimedPlaces:
         lately = [path.sender for path in self._paths.values() if t_us - path.newest_us < ALIVE_US]
         return bool(lately) and all(same_channel(other, sender) for other in lately)
 
-    def _begin(self, sender: SenderKey, place: Place) -> SenderPath:
+    def _begin(self, sender: SenderKey, place: ClaimedPlace) -> SenderPath:
         paths = self._paths
         # after a loss the run of sequence numbers is another, and the sender the same
         before = [path for path in paths.values() if same_channel(path.sender, sender)]
@@ -143,7 +143,7 @@ class ClaimedPlaces:
         new.late_us = max((path.late_us for path in before if abs(path.delay_us(place)) < _LATE_US), default=0)
         return new
 
-    def _compare(self, x: SenderPath, y: SenderPath, place: Place) -> float:
+    def _compare(self, x: SenderPath, y: SenderPath, place: ClaimedPlace) -> float:
         """How far y's newest place is from all that x allows, metres: 0 where both can be true, NaN unknown."""
         same_component = x.sender.component == y.sender.component
         margin_m = self._margin_m(x, y, place, same_component)
@@ -168,12 +168,12 @@ class ClaimedPlaces:
             x.compared = True
         return gap_m
 
-    def _delay_us(self, x: SenderPath, y: SenderPath, place: Place) -> int | None:
+    def _delay_us(self, x: SenderPath, y: SenderPath, place: ClaimedPlace) -> int | None:
         """By how much y's place is later than x's fastest, if both have one clock; None where they cannot."""
         delay_us = x.delay_us(place)
         return delay_us if x.clocked and y.clocked and -MAX_LINK_LAG_US <= delay_us <= MAX_PROVEN_LAG_US else None
 
-    def _gap_on_path(self, x: SenderPath, y: SenderPath, place: Place, margin_m: float) -> float | None:
+    def _gap_on_path(self, x: SenderPath, y: SenderPath, place: ClaimedPlace, margin_m: float) -> float | None:
         """The gap if both have one clock and x has reported before and after that time; None where it has not."""
         delay_us = self._delay_us(x, y, place)
         if delay_us is None:
@@ -190,7 +190,7 @@ class ClaimedPlaces:
             y.follows, self._faster = True, x.sender
         return 0.0
 
-    def _gap_by_clock(self, x: SenderPath, y: SenderPath, place: Place, margin_m: float) -> float | None:
+    def _gap_by_clock(self, x: SenderPath, y: SenderPath, place: ClaimedPlace, margin_m: float) -> float | None:
         """The gap if both have one clock and x has reported only before that time, or only after it."""
         delay_us = self._delay_us(x, y, place)
         if delay_us is None or delay_us > MAX_LINK_LAG_US:
@@ -206,12 +206,12 @@ class ClaimedPlaces:
             y.set_later_than(x)  # made before x was received: it may be, and soon x's path will show it
         return gap_m
 
-    def _gap_by_arrival(self, x: SenderPath, y: SenderPath, place: Place, margin_m: float) -> float:
+    def _gap_by_arrival(self, x: SenderPath, y: SenderPath, place: ClaimedPlace, margin_m: float) -> float:
         """The gap if each has a clock of its own: between where both report the vehicle to be now."""
         dt_us = y.made_us(place) - x.made_us(x.newest)
         return math.nan if abs(dt_us) > ALIVE_US else self._gap_from(x.newest, place, dt_us * 1e-6, margin_m)
 
-    def _gap_from(self, start: Place, place: Place, dt_s: float, margin_m: float) -> float:
+    def _gap_from(self, start: ClaimedPlace, place: ClaimedPlace, dt_s: float, margin_m: float) -> float:
         beside_m = off_course_m(start, place, dt_s)
         # with the mean of both velocities s = v t ± ¼ a t², with one of them v t ± ½ a t²
         both = math.isfinite(start.v_east + place.v_east)
@@ -221,7 +221,7 @@ class ClaimedPlaces:
             return max(gap_m, beside_m)
         return 0.0 if abs(dt_s) * 1e6 <= _BESIDE_US else math.nan
 
-    def _off_path_m(self, before: Place, after: Place, place: Place, boot_us: int) -> float:
+    def _off_path_m(self, before: ClaimedPlace, after: ClaimedPlace, place: ClaimedPlace, boot_us: int) -> float:
         """How far a place is from between two others, less what the vehicle may have done between them."""
         span_s = (after.boot_us - before.boot_us) * 1e-6
         if span_s <= 0.0:
@@ -235,7 +235,7 @@ class ClaimedPlaces:
         allowed_m = 0.125 * self._limits.max_acceleration * span_s * span_s + off_course_m(before, after, span_s)
         return max(0.0, distance_m(middle, place) - allowed_m)
 
-    def _gap_after_silence(self, x: SenderPath, y: SenderPath, place: Place) -> float:
+    def _gap_after_silence(self, x: SenderPath, y: SenderPath, place: ClaimedPlace) -> float:
         """The gap where y, received only since x is silent and over another channel, is where x cannot have got to."""
         silent_us = place.t_us - x.newest_us
         began_before = y.first_us <= x.newest_us
@@ -244,12 +244,12 @@ class ClaimedPlaces:
         gap_m = distance_m(x.newest, place)
         return gap_m if self._is_unreachable(x.newest, place, gap_m, silent_us * 1e-6) else math.nan
 
-    def _is_unreachable(self, start: Place, place: Place, gap_m: float, dt_s: float) -> bool:
+    def _is_unreachable(self, start: ClaimedPlace, place: ClaimedPlace, gap_m: float, dt_s: float) -> bool:
         return too_far(gap_m, dt_s, max(start.std_m, place.std_m), self._limits) or climbs_too_fast(
             place.up_m - start.up_m, dt_s, self._limits
         )
 
-    def _margin_m(self, x: SenderPath, y: SenderPath, place: Place, same_component: bool) -> float:
+    def _margin_m(self, x: SenderPath, y: SenderPath, place: ClaimedPlace, same_component: bool) -> float:
         """By how much two places of one vehicle may differ."""
         least_m = min(x.noise_m, y.noise_m)
         noise_m = _NOISE_FACTOR * least_m if math.isfinite(least_m) else 0.0

@@ -16,7 +16,7 @@ __all__ = [
     "ALIVE_US",
     "MAX_LINK_LAG_US",
     "MAX_PROVEN_LAG_US",
-    "Place",
+    "ClaimedPlace",
     "SenderPath",
     "distance_m",
     "off_course_m",
@@ -50,7 +50,7 @@ _PAUSE_US = 5_000_000
 """Contradictions farther apart than this do not belong together."""
 
 
-class Place(NamedTuple):
+class ClaimedPlace(NamedTuple):
     """A place that a sender reports."""
 
     t_us: int
@@ -95,7 +95,7 @@ class SenderPath:
         "sender",
     )
 
-    def __init__(self, sender: SenderKey, place: Place, first_us: int) -> None:
+    def __init__(self, sender: SenderKey, place: ClaimedPlace, first_us: int) -> None:
         self.sender, self.first_us, self.began_us = sender, first_us, place.t_us
         self._count, self.noise_m = 1, math.inf
         self.compared = False
@@ -105,7 +105,7 @@ class SenderPath:
         """The newest boot time was 0; twice in a row, the sender has no clock."""
         self._begin(place, clocked=True)
 
-    def _begin(self, place: Place, *, clocked: bool) -> None:
+    def _begin(self, place: ClaimedPlace, *, clocked: bool) -> None:
         """Starts with its first place, or the first of another clock."""
         self.clocked, self.newest, self.newest_us = clocked, place, place.t_us
         self._offset_us = place.t_us - place.boot_us  # by the message with the least delay
@@ -113,14 +113,14 @@ class SenderPath:
         """How much later than another sender's link this one's is."""
         self.follows = False
         """Its places lie on that one's path."""
-        self._path: SampleBuffer[Place] = SampleBuffer(_PATH, MAX_PROVEN_LAG_US)
+        self._path: SampleBuffer[ClaimedPlace] = SampleBuffer(_PATH, MAX_PROVEN_LAG_US)
         self._path.add(place.boot_us, place)
 
-    def delay_us(self, place: Place) -> int:
+    def delay_us(self, place: ClaimedPlace) -> int:
         """How much later than the message with the least delay a place of the same boot clock has come."""
         return _wrapped_us(place.t_us - place.boot_us - self._offset_us)
 
-    def boot_us(self, place: Place) -> int:
+    def boot_us(self, place: ClaimedPlace) -> int:
         """Boot time of a place of the same clock, unwrapped."""
         return place.t_us - self._offset_us - self.delay_us(place)
 
@@ -129,11 +129,11 @@ class SenderPath:
         behind_us = _wrapped_us(self._offset_us - other._offset_us)
         self.late_us = max(self.late_us, behind_us + other.late_us)
 
-    def made_us(self, place: Place) -> int:
+    def made_us(self, place: ClaimedPlace) -> int:
         """When one of its places was made, Unix µs, by its clock and by how late its link is."""
         return self.boot_us(place) + self._offset_us - self.late_us
 
-    def add(self, place: Place, *, clocked: bool, alone: bool) -> None:
+    def add(self, place: ClaimedPlace, *, clocked: bool, alone: bool) -> None:
         """Adds its next place; its noise is measured only where there are others."""
         before, delay_us = self.newest, self.delay_us(place)
         self._count, self.compared = self._count + 1, False
@@ -157,7 +157,7 @@ class SenderPath:
         if last is None or abs(place.boot_us - last[0]) >= _PATH_STEP_US:
             self._path.add(place.boot_us, place)
 
-    def around(self, boot_us: int) -> tuple[Place | None, Place | None]:
+    def around(self, boot_us: int) -> tuple[ClaimedPlace | None, ClaimedPlace | None]:
         """The places before and after a boot time."""
         before, after = self._path.around(boot_us)
         if after is not None or boot_us > self.newest.boot_us:
@@ -186,12 +186,12 @@ def same_channel(one: SenderKey, other: SenderKey) -> bool:
     return (one.link, one.peer, one.component) == (other.link, other.peer, other.component)
 
 
-def distance_m(one: Place, other: Place) -> float:
+def distance_m(one: ClaimedPlace, other: ClaimedPlace) -> float:
     """Distance over the ground."""
     return math.hypot(*_east_north_m(one, other))
 
 
-def off_course_m(start: Place, end: Place, dt_s: float) -> float:
+def off_course_m(start: ClaimedPlace, end: ClaimedPlace, dt_s: float) -> float:
     """Distance of a place from where the mean velocity of both would have led from the other in this time."""
     east, north = _east_north_m(start, end)
     ve, vn = 0.5 * (start.v_east + end.v_east), 0.5 * (start.v_north + end.v_north)
@@ -207,7 +207,7 @@ def _wrapped_us(span_us: int) -> int:
     return (span_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
 
 
-def _east_north_m(one: Place, other: Place) -> tuple[float, float]:
+def _east_north_m(one: ClaimedPlace, other: ClaimedPlace) -> tuple[float, float]:
     """East and north from one place to another: good enough for a few hundred kilometres."""
     north = math.radians(other.lat - one.lat) * _EARTH_RADIUS_M
     east = wrap_pi(math.radians(other.lon - one.lon)) * _EARTH_RADIUS_M * math.cos(math.radians(one.lat))

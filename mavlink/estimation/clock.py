@@ -13,6 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
+from typing import NamedTuple
 
 __all__ = ["ClockFit", "ClockParams", "ClockReading", "VehicleClock"]
 
@@ -78,26 +79,25 @@ class ClockParams:
 
 
 class ClockFit(Enum):
-    """How the boot time of one message fits the clock."""
+    """How the boot time of one message fits the clock; each as (fits, late)."""
 
-    FITS = "on the clock's line"
-    LATE = "came late: of this count, or of the one before the last reboot"
-    OUTLIER = "fits neither: another sender, or a reboot or step that is not accepted yet"
-    FOLLOWED_LATE = "came late, and the clock follows it from now on"
+    FITS = True, False
+    """It is on the clock's line."""
+    LATE = False, True
+    """It came late: of this count, or of the one before the last reboot."""
+    OUTLIER = False, False
+    """Neither: another sender, or a reboot or step that is not accepted yet."""
+    FOLLOWED_LATE = True, True
+    """It came late, and the clock follows it from now on."""
 
-    @property
-    def fits(self) -> bool:
+    def __init__(self, fits: bool, late: bool) -> None:
+        self.fits = fits
         """The boot time is one of this clock's."""
-        return self in (ClockFit.FITS, ClockFit.FOLLOWED_LATE)
-
-    @property
-    def late(self) -> bool:
+        self.late = late
         """The message came over a late link."""
-        return self in (ClockFit.LATE, ClockFit.FOLLOWED_LATE)
 
 
-@dataclass(frozen=True, slots=True)
-class ClockReading:
+class ClockReading(NamedTuple):
     """What one message shows of the clock."""
 
     boot_us: int

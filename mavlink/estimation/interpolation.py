@@ -18,10 +18,10 @@ __all__ = [
     "ATTITUDE_LOST_S",
     "LOST_S",
     "Attitudes",
-    "Estimate",
     "Fix",
     "Insertion",
     "Pose",
+    "PositionEstimate",
     "SampleBuffer",
     "horizontal_distance_m",
     "position_at",
@@ -146,7 +146,7 @@ class Fix(NamedTuple):
     """Above home as reported."""
 
 
-class Estimate(NamedTuple):
+class PositionEstimate(NamedTuple):
     """Where a vehicle is at some time, by its own reports."""
 
     fix: Fix
@@ -156,7 +156,7 @@ class Estimate(NamedTuple):
     """A later report exists too, and soon enough after: interpolated, not extrapolated."""
 
 
-def position_at(fixes: SampleBuffer[Fix], boot_us: int) -> Estimate | None:
+def position_at(fixes: SampleBuffer[Fix], boot_us: int) -> PositionEstimate | None:
     """Position at a time: interpolated between two reports, after the last extrapolated for two seconds at most.
 
     Returns:
@@ -167,8 +167,8 @@ def position_at(fixes: SampleBuffer[Fix], boot_us: int) -> Estimate | None:
         return None
     age_s = (boot_us - before[0]) * 1e-6
     if after is not None and after[0] - before[0] <= LOST_S * 1e6:
-        return Estimate(_interpolated(before, after, boot_us), age_s, True)
-    return Estimate(_extrapolated(before[1], age_s), age_s, False)
+        return PositionEstimate(_interpolated(before, after, boot_us), age_s, True)
+    return PositionEstimate(_extrapolated(before[1], age_s), age_s, False)
 
 
 def horizontal_distance_m(one: Fix, other: Fix) -> float:

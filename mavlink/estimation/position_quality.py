@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from infra.reporting import Throttle
-from mavlink.estimation.interpolation import Estimate, Fix, horizontal_distance_m
+from mavlink.estimation.interpolation import Fix, PositionEstimate, horizontal_distance_m
 from mavlink.estimation.positions import NOT_YET, Verdict
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.messages import FilterStatus, GpsRaw, Heartbeat, SensorHealth, StatusText
@@ -299,7 +299,7 @@ class PositionDoubts:
             self._evidence.pop("text", None)
         self._critical, self._armed = sample.status == _CRITICAL, sample.armed
 
-    def add_fix(self, sample: GpsRaw, std_m: float, then: Estimate | None, frame: LocalFrame) -> None:
+    def add_fix(self, sample: GpsRaw, std_m: float, then: PositionEstimate | None, frame: LocalFrame) -> None:
         """Compares a receiver's own fix with what the filter makes of it.
 
         Args:

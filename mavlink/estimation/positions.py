@@ -11,9 +11,9 @@ import numpy as np
 
 from mavlink.estimation.interpolation import (
     LOST_S,
-    Estimate,
     Fix,
     Insertion,
+    PositionEstimate,
     SampleBuffer,
     horizontal_distance_m,
     position_at,
@@ -66,26 +66,23 @@ class VehicleLimits:
 
 
 class Verdict(Enum):
-    """What became of one report, with the reason where it was not used."""
+    """What became of one report: why, whether it was accepted, whether it is impossible."""
 
-    NEW = ""
-    REPEATED = "the position of the report before, standing"
-    MOVED = "accepted after a jump, since the vehicle has stayed there"
-    DUPLICATE = "a report of that time is there"
-    FROZEN = "moving, and at the same place as before"
-    OUT_OF_ORDER = "out of order, seconds late"
-    JUMP = "farther than it can have driven"
-    CLIMB = "higher or lower than it can have flown"
+    NEW = "new", True, False
+    REPEATED = "the same position, standing", True, False
+    MOVED = "held after a jump", True, False
+    DUPLICATE = "of the time of another", False, False
+    FROZEN = "moving, and at the same place as before", False, False
+    OUT_OF_ORDER = "out of order, seconds late", False, False
+    JUMP = "farther than it can have driven", False, True
+    CLIMB = "higher or lower than it can have flown", False, True
 
-    @property
-    def accepted(self) -> bool:
+    def __init__(self, reason: str, accepted: bool, impossible: bool) -> None:
+        self.reason = reason
+        self.accepted = accepted
         """The report can be right and is kept."""
-        return self in (Verdict.NEW, Verdict.REPEATED, Verdict.MOVED)
-
-    @property
-    def impossible(self) -> bool:
+        self.impossible = impossible
         """The vehicle cannot have got there."""
-        return self in (Verdict.JUMP, Verdict.CLIMB)
 
 
 NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
@@ -322,11 +319,11 @@ class Positions:
         self._place, self._reported_us = place, max(boot_us, self._reported_us)
         return Verdict.NEW
 
-    def at(self, boot_us: int) -> Estimate | None:
+    def at(self, boot_us: int) -> PositionEstimate | None:
         """Position at a time, see :func:`mavlink.estimation.interpolation.position_at`."""
         return position_at(self._fixes, boot_us)
 
-    def state(self, estimate: Estimate | None, rejected_for: str) -> PositionState:
+    def state(self, estimate: PositionEstimate | None, rejected_for: str) -> PositionState:
         """How far an estimate may be relied on: stale after a second and twice the usual period, lost after three.
 
         Args:

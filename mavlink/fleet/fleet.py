@@ -16,7 +16,7 @@ import numpy as np
 from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
 from mavlink.estimation.camera_report import CameraReports, CameraSample
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
-from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Estimate, Fix, Pose
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix, Pose, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
 from mavlink.estimation.positions import VehicleLimits, in_frame
@@ -64,7 +64,7 @@ _MODEM_MESSAGES = (109, 166)
 _UNKNOWN = Fix(*[math.nan] * 9)
 
 
-class _Evidence(NamedTuple):
+class _AcceptedPosition(NamedTuple):
     """An accepted position that has not been collected yet."""
 
     vehicle: Vehicle
@@ -121,7 +121,7 @@ class Fleet:
         self._unknown_ids: set[int] = set()
         self._waiting: deque[tuple[Vehicle, int, PositionReport]] = deque(maxlen=_MAX_WAITING)
         self._waiting_since_us = 0
-        self._evidence: deque[_Evidence] = deque(maxlen=_MAX_REPORTS)
+        self._evidence: deque[_AcceptedPosition] = deque(maxlen=_MAX_REPORTS)
         self._gimbals = Gimbals(gimbal_id)
         self._camera = CameraReports(camera_id)
         self._handlers: dict[type, Callable[[Vehicle, Any, Arrival], Iterable[Notice]]] = {
@@ -296,7 +296,7 @@ class Fleet:
             clock = vehicle.clock
             heading = math.nan if vehicle.doubts.compass_doubted(sample.t_us) else fix.heading
             fix = fix._replace(std_m=_widened(fix.std_m, vehicle.doubt(sample.t_us)), heading=heading)
-            self._evidence.append(_Evidence(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
+            self._evidence.append(_AcceptedPosition(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
@@ -390,7 +390,7 @@ def _fresh(pose: Pose | None) -> bool:
     return pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
 
 
-def _usable(estimate: Estimate | None, status: VehicleStatus) -> bool:
+def _usable(estimate: PositionEstimate | None, status: VehicleStatus) -> bool:
     """Whether a position may be used: reported in the last two seconds, by one sender only that does not jump."""
     if estimate is None or status.contested or status.jumps:
         return False

@@ -15,7 +15,7 @@ from mavlink.duplicate_id.components import NO_COMPONENT, Components
 from mavlink.duplicate_id.duplicate_id import DuplicateIdDetector
 from mavlink.estimation.clock import ClockFit, ClockReading, VehicleClock
 from mavlink.estimation.clock_health import ClockHealth
-from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Estimate, Fix, Pose
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, Pose, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
 from mavlink.estimation.positions import Positions, VehicleLimits, Verdict, fix_of, place_error, position_std
@@ -313,12 +313,12 @@ class Vehicle:
                 return None, ()
             return None, (self._notice(t_us, "warning", f"positions not used: {_JUMPING}"),)
         if verdict.impossible:
-            return None, self.reject_position(t_us, verdict.value)
+            return None, self.reject_position(t_us, verdict.reason)
         notices: Notices = ()
         if verdict.accepted:
             self.rejections.reason = ""
         elif verdict is not Verdict.DUPLICATE:
-            self.rejections.count(verdict.value)
+            self.rejections.count(verdict.reason)
         if verdict is Verdict.MOVED:
             gap_m = math.dist(fix[:3], before[1][:3]) if before is not None else 0.0
             self.doubts.add_jump(t_us, gap_m)
@@ -343,7 +343,7 @@ class Vehicle:
             return ()
         return tuple(self._notice(t_us, level, text) for level, text in reports if text)
 
-    def status(self, t_us: int, estimate: Estimate | None, pose: Pose | None) -> VehicleStatus:
+    def status(self, t_us: int, estimate: PositionEstimate | None, pose: Pose | None) -> VehicleStatus:
         """One line of the fleet table, for a time and what was estimated for it."""
         heartbeat, reception, doubt = self._components.heartbeat, self._reception, self.doubt(t_us)
         rejected_packets, jumping = reception.rejections, self._jumps.is_jumping(t_us)
@@ -386,7 +386,7 @@ class Vehicle:
             compass_doubted=self.doubts.compass_doubted(t_us),
         )
 
-    def position_state(self, t_us: int, estimate: Estimate | None) -> PositionState:
+    def position_state(self, t_us: int, estimate: PositionEstimate | None) -> PositionState:
         """How far the position may be relied on."""
         if self.in_conflict(t_us):
             return "contested"

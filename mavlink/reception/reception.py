@@ -221,7 +221,7 @@ class _FirstCopies:
 class _Channel:
     """One address on one link."""
 
-    __slots__ = ("delay_us", "first_copies", "late_at_us", "late_us", "loss", "packets", "rate", "runs")
+    __slots__ = ("first_copies", "lag", "late_at_us", "late_us", "loss", "packets", "rate", "runs")
 
     def __init__(self) -> None:
         self.packets = 0
@@ -231,8 +231,7 @@ class _Channel:
         self.late_us = 0
         """How long after the first copy its last duplicate came, and when that was."""
         self.late_at_us = 0
-        self.delay_us = -1
-        """How long after it was made its last message came, by the vehicle's clock; −1 unknown."""
+        self.lag = ChannelLag.UNKNOWN
         self.first_copies = 0
         """Packets in a row that no other channel had brought before."""
 
@@ -246,12 +245,6 @@ class _Channel:
         if runs is None:
             runs = self.runs[component_id] = _SequenceRuns()
         return runs.add(seq, t_us)
-
-    @property
-    def lag(self) -> ChannelLag:
-        if self.delay_us < 0:
-            return ChannelLag.UNKNOWN
-        return ChannelLag.BEHIND if self.delay_us > _BEHIND_US else ChannelLag.CURRENT
 
 
 class Reception:
@@ -315,7 +308,8 @@ class Reception:
 
     def set_delay(self, sender: SenderKey, delay_us: int) -> None:
         """Notes how long after it was made, by the vehicle's clock, the last packet of a channel came."""
-        self._channel_of(sender.link, sender.peer).delay_us = max(delay_us, 0)
+        lag = ChannelLag.BEHIND if delay_us > _BEHIND_US else ChannelLag.CURRENT
+        self._channel_of(sender.link, sender.peer).lag = lag
 
     def is_outdated(self, arrival: Arrival, t_us: int) -> bool:
         """Whether a packet may describe the vehicle's past while another channel is up to date.

@@ -1,11 +1,11 @@
-"""The newest timestamps of all streams in memory that outlives the process, and writing them waits for no disk.
+"""The newest timestamps of all streams in memory that outlives the process, so that writing them waits for no disk.
 
-The table on disk is a second old when a process is killed. This one is exact: it is a file in the system's shared
-memory (``/dev/shm``), or beside the keys where there is none. It is gone after a power cut, and after an orderly end it
-is not needed.
+The table on disk may be a second old when a process is killed. This one is exact: it is a file in the system's shared
+memory (``/dev/shm``), or beside the keys where there is none. It is lost in a power cut, and not
+needed after an orderly end.
 
-Every frame writes its timestamp, eight bytes in one step. All else of a stream is written once a second, into two
-halves in turn, each with a checksum: whatever happens while one is written, the other is whole.
+Every frame writes its timestamp, eight bytes in one step. The rest of a stream is written once a second, into two
+slots in turn, each with a checksum: whatever happens while one is written, the other is whole.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from pathlib import Path
 from zlib import crc32
 
 from mavlink.errors import SigningError
-from mavlink.signing.streams import MOST_STREAMS, Row
+from mavlink.signing.streams import MAX_STREAMS, StreamRow
 
 __all__ = ["RUN_BYTES", "StreamJournal"]
 
 RUN_BYTES = 8
 _MAGIC = b"RCJRNL1\n"
 _SHARED = Path("/dev/shm")
-_HEAD, _HALF_BYTES = struct.Struct("=8s36s8s"), 32  # magic, when the computer was started, run
+_HEAD, _SLOT_BYTES = struct.Struct("=8s36s8s"), 32  # magic, when the computer was started, run
 _NEWEST_AT = 64
-_ROWS_AT = _NEWEST_AT + MOST_STREAMS * 8
-_SIZE = _ROWS_AT + MOST_STREAMS * 2 * _HALF_BYTES
+_ROWS_AT = _NEWEST_AT + MAX_STREAMS * 8
+_SIZE = _ROWS_AT + MAX_STREAMS * 2 * _SLOT_BYTES
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, heard, booted
 
 
 class StreamJournal:
-    """One folder's journal; whoever has it open holds the folder's lock.
+    """One folder's journal; the caller holds the folder's lock.
 
     Args:
         folder: of the keys.
@@ -56,22 +56,22 @@ class StreamJournal:
                 failed = error
         else:
             raise SigningError(f"{self.path}: cannot be made: {failed.strerror or failed}") from None
-        self._turns = bytearray(MOST_STREAMS)
+        self._turns = bytearray(MAX_STREAMS)
         self.newest = memoryview(self._map)[_NEWEST_AT:_ROWS_AT].cast("Q")
         """The newest timestamp of the stream at each place."""
 
     def run(self) -> bytes:
-        """Of which run it is, (8) bytes; empty: of none, or the computer was started anew since."""
+        """The run it is of, (8) bytes; empty for none, or when the computer was restarted since."""
         magic, boot, run = _HEAD.unpack_from(self._map)
         return run if magic == _MAGIC and boot == _boot_id() != b"" else b""
 
-    def rows(self) -> list[Row]:
-        """The newest of each stream, and perhaps one before."""
+    def rows(self) -> list[StreamRow]:
+        """The newest row of each stream, and perhaps the one before."""
         rows = []
-        for at in range(_ROWS_AT, _SIZE, _HALF_BYTES):
-            row = _row(self._map[at : at + _HALF_BYTES])
+        for at in range(_ROWS_AT, _SIZE, _SLOT_BYTES):
+            row = _row(self._map[at : at + _SLOT_BYTES])
             if row is not None:
-                newest = self.newest[(at - _ROWS_AT) // (2 * _HALF_BYTES)]
+                newest = self.newest[(at - _ROWS_AT) // (2 * _SLOT_BYTES)]
                 rows.append(row._replace(timestamp=max(row.timestamp, newest)))
         return rows
 
@@ -81,15 +81,15 @@ class StreamJournal:
         _HEAD.pack_into(self._map, 0, _MAGIC, _boot_id(), run)
 
     def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
-        """As :class:`mavlink.signing.streams.Journal` has it."""
+        """As :class:`mavlink.signing.streams.StreamRecorder` has it."""
         turn = self._turns[place] = self._turns[place] ^ 1
-        at = _ROWS_AT + (2 * place + turn) * _HALF_BYTES
+        at = _ROWS_AT + (2 * place + turn) * _SLOT_BYTES
         body = _BODY.pack(stream, timestamp, heard, booted)
-        self._map[at : at + _HALF_BYTES] = _SUM.pack(crc32(body)) + body
+        self._map[at : at + _SLOT_BYTES] = _SUM.pack(crc32(body)) + body
         self.newest[place] = timestamp
 
     def close(self, *, needed: bool) -> None:
-        """Lets go of it, and removes it where it is not needed any more."""
+        """Closes it, and removes it where it is not needed any more."""
         if not needed:
             with contextlib.suppress(OSError):
                 self.path.unlink()
@@ -98,7 +98,7 @@ class StreamJournal:
 
 
 def _boot_id() -> bytes:
-    """What tells one start of the computer from another; empty where it does not say."""
+    """Identifies one start of the computer; empty where the system has no such id."""
     try:
         return _BOOT_ID.read_bytes().strip()[:36]
     except OSError:
@@ -113,21 +113,21 @@ def _mapped(path: Path) -> mmap.mmap:
         ours = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid() and found.st_nlink == 1
         if not ours or found.st_mode & 0o077:
             raise OSError("a file that is not this user's own")
-        # all of it now: where memory is short, writing later would end the process
+        # allocated now: where memory is short, writing later would end the process
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(fd, 0, _SIZE)
         os.ftruncate(fd, _SIZE)
-        # others that see the same memory may call another folder by this name; the map keeps the file open
+        # another container may share this memory and have another folder of this name; the map keeps the file open
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return mmap.mmap(fd, _SIZE)
     finally:
         os.close(fd)
 
 
-def _row(half: bytes) -> Row | None:
-    """What stands in a half, None for nothing or what was not written to its end."""
-    body = half[_SUM.size :]
-    if _SUM.pack(crc32(body)) != half[: _SUM.size]:
+def _row(slot: bytes) -> StreamRow | None:
+    """The row in a slot, None for an empty one or one that was not written to its end."""
+    body = slot[_SUM.size :]
+    if _SUM.pack(crc32(body)) != slot[: _SUM.size]:
         return None
     stream, timestamp, heard, booted = _BODY.unpack(body)
-    return Row(stream >> 16, stream >> 8 & 0xFF, stream & 0xFF, timestamp, heard, booted)
+    return StreamRow(stream >> 16, stream >> 8 & 0xFF, stream & 0xFF, timestamp, heard, booted)

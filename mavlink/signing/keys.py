@@ -1,7 +1,7 @@
-"""Signing keys: a folder with one file for each vehicle, read once, shown nowhere.
+"""Signing keys: a folder with one file for each vehicle, read once and never shown.
 
 ``7.key`` holds the key of system 7, ``fleet.key`` one for every system without its own: 32 bytes, as 64 hexadecimal
-digits. Only their owner may read them. A file is never written over: a key that is gone locks its vehicle.
+digits. Only their owner may read them. A file is never overwritten: a vehicle whose key is lost is locked.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ _POSIX = os.name == "posix"
 
 
 class Key:
-    """A secret of 32 bytes that signs and never shows itself.
+    """A secret of 32 bytes that signs and cannot be read back.
 
-    The bytes are not kept, only SHA-256 with them already in it, which can be neither printed nor pickled.
+    The bytes are not kept, only the state of SHA-256 after them, which can be neither printed nor pickled.
 
     Raises:
-        SigningError: not 32 bytes, or all zero, which autopilots take for "signing off".
+        SigningError: not 32 bytes, or all zero, which autopilots take for "signing is off".
     """
 
     __slots__ = ("_primed", "fingerprint")
@@ -40,11 +40,11 @@ class Key:
     def __init__(self, secret: bytes) -> None:
         length, zero = len(secret), not any(secret)
         if length != KEY_LENGTH or zero:
-            del secret  # tracebacks may show the names that a function knows
+            del secret  # a traceback may show local variables
             raise SigningError("a key of zeros is none" if zero else f"a key has {KEY_LENGTH} bytes, not {length}")
         self._primed = hashlib.sha256(secret)
         self.fingerprint = hashlib.sha256(b"rollcall fingerprint" + secret).hexdigest()[:8]
-        """What tells keys apart without telling what they are."""
+        """Identifies the key without revealing it."""
 
     def signature(self, covered: bytes) -> bytes:
         """The six bytes that end a signed frame.
@@ -73,7 +73,7 @@ class KeyRing:
     """Of every system without a key of its own."""
 
     def key_of(self, system_id: int) -> Key | None:
-        """The one key that this system's frames are verified with; None: there is none."""
+        """The key that this system's frames are verified with, None without one."""
         return self.keys.get(system_id, self.default)
 
     def __len__(self) -> int:
@@ -81,7 +81,7 @@ class KeyRing:
 
 
 def passphrase_secret(passphrase: str) -> bytes:
-    """The 32 bytes that other ground stations make of a passphrase too: SHA-256 of its UTF-8."""
+    """The 32 bytes of a passphrase, as other ground stations derive them: SHA-256 of its UTF-8."""
     return hashlib.sha256(passphrase.encode("utf-8", "surrogateescape")).digest()
 
 
@@ -97,12 +97,12 @@ def read_ring(folder: Path) -> KeyRing:
         SigningError: no such folder, files that others may read or replace, or that hold no key.
     """
     try:
-        _refuse_open_folder(folder)
+        _check_permissions(folder)
         paths = sorted(path for path in folder.iterdir() if path.suffix == ".key")
     except OSError as error:
         hint = "; make a key with gcs keys new" if isinstance(error, FileNotFoundError) else ""
         raise SigningError(f"{folder}: the key folder cannot be read: {error.strerror}{hint}") from None
-    keys = {_owner(path): _read_key(path) for path in paths}
+    keys = {_system_id_of(path): _read_key(path) for path in paths}
     return KeyRing(default=keys.pop(FLEET, None), keys=keys)
 
 
@@ -138,7 +138,7 @@ def write_key(folder: Path, system_id: int, secret: bytes) -> tuple[Path, Key]:
     return path, key
 
 
-def _owner(path: Path) -> int:
+def _system_id_of(path: Path) -> int:
     if path.stem == "fleet":
         return FLEET
     if path.stem.isascii() and path.stem.isdigit() and 1 <= int(path.stem) <= 255 and str(int(path.stem)) == path.stem:
@@ -146,7 +146,7 @@ def _owner(path: Path) -> int:
     raise SigningError(f"{path}: whose key is this? Name it after its system id, 1.key to 255.key, or fleet.key")
 
 
-def _refuse_open_folder(folder: Path) -> None:
+def _check_permissions(folder: Path) -> None:
     mode = stat.S_IMODE(folder.stat().st_mode)
     if _POSIX and mode & 0o022:
         raise SigningError(
@@ -176,7 +176,7 @@ def _opened(path: Path) -> BinaryIO:
 
 
 def _from_hex(text: bytes) -> bytes:
-    """The bytes that hexadecimal digits stand for; none for anything else."""
+    """The bytes of hexadecimal digits; empty for anything else."""
     try:
         return bytes.fromhex(text.decode("ascii").strip())
     except ValueError:

@@ -1,4 +1,4 @@
-"""Signs the frames that this program makes itself, never anybody else's."""
+"""Signs the frames that this program makes itself, and no others."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ __all__ = ["Signer"]
 
 
 class Signer:
-    """Signatures for one receiver. An autopilot knows one key, its own, and wants what is sent to it signed with that.
+    """Signatures for one receiver. An autopilot knows one key, its own, and accepts only what is signed with that.
 
-    The timestamp follows the clock, or a sender that was silent for a minute would be refused, and grows by one with
-    each frame at least.
+    The timestamp follows the clock, or a sender that was silent for a minute would be rejected, and grows by at least
+    one with each frame.
 
     Args:
-        key: of the vehicle that is spoken to.
+        key: of the vehicle that is sent to.
         newest: the last timestamp used before, in ticks; 0: only the clock counts.
     """
 
@@ -37,7 +37,7 @@ class Signer:
             link_id: 0..255, one for each link that is sent on: frames overtake each other between links.
 
         Raises:
-            SigningError: MAVLink 1 cannot be signed; a frame that carries a signature is somebody else's.
+            SigningError: MAVLink 1 cannot be signed; a frame that carries a signature is another program's.
         """
         if frame[0] != MAGIC_V2:
             raise SigningError("a MAVLink 1 frame cannot be signed; send MAVLink 2")

@@ -1,10 +1,10 @@
-"""The table of signed streams on disk, so that what was heard before a restart cannot be played again after it.
+"""The table of signed streams on disk, so that what was received before a restart cannot be replayed after it.
 
-Two files take turns, each with its number and a checksum: whatever happens while one is written, the other is whole.
-They are written every second while a flight runs, when a stream is new, and at the end, by a thread of their own.
+Two files are written in turn, each with its number and a checksum: whatever happens while one is written, the other is
+whole. A thread of its own writes them every second while a flight runs, when a stream is new, and at the end.
 
 What came after the last save is in a journal in memory (:mod:`mavlink.signing.journal`), which outlives the process.
-After a power cut it is gone, and with it up to two seconds: then a stream is believed again once a frame proves that it
+In a power cut it is lost, and with it up to two seconds: then a stream is accepted again once a frame proves that it
 was made later than that.
 """
 
@@ -23,14 +23,18 @@ from pathlib import Path
 from mavlink.errors import SigningError
 from mavlink.signing.journal import RUN_BYTES, StreamJournal
 from mavlink.signing.keys import read_ring
-from mavlink.signing.streams import SECOND, Row, Streams, ticks_of
+from mavlink.signing.streams import SECOND, StreamRow, Streams, ticks_of
 from mavlink.signing.verifier import RADIO_STATUS, Keyless, Verifier
 
 __all__ = ["SLOTS", "StreamStore", "open_verifier"]
 
 SLOTS = ("streams.0", "streams.1")
 PERIOD_S = 1.0
-LOOK_S = 0.02
+"""Between saves."""
+CHECK_S = 0.02
+"""Between checks for a new stream, which is saved at once."""
+_MAX_SAVING = 0.1
+"""Share of the time that saving may take."""
 _MAGIC, _OLD_MAGIC = b"RCSTRM2\n", b"RCSTRM1\n"
 _HEAD = struct.Struct("<8sQQQ?8sI")  # magic, number, saved at, proven, whether at the end, run, rows
 _OLD_HEAD = struct.Struct("<8sQQQ?I")
@@ -47,9 +51,9 @@ def open_verifier(
     keyless: Keyless = "refused",
     accept_late: Collection[int] = (),
 ) -> tuple[Verifier, StreamStore]:
-    """Reads the keys of a folder and what is remembered of their streams.
+    """Reads the keys of a folder and the table of their streams.
 
-    To be called in the process that checks, once for all links; there, close the store at the end.
+    To be called in the process that verifies, once for all links; there, close the store at the end.
 
     Args:
         folder: of the keys.
@@ -58,7 +62,7 @@ def open_verifier(
         accept_late: as :class:`mavlink.signing.streams.Streams` has it.
 
     Raises:
-        SigningError: no key in it, or what :func:`mavlink.signing.keys.read_ring`, the verifier and the store refuse.
+        SigningError: no key in it, or what :func:`mavlink.signing.keys.read_ring`, the verifier and the store raise.
     """
     ring = read_ring(folder)
     if not ring:
@@ -78,7 +82,7 @@ class _Saved:
     proven: int
     ended: bool
     run: bytes
-    rows: tuple[Row, ...]
+    rows: tuple[StreamRow, ...]
 
 
 class StreamStore:
@@ -105,9 +109,9 @@ class StreamStore:
         self.folder = folder
         self.streams = Streams(accept_late)
         self.warning = ""
-        """What was wrong with the files at the start; empty: nothing."""
+        """What was wrong with the files at the start; empty for nothing."""
         self.trouble = ""
-        """Why nothing can be saved now; empty: it can."""
+        """Why nothing can be saved now; empty where it can."""
         self._number = self._births = 0
         self._period_s, self._wall_ns = period_s, wall_ns
         self._run_id = os.urandom(RUN_BYTES)
@@ -123,7 +127,7 @@ class StreamStore:
         except BaseException:
             os.close(self._lock)
             raise
-        # from here on the files say what the journal said
+        # now the files hold what the journal held
         self._journal.begin(self._run_id)
         self.streams.write_to(self._journal)
         self._stop = threading.Event()
@@ -150,9 +154,9 @@ class StreamStore:
             os.close(self._lock)
 
     def _run(self) -> None:
-        start_s, pause_s = time.monotonic(), LOOK_S
+        start_s, pause_s = time.monotonic(), CHECK_S
         while not self._stop.wait(pause_s):
-            pause_s = LOOK_S
+            pause_s = CHECK_S
             if self.streams.births == self._births and time.monotonic() - start_s < self._period_s:
                 continue
             start_s = time.monotonic()
@@ -161,8 +165,8 @@ class StreamStore:
                 self.trouble = ""
             except SigningError as error:
                 self.trouble = str(error)
-            # who has a key could make streams without end: a tenth of the time goes into saving them, no more
-            pause_s = min(max(LOOK_S, 10.0 * (time.monotonic() - start_s)), self._period_s)
+            # a sender with a key could make streams without end
+            pause_s = min(max(CHECK_S, (time.monotonic() - start_s) / _MAX_SAVING), self._period_s)
 
     def _locked(self) -> int:
         path = self.folder / "streams.lock"
@@ -190,15 +194,15 @@ class StreamStore:
         if damaged:
             self.warning = f"{damaged[0]}: damaged, written anew; its twin was used, which may be a second older"
         if whole:
-            self._take(max(whole, key=lambda slot: slot.number))
+            self._restore(max(whole, key=lambda slot: slot.number))
 
-    def _take(self, saved: _Saved) -> None:
+    def _restore(self, saved: _Saved) -> None:
         exact = bool(saved.run) and saved.run == self._journal.run()
         newest = {row[:3]: row for row in saved.rows}
         for row in self._journal.rows() if exact else ():
             if row[:3] not in newest or newest[row[:3]].timestamp < row.timestamp:
                 newest[row[:3]] = row
-        # a clock that was set back since tells nothing of then, and it is later than then
+        # where the clock was set back since, the earlier time is the safe one
         lost_until = min(saved.at, ticks_of(self._wall_ns() // 1000)) + _LOST
         for row in newest.values():
             self.streams.restore(row, not_before=0 if exact or saved.ended else lost_until)
@@ -210,7 +214,7 @@ class StreamStore:
         path = self.folder / SLOTS[self._number % 2]
         self._births, kept = self.streams.births, list(self.streams.rows())
         rows = [_ROW.pack(*row) for row in kept]
-        # where the computer's clock was set back, that of the streams went on
+        # where the computer's clock was set back, the streams went on
         at = max([ticks_of(self._wall_ns() // 1000), *(row.heard for row in kept)])
         head = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, self._run_id, len(rows))
         data = head + b"".join(rows)
@@ -234,7 +238,7 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _read(path: Path) -> _Saved | str:
-    """What a file holds; ``absent``, or ``damaged``."""
+    """A file's contents; ``absent``, or ``damaged``."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -249,5 +253,5 @@ def _read(path: Path) -> _Saved | str:
     magic, number, at, proven, ended, *run, count = head.unpack_from(body)
     if magic not in (_MAGIC, _OLD_MAGIC) or len(body) != head.size + count * row.size:
         return "damaged"
-    rows = tuple(Row(*fields) for fields in row.iter_unpack(body[head.size :]))
+    rows = tuple(StreamRow(*fields) for fields in row.iter_unpack(body[head.size :]))
     return _Saved(number=number, at=at, proven=proven, ended=ended, run=b"".join(run), rows=rows)

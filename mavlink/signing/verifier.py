@@ -1,13 +1,13 @@
-"""What a frame's signature is worth: MAVLink 2 message signing, with a key for each vehicle.
+"""Verifies frames: MAVLink 2 message signing, with a key for each vehicle.
 
-A frame is verified with the key of the system that it names and with no other, and nothing changes until it is. Then
-its timestamp has to be newer than the last of its stream, and no further ahead than
+A frame is verified with the key of its system id and no other, and changes nothing until it is. Then its timestamp has
+to be newer than the last of its stream, and no further ahead than
 :data:`mavlink.signing.streams.AHEAD`; and something has to prove that the frame was made in the last minute
-(:mod:`mavlink.signing.streams`). Rules: https://mavlink.io/en/guide/message_signing.html, which leaves the future open:
-one frame signed by a wrong clock would then lock its vehicle out for as long.
+(:mod:`mavlink.signing.streams`). Rules: https://mavlink.io/en/guide/message_signing.html, which set no limit to
+the future: one frame signed by a wrong clock would then lock its vehicle out for as long.
 
-With any key in the ring all systems have to sign. What may come unsigned is a list of messages: those of modems, which
-have no key. Such a frame is ``OPEN``; none that says who or where a vehicle is can be listed.
+With any key in the ring all systems have to sign. Only listed messages may come unsigned: those of modems, which have
+no key. Such a frame is ``OPEN``; messages that describe a vehicle cannot be listed.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 from mavlink.signing.keys import KeyRing
 from mavlink.signing.streams import AHEAD, Streams, ticks_of
 
-__all__ = ["RADIO_STATUS", "SETUP_SIGNING", "TELLING", "Keyless", "Verifier", "without_secret"]
+__all__ = ["RADIO_STATUS", "SETUP_SIGNING", "STATE_MESSAGES", "Keyless", "Verifier", "without_secret"]
 
 RADIO_STATUS = 109
 SETUP_SIGNING = 256
 SIGNED = 0x01
 """The incompatibility flag of signed frames."""
-TELLING = frozenset({0, 1, 2, 24, 30, 31, 33, 111, 158, 193, 230, 253, 259, 260, 265, 269, 271, 285})
-"""Messages that make up a vehicle's state: all that :mod:`mavlink.protocol.decode` reads but the modems' own."""
+STATE_MESSAGES = frozenset({0, 1, 2, 24, 30, 31, 33, 111, 158, 193, 230, 253, 259, 260, 265, 269, 271, 285})
+"""Messages that make up a vehicle's state: all that :mod:`mavlink.protocol.decode` decodes, except the modems' own."""
 Keyless = Literal["refused", "open"]
 _OVERHEAD = 12 + SIGNATURE_LENGTH
 _SHORTEST = 8
@@ -40,14 +40,14 @@ _KEY_AT = 10  # in SETUP_SIGNING's payload, after its timestamp and target
 
 
 class Verifier:
-    """Says of each packet what its signature is worth. One for all links; not for several threads at once.
+    """Verifies the signature of each packet. One for all links; not for several threads at once.
 
     Args:
         ring: the keys; an empty ring makes everything ``OPEN``.
-        unsigned: ids of messages that may come unsigned from anybody, none of :data:`TELLING`.
-        keyless: what systems are that have no key while others have: ``refused`` or ``open``.
-        streams: what is remembered from before.
-        steady_ns: a clock that is never set; it goes on where the computer's is set back.
+        unsigned: ids of messages that may come unsigned from any system, none of :data:`STATE_MESSAGES`.
+        keyless: how frames of systems without a key are treated while others have one: ``refused`` or ``open``.
+        streams: the table of earlier runs.
+        steady_ns: a clock that is never set, for when the computer's is set back.
 
     Raises:
         SigningError: a message may not come unsigned.
@@ -62,10 +62,10 @@ class Verifier:
         streams: Streams | None = None,
         steady_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        telling = min(TELLING.intersection(unsigned), default=None)
-        if telling is not None:
+        listed = min(STATE_MESSAGES.intersection(unsigned), default=None)
+        if listed is not None:
             raise SigningError(
-                f"{message_name(telling)} ({telling}) says who or where a vehicle is and cannot come unsigned; "
+                f"{message_name(listed)} ({listed}) says who or where a vehicle is and cannot come unsigned; "
                 "take it out of [signing] unsigned"
             )
         self.ring = ring
@@ -74,13 +74,13 @@ class Verifier:
         self._unsigned = frozenset(unsigned)
         self._keyless = Auth.UNSIGNED if ring and keyless == "refused" else Auth.OPEN
         self._steady_ns = steady_ns
-        # now = steady clock + offset: from the clock that was proven, and never back from the latest seen
+        # now = steady clock + offset: from the latest time proven, and never back
         self._offset = self.streams.proven - steady_ns() // 10_000
 
     def check(self, packet: Packet) -> Auth:
-        """What the signature of a frame says that :mod:`mavlink.protocol.framing` let through.
+        """Verifies a frame that :mod:`mavlink.protocol.framing` accepted.
 
-        Of unsigned frames it depends on the frame alone; of signed ones also on what was accepted before.
+        For unsigned frames the result depends on the frame alone, for signed ones also on what was accepted before.
         """
         raw = packet.raw
         if len(raw) < _SHORTEST:
@@ -113,7 +113,7 @@ class Verifier:
         return self.streams.admit(system_id, raw[6], raw[-13], timestamp, now, raw)
 
     def accept_held(self, system_id: int, t_us: int) -> int:
-        """An operator vouches for a system whose frames are held; returns how many streams of it were.
+        """Accepts a system whose frames are held, on an operator's order; returns how many of its streams were held.
 
         Args:
             system_id: whose.

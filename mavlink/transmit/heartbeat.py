@@ -1,6 +1,7 @@
-"""What the station says of its own accord once it commands: its heartbeat, and a question for the UAV's clock.
+"""What the station sends on its own once it commands: its heartbeat, and requests for the UAV's clock.
 
-Both are beaten by the caller's loop, so that a hung program falls silent. What was missed is not made up for.
+Both are sent by polling in the caller's loop, so that a program that hangs falls silent. What was missed is not sent
+later.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 __all__ = ["HeartbeatTimer", "TimeSyncTimer"]
 
 HEARTBEAT_S = 1.0
+"""The rate that MAVLink's heartbeat protocol asks for."""
 TIMESYNC_S = 7.0
+"""Often enough for a drift within minutes, and no multiple of the heartbeat's."""
 
 
 class HeartbeatTimer:
     """One HEARTBEAT a second while it is polled.
 
     Args:
-        encoder: this station; not 255, or the vehicle's failsafe would take us for its first station.
+        encoder: this station's; not as 255, or the vehicle's failsafe would take us for its first station.
     """
 
     def __init__(self, encoder: MavlinkEncoder) -> None:
@@ -40,7 +43,7 @@ class TimeSyncTimer:
     """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.clock_health` reads the answers.
 
     Args:
-        encoder: this station.
+        encoder: this station's.
     """
 
     def __init__(self, encoder: MavlinkEncoder) -> None:

@@ -1,8 +1,8 @@
-"""Message rates: wanted against measured, and asked for where that is allowed.
+"""Message rates: measured, compared with what is wanted, and requested where that is allowed.
 
-Only the UAV is ever asked; a ground vehicle's rates are measured, and a hint says what to set on it. Each message is
-asked for by SET_MESSAGE_INTERVAL, one at a time because the answer does not say which, and asked again until it is
-measured; what the autopilot refuses is asked for as a stream by the older REQUEST_DATA_STREAM.
+Requests go to the UAV alone; a ground vehicle's rates are measured, and a hint names the parameter to set on it. Each
+message is requested by SET_MESSAGE_INTERVAL, one at a time because the answer does not name the message, and again
+until the rate is reached; what the autopilot rejects is requested as a stream by the older REQUEST_DATA_STREAM.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from mavlink.transmit.rate_requests import (
 )
 from mavlink.transmit.transmitter import SYSTEM_ID
 
-__all__ = ["UAV_RATES", "UGV_RATES", "Rate", "RateKeeper", "uav_rates"]
+__all__ = ["UAV_RATES", "UGV_RATES", "MessageRates", "Rate", "uav_rates"]
 
 UAV_RATES: Mapping[int, float] = {
     ATTITUDE: 30.0,
@@ -45,36 +45,42 @@ UAV_RATES: Mapping[int, float] = {
     GPS_RAW_INT: 1.0,
     SYSTEM_TIME: 1.0,
 }
-"""message id → Hz that naming vehicles in a frame needs of the UAV."""
+"""message id → Hz that the UAV has to send for vehicles to be identified in the video."""
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
 """The same for a ground vehicle."""
 
 _DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
+"""MAV_RESULT of a request that was rejected."""
 ENOUGH = 0.7
 """Share of the wanted rate that is good enough: vehicles round to what their loop can do, and radios lose some."""
 TRIES = 5
+"""Requests for one message before it is given up."""
 WINDOW_S = 3.0
+"""Rates are measured over this: at 1 Hz there are three messages in it."""
 ANSWER_S = 1.0
+"""An answer that has not come within this is lost."""
 LASTS_S = 5.0
-"""A rate is low for so long before it is told: a pause of the link is not yet out of what was measured after three."""
+"""A rate is low for so long before it is reported: a pause of the link is in what is measured for three seconds."""
 CALM_S = 30.0
-"""And better for so long before it may be told again: one about the limit is one line, not one every ten seconds."""
+"""And better for so long before it may be reported again, or one near the limit would be a line every ten seconds."""
 AGAIN_S = 4.0
+"""Between two requests for one message: its rate has to be measured meanwhile."""
 BEHIND_S = 10.0
-"""For so long after a packet that was refused as replayed nothing is said of a link's rates."""
+"""For so long after a packet that was rejected as replayed a link's rates are not judged."""
 PAUSE_S = 1.5
-"""Nothing at all for so long is the link's trouble, not that of a rate."""
+"""A link that brings nothing at all for so long is interrupted: that says nothing of a rate."""
 LOSS_MEMORY = 50.0
 """Packets over which the loss of a link is measured: a few seconds."""
 LOSSY = 0.1
-"""Share of packets lost from which on the link is named as what makes a rate low."""
+"""Share of packets lost from which on the link is named as the cause of a low rate."""
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
-"""Messages of equipment that a vehicle need not have: one that never came is not missed."""
+"""Messages of equipment that a vehicle need not have: one that never came is not reported."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
+"""A boot time that is so much less than before, and less than a minute, is one after a reboot."""
 
 
 def uav_rates(*, gimbal: bool) -> Mapping[int, float]:
-    """What is wanted of a UAV whose gimbal is followed, or is not."""
+    """Rates wanted of a UAV, with those of its gimbal where it reports the camera's direction."""
     return UAV_RATES if gimbal else {message: hz for message, hz in UAV_RATES.items() if message != GIMBAL_ATTITUDE}
 
 
@@ -92,31 +98,31 @@ class Rate:
     measured_hz: float
     state: State
     hint: str = ""
-    """What an operator can do, empty when nothing is to be done."""
+    """What an operator can do, empty for nothing."""
 
     @property
     def words(self) -> str:
-        """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: a ground vehicle is never asked: ...``."""
+        """``GLOBAL_POSITION_INT comes at 1.0 of 5 Hz: ...``."""
         comes = f"comes at {self.measured_hz:.1f} of {self.wanted_hz:g} Hz" if self.measured_hz else "does not come"
         return f"{self.message} {comes}: {self.hint}"
 
 
 class _MessageStream:
-    """Arrivals of one message, and what was asked for it."""
+    """Arrivals of one message, and how it was requested."""
 
     def __init__(self) -> None:
         self.arrivals: deque[float] = deque(maxlen=256)
         self.ever = False
-        self.again()
+        self.restart()
 
-    def again(self) -> None:
-        """As if never asked."""
+    def restart(self) -> None:
+        """As if it was never requested."""
         self.tries = 0
         self.due_s = 0.0
-        self.refused = False
+        self.rejected = False
 
     def hz(self, now_s: float) -> float:
-        """Over the last seconds: by the intervals, but no more than by the count, which sees a stream end."""
+        """Over the last seconds: by the intervals, but no more than by the count, which falls when a stream ends."""
         while self.arrivals and self.arrivals[0] < now_s - WINDOW_S:
             self.arrivals.popleft()
         count = len(self.arrivals)
@@ -127,32 +133,32 @@ class _MessageStream:
         return min((count - 1) / span_s, by_count) if span_s > 0.0 else by_count
 
 
-class _Peer:
+class _VehicleLink:
     """One vehicle on one link."""
 
     def __init__(self, wanted: Mapping[int, float], now_s: float) -> None:
-        self.since_s = self.heard_s = now_s
-        self.behind_s = -math.inf  # when a packet was refused because another link had brought newer ones
+        self.since_s = self.newest_s = now_s
+        self.behind_s = -math.inf  # when a packet was rejected because another link had brought newer ones
         self.boot_ms = 0
         self.loss = SequenceLoss(half_life=LOSS_MEMORY)
         self.streams = {message_id: _MessageStream() for message_id in wanted}
-        self.asking: int | None = None
-        self.asked_s = -math.inf
+        self.requested: int | None = None
+        self.requested_s = -math.inf
 
     def restart(self, now_s: float) -> None:
-        """After a reboot or a silence everything may have to be asked for again."""
-        self.since_s, self.asking = now_s, None
+        """After a reboot or a silence everything may have to be requested again."""
+        self.since_s, self.requested = now_s, None
         for stream in self.streams.values():
-            stream.again()
+            stream.restart()
 
 
-class RateKeeper:
-    """Rates of a fleet. One thread may take packets while another polls.
+class MessageRates:
+    """Rates of a fleet. One thread may add packets while another polls.
 
     Args:
         encoder: this station; None measures only.
-        own: its system id, which answers to its requests carry.
-        uav: system id of the UAV, the only one that is asked.
+        own: its system id, to which answers are addressed.
+        uav: system id of the UAV, the only one that gets requests.
         ground: system ids of the ground vehicles.
         uav_rates: message id → Hz wanted of the UAV.
         ugv_rates: the same of ground vehicles.
@@ -173,11 +179,11 @@ class RateKeeper:
         self._uav = uav
         self._wanted = {**{system_id: ugv_rates for system_id in ground}, uav: uav_rates}
         self._lock = threading.Lock()
-        self._peers: dict[tuple[int, int], _Peer] = {}
-        self._troubles: dict[tuple[int, int, str], Hysteresis] = {}
+        self._peers: dict[tuple[int, int], _VehicleLink] = {}
+        self._low_rates: dict[tuple[int, int, str], Hysteresis] = {}
 
-    def want(self, message_id: int, hz: float) -> None:
-        """Wants one more message of the UAV from now on.
+    def add_wanted(self, message_id: int, hz: float) -> None:
+        """Adds a message that is wanted of the UAV from now on.
 
         Args:
             message_id: which.
@@ -189,11 +195,11 @@ class RateKeeper:
                 if system_id == self._uav:
                     peer.streams.setdefault(message_id, _MessageStream())
 
-    def take(self, packet: Packet, now_s: float) -> None:
+    def add_packet(self, packet: Packet, now_s: float) -> None:
         """Counts a packet, and reads the UAV's answers.
 
         Args:
-            packet: of anybody, verified.
+            packet: of any system, verified.
             now_s: monotonic seconds.
         """
         wanted = self._wanted.get(packet.system_id)
@@ -208,34 +214,34 @@ class RateKeeper:
     def _count(self, packet: Packet, wanted: Mapping[int, float], now_s: float) -> None:
         peer = self._peers.get((packet.system_id, packet.link))
         if peer is None:
-            peer = self._peers[packet.system_id, packet.link] = _Peer(wanted, now_s)
+            peer = self._peers[packet.system_id, packet.link] = _VehicleLink(wanted, now_s)
         booted_ms = boot_ms(packet)
-        # a packet that was late on another way is no reboot: that begins at nought
+        # a packet that came late over another link is no reboot, whose count starts at 0
         rebooted = 0 < booted_ms < _YOUNG_MS and booted_ms + _REBOOT_MS < peer.boot_ms
-        if now_s - peer.heard_s > SILENT_S or rebooted:
+        if now_s - peer.newest_s > SILENT_S or rebooted:
             peer.restart(now_s)
             peer.boot_ms = 0
-        peer.boot_ms, peer.heard_s = max(peer.boot_ms, booted_ms), now_s
+        peer.boot_ms, peer.newest_s = max(peer.boot_ms, booted_ms), now_s
         peer.loss.add(packet.peer, packet.component_id, packet.seq)
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
             stream.ever = True
         elif packet.message_id == COMMAND_ACK and packet.system_id == self._uav:
-            self._answer(peer, packet)
+            self._add_answer(peer, packet)
 
     def poll(self, now_s: float) -> list[tuple[int, bytes]]:
-        """Requests that are due, each with the link it belongs on; only to the UAV, one message at a time and link."""
+        """Requests that are due, each with its link; only to the UAV, and for one message at a time on each link."""
         if self._encoder is None:
             return []
         due: list[tuple[int, bytes]] = []
         with self._lock:
             for (system_id, link), peer in self._peers.items():
-                if system_id == self._uav and now_s - peer.heard_s <= SILENT_S:
-                    due += ((link, raw) for raw in self._ask(self._encoder, peer, now_s))
+                if system_id == self._uav and now_s - peer.newest_s <= SILENT_S:
+                    due += ((link, raw) for raw in self._next_request(self._encoder, peer, now_s))
         return due
 
     def rates(self, now_s: float) -> tuple[Rate, ...]:
-        """Every wanted message of every vehicle on every link that it was heard on, the UAV's first."""
+        """Every wanted message of every vehicle on every link on which it was received, the UAV's first."""
         with self._lock:
             order = sorted(self._peers, key=lambda key: (key[0] != self._uav, *key))
             return tuple(
@@ -245,24 +251,25 @@ class RateKeeper:
             )
 
     def troubles(self, now_s: float) -> list[Rate]:
-        """Rates that are low for a while and that an operator can do something about, each once until it is well, and
-        once more when the message ceases.
+        """Rates that have been low for a while and that an operator can raise.
+
+        Each is reported once until it is well again, and once more when the message ceases.
         """
         fresh = []
         for rate in self.rates(now_s):
             if rate.state == "ok" or rate.hint:
-                trouble = self._troubles.setdefault(
+                low_rate = self._low_rates.setdefault(
                     (rate.system_id, rate.link, rate.message), Hysteresis(rises_after=LASTS_S, falls_after=CALM_S)
                 )
                 worse = 0 if rate.state == "ok" else 1 if rate.measured_hz else 2
-                if trouble.rises(worse, now_s):
+                if low_rate.rises(worse, now_s):
                     fresh.append(rate)
         return fresh
 
-    def _ask(self, encoder: MavlinkEncoder, peer: _Peer, now_s: float) -> list[bytes]:
-        if now_s - peer.since_s < WINDOW_S or (peer.asking is not None and now_s - peer.asked_s < ANSWER_S):
+    def _next_request(self, encoder: MavlinkEncoder, peer: _VehicleLink, now_s: float) -> list[bytes]:
+        if now_s - peer.since_s < WINDOW_S or (peer.requested is not None and now_s - peer.requested_s < ANSWER_S):
             return []
-        peer.asking = None
+        peer.requested = None
         for message_id, wanted_hz in self._wanted[self._uav].items():
             stream = peer.streams[message_id]
             if stream.hz(now_s) >= ENOUGH * wanted_hz:
@@ -271,21 +278,21 @@ class RateKeeper:
             if stream.tries >= TRIES or now_s < stream.due_s:
                 continue
             stream.tries, stream.due_s = stream.tries + 1, now_s + AGAIN_S
-            peer.asked_s = now_s
-            if stream.refused:
+            peer.requested_s = now_s
+            if stream.rejected:
                 return [stream_request(encoder, self._uav, message_id, wanted_hz)]
-            peer.asking = message_id
+            peer.requested = message_id
             return [interval_request(encoder, self._uav, message_id, wanted_hz)]
         return []
 
-    def _answer(self, peer: _Peer, packet: Packet) -> None:
+    def _add_answer(self, peer: _VehicleLink, packet: Packet) -> None:
         result = interval_answer(packet, self._own)
-        if result is None or peer.asking is None:
+        if result is None or peer.requested is None:
             return
-        message_id, peer.asking = peer.asking, None
+        message_id, peer.requested = peer.requested, None
         if result in (_DENIED, _UNSUPPORTED, _FAILED):
             stream = peer.streams[message_id]
-            stream.refused, stream.due_s = True, 0.0
+            stream.rejected, stream.due_s = True, 0.0
             stream.tries = stream.tries if message_id in STREAMS else TRIES
 
     def _rate(self, system_id: int, link: int, message_id: int, wanted_hz: float, now_s: float) -> Rate:
@@ -293,7 +300,7 @@ class RateKeeper:
         stream = peer.streams[message_id]
         measured_hz = stream.hz(now_s)
         state, hint = _judge(stream, measured_hz, wanted_hz, asks=self._encoder is not None and system_id == self._uav)
-        unsettled = now_s - peer.since_s < WINDOW_S or now_s - peer.heard_s > PAUSE_S
+        unsettled = now_s - peer.since_s < WINDOW_S or now_s - peer.newest_s > PAUSE_S
         if state != "ok" and (unsettled or now_s - peer.behind_s < BEHIND_S):
             state, hint = "measuring", ""
         if not stream.ever and message_id in _WHERE_THERE_IS_ONE:
@@ -323,7 +330,7 @@ def _judge(stream: _MessageStream, measured_hz: float, wanted_hz: float, *, asks
         return "too slow", ""
     if stream.tries < TRIES:
         return "asked", ""
-    if stream.refused:
+    if stream.rejected:
         return "refused", "the autopilot refuses this rate: it may not have the sensor, or the link's budget is used up"
     return "not reached", f"asked {TRIES} times: the link may be too slow for it, or another station asks for less"
 

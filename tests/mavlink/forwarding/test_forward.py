@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
-from mavlink.protocol.addressing import EVERYBODY, target_of
+from mavlink.protocol.addressing import BROADCAST, target_of
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 from mavlink.protocol.framing import Framer, checksum
 from mavlink.protocol.packet import Auth, Packet
@@ -109,8 +109,8 @@ def test_target_of_every_message_that_has_one():
     for message in dialect.mavlink_map.values():
         odd = {name for name in message.fieldnames if re.search("target$|sysid|system", name)} - named
         assert odd <= {"target_system"} or message.msgname == "MANUAL_CONTROL", message.msgname
-    assert target_of(UAV.heartbeat()) == EVERYBODY
-    assert target_of(MavlinkEncoder(3, version=1).pack(dialect.MAVLink_command_ack_message(400, 0))) == EVERYBODY
+    assert target_of(UAV.heartbeat()) == BROADCAST
+    assert target_of(MavlinkEncoder(3, version=1).pack(dialect.MAVLink_command_ack_message(400, 0))) == BROADCAST
 
 
 def test_frames_go_out_as_they_came_in_order(receiver):

@@ -13,8 +13,8 @@ from mavlink.protocol.framing import FrameCounts, checksum, split
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.signer import Signer
-from mavlink.signing.streams import AHEAD, BEHIND, MOST_STREAMS, SECOND, Streams
-from mavlink.signing.verifier import RADIO_STATUS, TELLING, Verifier, without_secret
+from mavlink.signing.streams import AHEAD, BEHIND, MAX_STREAMS, SECOND, Streams
+from mavlink.signing.verifier import RADIO_STATUS, STATE_MESSAGES, Verifier, without_secret
 from tests.support.signed_frames import NOW, T0, Sender, Still, ring_of, secret_of, verifier
 
 S = 1_000_000
@@ -253,8 +253,8 @@ def test_modems_may_come_unsigned_and_only_when_listed():
 
 
 def test_nothing_that_makes_up_a_vehicle_can_be_listed():
-    assert frozenset(decode._MAKERS) - {109, 166} == TELLING
-    for message_id in TELLING:
+    assert frozenset(decode._MAKERS) - {109, 166} == STATE_MESSAGES
+    for message_id in STATE_MESSAGES:
         with pytest.raises(SigningError, match="cannot come unsigned"):
             Verifier(ring_of(7), unsigned=(RADIO_STATUS, message_id))
 
@@ -284,11 +284,11 @@ def test_four_thousand_streams_and_more():
 def test_who_fills_the_table_pays_for_it():
     streams = Streams()
     streams.admit(1, 1, 0, 100, 0)
-    for k in range(MOST_STREAMS + 5000):
+    for k in range(MAX_STREAMS + 5000):
         streams.admit(9, k >> 8 & 0xFF, k & 0xFF, 200 + k, 0)
     streams.admit(2, 1, 0, 300, 0)
-    assert len(streams) == MOST_STREAMS
-    assert len(list(streams.rows())) == MOST_STREAMS
+    assert len(streams) == MAX_STREAMS
+    assert len(list(streams.rows())) == MAX_STREAMS
     assert (streams.newest(1, 1, 0), streams.newest(2, 1, 0)) == (100, 300)
 
 

@@ -12,7 +12,7 @@ from mavlink.errors import SigningError
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.keys import write_key
 from mavlink.signing.store import SLOTS, StreamStore, open_verifier
-from mavlink.signing.streams import AHEAD, MOST_STREAMS, SECOND, Row, Streams, ticks_of
+from mavlink.signing.streams import AHEAD, MAX_STREAMS, SECOND, StreamRow, Streams, ticks_of
 from mavlink.signing.verifier import Verifier
 from tests.support.signed_frames import Sender, ring_of, secret_of
 
@@ -100,7 +100,7 @@ def test_frames_that_were_held_up_before_the_last_save_open_no_gap(tmp_path):
 def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
     store = StreamStore(tmp_path, period_s=30)
     then = ticks_of(now_us()) - 30 * SECOND
-    store.streams.restore(Row(7, 1, 0, then, then))
+    store.streams.restore(StreamRow(7, 1, 0, then, then))
     store._save(ended=False)
     awake = heard_now(100)  # never saved
     assert judged(Verifier(ring_of(7), streams=store.streams), awake) == {Auth.GOOD: 100}
@@ -114,7 +114,7 @@ def test_a_stream_that_wakes_up_before_a_crash_is_not_forgotten(tmp_path):
 def test_crashes_one_after_another_change_nothing(tmp_path):
     store = StreamStore(tmp_path, period_s=30)
     then = ticks_of(now_us()) - 1000 * SECOND  # silent for long
-    store.streams.restore(Row(7, 1, 0, then + 5_995_000, then))
+    store.streams.restore(StreamRow(7, 1, 0, then + 5_995_000, then))
     for _ in range(4):
         store._save(ended=False)
         abandon(store)
@@ -293,7 +293,7 @@ def test_a_table_of_the_format_before_is_read(tmp_path):
     )
     (tmp_path / SLOTS[1]).write_bytes(body + hashlib.sha256(body).digest())
     store = StreamStore(tmp_path, period_s=30)
-    assert rows(store) == [Row(7, 1, 0, now - SECOND, now)]
+    assert rows(store) == [StreamRow(7, 1, 0, now - SECOND, now)]
     assert (store.warning, store.streams.proven) == ("", now - AHEAD)
     store.close()
 
@@ -308,7 +308,7 @@ def test_a_row_that_was_cut_short_by_the_kill_costs_one_frame_at_most(tmp_path, 
     before = path.read_bytes()
     assert store.streams.admit(7, 1, 0, now + 10, now + 20 * SECOND) is Auth.GOOD
     after = path.read_bytes()
-    rows_at = 64 + MOST_STREAMS * 8
+    rows_at = 64 + MAX_STREAMS * 8
     first = next(k for k in range(rows_at, len(after)) if before[k] != after[k]) // 32 * 32
     abandon(store)
     path.write_bytes(before[:first] + after[first : first + torn] + before[first + torn :])
@@ -339,7 +339,7 @@ def test_a_power_cut_under_a_clock_that_was_a_day_ahead_holds_nobody_for_a_day(t
     store = StreamStore(tmp_path, period_s=30, wall_ns=lambda: time.time_ns() + 86_400 * 10**9)
     now = ticks_of(now_us())
     # the vehicle is right, and was believed by an operator's word
-    store.streams.restore(Row(7, 1, 0, now, now + 86_400 * SECOND))
+    store.streams.restore(StreamRow(7, 1, 0, now, now + 86_400 * SECOND))
     store._save(ended=False)
     path = store._journal.path
     abandon(store)

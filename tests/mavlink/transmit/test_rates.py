@@ -12,7 +12,7 @@ from mavlink.protocol.decode import decode
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
-from mavlink.transmit.message_rates import TRIES, UAV_RATES, RateKeeper, uav_rates
+from mavlink.transmit.message_rates import TRIES, UAV_RATES, MessageRates, uav_rates
 from tests.support.spoken import UAV, UGV, message, packet
 
 BEAT = (2, 3, 0, 0, 4, 3)
@@ -59,7 +59,7 @@ class Sky:
     """A UAV that sends what it is told to, as far as it can, in simulated time."""
 
     def __init__(
-        self, keeper: RateKeeper, *, can: dict[int, float] | None = None, result: int = 0, streams=True
+        self, keeper: MessageRates, *, can: dict[int, float] | None = None, result: int = 0, streams=True
     ) -> None:
         self.keeper, self.result, self.streams = keeper, result, streams
         self.can = {30: 50.0, 33: 50.0, 285: 50.0, 24: 5.0, 2: 5.0} if can is None else can
@@ -89,10 +89,10 @@ class Sky:
         while self.now_s < end_s:
             self.now_s += 0.01
             if round(self.now_s * 100) % 100 == 0:
-                self.keeper.take(packet(UAV.heartbeat(2)), self.now_s)
+                self.keeper.add_packet(packet(UAV.heartbeat(2)), self.now_s)
             for message_id, hz in self.hz.items():
                 while hz and self.now_s >= self.due.setdefault(message_id, self.now_s):
-                    self.keeper.take(packet(self.frame(message_id)), self.now_s)
+                    self.keeper.add_packet(packet(self.frame(message_id)), self.now_s)
                     self.due[message_id] += 1.0 / hz
             for link, raw in self.keeper.poll(self.now_s):
                 assert link == 0
@@ -111,13 +111,13 @@ class Sky:
         assert said.command == 511
         if self.result == 0:
             self.hz[int(said.param1)] = min(1e6 / said.param2, self.can[int(said.param1)])
-        self.keeper.take(
+        self.keeper.add_packet(
             packet(UAV.pack(dialect.MAVLink_command_ack_message(511, self.result, 0, 0, 254, 190))), self.now_s
         )
 
 
-def keeper(**changes) -> RateKeeper:
-    return RateKeeper(MavlinkEncoder(254, 190), 1, (7,), **changes)
+def keeper(**changes) -> MessageRates:
+    return MessageRates(MavlinkEncoder(254, 190), 1, (7,), **changes)
 
 
 def states(sky: Sky) -> dict[str, str]:
@@ -200,7 +200,7 @@ def test_late_copies_are_no_reboot():
     for _ in range(60):
         sky.run(1.5)
         late_ms = round((sky.now_s - sky.boot_s - 10.0) * 1e3)
-        sky.keeper.take(packet(UAV.attitude(late_ms, 0.0, 0.0, 0.0)), sky.now_s)
+        sky.keeper.add_packet(packet(UAV.attitude(late_ms, 0.0, 0.0, 0.0)), sky.now_s)
     assert sum(int(said.param1) == 33 for _, said in sky.asked) == TRIES
 
 
@@ -211,7 +211,7 @@ def test_answers_to_another_station_are_not_ours():
     assert len(sky.asked) >= 1
     before = len(sky.asked)
     raw = UAV.pack(dialect.MAVLink_command_ack_message(511, 3, 0, 0, 255, 190))
-    sky.keeper.take(packet(raw), sky.now_s)
+    sky.keeper.add_packet(packet(raw), sky.now_s)
     sky.run(30.0)
     assert all(said.get_type() == "COMMAND_LONG" for _, said in sky.asked[before:])
 
@@ -220,11 +220,11 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
     made = keeper()
     for i in range(200):
         now_s = 100.0 + i * 0.1
-        made.take(packet(UAV.heartbeat(2), link=0), now_s)
-        made.take(packet(UAV.heartbeat(2), link=3), now_s)
-        made.take(packet(UGV.heartbeat(), link=1), now_s)
-        made.take(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s) if i % 10 == 0 else None
-        made.take(packet(MavlinkEncoder(9).heartbeat(), link=1), now_s)
+        made.add_packet(packet(UAV.heartbeat(2), link=0), now_s)
+        made.add_packet(packet(UAV.heartbeat(2), link=3), now_s)
+        made.add_packet(packet(UGV.heartbeat(), link=1), now_s)
+        made.add_packet(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s) if i % 10 == 0 else None
+        made.add_packet(packet(MavlinkEncoder(9).heartbeat(), link=1), now_s)
         for link, raw in made.poll(now_s):
             assert link in (0, 3)
             assert message(raw).target_system == 1
@@ -244,26 +244,26 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
 
 
 def test_a_link_that_is_lost_is_no_trouble_of_rates():
-    made, told = RateKeeper(None, 1, (7,)), []
+    made, told = MessageRates(None, 1, (7,)), []
     for i in range(400):
         now_s = 100.0 + i * 0.1
         if not 10.0 < now_s - 100.0 < 25.0:
-            made.take(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s)
-            made.take(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s + 0.05)
+            made.add_packet(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s)
+            made.add_packet(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s + 0.05)
         told += made.troubles(now_s)
     assert told == []
 
 
 def lossy(seconds, kept, rate_hz=5.0):
     """What is told of a ground vehicle of whose packets some are lost on the way, and the hint that it has then."""
-    made, told, speaker = RateKeeper(None, 1, (7,)), [], MavlinkEncoder(7)
+    made, told, speaker = MessageRates(None, 1, (7,)), [], MavlinkEncoder(7)
     for i in range(int(seconds * 10)):
         now_s = 100.0 + i * 0.1
         frames = [speaker.attitude(i, 0.0, 0.0, 0.0)]
         frames += [speaker.global_position_int(i, 47.0, 8.0, 500.0)] if i % int(10 / rate_hz) == 0 else []
         for raw in frames:
             if kept(i):
-                made.take(packet(raw, link=1), now_s)
+                made.add_packet(packet(raw, link=1), now_s)
         told += made.troubles(now_s)
     return [rate.words for rate in told]
 
@@ -286,20 +286,20 @@ def test_what_a_lossy_link_swallows_is_not_put_down_to_the_stream_rate():
 
 
 def test_a_message_that_ceases_is_told_though_it_was_slow_before():
-    made, told = RateKeeper(None, 1), []
+    made, told = MessageRates(None, 1), []
     for i in range(400):
         now_s = 100.0 + i * 0.1
-        made.take(packet(UAV.heartbeat(2)), now_s)
+        made.add_packet(packet(UAV.heartbeat(2)), now_s)
         if i < 200:
-            made.take(packet(UAV.attitude(i, 0.0, 0.0, 0.0)), now_s)
+            made.add_packet(packet(UAV.attitude(i, 0.0, 0.0, 0.0)), now_s)
         told += [rate.words for rate in made.troubles(now_s) if rate.message == "ATTITUDE"]
     assert [text.partition(":")[0] for text in told] == ["ATTITUDE comes at 10.0 of 30 Hz", "ATTITUDE does not come"]
 
 
 def test_a_silent_station_measures_and_asks_nothing():
-    made = RateKeeper(None, 1)
+    made = MessageRates(None, 1)
     for i in range(100):
-        made.take(packet(UAV.heartbeat(2)), i * 0.1)
+        made.add_packet(packet(UAV.heartbeat(2)), i * 0.1)
         assert made.poll(i * 0.1) == []
     assert {rate.state for rate in made.rates(10.0)} == {"too slow"}
     hints = {rate.message: rate.hint for rate in made.rates(10.0)}
@@ -307,24 +307,24 @@ def test_a_silent_station_measures_and_asks_nothing():
     assert hints["GIMBAL_DEVICE_ATTITUDE_STATUS"] == hints["SYSTEM_TIME"] == "", "nobody knows that it has them"
     for i in range(100, 200):
         raw = dialect.MAVLink_system_time_message(1, i * 100) if i < 110 else dialect.MAVLink_heartbeat_message(*BEAT)
-        made.take(packet(UAV.pack(raw)), i * 0.1)
+        made.add_packet(packet(UAV.pack(raw)), i * 0.1)
     assert "--command" in next(rate.hint for rate in made.rates(20.0) if rate.message == "SYSTEM_TIME")
 
 
 def test_refused_packets_measure_nothing():
     made = keeper()
-    made.take(packet(UAV.heartbeat(2), auth=Auth.BAD), 0.0)
+    made.add_packet(packet(UAV.heartbeat(2), auth=Auth.BAD), 0.0)
     assert made.rates(10.0) == () and made.poll(10.0) == []
 
 
 def test_a_slower_radio_whose_packets_are_refused_says_nothing_of_rates():
     """A vehicle signs for two radios with one counter: while both bring it, little of the slower one counts."""
-    made, told = RateKeeper(None, 1, (7,)), []
+    made, told = MessageRates(None, 1, (7,)), []
     for i in range(600):
         now_s, raw = 100.0 + i * 0.1, UGV.global_position_int(i, 47.0, 8.0, 500.0)
         if i % 2 == 0:
-            made.take(packet(raw, link=0, auth=Auth.GOOD), now_s)
-            made.take(packet(raw, link=1, auth=Auth.GOOD if i % 20 == 0 else Auth.REPLAYED), now_s)
+            made.add_packet(packet(raw, link=0, auth=Auth.GOOD), now_s)
+            made.add_packet(packet(raw, link=1, auth=Auth.GOOD if i % 20 == 0 else Auth.REPLAYED), now_s)
         told += made.troubles(now_s)
     assert told == []
 
