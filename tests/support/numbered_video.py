@@ -109,3 +109,8 @@ class Sender(threading.Thread):
     def __exit__(self, *args):
         self._halt.set()
         self.join(5)
+
+
+def reconnects(stream):
+    """Connections of a video stream after the first."""
+    return max(stream._progress.connections - 1, 0)

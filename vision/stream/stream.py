@@ -176,11 +176,6 @@ class VideoStream:
         return ""
 
     @property
-    def reconnects(self) -> int:
-        """Connections after the first."""
-        return max(self._progress.connections - 1, 0)
-
-    @property
     def error(self) -> str:
         """Last trouble in a line, empty when there is none."""
         return self._conceal(self._progress.error or self._trouble or self._rows_error)

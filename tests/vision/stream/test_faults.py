@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from infra.processes.child_process import ChildProcess
-from tests.support.numbered_video import FPS, GOP, Sender, coded, number_of
+from tests.support.numbered_video import FPS, GOP, Sender, coded, number_of, reconnects
 from tests.support.ports import free_port
 from tests.support.waiting import until
 from vision.stream.stream import VideoStream
@@ -71,7 +71,7 @@ def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frame
             with Sender(watched.port, coded(CLIP)[100:160]) as sender:
                 assert watched.shows(len(watched.rows) + 5)
                 assert until(lambda sender=sender: sender.sent >= 40)
-        assert until(lambda: watched.stream.reconnects == 2)
+        assert until(lambda: reconnects(watched.stream) == 2)
     film, video = watched.film()
     numbers = [number for _, number in film]
     starts = [0, *(k for k in range(1, len(numbers)) if numbers[k] < numbers[k - 1])]
