@@ -2,6 +2,7 @@
 
 import csv
 import json
+import logging
 import tomllib
 
 import numpy as np
@@ -99,7 +100,7 @@ def test_what_the_command_line_repeats_is_plain(tmp_path):
 
 
 @pytest.mark.parametrize("name", [*filter(None, HOSTILE), *NAMES.values()])
-def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, capsys):
+def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, capsys, caplog):
     mission = Mission(uav=MissionVehicle(system_id=1, name=name), ugv=(MissionVehicle(system_id=2, name=name),))
     toml = mission_table(mission, {})
     assert is_plain(toml)
@@ -112,7 +113,9 @@ def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, caps
     event = event_row(Event(t_us=1, level="info", kind="text", text=name))
     assert event.isprintable()
     assert json.loads(event)["text"] == plain(name)
-    Faults(tmp_path / "faults.txt").take(plain(name), ValueError(name))
+    # pytest keeps what is logged as it is, and cannot hand half a character from one process to another
+    with caplog.at_level(logging.CRITICAL, "gcs.health.faults"):
+        Faults(tmp_path / "faults.txt").take(plain(name), ValueError(name))
     assert is_plain((tmp_path / "faults.txt").read_text())
     cell = to_cell(name)
     assert cell.isprintable()
