@@ -13,7 +13,7 @@ from gcs.cli.progress import progress
 from gcs.errors import GcsError
 from gcs.export import FORMATS, export_format
 from gcs.playback.analysis import Analysis
-from gcs.session.identity_replay import recorded
+from gcs.session.identity_replay import read_snapshots
 from gcs.session.session import open_session
 from gcs.snapshot import Snapshot
 
@@ -54,5 +54,5 @@ def export(
 def _snapshots(analysis: Analysis, identity: Path | None, images: bool) -> Iterator[Snapshot]:
     """What a log says, or else what the analysis finds."""
     if identity is not None:
-        return recorded(identity, analysis.mission, analysis.video if images else None, note)
+        return read_snapshots(identity, analysis.mission, analysis.video if images else None, note)
     return analysis.snapshots(images=images)

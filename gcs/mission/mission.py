@@ -143,14 +143,14 @@ class DetectorChoice:
     classes: tuple[str, ...] = ()
     """Names of a YOLO model's classes that count; empty: those that sound like road vehicles."""
     imgsz: Annotated[int, Meta(ge=0, le=8192)] = 0
-    """Longest side, px, of what a YOLO model of any size looks at; 0: as its notes say, else 1024."""
+    """Longest side, px, of the input of a YOLO model of any size; 0: by the model's metadata, else 1024."""
     providers: tuple[str, ...] = ()
     """onnxruntime's execution providers, best first; empty: the CPU."""
     front: str = ""
-    """What tells the fronts of boxes that come without: path of an ONNX file, relative to the mission file, or
-    ``bundled``; empty: nothing does."""
+    """Network that finds the fronts of boxes without one: path of an ONNX file, relative to the mission file, or
+    ``bundled``; empty: none."""
     front_sure: Share = 0.8
-    """Least probability of a front that is told."""
+    """Fronts of a lower probability are left unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,12 +173,12 @@ class Links:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningChoice:
-    """Whose frames are believed."""
+    """Which signatures are required."""
 
     keys: str = ""
     """Folder of keys, relative to the mission file; empty: the user's own, where there is one; ``none``: no keys."""
     unsigned: tuple[MessageId, ...] = (109,)
-    """Ids of messages that may come unsigned, 109 is a modem's RADIO_STATUS; none that tells of a vehicle can be."""
+    """Ids of messages that may come unsigned, 109 is a modem's RADIO_STATUS; none about a vehicle can be."""
     keyless: Literal["refused", "open"] = "refused"
     """What happens to systems that have no key while others have."""
 
@@ -190,12 +190,12 @@ class SigningChoice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
-    """All that a flight or a replay has to be told."""
+    """Who flies and how: all that a flight or a replay is configured with."""
 
     uav: MissionVehicle
     ugv: tuple[MissionVehicle, ...]
     camera: Camera | None = None
-    """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once heard."""
+    """None: taken from the UAV's CAMERA_INFORMATION or CAMERA_FOV_STATUS once received."""
     clock: Clock = field(default_factory=Clock)
     detector: DetectorChoice = field(default_factory=DetectorChoice)
     identity: IdentityChoice = field(default_factory=IdentityChoice)
@@ -215,7 +215,7 @@ class Mission:
 
     @property
     def follows_gimbal(self) -> bool:
-        """Whether the camera looks where the gimbal says that it does."""
+        """Whether the camera's direction is the gimbal's reported one."""
         return self.camera is None or self.camera.mount == "gimbal"
 
     def name_of(self, system_id: int) -> str:

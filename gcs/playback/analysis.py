@@ -1,4 +1,4 @@
-"""A recording folded from start to end: the same snapshots whether a screen, a log or a test asks for them.
+"""A recording folded from start to end: the same snapshots for a screen, a log or a test.
 
 The decoder and the detector are imported when a recording needs them: to load them takes longer than many a fold.
 """
@@ -18,7 +18,7 @@ from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Mission, MissionVehicle
-from gcs.playback.recorded_order import RecordedTurns, missing
+from gcs.playback.recorded_order import RecordedTurns, missing_inputs
 from gcs.session.fold_order import NO_FRAME
 from gcs.session.frame_tables import FrameDetections, read_detections, read_times
 from gcs.session.log import SessionLog
@@ -39,8 +39,8 @@ __all__ = ["Analysis", "discover"]
 Image = NDArray[np.uint8]
 
 # Frames a second when there is neither video nor detections: the fleet and the map still replay.
-BARE_FPS = 5.0
-BARE_PAUSE_US = 60_000_000
+TELEMETRY_FPS = 5.0
+TELEMETRY_PAUSE_US = 60_000_000
 """By then every alarm of silence has come."""
 
 
@@ -80,11 +80,11 @@ class Analysis:
         self.session = session
         self.faults = 0
         """Packets that could not be worked on."""
-        self._log = SessionLog(session.tlog, session.notes.signs)
+        self._log = SessionLog(session.tlog, session.notes.had_key_for)
         self.mission = session.mission or discover(self._log)
         self._frames = read_times(session.frames) if session.frames else None
         steps, start_us = self._log.steps, self._log.start_us
-        times = steps.of_frames(self._frames.times_us, start_us) if self._frames else None
+        times = steps.correct_frames(self._frames.times_us, start_us) if self._frames else None
         self.video = self._open_video(session.video, times)
         self._boxes = self._open_detections(redetect)
         self._turns = (
@@ -92,7 +92,7 @@ class Analysis:
         )
         self.times_us = self._frame_times(times)
         self._size = self._frame_size()
-        self.warnings = tuple(self._complaints())
+        self.warnings = tuple(self._find_warnings())
 
     def _open_video(self, path: Path | None, times: NDArray[np.int64] | None) -> VideoFile | None:
         if path is None:
@@ -118,19 +118,19 @@ class Analysis:
         known = self.video.times_us if self.video is not None else times
         if known is not None:
             return self._turns.times_from(known) if self._turns else known
-        return _bare_times(self._log.times_us)
+        return _telemetry_times(self._log.times_us)
 
     def _frame_size(self) -> FrameSize:
-        """Size of frames of which no image is at hand, as far as anything tells."""
+        """Size of frames that have no image, as far as it is known."""
         recorded = self._turns.sizes if self._turns else set()
         if self.video is not None:
             recorded = recorded | {(self.video.width, self.video.height)}
-        told = self.session.frame_size
-        if told and recorded and told not in recorded:
+        stated = self.session.frame_size
+        if stated and recorded and stated not in recorded:
             sizes = " and ".join(f"{width}×{height}" for width, height in sorted(recorded))
             raise SessionError(f"{self.session.path}: its frames are {sizes}; leave --frame-size out")
         camera = self.mission.camera.intrinsics if self.mission.camera else None
-        size = told or (None if self.video is None else (self.video.width, self.video.height))
+        size = stated or (None if self.video is None else (self.video.width, self.video.height))
         if size:
             if camera is not None:
                 resized(camera, *size)
@@ -144,11 +144,11 @@ class Analysis:
             return FrameSize()
         return fitting_size(self.mission, self._log, self.times_us, self._boxes)
 
-    def _complaints(self) -> Iterator[str]:
+    def _find_warnings(self) -> Iterator[str]:
         yield from self._log.warnings
         if self._boxes is not None and self._boxes.skipped:
             yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
-        yield from self._complaints_of_times()
+        yield from self._time_warnings()
         if self.video is not None and self.video.missing:
             yield f"{self.video.missing} frames were seen in flight and are not in the recorded video"
         if self.mission.camera is None or self.mission.camera.intrinsics is None:
@@ -157,9 +157,11 @@ class Analysis:
             yield self._size.doubt
         if self._turns:
             yield from self._turns.warnings
-        yield from missing(self.session, self._log, looked_again=self.video is not None and self._boxes is None)
+        yield from missing_inputs(
+            self.session, self._log, detected_again=self.video is not None and self._boxes is None
+        )
 
-    def _complaints_of_times(self) -> Iterator[str]:
+    def _time_warnings(self) -> Iterator[str]:
         if self._frames is not None and self._frames.skipped:
             yield f"frames.csv: {self._frames.skipped} rows cannot be used; their frames got the time between others"
         if self._frames is not None and self._frames.unordered:
@@ -196,8 +198,8 @@ class Analysis:
                 yield snapshot  # a video has no frames without an image
 
     def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
-        packets = _Ahead(self._log.packets())
-        for index, t_us, image, boxes in self._looked(images):
+        packets = _PacketsInOrder(self._log.packets())
+        for index, t_us, image, boxes in self._frames_with_boxes(images):
             for packet in packets.until(t_us):
                 self._feed(pipeline, packet)
             shown = image if images else None
@@ -210,7 +212,7 @@ class Analysis:
 
         Events of a moment without a frame go to the snapshot before it.
         """
-        places = self._places(images)
+        places = self._frames_in_order(images)
         latest: Snapshot | None = None
         early: tuple[Event, ...] = ()
         for turn, packets, boxes in recorded.turns(len(self.times_us)):
@@ -218,9 +220,9 @@ class Analysis:
                 self._feed(pipeline, packet)
             if turn.frame == NO_FRAME:
                 health = self._health(latest.frame if latest else 0)
-                said = pipeline.frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
-                early += () if latest else said
-                latest = replace(latest, events=latest.events + said) if latest else None
+                events = pipeline.frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
+                early += () if latest else events
+                latest = replace(latest, events=latest.events + events) if latest else None
                 continue
             now = pipeline.frame(
                 turn.frame,
@@ -236,14 +238,14 @@ class Analysis:
                 if index == turn.frame:
                     now = replace(now, image=image, events=early + now.events)
                     break
-                yield _unseen(latest or now, index, t_us, image)
+                yield _without_boxes(latest or now, index, t_us, image)
             latest, early = now, ()
         if latest is not None:
             yield latest
             for index, t_us, image in places:
-                yield _unseen(latest, index, t_us, image)
+                yield _without_boxes(latest, index, t_us, image)
 
-    def _places(self, images: bool) -> Iterator[tuple[int, int, Image | None]]:
+    def _frames_in_order(self, images: bool) -> Iterator[tuple[int, int, Image | None]]:
         """Index, time and, where asked for, image of every frame."""
         frames = self.video.frames() if self.video is not None and images else iter(())
         frame = next(frames, None)
@@ -253,10 +255,10 @@ class Analysis:
             yield index, t_us, frame.image if frame is not None and frame.index == index else None
 
     def _feed(self, pipeline: Pipeline, packet: Packet) -> None:
-        """As in a flight, a packet that cannot be worked on costs nothing else; the first is told."""
+        """As in a flight, a packet that cannot be worked on costs nothing else; the first is an event."""
         try:
             pipeline.feed(packet)
-        except Exception as error:  # noqa: BLE001 - told below
+        except Exception as error:  # noqa: BLE001 - an event, below
             if not self.faults:
                 text = f"a fault of this program was passed over: packet of system {packet.system_id}: {error!r}"
                 pipeline.note(Event(t_us=packet.t_us, level="alarm", kind="recording", text=text))
@@ -265,24 +267,24 @@ class Analysis:
     def _health(self, index: int) -> Health:
         return Health(frames=index + 1, video="ok" if self.video else "none")
 
-    def _looked(self, images: bool) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
+    def _frames_with_boxes(self, images: bool) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
         """Index, time, image and boxes of every frame; the images only where asked for."""
         detector = self.detector()
         if detector is not None and self.video is not None:
             from vision.video.prefetch import look_ahead
 
-            scale = _Scale(self.mission, _Ahead(self._log.packets()))
+            scale = _GroundScale(self.mission, _PacketsInOrder(self._log.packets()))
             with closing(look_ahead(self.video.frames(), detector, scale.gsd_m)) as looked:
                 for frame, boxes in looked:
                     yield frame.index, frame.t_us, frame.image, boxes
         elif self.video is not None and images:
             for frame in self.video.frames():
-                yield frame.index, frame.t_us, frame.image, self._kept(frame.index)
+                yield frame.index, frame.t_us, frame.image, self._recorded_boxes(frame.index)
         else:
             for index, t_us in enumerate(self.times_us.tolist()):
-                yield index, t_us, None, self._kept(index)
+                yield index, t_us, None, self._recorded_boxes(index)
 
-    def _kept(self, index: int) -> Detections | None:
+    def _recorded_boxes(self, index: int) -> Detections | None:
         """Detections of a frame; one without any was perhaps never looked at, as a live flight skips frames."""
         boxes = self._boxes.at(index) if self._boxes else None
         return boxes if boxes else None
@@ -293,24 +295,24 @@ class Analysis:
             self.video.close()
 
 
-def _bare_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+def _telemetry_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
     """Moments to show a log at that has no frames: five a second, in pauses for a minute only."""
     t_us = np.unique(t_us)
-    step_us = int(1e6 / BARE_FPS)
-    ends = np.flatnonzero(np.diff(t_us, append=t_us[-1] + BARE_PAUSE_US + 1) > BARE_PAUSE_US)
+    step_us = int(1e6 / TELEMETRY_FPS)
+    ends = np.flatnonzero(np.diff(t_us, append=t_us[-1] + TELEMETRY_PAUSE_US + 1) > TELEMETRY_PAUSE_US)
     starts = np.concatenate([[0], ends[:-1] + 1])
-    last_us = np.minimum(t_us[ends] + BARE_PAUSE_US, t_us[-1])
+    last_us = np.minimum(t_us[ends] + TELEMETRY_PAUSE_US, t_us[-1])
     return np.concatenate(
         [np.arange(a, b + 1, step_us, dtype=np.int64) for a, b in zip(t_us[starts], last_us, strict=True)]
     )
 
 
-def _unseen(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:
-    """A frame that nobody looked at: the fleet as it was then, and no boxes."""
+def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:
+    """A frame on which the detector was not run: the fleet as it was then, and no boxes."""
     return replace(near, frame=index, t_us=t_us, image=image, boxes=(), events=())
 
 
-class _Ahead:
+class _PacketsInOrder:
     """Packets in the order of arrival, handed out up to a time."""
 
     def __init__(self, packets: Iterator[Packet]) -> None:
@@ -323,10 +325,10 @@ class _Ahead:
             self._next = next(self._packets, None)
 
 
-class _Scale:
+class _GroundScale:
     """Ground metres a pixel of frames that the fold has not come to yet, from a fold of the telemetry of its own."""
 
-    def __init__(self, mission: Mission, packets: _Ahead) -> None:
+    def __init__(self, mission: Mission, packets: _PacketsInOrder) -> None:
         self._pipeline = Pipeline(mission)
         self._packets = packets
 

@@ -18,7 +18,7 @@ from infra.files.segments import segments
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 
-__all__ = ["RecordedTurns", "missing"]
+__all__ = ["RecordedTurns", "missing_inputs"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
@@ -36,7 +36,7 @@ class RecordedTurns:
         self._folds, self._log, self._boxes = folds, log, boxes
         self._stops, renumbered = folds.placed(log.stamped_us)
         self.sizes = folds.sizes
-        self.warnings = tuple(self._complaints(renumbered))
+        self.warnings = tuple(self._find_warnings(renumbered))
 
     @classmethod
     def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> RecordedTurns | None:
@@ -67,7 +67,7 @@ class RecordedTurns:
     def turns(self, frames: int) -> Iterator[tuple[FoldTurn, Iterator[Packet], Detections | None]]:
         """Each turn with the packets that were taken in before it, which are to be used up, and its boxes.
 
-        Boxes are None where nobody looked.
+        Boxes are None where the detector was not run.
 
         Args:
             frames: of the recording; turns for others are left out.
@@ -83,7 +83,7 @@ class RecordedTurns:
             fed += more
             yield turn, islice(packets, more), None if turn.boxes is None else self._boxes.at(turn.frame)
 
-    def _complaints(self, renumbered: int) -> Iterator[str]:
+    def _find_warnings(self, renumbered: int) -> Iterator[str]:
         if self._folds.skipped:
             yield f"folds.csv: {self._folds.skipped} rows could not be used and were skipped"
         if renumbered:
@@ -96,18 +96,18 @@ class RecordedTurns:
             yield f"detections.csv: of {wrong} frames it has not the boxes that the flight found"
 
 
-def missing(session: Session, log: SessionLog, *, looked_again: bool) -> Iterator[str]:
-    """What a flight used and its recording lacks, one line each: a replay may say something else than the flight.
+def missing_inputs(session: Session, log: SessionLog, *, detected_again: bool) -> Iterator[str]:
+    """What a flight used and its recording lacks, one line each: a replay may give other names than the flight.
 
     Args:
         session: opened.
         log: its telemetry.
-        looked_again: the video is looked at anew.
+        detected_again: the detector is run on the video again.
     """
     notes, folder = session.notes, session.tlog.parent
     if not notes.flown or session.path.is_file():
         return
-    if looked_again:
+    if detected_again:
         yield from _other_models(session)
     elif session.detections is not None and session.folds is None:
         yield "folds.csv is missing: the flight skipped frames and heard packets late, and may have named others"

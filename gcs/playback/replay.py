@@ -145,10 +145,10 @@ class Replay:
         self._decoded.close()
 
     def _guard(self, work: Callable[[], None]) -> None:
-        """Run a thread's work; what ends it is kept for the screen to tell."""
+        """Run a thread's work; an error that ends it is kept for the screen."""
         try:
             work()
-        except Exception as error:  # noqa: BLE001 - told on the screen, never swallowed
+        except Exception as error:  # noqa: BLE001 - shown on the screen, never swallowed
             self.error = error
 
     def _analyse(self) -> None:

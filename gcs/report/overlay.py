@@ -70,7 +70,7 @@ def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both."""
     standing = standing_of(snapshot, box)
     name = snapshot.name_of(box.system_id) if box.system_id else "?"
-    # no evidence is ever certain: 99 % is the most that is said
+    # no evidence is ever certain: 99 % is the most that is shown
     percent = f" {min(99, round(100 * box.confidence))}%" if box.system_id and math.isfinite(box.confidence) else ""
     before = "~" if standing == "coasting" else ""
     after = "?" if standing == "tentative" else ""

@@ -34,7 +34,7 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matched:
-    """True boxes and what the log says of each; one row a pair, then what stayed alone on either side."""
+    """True boxes and the log's names for them: a row for each pair, then those without a partner on either side."""
 
     frame: IntArray
     """(k,)"""
@@ -84,39 +84,39 @@ def score_files(truth: Path, identity: Path) -> Score:
         SessionError: a file is missing or lacks a column.
     """
     true = read_truth(truth)
-    said = read_identity(identity)
+    logged = read_identity(identity)
     if not len(true):
         raise ScoreError(f"{truth}: no true box in it, nothing to compare with")
-    if len(said) and not np.intersect1d(true["frame"], said["frame"]).size:
+    if len(logged) and not np.intersect1d(true["frame"], logged["frame"]).size:
         raise ScoreError(f"{identity} and {truth} have no frame in common; are they of the same recording?")
-    return replace(score(match(true, said)), skipped=true.skipped + said.skipped)
+    return replace(score(match(true, logged)), skipped=true.skipped + logged.skipped)
 
 
-def match(true: Table, said: Table) -> Matched:
+def match(true: Table, logged: Table) -> Matched:
     """Pair the boxes of the log with the true ones, frame by frame."""
-    true_order, said_order = np.argsort(true["frame"], kind="stable"), np.argsort(said["frame"], kind="stable")
-    true_frame, said_frame = true["frame"][true_order], said["frame"][said_order]
+    true_order, logged_order = np.argsort(true["frame"], kind="stable"), np.argsort(logged["frame"], kind="stable")
+    true_frame, logged_frame = true["frame"][true_order], logged["frame"][logged_order]
     rows: list[tuple[float, float, float, float, float, float]] = []
-    for frame in np.union1d(true_frame, said_frame):
+    for frame in np.union1d(true_frame, logged_frame):
         t = true_order[slice(*np.searchsorted(true_frame, (frame, frame + 1)))]
-        s = said_order[slice(*np.searchsorted(said_frame, (frame, frame + 1)))]
-        pairs = _pairs(true, said, t, s)
-        time = said["time_us"][s[0]] if len(s) else np.nan
+        s = logged_order[slice(*np.searchsorted(logged_frame, (frame, frame + 1)))]
+        pairs = _pairs(true, logged, t, s)
+        time = logged["time_us"][s[0]] if len(s) else np.nan
         for i, j in pairs:
             rows.append(
                 (
                     frame,
                     time,
                     true["system_id"][i],
-                    _zero(said["system_id"][j]),
-                    _zero(said["track_id"][j]),
-                    said["confidence"][j],
+                    _zero(logged["system_id"][j]),
+                    _zero(logged["track_id"][j]),
+                    logged["confidence"][j],
                 )
             )
         rows += [(frame, time, true["system_id"][i], -1, 0, np.nan) for i in sorted(set(t) - {i for i, _ in pairs})]
         for j in sorted(set(s) - {j for _, j in pairs}):
             rows.append(
-                (frame, time, -1, _zero(said["system_id"][j]), _zero(said["track_id"][j]), said["confidence"][j])
+                (frame, time, -1, _zero(logged["system_id"][j]), _zero(logged["track_id"][j]), logged["confidence"][j])
             )
     a = np.array(rows, dtype=np.float64).reshape(len(rows), 6)
     frame, truth, named, track = (a[:, k].astype(np.int64) for k in (0, 2, 3, 4))
@@ -127,11 +127,11 @@ def _zero(value: float) -> float:
     return 0.0 if np.isnan(value) else value
 
 
-def _pairs(true: Table, said: Table, t: IntArray, s: IntArray) -> list[tuple[int, int]]:
+def _pairs(true: Table, logged: Table, t: IntArray, s: IntArray) -> list[tuple[int, int]]:
     """One-to-one nearest centres; a pair may lie half the longer side of the true box apart, at least 8 px."""
     if not len(t) or not len(s):
         return []
-    d = np.hypot(true["cx"][t][:, None] - said["cx"][s], true["cy"][t][:, None] - said["cy"][s])
+    d = np.hypot(true["cx"][t][:, None] - logged["cx"][s], true["cy"][t][:, None] - logged["cy"][s])
     reach = np.maximum(0.5 * np.maximum(true["w"][t], true["h"][t]), 8.0)[:, None]
     i, j = linear_sum_assignment(np.where(d <= reach, d, 1e6))
     return [(int(t[a]), int(s[b])) for a, b in zip(i, j, strict=True) if d[a, b] <= reach[a, 0]]

@@ -1,10 +1,10 @@
 """One time line for a recording during which the wall clock was set.
 
-``clock.csv`` says from which record on, and by how much. Times are told by the clock as it first stood, so that
+``clock.csv`` has the first record afterwards, and by how much. Times are those of the clock as it first stood, so that
 records and frames keep their order and their distances.
 
-A log without that table is asked itself. A vehicle's boot clock that goes on while the stamps leap tells by how much
-they do. What no boot clock explains, a day and more forwards (another flight in the same file, a clock that was never
+Without that table steps are inferred from the log: a vehicle's boot clock goes on while the stamps leap, which gives
+the step. What no boot clock explains, a day and more forwards (another flight in the same file, a clock that was never
 set before) or half an hour back, is closed up to a second. A pause of hours stays: somebody may count from the log's
 first message.
 """
@@ -32,7 +32,7 @@ SEARCH_US = 1_000_000
 SEARCH_ROWS = 5000
 NEAR_US = 5_000_000
 MOST_STEPS = 1000
-"""Of a clock that was set by somebody; each is looked for in all records."""
+"""More are not followed: each is searched for in all records."""
 NOTICED_US = 2_000_000
 """Stamps that leap by less, either way, are no sign that the clock was set."""
 FAR_BACK_US, FAR_AHEAD_US = 1_800_000_000, 86_400_000_000
@@ -56,13 +56,13 @@ class ClockSteps:
 
     @classmethod
     def none(cls) -> ClockSteps:
-        """Of a clock that nobody touched."""
+        """Of a clock that was not set."""
         empty = np.zeros(0, dtype=np.int64)
         return cls(record=empty, t_us=empty, step_us=empty)
 
     @classmethod
     def read(cls, path: Path) -> ClockSteps:
-        """Read ``clock.csv``; there is none where nobody set the clock.
+        """Read ``clock.csv``; there is none where the clock was not set.
 
         Raises:
             SessionError: the file is no such table.
@@ -76,14 +76,14 @@ class ClockSteps:
     def __len__(self) -> int:
         return len(self.record)
 
-    def of_records(self, stamped_us: Ints) -> Ints:
+    def correct_records(self, stamped_us: Ints) -> Ints:
         """(n,) stamps of all records on one time line."""
         t_us = stamped_us.copy()
         for record, step_us in zip(self.record.tolist(), self.step_us.tolist(), strict=True):
             t_us[_first_after(stamped_us, record, step_us) :] -= step_us
         return t_us
 
-    def of_frames(self, stamped_us: Ints, start_us: int) -> Ints:
+    def correct_frames(self, stamped_us: Ints, start_us: int) -> Ints:
         """(n,) stamps of frames on the same time line.
 
         Args:

@@ -1,4 +1,4 @@
-"""What a flight notes of itself in ``session.toml``, beside the mission: whose replay has to know it.
+"""What ``session.toml`` has beside the mission: what a replay has to know of the flight.
 
 Keys and models are noted by what they are recognised by, never by what is in them.
 """
@@ -38,7 +38,7 @@ class FlightNotes:
     """Records that were not believed; None: the flight was not ended in order."""
 
     @classmethod
-    def of(cls, table: object) -> FlightNotes:
+    def from_table(cls, table: object) -> FlightNotes:
         """From the ``[session]`` table; what is not of the right kind is left out."""
         if not isinstance(table, Mapping):
             return cls()
@@ -46,13 +46,13 @@ class FlightNotes:
         return cls(
             flown="started" in table,
             program=str(table.get("program", "")),
-            keys=_of(str, table.get("keys")),
-            models=_of(str, table.get("models")),
-            lost=_of(int, table.get("lost")),
+            keys=_values_of(str, table.get("keys")),
+            models=_values_of(str, table.get("models")),
+            lost=_values_of(int, table.get("lost")),
             refused=refused if isinstance(refused, int) else None,
         )
 
-    def signs(self, system_id: int) -> bool:
+    def had_key_for(self, system_id: int) -> bool:
         """Whether the flight had a key for a system."""
         return str(system_id) in self.keys or FLEET in self.keys
 
@@ -63,7 +63,7 @@ def key_notes(ring: KeyRing) -> dict[str, str]:
     return notes | ({FLEET: ring.default.fingerprint} if ring.default else {})
 
 
-def _of(kind: type[Kind], table: object) -> dict[str, Kind]:
+def _values_of(kind: type[Kind], table: object) -> dict[str, Kind]:
     """The values of a table that are of a kind."""
     if not isinstance(table, Mapping):
         return {}

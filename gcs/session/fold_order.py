@@ -33,7 +33,7 @@ class FoldTurn:
     records: int
     """Number of the first telemetry record that had not been taken in yet."""
     record_us: int
-    """Stamp of the one before it, 0 before any: tells whether the log still numbers its records alike."""
+    """Stamp of the one before it, 0 before any: shows whether the log still numbers its records alike."""
     heard_us: int
     """Whatever came before this Unix time had been taken in; 0: not known."""
     frame: int = NO_FRAME
@@ -61,7 +61,7 @@ class FoldOrder:
     """All turns of a flight, in order.
 
     Attributes:
-        turns: as they were made; those whose frame does not come after the one before are left out.
+        turns: in order; those whose frame does not come after the one before are left out.
         skipped: rows that could not be used.
     """
 
@@ -117,7 +117,7 @@ class FoldOrder:
     def placed(self, stamped_us: NDArray[np.int64]) -> tuple[NDArray[np.int64], int]:
         """(n,) how many records of a log come before each turn, and of how many turns the numbers are another log's.
 
-        A log that lost records, on a failing disk, numbers them differently from the flight: then their times tell.
+        A log that lost records, on a failing disk, numbers them differently from the flight: then their times decide.
 
         Args:
             stamped_us: of the log's records.

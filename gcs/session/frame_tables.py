@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 MOST_MISSING, ROOMY = 100_000, 64
-"""A table of n frames may lack so many at once, and be of every 64th: what a frame index asks of memory is bounded."""
+"""Frames that may lack their row, at once and for each row that there is: bounds the memory of a frame index."""
 
 
 def frame_row(index: int, t_us: int) -> str:
@@ -39,7 +39,7 @@ def frame_row(index: int, t_us: int) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameTimes:
-    """What ``frames.csv`` says."""
+    """The content of ``frames.csv``."""
 
     times_us: NDArray[np.int64]
     """(n,) Unix µs by frame index."""
@@ -53,7 +53,7 @@ def read_times(path: Path) -> FrameTimes:
     """Read ``frames.csv``.
 
     A frame whose row is damaged gets the time between its neighbours, so that later frames keep their places. So does
-    one whose time is not between theirs, or in company nowhere: all telemetry up to that time would be taken before it.
+    one whose time is not between theirs or far from all others: else all telemetry until then would come before it.
 
     Raises:
         SessionError: no table, or no row in it that can be used.

@@ -1,4 +1,4 @@
-"""An identity log read back into snapshots: what was said at the time, not what would be said now."""
+"""An identity log read back into snapshots: the names that were given then, not those that would be given now."""
 
 from __future__ import annotations
 
@@ -13,22 +13,32 @@ from gcs.session.tables import Table
 from gcs.snapshot import NAN, Box, Health, Snapshot, VehicleRow
 from vision.video.video import VideoFile
 
-__all__ = ["recorded"]
+__all__ = ["read_snapshots"]
 
 
-def recorded(
-    identity: Path, mission: Mission, video: VideoFile | None, tell: Callable[[str], None] = lambda text: None
+def read_snapshots(
+    identity: Path, mission: Mission, video: VideoFile | None, warn: Callable[[str], None] = lambda text: None
 ) -> Iterator[Snapshot]:
-    """Go through an identity log frame by frame, with images where there is a video; ``tell`` is given what lacks."""
+    """Go through an identity log frame by frame.
+
+    Args:
+        identity: path of ``identity.csv``.
+        mission: whose vehicles are named.
+        video: gives the images, None: there are none.
+        warn: called with a line if rows could not be used.
+
+    Raises:
+        SessionError: the file is no identity log.
+    """
     table = read_identity(identity)
     if table.skipped:
-        tell(f"{identity}: {table.skipped} rows could not be used")
+        warn(f"{identity}: {table.skipped} rows could not be used")
     order = np.argsort(table["frame"], kind="stable")
     frames = table["frame"][order].astype(np.int64)
     names = tuple(_name_row(mission, i) for i in (mission.uav.system_id, *mission.ugv_ids))
     camera = mission.camera.intrinsics if mission.camera else None
     size = (camera.width, camera.height) if camera else (1920, 1080)
-    for index, t_us, image in _places(frames, table["time_us"][order], video):
+    for index, t_us, image in _frames(frames, table["time_us"][order], video):
         rows = order[slice(*np.searchsorted(frames, (index, index + 1)))]
         yield Snapshot(
             t_us=t_us,
@@ -45,7 +55,7 @@ def recorded(
         )
 
 
-def _places(
+def _frames(
     frames: np.ndarray, time_us: np.ndarray, video: VideoFile | None
 ) -> Iterator[tuple[int, int, np.ndarray | None]]:
     if video is not None:

@@ -1,6 +1,6 @@
 """Text files written line by line: of a job, which an error ends; and of a flight, which goes on.
 
-A flight's lines outlive a full or failing disk, and nobody waits for one that hangs.
+A flight's lines outlive a full or failing disk, and a disk that hangs blocks nothing.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class LineFile:
             return self._changed.wait_for(lambda: not self._waiting and self._in_hand is None, timeout_s)
 
     def close(self) -> None:
-        """Write what still waits and let go; ``state`` then tells what was lost."""
+        """Write what still waits and close; ``state`` then has what was lost."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -114,7 +114,7 @@ class LineFile:
         )
 
     def _run(self) -> None:
-        """Waits for the disk, so that nobody else does."""
+        """Write pieces as they come: this thread alone waits for the disk."""
         while True:
             with self._changed:
                 self._in_hand = None

@@ -51,28 +51,28 @@ class SessionLog:
         self.path = path
         self._signers = signers
         recorded = path.name == LOG  # one that we recorded may have segments and tables beside it
-        silent = recorded and _any(path, FRAMES) and any(path.parent.glob("video.*")) and _is_empty(path)
+        silent = recorded and _any_beside(path, FRAMES) and any(path.parent.glob("video.*")) and _is_empty(path)
         self._logs, troubles = ([], [_SILENT]) if silent else _open(segments(path) if recorded else [path], path)
-        self._keep = [~_again(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
+        self._keep = [~_repeated_later(log, self._logs[k + 1 :]) for k, log in enumerate(self._logs)]
         stamped_us: Ints = np.concatenate([np.empty(0, dtype=np.int64), *self._of_each("t_us")])
-        self._leaps, self._found = 0, not (recorded and _any(path, CLOCK, FRAMES))
+        self._leaps, self._found = 0, not (recorded and _any_beside(path, CLOCK, FRAMES))
         if self._found and len(self._logs) == 1:
             self.steps = infer_steps(self._logs[0])
-            self._t_us, self._leaps = close_leaps(self.steps.of_records(stamped_us))
+            self._t_us, self._leaps = close_leaps(self.steps.correct_records(stamped_us))
         else:
             self.steps = ClockSteps.read(path.with_name(CLOCK.name)) if recorded else ClockSteps.none()
-            self._t_us = self.steps.of_records(stamped_us)
+            self._t_us = self.steps.correct_records(stamped_us)
         self.stamped_us = stamped_us
         refused = path.with_name(REFUSED.name)
         has_refused = recorded and bool(segments(refused))
         nothing = np.zeros(len(stamped_us), dtype=np.uint8), 0
-        self._auth, self._unread = _refused(refused, stamped_us) if has_refused else nothing
+        self._auth, self._unread = _read_refused(refused, stamped_us) if has_refused else nothing
         system_id = np.concatenate([np.empty(0, dtype=np.uint8), *self._of_each("system_id")])
         senders = path.with_name(SENDERS.name)
         noted = recorded and bool(segments(senders))
         unknown = RecordSenders.unknown(len(stamped_us))
         self.senders = RecordSenders.read(senders, stamped_us, system_id) if noted else unknown
-        self.warnings = (*troubles, *self._complaints())
+        self.warnings = (*troubles, *self._find_warnings())
 
     def __len__(self) -> int:
         return len(self._t_us)
@@ -133,7 +133,7 @@ class SessionLog:
         """A column of the kept records of each segment."""
         return [getattr(log.index, column)[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
 
-    def _complaints(self) -> Iterator[str]:
+    def _find_warnings(self) -> Iterator[str]:
         for log in self._logs:
             if log.index.damage:
                 size = sum(d.stop - d.start for d in log.index.damage)
@@ -174,12 +174,12 @@ def _is_empty(path: Path) -> bool:
     return bool(segments(path)) and not any(part.stat().st_size for part in segments(path))
 
 
-def _any(path: Path, *tables: TableFormat) -> bool:
+def _any_beside(path: Path, *tables: TableFormat) -> bool:
     """Whether one of these tables stands beside a log."""
     return any(segments(path.with_name(table.name)) for table in tables)
 
 
-def _again(log: Tlog, later: Sequence[Tlog]) -> Flags:
+def _repeated_later(log: Tlog, later: Sequence[Tlog]) -> Flags:
     """(n,) which records of a segment stand in a later one too, where a failed sync had them written again."""
     again = np.zeros(len(log.index), dtype=np.bool_)
     for other in later:
@@ -191,23 +191,23 @@ def _again(log: Tlog, later: Sequence[Tlog]) -> Flags:
     return again
 
 
-def _refused(path: Path, t_us: Ints) -> tuple[NDArray[np.uint8], int]:
-    """(n,) what ``refused.csv`` says of each record, and how many of its rows cannot be read.
+def _read_refused(path: Path, t_us: Ints) -> tuple[NDArray[np.uint8], int]:
+    """(n,) the verdict of ``refused.csv`` on each record, 0 where it has none, and how many of its rows cannot be read.
 
     A record is found by its number. Where numbers and times do not agree, because records were lost, every record of
     the same time is refused: rather a good one left out than a forged one believed.
     """
     table = read_table(path, REFUSED, without=("link", "peer"))
     number, time_us = table["record"].astype(np.int64), table["t_us"].astype(np.int64)
-    said = np.clip(table["auth"], Auth.UNSIGNED, max(Auth)).astype(np.uint8)
+    verdict = np.clip(table["auth"], Auth.UNSIGNED, max(Auth)).astype(np.uint8)
     auth = np.zeros(len(t_us), dtype=np.uint8)
     inside = (number >= 0) & (number < len(t_us))
     if inside.all() and (t_us[number] == time_us).all():
-        auth[number] = said
+        auth[number] = verdict
         return auth, table.skipped
     order = np.argsort(time_us, kind="stable")
     place = np.clip(np.searchsorted(time_us[order], t_us), 0, max(len(order) - 1, 0))
     if len(order):
         same = time_us[order][place] == t_us
-        auth[same] = said[order][place][same]
+        auth[same] = verdict[order][place][same]
     return auth, table.skipped

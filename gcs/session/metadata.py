@@ -59,7 +59,7 @@ class SessionFile:
             raise SessionError(f"{self._path}: cannot be written: {error.strerror}; choose another place") from error
 
     def restore(self) -> None:
-        """Write it again when somebody deleted it; a disk that does not take it is tried again at the next call."""
+        """Write the file again if it was deleted; where that fails the next call tries again."""
         if not self._path.exists():
             with contextlib.suppress(OSError):  # the alarm is that of the files beside it
                 self._path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ class SessionFile:
 def _replace(folder: int, text: str) -> int:
     """Put a new file in the place of the old one, in one step and locked from the start; returns it open.
 
-    The new file has a name that nobody can have foreseen and put a link at.
+    The new file has a random name, so that no link can have been put in its place.
 
     Args:
         folder: descriptor of the session's folder.
@@ -111,7 +111,7 @@ def _replace(folder: int, text: str) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interrupted:
-    """A recording that nobody had ended."""
+    """A recording whose flight did not end in order."""
 
     folder: Path
     records: int | None = None
@@ -160,7 +160,7 @@ def _seal_locked(folder: Path, at: int) -> Interrupted | None:
     with os.fdopen(fd, "rb") as file:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(fd).st_ino != os.stat(METADATA, dir_fd=at, follow_symlinks=False).st_ino:
-            return None  # sealed by somebody else a moment ago
+            return None  # sealed by another process a moment ago
         data = file.read(MOST_TOML_BYTES + 1)
         if len(data) > MOST_TOML_BYTES:
             return Interrupted(folder=folder, trouble=f"{METADATA}: larger than {MOST_TOML_BYTES >> 10} KiB")

@@ -1,7 +1,7 @@
 """Everything a flight leaves behind, written as it happens: each file is valid whenever the program dies.
 
 No fault of the disk stops a flight or raises here once the files are made: what cannot be written waits in memory, and
-``check`` tells the operator.
+``check`` gives the operator's events.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from gcs.session.frame_tables import detection_rows, frame_row
 from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
-from gcs.session.recording_events import RecordWatch
+from gcs.session.recording_events import RecordingEvents
 from gcs.session.session import create_folder
 from gcs.snapshot import Event, Snapshot
 from infra.files.disk import OS_DISK, Disk
@@ -91,7 +91,7 @@ class Recorder:
             shutil.rmtree(self.folder, ignore_errors=True)  # nothing but headings is in it
             raise
         self._flusher = Flusher([file.file for file in self._files], SYNC_S)
-        self._watch = RecordWatch()
+        self._watch = RecordingEvents()
         self._space = SpaceForecast()
         self._free_bytes = shutil.disk_usage(self.folder).free
 
@@ -148,7 +148,7 @@ class Recorder:
         self._events.write(events)
 
     def check(self, telemetry: RecordState | None = None) -> tuple[Event, ...]:
-        """What there is to be told of files and disk since the last call; to be called once a second or more often.
+        """Events about files and disk since the last call; to be called once a second or more often.
 
         Args:
             telemetry: state of the log, which the process of the links writes.
@@ -159,9 +159,9 @@ class Recorder:
         t_us, settled_s = now_us(), time.monotonic() + SETTLE_S
         for file in self._files:
             file.settle(max(settled_s - time.monotonic(), 0.0))
-        told = self._watch.update(t_us, self.states(telemetry))
+        events = self._watch.update(t_us, self.states(telemetry))
         self.full_in_s = self._space.update(time.monotonic(), self._free_bytes, self.bytes)
-        return told
+        return events
 
     def states(self, telemetry: RecordState | None = None) -> dict[str, RecordState]:
         """How each file is doing, by its name."""

@@ -1,4 +1,4 @@
-"""What an operator is told about the recording: each fault once, and its end."""
+"""Events about the recording for the operator: each fault once, and its end."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from gcs.snapshot import Event, Level
 from infra.files.record_state import RecordState
 from infra.reporting import ReportGrowth
 
-__all__ = ["RecordWatch"]
+__all__ = ["RecordingEvents"]
 
 SLOW_S = 2.0
 """A disk that has not confirmed for so long is slow."""
 
 
-class RecordWatch:
-    """Compares the states of some files with those before."""
+class RecordingEvents:
+    """Compares the states of the files with their previous ones."""
 
     def __init__(self) -> None:
-        self._before: dict[str, RecordState] = {}
+        self._previous: dict[str, RecordState] = {}
         self._slow: set[str] = set()
         self._lost: defaultdict[str, ReportGrowth] = defaultdict(ReportGrowth)
 
@@ -28,17 +28,17 @@ class RecordWatch:
         """Events since the last call; ``states`` by what the operator calls the files."""
         events = []
         for name, state in states.items():
-            before = self._before.get(name, RecordState(name=state.name))
-            for level, text in self._changes(name, before, state):
+            previous = self._previous.get(name, RecordState(name=state.name))
+            for level, text in self._changes(name, previous, state):
                 events.append(Event(t_us=t_us, level=level, kind="recording", text=f"{name}: {text}"))
-            self._before[name] = state
+            self._previous[name] = state
         return tuple(events)
 
-    def _changes(self, name: str, before: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
-        if state.faults > before.faults or (state.failing_s and state.reason != before.reason):
+    def _changes(self, name: str, previous: RecordState, state: RecordState) -> Iterator[tuple[Level, str]]:
+        if state.faults > previous.faults or (state.failing_s and state.reason != previous.reason):
             yield "alarm", f"cannot be written{state.because}; kept in memory until it can"
-        if state.failing_s == 0 and (before.failing_s > 0 or state.faults > before.faults):
-            goes_on = f", goes on in {state.name}" if state.name != before.name else ""
+        if state.failing_s == 0 and (previous.failing_s > 0 or state.faults > previous.faults):
+            goes_on = f", goes on in {state.name}" if state.name != previous.name else ""
             yield "info", f"written again{goes_on}"
         if self._lost[name].due(state.lost):
             yield "alarm", f"{state.lost} rows lost{state.because}"

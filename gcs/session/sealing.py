@@ -1,6 +1,6 @@
 """Interrupted sessions sealed while a flight begins: in a process of their own, which nothing waits for.
 
-What stands in the folders may be anybody's: a log of gigabytes, or files made to hang or to end who reads them.
+The folders may hold anything: a log of gigabytes, or files made to hang or to crash the program that reads them.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class Sealing:
 
     Args:
         parent: the folder of sessions.
-        tell: called with a line on each, from a thread of its own.
+        report: called with a line on each, from a thread of its own.
     """
 
-    def __init__(self, parent: Path, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(self, parent: Path, report: Callable[[str], None]) -> None:
+        self._report = report
         # the package is found where this one is, whatever folder the station was started in
         paths = os.pathsep.join(filter(None, [ROOT, os.environ.get("PYTHONPATH", "")]))
         self._child = subprocess.Popen(
@@ -63,7 +63,7 @@ class Sealing:
         assert self._child.stdout is not None
         with self._child.stdout as lines:
             for line in lines:
-                self._tell(line.decode(errors="replace").rstrip("\n"))
+                self._report(line.decode(errors="replace").rstrip("\n"))
 
 
 def main() -> None:
@@ -72,10 +72,10 @@ def main() -> None:
     with contextlib.suppress(OSError):  # where memory runs out, this process is the one to go
         Path("/proc/self/oom_score_adj").write_text("1000")
     for folder in recorded_folders(Path(sys.argv[1])):
-        _apart(folder)
+        _seal_in_child(folder)
 
 
-def _apart(folder: Path) -> None:
+def _seal_in_child(folder: Path) -> None:
     """One session in a process of its own: what is in it may cost that process, and no more than its time."""
     child = os.fork()
     if child:
@@ -83,7 +83,7 @@ def _apart(folder: Path) -> None:
         return
     try:
         signal.alarm(LONGEST_S)
-        found = _sealed(folder)
+        found = _seal_or_explain(folder)
         if found is not None:
             sys.stdout.write(plain(found.text) + "\n")
             sys.stdout.flush()
@@ -91,10 +91,10 @@ def _apart(folder: Path) -> None:
         os._exit(0)  # whatever happened: what follows is the other process's work
 
 
-def _sealed(folder: Path) -> Interrupted | None:
+def _seal_or_explain(folder: Path) -> Interrupted | None:
     try:
         return seal(folder)
-    except Exception as error:  # noqa: BLE001 - told, as all that goes wrong in a session is
+    except Exception as error:  # noqa: BLE001 - reported, as all that goes wrong in a session is
         return Interrupted(folder=folder, trouble=f"{type(error).__name__}: {error}")
 
 

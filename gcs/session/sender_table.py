@@ -1,4 +1,4 @@
-"""Who sent each record of a session, as far as ``senders.csv`` tells."""
+"""Who sent each record of a session, as far as it is noted in ``senders.csv``."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class RecordSenders:
 
     @classmethod
     def unknown(cls, count: int) -> RecordSenders:
-        """Of a log that says nothing of it."""
+        """Of a log without that table."""
         link, peer = np.zeros((2, count), dtype=np.int64)
         return cls(link=link, peer=peer, names=(), addresses={}, skipped=0)
 
@@ -58,11 +58,11 @@ class RecordSenders:
             t_us: (n,) stamps of all records.
             system_id: (n,) of their senders.
         """
-        rows, skipped = _rows(path)
+        rows, skipped = _read_rows(path)
         link, peer = np.zeros((2, len(t_us)), dtype=np.int64)
         table = np.array([row[:_NUMBERS] for row, _ in rows], dtype=np.int64).reshape(len(rows), _NUMBERS)
         table = table[np.argsort(table[:, 0], kind="stable")]
-        numbered = _agree(table, t_us, system_id)
+        numbered = _match_records(table, t_us, system_id)
         for i in np.unique(table[:, 2]).tolist():
             of_id, mine = table[table[:, 2] == i], np.flatnonzero(system_id == i)
             since, moments = (of_id[:, 0], mine) if numbered else (of_id[:, 1], t_us[mine])
@@ -83,7 +83,7 @@ class RecordSenders:
         return self.addresses.get((link, peer), "")
 
 
-def _agree(table: Ints, t_us: Ints, system_id: NDArray[np.uint8]) -> bool:
+def _match_records(table: Ints, t_us: Ints, system_id: NDArray[np.uint8]) -> bool:
     """Whether every row is about the record that has its number."""
     number = table[:, 0]
     if not len(t_us) or (number >= len(t_us)).any():
@@ -91,14 +91,14 @@ def _agree(table: Ints, t_us: Ints, system_id: NDArray[np.uint8]) -> bool:
     return bool((t_us[number] == table[:, 1]).all() and (system_id[number] == table[:, 2]).all())
 
 
-def _rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], int]:
+def _read_rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], int]:
     """Numbers and words of each row of all segments, and how many cannot be read: they are no reason to do without."""
     rows, skipped = [], 0
     for part in segments(path):
         try:
             with os.fdopen(open_to_read(part), encoding="utf-8", errors="replace", newline="") as lines:
                 for cells in filter(None, itertools.islice(csv.reader(lines), 1, None)):
-                    row = _row(cells)
+                    row = _parse_row(cells)
                     rows += [row] if row else []
                     skipped += not row
         except (OSError, csv.Error):
@@ -106,7 +106,7 @@ def _rows(path: Path) -> tuple[list[tuple[tuple[int, ...], tuple[str, str]]], in
     return rows, skipped
 
 
-def _row(cells: list[str]) -> tuple[tuple[int, ...], tuple[str, str]] | None:
+def _parse_row(cells: list[str]) -> tuple[tuple[int, ...], tuple[str, str]] | None:
     try:
         numbers = tuple(map(int, cells[:_NUMBERS]))
         address, name = map(from_cell, cells[_NUMBERS : len(SENDERS.columns)])

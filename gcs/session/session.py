@@ -45,7 +45,7 @@ class Session:
     folds: Path | None = None
     """In which order the flight took in telemetry and frames."""
     frame_size: tuple[int, int] | None = None
-    """Width and height of the frames, px, as somebody says who knows; None: what the recording says."""
+    """Width and height of the frames, px, as given by the user; None: as recorded."""
     notes: FlightNotes = field(default_factory=FlightNotes)
     truth: Path | None = None
     identity: Path | None = None
@@ -94,7 +94,7 @@ def open_session(
     notes = FlightNotes()
     if toml.is_file():
         with contextlib.suppress(ConfigError):  # another mission file may stand for one that is damaged
-            notes = FlightNotes.of(load_table(toml).get("session"))
+            notes = FlightNotes.from_table(load_table(toml).get("session"))
     found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if segments(path / f"video{suffix}")]
     return Session(
         path=path,

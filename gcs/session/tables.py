@@ -1,7 +1,6 @@
 """Number tables in CSV, as a session keeps them: the one bad row is counted and skipped, the rest is used.
 
-A table may be anybody's: what a number can be is known by its column, and what is read takes no more memory than some
-times the file.
+A table may come from anywhere: each column has a range, and reading takes no more memory than some times the file.
 """
 
 from __future__ import annotations
@@ -100,7 +99,7 @@ def read_table(path: Path, form: TableFormat, *, without: Collection[str] = ()) 
     Args:
         path: of the table, or of its first segment.
         form: the columns it has.
-        without: columns of it that nobody asks for.
+        without: columns of it that are not read.
 
     Raises:
         SessionError: no such file, no header, or a required column is missing.

@@ -10,12 +10,12 @@ import pytest
 from gcs.cli.score import say_score
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import load_mission
-from gcs.playback.analysis import BARE_PAUSE_US, Analysis
+from gcs.playback.analysis import TELEMETRY_PAUSE_US, Analysis
 from gcs.report.score import score_files
 from gcs.session.clock_steps import MOST_STEPS, ClockSteps
 from gcs.session.frame_tables import MOST_MISSING, read_detections, read_times
 from gcs.session.identity_log import read_identity
-from gcs.session.identity_replay import recorded
+from gcs.session.identity_replay import read_snapshots
 from gcs.session.session import open_session
 from gcs.session.tables import MOST_BOXES, read_table
 from infra.session_format import TableFormat
@@ -186,7 +186,7 @@ def test_a_log_of_two_records_years_apart_asks_for_no_memory(tmp_path):
     log.write_bytes(b"".join(t_us.to_bytes(8, "big") + packet(k).raw for k, t_us in enumerate(times_us)))
     (tmp_path / "session.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
     peak, analysis = peak_bytes(lambda: Analysis(open_session(tmp_path)))
-    assert len(analysis.times_us) <= 200 * (BARE_PAUSE_US // 200_000 + 1)
+    assert len(analysis.times_us) <= 200 * (TELEMETRY_PAUSE_US // 200_000 + 1)
     assert analysis.times_us[-1] >= times_us[-1] - 200_000
     assert peak < 8 << 20
 
@@ -205,7 +205,7 @@ def test_an_identity_log_of_others_is_shown_as_far_as_it_goes(tmp_path):
     path.write_text(header + "".join(bad) + good)
     assert read_identity(path).skipped == len(bad)
     said = []
-    (shot,) = recorded(path, ONE_UGV, None, said.append)
+    (shot,) = read_snapshots(path, ONE_UGV, None, said.append)
     assert said == [f"{path}: {len(bad)} rows could not be used"]
     assert [box.system_id for box in shot.boxes] == [2]
 

@@ -9,7 +9,7 @@ from gcs.export import export_format
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import EventLog
 from gcs.session.identity_log import IdentityLog, read_identity
-from gcs.session.identity_replay import recorded
+from gcs.session.identity_replay import read_snapshots
 from gcs.snapshot import Event
 from infra.session_format import IDENTITY
 from tests.support.snapshots import TWO_UGVS, box, snapshot
@@ -56,7 +56,7 @@ def test_a_log_read_back_says_the_same(tmp_path):
         for each in before:
             log.write(each)
     assert len(read_identity(tmp_path / "identity.csv")) == 6
-    after = list(recorded(tmp_path / "identity.csv", TWO_UGVS, None))
+    after = list(read_snapshots(tmp_path / "identity.csv", TWO_UGVS, None))
     assert [s.t_us for s in after] == [s.t_us for s in before]
     said = [[(b.track_id, b.system_id, b.cx) for b in s.boxes] for s in after]
     assert said == [[(1, 2, 10.0), (2, 0, 20.0)]] * 3

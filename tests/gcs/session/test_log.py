@@ -208,7 +208,7 @@ def test_a_clock_that_is_set_never_reorders_a_replay(tmp_path, steps_us, hole):
     log = SessionLog(tmp_path / "telemetry.tlog")
     assert [packet.t_us for packet in log.packets()] == wanted.tolist()
     assert any(f"the clock was set {len(steps_us)} times" in text for text in log.warnings)
-    times = log.steps.of_frames(np.array([t for _, t in frames]), log.start_us)
+    times = log.steps.correct_frames(np.array([t for _, t in frames]), log.start_us)
     if 70_000 not in steps_us:
         assert times.tolist() == [first_us + 10_000 * k for k, _ in frames]
 
@@ -264,7 +264,7 @@ def test_a_computer_whose_clock_was_set_from_1970_in_flight(tmp_path):
     log = SessionLog(tmp_path / "telemetry.tlog")
     wanted = [1_010_000 + 10_000 * k for k in range(300)]
     assert [packet.t_us for packet in log.packets()] == wanted
-    assert log.steps.of_frames(np.array(frames), log.start_us).tolist() == wanted
+    assert log.steps.correct_frames(np.array(frames), log.start_us).tolist() == wanted
 
 
 def test_frames_that_all_came_after_the_step():
@@ -272,13 +272,13 @@ def test_frames_that_all_came_after_the_step():
         new_us = T0 + 60_000_000 + step_us
         steps = ClockSteps(record=np.array([5]), t_us=np.array([new_us]), step_us=np.array([step_us]))
         stamps = new_us + np.arange(1, 5) * 100_000
-        assert (steps.of_frames(stamps, T0) == stamps - step_us).all()
+        assert (steps.correct_frames(stamps, T0) == stamps - step_us).all()
 
 
 def test_a_clock_nobody_set_changes_nothing():
     stamps = np.arange(5)
-    assert (ClockSteps.none().of_records(stamps) == stamps).all()
-    assert (ClockSteps.none().of_frames(stamps, 0) == stamps).all()
+    assert (ClockSteps.none().correct_records(stamps) == stamps).all()
+    assert (ClockSteps.none().correct_frames(stamps, 0) == stamps).all()
 
 
 def test_tables_in_segments_count_each_row_once(tmp_path):

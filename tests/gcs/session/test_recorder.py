@@ -15,7 +15,7 @@ from gcs.session.fold_order import FoldOrder, FoldTurn
 from gcs.session.frame_tables import read_detections, read_times
 from gcs.session.line_file import LineFile
 from gcs.session.recorder import Recorder
-from gcs.session.recording_events import RecordWatch
+from gcs.session.recording_events import RecordingEvents
 from gcs.session.session import open_session
 from gcs.session.tables import read_table
 from gcs.snapshot import Box, Event, Health, Snapshot
@@ -270,7 +270,7 @@ def state(**values):
 
 
 def test_every_fault_is_told_once_with_its_end():
-    watch = RecordWatch()
+    watch = RecordingEvents()
     full = {"failing_s": 0.1, "reason": "full", "faults": 1}
     story = [
         (state(), []),
@@ -305,7 +305,7 @@ def test_a_fault_that_is_over_keeps_the_reason_of_the_file_that_had_it():
     assert overall((log, senders)).reason == "senders.csv: bad"
     assert overall((replace(log, failed_ago_s=0.05), senders)).reason == "full"
     never = RecordState(name="telemetry.tlog")
-    told = RecordWatch().update(T0, {"telemetry": overall((never, senders))})
+    told = RecordingEvents().update(T0, {"telemetry": overall((never, senders))})
     assert [event.text for event in told] == [
         "telemetry: cannot be written: senders.csv: bad; kept in memory until it can",
         "telemetry: written again",
