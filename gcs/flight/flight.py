@@ -254,10 +254,10 @@ class Flight:
             try:
                 turn()
             except Exception as error:  # noqa: BLE001 - counted, told on the screen, kept with its traceback
-                self._faults.failed(job, error)
+                self._faults.turn_failed(job, error)
                 self._stop.wait(FAULT_PAUSE_S)
             else:
-                self._faults.well(job)
+                self._faults.turn_succeeded(job)
 
     def _listen(self) -> None:
         packets = self._ingest.read(READ_S)

@@ -114,7 +114,7 @@ class FlightFold:
         try:
             self._pipeline.feed(packet)
         except Exception as error:  # noqa: BLE001 - one packet must not cost a frame
-            self._faults.take(f"packet of system {packet.system_id}", error)
+            self._faults.record(f"packet of system {packet.system_id}", error)
 
     def _count(self, packet: Packet) -> None:
         """Keep track of the log: what the fold passes over has to be passed over by a replay too."""
@@ -163,9 +163,9 @@ class FlightFold:
         try:
             boxes = self._detector.detect(frame.image, gsd_m=self._pipeline.gsd_m(frame.t_us, frame.image))
         except Exception as error:  # noqa: BLE001 - a detector that fails must not cost the fleet's table
-            self._faults.failed("detecting", error)
+            self._faults.turn_failed("detecting", error)
             return None
-        self._faults.well("detecting")
+        self._faults.turn_succeeded("detecting")
         self._recorder.detections(frame.index, boxes)
         return boxes
 

@@ -1,4 +1,4 @@
-"""Faults of the program itself in flight: counted, told, kept with their tracebacks; none of them ends a flight."""
+"""Faults of the program itself in flight: counted, shown, written with their tracebacks; none of them ends a flight."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Faults:
         self.count = 0
         self.last = ""
 
-    def take(self, job: str, error: Exception) -> None:
-        """Something failed once.
+    def record(self, job: str, error: Exception) -> None:
+        """Count a fault, and write its traceback if it is the first at its place in the program.
 
         Args:
             job: a few words: what was being done.
@@ -56,15 +56,15 @@ class Faults:
         if place not in self._kept and len(self._kept) < MOST_KEPT:
             self._kept.add(place)
             _log.error("fault while %s", job, exc_info=error)
-            self._keep(job, error)
+            self._write_traceback(job, error)
 
-    def failed(self, job: str, error: Exception) -> None:
-        """A turn of a job failed, which is begun again and again."""
-        self.take(job, error)
+    def turn_failed(self, job: str, error: Exception) -> None:
+        """A turn of a job that is repeated failed."""
+        self.record(job, error)
         times, _ = self._failing.get(job, (0, ""))
         self._failing[job] = times + 1, self.last
 
-    def well(self, job: str) -> None:
+    def turn_succeeded(self, job: str) -> None:
         """A turn of a job succeeded."""
         self._failing.pop(job, None)
 
@@ -73,7 +73,7 @@ class Faults:
         """The job that does not work any more and why, empty while all do."""
         return next((words for times, words in tuple(self._failing.values()) if times >= LASTING), "")
 
-    def _keep(self, job: str, error: Exception) -> None:
+    def _write_traceback(self, job: str, error: Exception) -> None:
         text = f"{time.strftime('%FT%TZ', time.gmtime())} {job}\n{''.join(traceback.format_exception(error))}\n"
         data = "\n".join(map(plain, text.split("\n"))).encode()
         writing = threading.Thread(target=self._append, args=(data,), name="faults", daemon=True)

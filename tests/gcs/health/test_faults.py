@@ -108,15 +108,15 @@ def test_telemetry_that_is_taken_in_late_makes_no_vehicle_silent(fold):
 def test_a_job_that_works_again_is_well(tmp_path):
     faults = Faults(tmp_path / "faults.txt")
     for _ in range(LASTING):
-        faults.failed("naming", ValueError("x"))
+        faults.turn_failed("naming", ValueError("x"))
     assert faults.lasting == "naming: ValueError: x"
-    faults.well("naming")
+    faults.turn_succeeded("naming")
     assert (faults.lasting, faults.count) == ("", LASTING)
 
 
 def test_tracebacks_that_cannot_be_kept_are_no_fault(tmp_path):
     faults = Faults(tmp_path / "gone" / "faults.txt")
-    faults.take("naming", ValueError("x"))
+    faults.record("naming", ValueError("x"))
     assert faults.count == 1
 
 

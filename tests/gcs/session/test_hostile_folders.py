@@ -135,7 +135,7 @@ def test_what_a_flight_notes_of_itself_follows_no_link(tmp_path):
     victim = tmp_path / "victim"
     victim.write_text("mine")
     (tmp_path / "faults.txt").symlink_to(victim)
-    Faults(tmp_path / "faults.txt").take("job", ValueError("x"))
+    Faults(tmp_path / "faults.txt").record("job", ValueError("x"))
     (tmp_path / "video.mkv").symlink_to(tmp_path / "absent")
     with pytest.raises(FileExistsError):
         RestorableFile(tmp_path / "video.mkv")

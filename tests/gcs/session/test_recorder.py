@@ -324,7 +324,7 @@ def test_a_kept_packet_keeps_its_time(tmp_path):
 def test_the_program_log_of_a_session_has_events_and_faults(tmp_path):
     recorder = Recorder(tmp_path, MISSION, video=False)
     recorder.events((Event(t_us=T0, level="alarm", kind="link", text="14550: gone"),))
-    Faults(recorder.folder / "faults.txt").take("naming", ValueError("odd"))
+    Faults(recorder.folder / "faults.txt").record("naming", ValueError("odd"))
     recorder.close()
     logging.getLogger("gcs").error("after the flight")
     text = (recorder.folder / "program.log").read_text()

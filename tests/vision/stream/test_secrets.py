@@ -141,6 +141,6 @@ def test_a_fault_tells_nothing(tmp_path):
     try:
         check_source(f"admin:{PASSWORD}@10.0.0.2/x")
     except VideoError as error:
-        Faults(tmp_path / "faults.txt").take("video", error)
+        Faults(tmp_path / "faults.txt").record("video", error)
     assert "no such file" in (tmp_path / "faults.txt").read_text()
     assert PASSWORD not in (tmp_path / "faults.txt").read_text()
