@@ -88,7 +88,7 @@ def quiet_moment() -> tuple[float, float]:
                 sock.send(frame)
             began = time.perf_counter()
             batch = link.read_batch()
-            receiver.take(0, batch)
+            receiver.receive_batch(0, batch)
             put = time.perf_counter()
             packets = memory.take_packets()
             read_s = min(read_s, time.perf_counter() - put)

@@ -174,7 +174,7 @@ class _ScriptedFlight:
             frames=[each.raw for each in datagrams],
             peers=[each.peer for each in datagrams],
         )
-        self.receiver.take(datagrams[0].link, batch)
+        self.receiver.receive_batch(datagrams[0].link, batch)
 
     def kill_receiver(self) -> None:
         """Another goes on in the next segment."""

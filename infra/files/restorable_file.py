@@ -40,7 +40,7 @@ class RestorableFile:
         """Under which a library opens this file and no other, while it is held here."""
         return f"/dev/fd/{self._file.fileno()}"
 
-    def gone(self) -> bool:
+    def is_gone(self) -> bool:
         """Whether its name is; looked for twice a second."""
         now_s = time.monotonic()
         if now_s - self._looked_s < LOOK_S:
@@ -48,7 +48,7 @@ class RestorableFile:
         self._looked_s = now_s
         return not os.fstat(self._file.fileno()).st_nlink or not self.path.exists()
 
-    def put_back(self) -> None:
+    def restore(self) -> None:
         """Copy what was written so far to where it was, in a thread of its own; then let go of it."""
         self._copying = threading.Thread(target=self._copy, name="put back", daemon=True)
         self._copying.start()

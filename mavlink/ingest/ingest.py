@@ -25,12 +25,11 @@ from mavlink.ingest.health import IngestHealth, Notice
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, SendFrame
-from mavlink.ingest.plan import Outputs, Plan, Signing
+from mavlink.ingest.plan import Outputs, Plan, Signing, check_links
 from mavlink.links.kinds import KINDS, parse_url
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts
 from mavlink.links.udp import LEAST_BUFFER_BYTES
-from mavlink.links.url import LinkUrl
 from mavlink.protocol.packet import Packet
 
 __all__ = ["Ingest"]
@@ -84,8 +83,7 @@ class Ingest:
     ) -> None:
         links = [parse_url(url) for url in urls]
         self.names = tuple(link.name for link in links)
-        _check_once(self.names)
-        _check_outputs(links, outputs.urls if outputs else ())
+        check_links(links, outputs.urls if outputs else ())
         self._sockets: list[socket.socket | None] = []
         self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
@@ -275,8 +273,8 @@ class Ingest:
     def _begin(self, process: ChildProcess[IngestReport]) -> None:
         """It is this process's turn."""
         if self._generation:
-            self._interrupted = self._in_hand()
-            self._add_up()
+            self._interrupted = self._describe_in_hand()
+            self._carry_counts_over()
         self._generation += 1
         with contextlib.suppress(OSError):  # it has died as well, which is seen when it is watched
             process.channel.send(msgspec.structs.replace(self._plan, generation=self._generation))
@@ -311,14 +309,14 @@ class Ingest:
         """On a machine that is too busy another process would not fare better."""
         return silent_s <= START_S and process.waits_for_processor(silent_s, self._beat_cpu_s)
 
-    def _in_hand(self) -> str:
+    def _describe_in_hand(self) -> str:
         """What a process had taken off a socket and not yet put where it outlives it, in words."""
         index, self._memory.slots[Slot.IN_HAND] = self._memory.slots[Slot.IN_HAND], 0
         if not index:
             return ""
         return f" while it took packets off {self.names[index - 1]}, of which at most {BATCH} are lost,"
 
-    def _add_up(self) -> None:
+    def _carry_counts_over(self) -> None:
         """Keeps what the process before had counted."""
         last = self._published_health() or self._health
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
@@ -379,23 +377,3 @@ class Ingest:
                 sock.close()
         os.close(self._memory_fd)
         os.close(self._journal_fd)
-
-
-def _check_once(names: Sequence[str]) -> None:
-    twice = next((name for k, name in enumerate(names) if name in names[:k]), "")
-    if twice:
-        raise LinkError(f"{twice}: given twice; name each link once")
-
-
-def _check_outputs(links: Sequence[LinkUrl], outputs: Sequence[str]) -> None:
-    """An output into a port of our own would record everything twice."""
-    for output in outputs:
-        out = parse_url(output.partition("?")[0])
-        for link in links:
-            here = out.host == link.host or (_is_local(out.host) and (link.host == "0.0.0.0" or _is_local(link.host)))
-            if out.scheme.removesuffix("out") + "in" == link.scheme and out.port == link.port and here:
-                raise LinkError(f"{output}: leads back to this station's own {link.name}; forward to another port")
-
-
-def _is_local(host: str) -> bool:
-    return host == "localhost" or host.startswith("127.")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import msgspec
 
-__all__ = ["Outputs", "Plan", "Signing"]
+from mavlink.errors import LinkError
+from mavlink.links.kinds import parse_url
+from mavlink.links.url import LinkUrl
+
+__all__ = ["Outputs", "Plan", "Signing", "check_links"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,3 +60,25 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """Whose frames make a sender known; empty: anybody's."""
     signing: Signing = Signing()
     outputs: Outputs = Outputs()
+
+
+def check_links(links: Sequence[LinkUrl], outputs: Sequence[str]) -> None:
+    """Refuses what would record everything twice: a link that is named twice, an output into a port of our own.
+
+    Raises:
+        LinkError: there is one.
+    """
+    names = [link.name for link in links]
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise LinkError(f"{name}: given twice; name each link once")
+    for output in outputs:
+        out = parse_url(output.partition("?")[0])
+        for link in links:
+            here = out.host == link.host or (_is_local(out.host) and (link.host == "0.0.0.0" or _is_local(link.host)))
+            if out.scheme.removesuffix("out") + "in" == link.scheme and out.port == link.port and here:
+                raise LinkError(f"{output}: leads back to this station's own {link.name}; forward to another port")
+
+
+def _is_local(host: str) -> bool:
+    return host == "localhost" or host.startswith("127.")

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
 from mavlink.forwarding.forward import Forwarder
-from mavlink.ingest.excess import RefusedPacketLimiter
 from mavlink.ingest.ingest_memory import IngestMemory, Slot
-from mavlink.ingest.last_senders import LastSenders
 from mavlink.ingest.plan import Outputs, Signing
+from mavlink.ingest.refused_packets import RefusedPacketLimiter
 from mavlink.links.base import Link
-from mavlink.links.batch import Batch
+from mavlink.links.batch import Batch, Claim
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.store import StreamStore, open_verifier
 from mavlink.signing.verifier import Verifier, without_secret
 from mavlink.tlog.writer import TlogWriter
 
-__all__ = ["Receiver", "Signatures", "open_outputs"]
+__all__ = ["LastSenders", "Receiver", "Signatures", "open_outputs"]
 
 _TIME = struct.Struct(">Q")
 _SETUP_SIGNING = b"\x00\x01\x00"
@@ -100,6 +99,34 @@ def open_outputs(outputs: Outputs, system_ids: tuple[int, ...]) -> Forwarder | N
     )
 
 
+class LastSenders:
+    """The sender of each system id so far, to notice when one is heard from another than before."""
+
+    def __init__(self) -> None:
+        self._senders: list[tuple[int, int] | None] = [None] * 256
+        self._claims: dict[int, set[Claim]] = {}
+        """The same by link: who is heard over it."""
+
+    def changes(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
+        """Places in a batch, and system ids, of frames whose system id was last heard from another sender, or never.
+
+        Args:
+            link: the batch came over.
+            batch: whole frames.
+        """
+        if batch.claimed() <= self._claims.setdefault(link, set()):
+            return  # nearly always
+        senders, claims = self._senders, self._claims
+        for k, (peer, system_id) in enumerate(batch.claims()):
+            before = senders[system_id]
+            if before != (link, peer):
+                if before is not None:
+                    claims[before[0]].discard((before[1], system_id))
+                senders[system_id] = link, peer
+                claims[link].add((peer, system_id))
+                yield k, system_id
+
+
 class Receiver:
     """Takes the batches of all links.
 
@@ -125,24 +152,24 @@ class Receiver:
         self._signatures = signatures
         self._outputs = outputs
         self._senders = LastSenders()
-        self.excess = RefusedPacketLimiter()
+        self.limiter = RefusedPacketLimiter()
         self.output_trouble = ""
 
-    def take(self, index: int, batch: Batch) -> None:
+    def receive_batch(self, index: int, batch: Batch) -> None:
         """One batch of a link."""
         original = self._hide_secrets(index, batch)
         auths: Sequence[Auth] | None = None
         if self._signatures.on:  # looked at before they are recorded: those of a forger could fill the disk
             packets = batch.packets(index)
             auths = self._signatures.check([original.get(k, packet) for k, packet in enumerate(packets)])
-            batch, auths = self.excess.limit(index, batch, auths)
+            batch, auths = self.limiter.limit(index, batch, auths)
         number = self._record(batch) if batch.frames else None
         self._memory.slots[Slot.IN_HAND] = 0
         if number is not None:
             self._note_senders(index, batch, number)
         packets = batch.packets(index, auths) if self._signatures.on or self._outputs else []
         if self._signatures.on:
-            self._judge(index, packets, number)
+            self._note_verdicts(index, packets, number)
         self._memory.put_packets(index, number, batch.times_us, batch.frames, batch.peers, auths)
         self.forward(packets)
 
@@ -181,11 +208,11 @@ class Receiver:
     def _note_senders(self, index: int, batch: Batch, number: int) -> None:
         """Who sent what stands beside the log, so that a replay tells senders apart as the flight does."""
         link = self._links[index]
-        for k, system_id in self._senders.take(index, batch):
+        for k, system_id in self._senders.changes(index, batch):
             peer = batch.peers[k]
             self._log.heard(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
-    def _judge(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
+    def _note_verdicts(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
         """Notes what is not believed, and who has proved who it is."""
         known = set()
         for k, packet in enumerate(packets):

@@ -61,7 +61,7 @@ def main() -> int:
         return 0  # never needed
     assert isinstance(plan, Plan)
     try:
-        worker = _Worker(plan, station)
+        worker = _IngestWorker(plan, station)
     except MavlinkError as error:
         station.send(CannotOpen(error=type(error).__name__, text=str(error)))
         return 3
@@ -73,7 +73,7 @@ def main() -> int:
     return 0
 
 
-class _Worker:
+class _IngestWorker:
     def __init__(self, plan: Plan, station: Channel[IngestRequest]) -> None:
         self._station = station
         self._memory = IngestMemory(plan.memory)
@@ -133,7 +133,7 @@ class _Worker:
             if not batch.frames:
                 self._memory.slots[Slot.IN_HAND] = 0
                 return True
-            self._receiver.take(index, batch)
+            self._receiver.receive_batch(index, batch)
             with contextlib.suppress(BlockingIOError):  # it has not read for long: the ring counts what does not fit
                 os.write(self._wake, b".")
             if len(batch.frames) < _FEW:
@@ -164,7 +164,7 @@ class _Worker:
         if self._open or not self._reports:
             reports = [link.report() for link in self._links]
             self._reports = tuple(
-                self._receiver.excess.add_to_report(k, report, self._links[k].address)
+                self._receiver.limiter.add_to_report(k, report, self._links[k].address)
                 for k, report in enumerate(reports)
             )
         record = self._log.state
@@ -192,7 +192,7 @@ class _Worker:
         for index, link in enumerate(self._links):
             self._drain(index, link)
             if (rest := link.read_rest()).frames:
-                self._receiver.take(index, rest)
+                self._receiver.receive_batch(index, rest)
         self._reports = ()
         self._publish_health()
         for link in self._links:

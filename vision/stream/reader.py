@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import av
+from av.video.frame import VideoFrame
 
 from vision.stream.connection import READ_TIMEOUT_S, Input, listen
 from vision.stream.frame_clock import ArrivalClock
 from vision.stream.messages import Progress, Settings
-from vision.stream.newest import Newest
 from vision.stream.stamps import Coded, Stamps
 from vision.video.recording import DisplayOrder, Recording
 
@@ -34,17 +34,47 @@ REMEMBERED = 256
 """Places of frames that may still come out of the decoder."""
 
 
+class NewestFrame:
+    """The newest decoded frame until somebody takes it."""
+
+    def __init__(self) -> None:
+        self.skipped = 0
+        self.over = False
+        self._fresh = threading.Condition()
+        self._frame: tuple[int, int, VideoFrame] | None = None
+
+    def put(self, index: int, t_us: int, frame: VideoFrame) -> None:
+        """A frame was decoded; one that nobody took is counted."""
+        with self._fresh:
+            self.skipped += self._frame is not None
+            self._frame = index, t_us, frame
+            self._fresh.notify_all()
+
+    def take(self, timeout_s: float) -> tuple[int, int, VideoFrame] | None:
+        """The frame with index and time, None when none comes in time."""
+        with self._fresh:
+            self._fresh.wait_for(lambda: self._frame is not None or self.over, timeout_s)
+            frame, self._frame = self._frame, None
+            return frame
+
+    def end(self) -> None:
+        """No more will come."""
+        with self._fresh:
+            self.over = True
+            self._fresh.notify_all()
+
+
 class StreamReader:
     """All connections of one process.
 
     Args:
         settings: where the last process stopped.
         go_on: False ends reading.
-        tell: called with news for the parent.
+        send: called with news for the parent.
     """
 
-    def __init__(self, settings: Settings, go_on: Callable[[], bool], tell: Callable[[Progress], None]) -> None:
-        self.newest = Newest()
+    def __init__(self, settings: Settings, go_on: Callable[[], bool], send: Callable[[Progress], None]) -> None:
+        self.newest = NewestFrame()
         self.progress = Progress(patience_s=READING_PATIENCE_S, rows=[], segment=settings.segment)
         self.order = DisplayOrder(settings.received)
         self.last_us = settings.last_us
@@ -53,24 +83,24 @@ class StreamReader:
         self.go_on = go_on
         self.lock = threading.Lock()
         """Held while packets are numbered and recorded."""
-        self._tell = tell
+        self._send = send
         self._told_s = 0.0
         self._connection: _OpenStream | None = None
 
-    def alive(self, patience_s: float = READING_PATIENCE_S) -> None:
+    def report_alive(self, patience_s: float = READING_PATIENCE_S) -> None:
         """Tell that all is well and when to expect the next word; not oftener than needed."""
         now = time.monotonic()
         if now - self._told_s > 0.25 or patience_s != self.progress.patience_s or self.progress.rows:
             self.progress.patience_s, self._told_s = patience_s, now
-            self.tell()
+            self.send_progress()
 
-    def tell(self) -> None:
+    def send_progress(self) -> None:
         """Send what is new."""
         progress = self.progress
         progress.skipped = self.newest.skipped
         if self.recording is not None:
             progress.segment, progress.recording_error = self.recording.segment, self.recording.error
-        self._tell(progress)
+        self._send(progress)
         progress.rows = []
 
     def read(self, source: Input, *, paced: bool) -> None:
@@ -95,7 +125,7 @@ class StreamReader:
             self._end_connection()
             if self.recording is not None:
                 self.recording.close()
-            self.tell()
+            self.send_progress()
 
     def _end_connection(self) -> None:
         connection, self._connection = self._connection, None
@@ -146,7 +176,7 @@ class _OpenStream:
                 elif waited or len(held) >= PROBED:
                     self._settle(held)
                     held = None
-            reader.alive()
+            reader.report_alive()
             asked_s = time.monotonic()
         self._settle(held or [])
         self._show(None)
@@ -158,7 +188,7 @@ class _OpenStream:
             self._first = self._first or (decoded_s, time.monotonic())
             due_s = self._first[1] + decoded_s - self._first[0]
             while self._reader.go_on() and (wait_s := due_s - time.monotonic()) > 0:
-                self._reader.alive()
+                self._reader.report_alive()
                 time.sleep(min(wait_s, 0.1))
         return self._source.arrival_s()
 

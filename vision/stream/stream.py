@@ -264,7 +264,7 @@ class VideoStream:
             self._hand_over(message)
         if not isinstance(message, Progress):
             return None
-        self._take(message)
+        self._take_progress(message)
         self._supervisor.replaces = not message.ended
         return math.inf if message.ended else message.patience_s
 
@@ -273,25 +273,25 @@ class VideoStream:
         self._trouble = f"video {self.url}: its process {failure} and was started again"
         self._notify(None)
 
-    def _take(self, progress: Progress) -> None:
+    def _take_progress(self, progress: Progress) -> None:
         """Frames listed and numbers counted."""
         if progress.rows and progress.connected:
-            self._hear(len(progress.rows))
+            self._end_stall(len(progress.rows))
         for index, t_us in progress.rows:
             self.received, self._last_us = index + 1, t_us
-            self._list(index, t_us)
+            self._list_frame(index, t_us)
         self._progress = progress.after(self._before)
         if progress.ended:
             self._notify(None)
 
-    def _hear(self, frames: int) -> None:
+    def _end_stall(self, frames: int) -> None:
         """A lone frame ends no stall: transports hold the last one back until they give up."""
         if self.stalled and self._waking + frames < AWAKE:
             self._waking += frames
         else:
             self._waking, self._heard_s = 0, time.monotonic()
 
-    def _list(self, index: int, t_us: int) -> None:
+    def _list_frame(self, index: int, t_us: int) -> None:
         if self._on_frame is None:
             return
         try:

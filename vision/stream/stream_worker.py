@@ -46,7 +46,7 @@ SEAL_S = 0.5
 """When told to stop, FFmpeg is not waited for longer."""
 
 
-class _Worker:
+class _StreamWorker:
     """The process's two threads: one reads the source, one answers requests."""
 
     def __init__(self, settings: Settings, station: Channel[VideoRequest]) -> None:
@@ -57,11 +57,11 @@ class _Worker:
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._once = threading.Lock()
-        self._reader = StreamReader(settings, self._go_on, self._tell)
+        self._reader = StreamReader(settings, self._go_on, self._send)
 
     def run(self) -> None:
         """Until told to stop, or a file's end."""
-        threading.Thread(target=self._answer, name="answers", daemon=True).start()
+        threading.Thread(target=self._answer_requests, name="answers", daemon=True).start()
         try:
             if self._source.kind == "datagrams":
                 self._listen()
@@ -75,7 +75,7 @@ class _Worker:
 
     def _go_on(self) -> bool:
         if self._reader.progress.connected is False:
-            self._reader.alive(WAITING_PATIENCE_S)
+            self._reader.report_alive(WAITING_PATIENCE_S)
         return not self._stop.is_set()
 
     def _listen(self) -> None:
@@ -91,7 +91,7 @@ class _Worker:
                     if opened is not None:
                         self._read(opened)
                 except VideoError as error:
-                    self._complain(str(error))
+                    self._report_error(str(error))
 
     def _bind(self) -> Port | None:
         backoff = Backoff(PAUSES_S)
@@ -100,7 +100,7 @@ class _Worker:
                 bound = self._bound or bind(self._source.host, self._source.port)
                 return Port(bound, self._source.host, self._go_on, READ_TIMEOUT_S)
             except (VideoError, OSError) as error:
-                self._complain(str(error))
+                self._report_error(str(error))
                 self._pause(backoff)
         return None
 
@@ -108,13 +108,13 @@ class _Worker:
         """Connect, read until it breaks, and again with growing pauses."""
         backoff = Backoff(PAUSES_S)
         while self._go_on():
-            self._reader.alive(OPENING_PATIENCE_S)
+            self._reader.report_alive(OPENING_PATIENCE_S)
             before = self._reader.order.count
             try:
                 self._read(open_input(self._source))
                 self._reader.progress.ended = self._source.paced and not self._stop.is_set()
             except VideoError as error:
-                self._complain(str(error))
+                self._report_error(str(error))
             if self._reader.progress.ended:
                 return
             if self._reader.order.count > before:
@@ -126,13 +126,13 @@ class _Worker:
             try:
                 self._reader.read(opened, paced=self._source.paced)
             except av.ExitError:
-                self._complain(f"video {self._source.text}: nothing came for {READ_TIMEOUT_S:g} s")
+                self._report_error(f"video {self._source.text}: nothing came for {READ_TIMEOUT_S:g} s")
             except (av.FFmpegError, OSError, ValueError) as error:
-                self._complain(f"video {self._source.text}: {reason(error)}")
+                self._report_error(f"video {self._source.text}: {reason(error)}")
 
-    def _complain(self, text: str) -> None:
+    def _report_error(self, text: str) -> None:
         self._reader.progress.error = text
-        self._reader.tell()
+        self._reader.send_progress()
 
     def _pause(self, backoff: Backoff) -> None:
         until_s = time.monotonic() + backoff.failed()
@@ -145,9 +145,6 @@ class _Worker:
                 self._reader.finish()
                 self._finished.set()
 
-    def _tell(self, progress: Progress) -> None:
-        self._send(progress)
-
     def _send(self, message: Progress | FrameReply) -> None:
         try:
             self._station.send(message)
@@ -155,7 +152,7 @@ class _Worker:
             # nobody reads any more: only the recording is left to be sealed
             self._stop.set()
 
-    def _answer(self) -> None:
+    def _answer_requests(self) -> None:
         """Hand out the newest frame whenever it is asked for; the end of the requests means stop."""
         with suppress(EOFError):
             while isinstance(request := self._station.receive(), FrameRequest):
@@ -191,7 +188,7 @@ def main() -> None:
     assert isinstance(settings, Settings)
     conceal_with(partial(conceal_in, address=settings.source))
     _log.info("video from %s", concealed(settings.source))
-    _Worker(settings, station).run()
+    _StreamWorker(settings, station).run()
 
 
 if __name__ == "__main__":

@@ -134,10 +134,10 @@ class Recording:
 
     def _look_after(self, unix_s: float) -> None:
         """Notice that the file is gone, which FFmpeg never would."""
-        if self._kept is not None and self._kept.gone():
+        if self._kept is not None and self._kept.is_gone():
             kept, self._kept = self._kept, None
             self._end()
-            kept.put_back()
+            kept.restore()
             self._put_back, self._retry_s = kept, unix_s
             self._error = f"recording {kept.path}: deleted or moved while it was written"
 

@@ -18,7 +18,7 @@ from gcs.playback.analysis import Analysis
 from gcs.session.log import SessionLog
 from gcs.session.sender_table import RecordSenders
 from gcs.session.session import open_session
-from mavlink.ingest.last_senders import LastSenders
+from mavlink.ingest.receiver import LastSenders
 from mavlink.links.batch import Batch
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
@@ -36,7 +36,7 @@ def noted(folder, packets):
     with TlogWriter(folder / "telemetry.tlog") as writer:
         for packet in packets:
             number = writer.write(packet)
-            for _, system_id in senders.take(packet.link, Batch([packet.t_us], [packet.raw], [packet.peer])):
+            for _, system_id in senders.changes(packet.link, Batch([packet.t_us], [packet.raw], [packet.peer])):
                 address = f"10.0.0.{packet.peer}:1" if packet.link == 0 else ""
                 writer.heard(number, packet.t_us, system_id, packet.link, packet.peer, address, NAMES[packet.link])
     return SessionLog(folder / "telemetry.tlog")

@@ -2,8 +2,8 @@
 
 import time
 
-from mavlink.ingest.excess import BURST_S, KEPT_PER_S, RefusedPacketLimiter
 from mavlink.ingest.plan import Signing
+from mavlink.ingest.refused_packets import BURST_S, KEPT_PER_S, RefusedPacketLimiter
 from mavlink.links.batch import Batch
 from mavlink.links.fair_shares import HOLD_S
 from mavlink.links.report import LinkCounts, LinkReport
@@ -26,38 +26,38 @@ def batch_of(*rows):
 
 def test_only_refused_packets_are_left_out_and_only_those_of_who_sends_them_in_masses():
     now_s = 100.0
-    excess = RefusedPacketLimiter(lambda: now_s)
+    limiter = RefusedPacketLimiter(lambda: now_s)
     rows = [(11, 1, Auth.BAD), (11, 1, Auth.GOOD), (12, 1, Auth.UNSIGNED), (11, 2, Auth.HELD)]
     kept = dict.fromkeys(rows, 0)
     for _ in range(600):
         now_s += 0.01
-        batch, auths = excess.limit(0, *batch_of(*[rows[0]] * 30, *rows[1:]))
+        batch, auths = limiter.limit(0, *batch_of(*[rows[0]] * 30, *rows[1:]))
         for raw, peer, auth in zip(batch.frames, batch.peers, auths, strict=True):
             kept[raw[5], peer, auth] += 1
     assert [kept[row] for row in rows[1:]] == [600] * 3
     assert kept[rows[0]] <= KEPT_PER_S * (BURST_S + 6.0) + 1 and kept[rows[0]] > KEPT_PER_S * 6.0
-    told = excess.add_to_report(0, REPORT, lambda peer: f"10.0.0.{peer}:5")
+    told = limiter.add_to_report(0, REPORT, lambda peer: f"10.0.0.{peer}:5")
     assert told.counts.turned_away == 5 + 600 * 30 - kept[rows[0]]
     (limit,) = told.limits
     assert (limit.address, limit.system_id, limit.refused) == ("10.0.0.1:5", 11, True)
     assert limit.turned_away == 600 * 30 - kept[rows[0]]
-    assert excess.add_to_report(1, REPORT, str) == REPORT
+    assert limiter.add_to_report(1, REPORT, str) == REPORT
     now_s += HOLD_S
-    assert excess.add_to_report(0, REPORT, str).limits == ()
+    assert limiter.add_to_report(0, REPORT, str).limits == ()
 
 
 def test_what_is_believed_costs_nothing():
-    excess = RefusedPacketLimiter()
+    limiter = RefusedPacketLimiter()
     batch, auths = batch_of(*[(11, 1, Auth.GOOD), (12, 2, Auth.OPEN)] * 10_000)
-    assert excess.limit(0, batch, auths) == (batch, auths)
+    assert limiter.limit(0, batch, auths) == (batch, auths)
 
 
 def test_a_crowd_is_watched_as_one_and_costs_no_memory():
-    excess = RefusedPacketLimiter(lambda: 100.0)
+    limiter = RefusedPacketLimiter(lambda: 100.0)
     for peer in range(5000):
-        excess.limit(0, *batch_of((11, peer, Auth.BAD)))
-    assert len(excess._senders) < 1100
-    assert [limit.address for limit in excess.add_to_report(0, REPORT, lambda peer: "").limits] == ["many addresses"]
+        limiter.limit(0, *batch_of((11, peer, Auth.BAD)))
+    assert len(limiter._senders) < 1100
+    assert [limit.address for limit in limiter.add_to_report(0, REPORT, lambda peer: "").limits] == ["many addresses"]
 
 
 def test_a_vehicle_is_recorded_through_a_flood_that_is_signed_wrongly_from_its_own_address(started, sender, tmp_path):
