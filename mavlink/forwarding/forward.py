@@ -106,7 +106,7 @@ class Forwarder:
             self._note_sender(packet)
             secret = packet.message_id == SETUP_SIGNING or (packet.auth > Auth.GOOD and not self._refused)
             for output in self._outputs:
-                output.withhold() if secret else output.forward(packet.raw)
+                output.count_withheld() if secret else output.forward(packet.raw)
         for link, raw, peer in self._returned():
             try:
                 send(link, raw, peer)
@@ -123,7 +123,7 @@ class Forwarder:
         for output in self._outputs:
             for raw, program in output.read():
                 if self._is_loop(output, raw):
-                    output.stop()
+                    output.count_stopped()
                     continue
                 target = target_of(raw)[0]
                 ways, refusal = self._route(output, raw, target)

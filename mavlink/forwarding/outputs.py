@@ -79,28 +79,36 @@ class Output:
         self.allowed = named if named is None else (named | {uav}) - {0}
         """System ids that it may speak to, None: it only listens."""
         self.link = open_link(link_url, LinkOptions(is_output=True))
-        self._counts = OutputCounts(name=self.link.name)
+        self._sent = self._dropped = self._withheld = self._returned = self._stopped = 0
         self._inbound: dict[InboundFrames, int] = {}
-        self._sent, self._returned = _RecentFrames(clock, ECHO_S), _RecentFrames(clock, ECHO_S)
-        self._latest = _RecentFrames(clock, REPEAT_S)
+        self._recently_sent, self._recently_returned = _RecentFrames(clock, ECHO_S), _RecentFrames(clock, ECHO_S)
+        self._recently_tried = _RecentFrames(clock, REPEAT_S)
 
     @property
     def counts(self) -> OutputCounts:
         """What passed it so far."""
-        return replace(self._counts, inbound=tuple(replace(key, count=n) for key, n in self._inbound.items()))
+        return OutputCounts(
+            name=self.link.name,
+            sent=self._sent,
+            dropped=self._dropped,
+            withheld=self._withheld,
+            returned=self._returned,
+            stopped=self._stopped,
+            inbound=tuple(replace(key, count=n) for key, n in self._inbound.items()),
+        )
 
     def forward(self, raw: bytes) -> None:
         """Sends a frame unless it came from here: a vehicle repeats on its links what a station tells it."""
-        if self._returned.has(raw) or self._latest.has(raw):
-            self.withhold()
+        if self._recently_returned.has(raw) or self._recently_tried.has(raw):
+            self.count_withheld()
             return
-        self._latest.add(raw)
+        self._recently_tried.add(raw)
         if not self._send(raw):
-            self._counts = replace(self._counts, dropped=self._counts.dropped + 1)
+            self._dropped += 1
             return
-        self._counts = replace(self._counts, sent=self._counts.sent + 1)
+        self._sent += 1
         if self.allowed is not None:
-            self._sent.add(raw)
+            self._recently_sent.add(raw)
 
     def read(self) -> Iterator[tuple[bytes, str]]:
         """Frames that came back, without waiting, each with the address of the program."""
@@ -108,17 +116,17 @@ class Output:
         for raw, peer in zip(batch.frames, batch.peers, strict=True):
             yield raw, self.link.address(peer) or self.link.name
 
-    def withhold(self) -> None:
+    def count_withheld(self) -> None:
         """Counts a frame that is not to go out."""
-        self._counts = replace(self._counts, withheld=self._counts.withheld + 1)
+        self._withheld += 1
 
-    def stop(self) -> None:
+    def count_stopped(self) -> None:
         """Counts a frame that came back and is not to go on."""
-        self._counts = replace(self._counts, stopped=self._counts.stopped + 1)
+        self._stopped += 1
 
     def is_echo(self, raw: bytes) -> bool:
         """Whether a frame went out here a moment ago."""
-        return self._sent.has(raw)
+        return self._recently_sent.has(raw)
 
     def note_inbound(self, raw: bytes, sender: str, target: int, refusal: str) -> None:
         """Counts a frame that came back; ``refusal`` is why it went no further, empty: it went on."""
@@ -130,10 +138,10 @@ class Output:
             key = InboundFrames(sender="", message="", target=0, refusal=refusal and "not counted apart")
         self._inbound[key] = self._inbound.get(key, 0) + 1
         if refusal:
-            self.stop()
+            self.count_stopped()
             return
-        self._returned.add(raw)
-        self._counts = replace(self._counts, returned=self._counts.returned + 1)
+        self._recently_returned.add(raw)
+        self._returned += 1
 
     def _send(self, raw: bytes) -> bool:
         try:
