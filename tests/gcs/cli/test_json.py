@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from gcs.cli.identify import identify_into
-from sim.live import Played
+from sim.live import PlaybackCounts
 from tests.gcs.cli.test_numbers import pages
 from tests.support.board_video import BoardCamera, poses, write_video
 from tests.support.bundled import SWARM, swarm_session
@@ -77,7 +77,7 @@ def test_logs_and_keys(tmp_path):
 
 
 def test_simulations(monkeypatch):
-    played = Played(packets={1: 5, 11: 7}, frames=3, frames_skipped=0, start_us=17)
+    played = PlaybackCounts(packets={1: 5, 11: 7}, frames=3, frames_skipped=0, start_us=17)
     monkeypatch.setattr("gcs.cli.sim.play", lambda *_, **__: played)
     assert printed("sim", "curved-road", "--live") == {
         "packets": {"1": 5, "11": 7},
