@@ -1,9 +1,9 @@
 """Errors of the simulator.
 
 SimError
-├── ScenarioError        a scenario that cannot be played: unknown key, wrong type, value out of range, no room
+├── ScenarioError        a scenario that cannot be simulated: unknown key, wrong type, value out of range, no room
 ├── SessionWriteError    a session folder that cannot be written
-└── PlayError            a live play that cannot begin: bad address, truth file in the way
+└── PlayError            a live simulation that cannot begin: bad address, truth file in the way
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class SimError(Exception):
 
 
 class ScenarioError(SimError):
-    """A scenario that cannot be played; the text names the key and what is accepted."""
+    """A scenario that cannot be simulated; the text names the key and what is accepted."""
 
 
 class SessionWriteError(SimError):
@@ -24,4 +24,4 @@ class SessionWriteError(SimError):
 
 
 class PlayError(SimError):
-    """A live play that cannot begin; the text names the address or path."""
+    """A live simulation that cannot begin; the text names the address or path."""

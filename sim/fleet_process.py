@@ -45,7 +45,7 @@ class SendCounts:
     late_ms: float
     """Of the latest datagram."""
     refused: int
-    """Datagrams that nobody listened for; not among the packets."""
+    """Datagrams that the receiver's port refused; not among the packets."""
 
 
 def system_ids(vehicles: int) -> list[int]:

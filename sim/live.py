@@ -1,4 +1,4 @@
-"""A scenario played in real time: telemetry over UDP, one socket per vehicle, and video as MPEG-TS over UDP."""
+"""A scenario in real time: telemetry over UDP, one socket per vehicle, and video as MPEG-TS over UDP."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class PlaybackCounts:
     """MAVLink packets by system id."""
     frames: int
     frames_skipped: int
-    """Frames whose turn had passed before they could be drawn."""
+    """Frames that were due before they could be drawn."""
     start_us: int
     """Unix time of the first frame's exposure."""
 
@@ -53,7 +53,7 @@ def play(
     boot_noise: bool = False,
     truth_path: Path | None = None,
 ) -> PlaybackCounts:
-    """Play until the duration is over or ``stop`` is set.
+    """Send until the duration is over or ``stop`` is set.
 
     Telemetry begins two seconds before the video. Each vehicle has a socket, hence a source port, of its own. Frames
     are exposed on time or skipped, never queued; their time stamps are their true exposure times.
@@ -64,13 +64,13 @@ def play(
         video_url: ``udp://host:port``, or None for telemetry alone.
         duration_s: length of the video; the scenario's own when None.
         on_tick: called about five times a second with the seconds since the first frame (negative before it).
-        stop: ends the play early when set.
+        stop: ends it early when set.
         boot_noise: begin with the plain text that autopilots send while they boot.
         truth_path: a new file for ``time_us,cx,cy,w,h,angle,system_id`` of every visible body in every sent frame.
 
     Raises:
         PlayError: if an address is malformed or the truth file exists.
-        ScenarioError: if the scenario cannot be played.
+        ScenarioError: if the scenario cannot be simulated.
     """
     target = _udp_target(telemetry_url)
     stop = stop or threading.Event()

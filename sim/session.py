@@ -44,7 +44,7 @@ def write_session(
 
     Raises:
         SessionWriteError: if the folder exists or cannot be made.
-        ScenarioError: if the scenario cannot be played.
+        ScenarioError: if the scenario cannot be simulated.
     """
     world = World(scenario)
     try:
@@ -74,7 +74,7 @@ def write_session(
 
 
 def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
-    """True exposure of each frame (k,) in seconds, and the Unix µs that its stamp says (video offset included)."""
+    """True exposure of each frame (k,) in seconds, and the Unix µs of its stamp (video offset included)."""
     jitter = random_stream(scenario, "frames").normal(0.0, scenario.timing.frame_jitter_s, scenario.frame_count)
     room = 0.4 / scenario.fps
     t = np.arange(scenario.frame_count) / scenario.fps + np.clip(jitter, -room, room)
@@ -83,7 +83,7 @@ def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def session_toml(scenario: Scenario) -> dict[str, Any]:
-    """What ``session.toml`` says of the flight."""
+    """The flight's ``session.toml``."""
     camera = scenario.camera
     offset: dict[str, Any] = {"exact": scenario.timing.video_offset_s, "zero": 0.0, "auto": "auto"}
     return {

@@ -7,8 +7,8 @@ width axis, clockwise on screen; image heading: clockwise from image up. Camera 
 import logging
 import os
 
-# Unless told not to, onnxruntime numbers the computer in the user's home and sends what it measures to its maker.
+# By default onnxruntime stores a machine id in the user's home and sends telemetry to its maker.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
-# quiet until somebody asks for a log (infra.program_log)
+# quiet until a log is asked for (infra.program_log)
 logging.getLogger("vision").addHandler(logging.NullHandler())

@@ -13,7 +13,7 @@ __all__ = ["CameraError", "LabelError", "ModelError", "VideoError", "VisionError
 
 
 class VisionError(Exception):
-    """Base of all errors of this package; the message says what, where and what to do."""
+    """Base of all errors of this package; the message names the fault, the place and the remedy."""
 
 
 class VideoError(VisionError):

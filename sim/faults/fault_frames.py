@@ -1,4 +1,4 @@
-"""Frames of the few messages that a fleet needs, made quickly: a struct, a checksum, and a signature where wanted."""
+"""Frames of the few messages that a fleet needs, made quickly: a struct, a checksum, and a signature on request."""
 
 from __future__ import annotations
 

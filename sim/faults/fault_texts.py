@@ -1,4 +1,4 @@
-"""What a hostile or broken sender puts into texts and datagrams."""
+"""Texts and datagrams of hostile or broken senders."""
 
 from __future__ import annotations
 

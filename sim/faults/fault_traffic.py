@@ -44,7 +44,7 @@ class Traffic:
     rate_hz: float
     """Vehicles' packets a second, all together."""
     keys: Mapping[int, bytes]
-    """32 bytes by system id; without one nobody signs."""
+    """32 bytes by system id; without one no sender signs."""
     flood_hz: float = 0.0
     """Hostile texts a second, from the second sender."""
     garbage_hz: float = 0.0

@@ -1,4 +1,4 @@
-"""A fleet made for trouble: who speaks, where each one drives, and which of them lie.
+"""Fleets with faults: the senders, where each one drives, and which of them report false positions.
 
 Everything is a function of time, so that a second of traffic is made at once for all senders and costs little. Metres
 east and north of the scenario's origin, seconds since the start, angles in radians.
@@ -59,14 +59,14 @@ class SimulatedSender:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedSenders:
-    """Everybody who speaks as a vehicle, and how they drive."""
+    """All senders of vehicle telemetry, and how they drive."""
 
     parts: tuple[SimulatedSender, ...]
     stop_and_go: bool = False
 
 
 def places(cast: SimulatedSenders, who: IntArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """What is said of places.
+    """Reported positions of all senders.
 
     Args:
         cast: the senders.

@@ -24,7 +24,7 @@ DATAGRAM = 1316
 
 
 class VideoSender:
-    """Streams from ``start`` until the scenario ends or ``close``. A frame whose turn has passed is skipped."""
+    """Streams from ``start`` until the scenario ends or ``close``. A frame that is late already is skipped."""
 
     def __init__(self, world: World, url: str, truth_path: Path | None = None) -> None:
         if not url.startswith("udp://"):

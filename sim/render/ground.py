@@ -28,7 +28,7 @@ KEPT_WINDOWS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundStyle:
-    """What the ground looks like; colours are BGR."""
+    """Appearance of the ground; colours are BGR."""
 
     colors: tuple[tuple[int, int, int], ...] = (
         (62, 105, 92), (92, 122, 146), (136, 142, 146), (92, 90, 88), (150, 152, 154), (212, 216, 218), (56, 54, 54),
@@ -102,7 +102,7 @@ class Ground:
         m_per_px, side = self.style.m_per_px, self.style.side_px
         while side * m_per_px < 4.0 * radius:
             m_per_px *= 2.0
-        # windows stand half their side apart
+        # windows are half their side apart
         step = 0.5 * side * m_per_px
         key = (m_per_px, round(x / step), round(y / step))
         if key not in self._windows:

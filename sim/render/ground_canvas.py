@@ -77,7 +77,7 @@ class Sheet:
         self.lines([centre + d * right + ends for d in offsets], color, width_m)
 
     def text(self, letters: str, at: FloatArray, heading: float, height_m: float, color: Color) -> None:
-        """Letters that read upright for who looks along the heading."""
+        """Letters that are upright when seen along the heading."""
         tall = 40
         (width, _), _ = cv2.getTextSize(letters, cv2.FONT_HERSHEY_SIMPLEX, tall / 22.0, 7)
         mask = np.zeros((tall + 14, width + 10), np.uint8)

@@ -1,4 +1,4 @@
-"""What stands beside roads and is no vehicle: buildings with what is on their roofs, containers, sheds, bicycles."""
+"""Objects beside roads that are no vehicles: buildings with roof fittings, containers, sheds, bicycles."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Random looks: cast, light and camera, wider than any real place, so that a detector learns none.
+"""Random appearance: objects, light and camera, more varied than any real place, so that a detector learns none.
 
-A cast is a handful of vehicle sorts and a handful of things that are none, each with a shape and a size of its own; a
-sort's place in the cast plus ``FIRST_KIND`` is its kind in ``Bodies``. Without a cast there is one model for each
+A set of kinds is a handful of vehicles and a handful of other objects, each with a shape and a size of its own; its
+index plus ``FIRST_KIND`` is its kind in ``Bodies``. Without such a set there is one model for each
 of the kinds in ``SIZES``.
 """
 
@@ -43,7 +43,7 @@ Draw = Callable[[np.random.Generator], Model]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectKind:
-    """One sort of thing as it looks today."""
+    """One kind of object with a random shape and size."""
 
     name: str
     model: Model
@@ -135,7 +135,7 @@ SIZES: Mapping[int, tuple[Range, Range, Range]] = {
 
 
 def random_cast(rng: np.random.Generator, road: int = 8, rovers: int = 3, clutter: int = 10) -> tuple[ObjectKind, ...]:
-    """So many sorts of each group, frequent ones more often."""
+    """So many kinds of each group, frequent ones more often."""
     groups = (("road", ROAD, road), ("rover", ROVERS, rovers), ("clutter", CLUTTER, clutter))
     return tuple(_sort(group, table, rng) for group, table, count in groups for _ in range(count))
 
@@ -162,7 +162,7 @@ def car_color(rng: np.random.Generator) -> NDArray[np.int64]:
 
 
 def random_style(rng: np.random.Generator, cast: tuple[ObjectKind, ...] | None = None) -> Style:
-    """A light and a camera drawn from all, for a cast; without one, also a ground, and a model for each kind."""
+    """Light and camera at random, for a set of kinds; without one, also a ground, and a model for each kind."""
     if cast is None:
         models = {kind: entry[5](rng) for kind, entry in _OF_KIND.items()}
         return replace(_random_light(rng), models=models, ground=random_ground(rng))

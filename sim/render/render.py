@@ -44,7 +44,7 @@ FAR = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Style:
-    """Everything about the look that has nothing to do with where things are."""
+    """Appearance: all that does not depend on where bodies are."""
 
     sun_azimuth: float = 2.4
     """Direction to the sun, radians clockwise from north."""
@@ -59,7 +59,7 @@ class Style:
     contact: float = 0.0
     """Light lost close round a body, sun or no sun, 0 to 1."""
     in_shadow: float = 1.0
-    """Light on bodies that stand in the shadow of a taller thing, 0 to 1."""
+    """Light on bodies in the shadow of a taller one, 0 to 1."""
     leaf: tuple[int, int, int] | None = (48, 92, 66)
     """Colour of trees, BGR; None = each tree has its body's."""
     ground: GroundStyle = field(default_factory=GroundStyle)
@@ -67,7 +67,7 @@ class Style:
     exposure: Exposure = field(default_factory=Exposure)
     """The camera."""
     models: Mapping[int, Model] = field(default_factory=lambda: DEFAULT_MODELS)
-    """What bodies of each kind look like; a kind without a model is a tree."""
+    """Model of each kind of body; a kind without a model is a tree."""
 
     def sun(self) -> FloatArray:
         """(3,) unit vector towards the sun, ENU."""

@@ -1,4 +1,4 @@
-"""Scenery for a flight: light, camera, looks and things beside the road, drawn from the scenario's seed.
+"""Scenery of a flight: light, camera, appearance and objects beside the road, drawn from the scenario's seed.
 
 Nothing of it moves, hides a vehicle or is one, so that truth and telemetry are those of the bare scenario.
 """
@@ -29,15 +29,15 @@ CLEAR_M = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dressing:
-    """How a flight looks."""
+    """Appearance of a flight."""
 
     style: Style
     bodies: Bodies
-    """What stands beside the road."""
+    """Objects beside the road."""
 
 
 def dress(world: World) -> Dressing:
-    """Scenery of a world; equal scenarios are dressed alike."""
+    """Scenery of a world; the same for equal scenarios."""
     rng = random_stream(world.scenario, "dressing")
     cast = tuple(sort for sort in random_cast(rng, road=0, rovers=0, clutter=14) if sort.name != "pole")
     return Dressing(style=_style(cast, rng), bodies=_beside(world, cast, rng))
@@ -80,7 +80,7 @@ def _style(cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Style:
 
 
 def _beside(world: World, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
-    """Things and trees at random places off the roads and off everybody's way."""
+    """Objects and trees at random places off the roads and off all paths."""
     times = np.arange(0.0, world.scenario.duration_s, 0.5)
     ways = np.concatenate([world.at(float(t)).xy for t in times])
     low, high = ways.min(axis=0) - REACH_M, ways.max(axis=0) + REACH_M

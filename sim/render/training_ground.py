@@ -1,6 +1,6 @@
-"""Ground to train on: a random yard of lawns, fields, streets, car parks and squares, with all that is painted there.
+"""Ground for training images: random lawns, fields, streets, car parks and squares, with their markings.
 
-It is one image that repeats without end. Places where vehicles stand or drive in order, bays and lanes, are told as
+It is one image that repeats without end. Places where vehicles stand or drive in order, bays and lanes, are given as
 slots, so that parked rows and queues come about as they do in towns.
 """
 
@@ -43,7 +43,7 @@ class Slots:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Yard:
-    """A painted yard, standing in for ``sim.render.ground.Ground``."""
+    """A painted ground, in place of ``sim.render.ground.Ground``."""
 
     window: GroundWindow
     slots: Slots
@@ -66,7 +66,7 @@ class Yard:
 
 
 def random_yard(rng: np.random.Generator) -> Yard:
-    """A yard; four in ten are the open ground that sessions are drawn on, some others have no streets either."""
+    """A random ground; four in ten are the open ground of sessions, some others have no streets either."""
     return _open_ground(rng) if rng.random() < 0.4 else _town(rng)
 
 

@@ -16,7 +16,7 @@ SPREAD = 0.1
 def merged_boxes(
     values: FloatArray, seen: NDArray[np.bool_], lengths: float, rng: np.random.Generator
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """One box for each two neighbours that are too near to be told apart.
+    """One box for two neighbours that are too near to be separated.
 
     Args:
         values: (n, 7) cx, cy, w, h, angle, score, heading.

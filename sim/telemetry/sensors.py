@@ -117,7 +117,7 @@ class Sensors:
         return any(f.kind == "silent" and f.start_s <= t < f.stop_s for f in self._faults(vehicle))
 
     def _claimed(self, vehicle: int, t: FloatArray, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Whose place is spoken of: the vehicle's own at the times ``seen``, or that of another one."""
+        """The position that is reported: the vehicle's own at the times ``seen``, or that of another one."""
         p, v, heading = self.world.track_enu(vehicle, seen)
         for fault in self._faults(vehicle):
             if fault.kind == "spoof":
@@ -174,7 +174,7 @@ def gauss_markov(
 
 
 def _faulty_time(t: FloatArray, faults: tuple[ScenarioFault, ...]) -> FloatArray:
-    """The time of which a vehicle speaks at time t: earlier when it lags, standing still when it is frozen."""
+    """The time that a report at time t is about: earlier when it lags, constant when it is frozen."""
     seen = t.copy()
     for fault in faults:
         active = (t >= fault.start_s) & (t < fault.stop_s)
@@ -186,7 +186,7 @@ def _faulty_time(t: FloatArray, faults: tuple[ScenarioFault, ...]) -> FloatArray
 
 
 def _held(noise: FloatArray, seen: FloatArray) -> FloatArray:
-    """Noise rows repeated where the time that is spoken of does not move: a frozen position is frozen to the bit."""
+    """Noise rows repeated where the reported time does not advance: a frozen position is frozen to the bit."""
     first = np.concatenate([[True], np.diff(seen) != 0.0])
     return np.asarray(noise[np.maximum.accumulate(np.where(first, np.arange(len(seen)), 0))])
 

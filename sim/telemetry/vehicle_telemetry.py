@@ -1,4 +1,4 @@
-"""What the vehicles say: real MAVLink 2 packets in order of arrival, with clocks, delays and losses of their own.
+"""The vehicles' telemetry: real MAVLink 2 packets in order of arrival, with clocks, delays and losses of their own.
 
 Packets are made as they are asked for, so that a long flight needs no more memory than its readings.
 """
@@ -45,7 +45,7 @@ def speak(world: World, start_us: int | None = None) -> Iterator[Spoken]:
     """All packets of the flight by time of arrival; lost ones are left out, their sequence numbers stay used.
 
     Args:
-        world: who speaks.
+        world: the vehicles.
         start_us: Unix time of the first frame, in place of the scenario's.
     """
     scenario = world.scenario if start_us is None else dataclasses.replace(world.scenario, start_us=start_us)

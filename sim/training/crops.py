@@ -43,7 +43,7 @@ class Crop:
     image: Image
     """(SIDE, SIDE, 3) BGR."""
     boxes: FloatArray
-    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), share in sight (0 for the tiny)."""
+    """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), visible share (0 for the tiny)."""
     about: FloatArray
     """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where the yard has
     streets or car parks, else 0."""
@@ -75,7 +75,7 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
 
 
 def crop(yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Crop:
-    """One random image of a yard with a cast."""
+    """One random image of a ground with objects of some kinds."""
     over = float(rng.choice(OVER))
     view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))
     bodies = random_bodies(view, yard, cast, rng)
@@ -157,7 +157,7 @@ def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
 
 
 def _aim_point(yard: Yard, reach_m: float, rng: np.random.Generator) -> FloatArray:
-    """A place on the yard, near a bay or a lane more often than not."""
+    """A place on the ground, near a bay or a lane more often than not."""
     if len(yard.slots.x) and rng.random() < 0.7:
         k = int(rng.integers(len(yard.slots.x)))
         x, y = np.array([yard.slots.x[k], yard.slots.y[k]]) + rng.uniform(-0.35, 0.35, 2) * reach_m

@@ -41,7 +41,7 @@ class FrontCrop:
 
 
 def front_crop(renderer: Renderer, rng: np.random.Generator) -> FrontCrop:
-    """One random vehicle over a renderer's ground, in a random look, among a few other things."""
+    """One random vehicle on a renderer's ground, with random appearance, among a few other objects."""
     over = int(rng.choice([1, 1, 2]))
     kind = int(rng.choice((UGV, *VEHICLES)))
     length_m, length_px = rng.uniform(*SIZES[kind][0]), _random_length_px(rng)

@@ -1,4 +1,4 @@
-"""Where things stand on a training image: vehicles in bays and lanes or anywhere, clutter and trees between them."""
+"""Where objects are on a training image: vehicles in bays and lanes or anywhere, clutter and trees between them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Placed:
         color: NDArray[np.int64],
         solid: bool = True,
     ) -> bool:
-        """Place a body at (x, y, heading) unless it would stand in another."""
+        """Place a body at (x, y, heading) unless it would overlap another."""
         (x, y, heading), (length, width, height) = at, size
         if solid:
             narrow, wide = sorted((length, width))
@@ -68,7 +68,7 @@ class _Placed:
 def random_bodies(view: CameraView, yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
     """Vehicles and much else on what the camera sees."""
     placed = _Placed()
-    mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all sorts anywhere
+    mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all kinds anywhere
     fleet = car_color(rng) if rng.random() < 0.3 else None
     _buildings(placed, view, yard, cast, rng)
     if mode != 1 or rng.random() < 0.3:
@@ -156,7 +156,7 @@ def _buildings(
 
 
 def _slots_in_view(view: CameraView, yard: Yard) -> FloatArray:
-    """(n, 4) x, y, heading, length of slots that the image shows, the yard repeating."""
+    """(n, 4) x, y, heading, length of slots that the image shows, the ground repeating."""
     step = yard.period_m
     at = np.array([_corner(view, u, v) for u in (0.0, 0.5, 1.0) for v in (0.0, 0.5, 1.0)])
     low, high = np.floor(at.min(axis=0) / step), np.floor(at.max(axis=0) / step)

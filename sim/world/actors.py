@@ -1,4 +1,4 @@
-"""Who is on the ground: our vehicles, strangers, persons; their sizes, looks and motion."""
+"""Everything that moves or stands on the ground: our vehicles, other ones, persons; sizes, appearance and motion."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Roles:
     system_id: NDArray[np.int64]
     """(n,) 0 for those that are not ours."""
     kind: NDArray[np.int8]
-    """(n,) what it looks like, as ``Bodies.kind``."""
+    """(n,) appearance, as ``Bodies.kind``."""
     size: FloatArray
     """(n, 3) length, width, height in metres."""
     color: NDArray[np.uint8]
@@ -50,7 +50,7 @@ class Actors:
 
 
 def cast_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
-    """Sizes and looks of all bodies of a scenario."""
+    """Sizes and appearance of all bodies of a scenario."""
     ground, targets = scenario.ground, scenario.targets
     counts = {
         "filmed": ground.vehicles,
@@ -78,7 +78,7 @@ def cast_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
 
 
 def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Actors:
-    """Move everybody over the time grid t (T,), which begins no later than 0."""
+    """Move all bodies over the time grid t (T,), which begins no later than 0."""
     roles = cast_roles(scenario, rng)
     if scenario.ground.kind in ("open", "parked"):
         return Actors(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
@@ -183,14 +183,14 @@ def _in_formation(scenario: Scenario, roles: Roles, path: Path, t: FloatArray, r
 def _roadside(
     scenario: Scenario, roles: Roles, path: Path, t: FloatArray, half_width: float, rng: np.random.Generator
 ) -> Motion:
-    """What stands or walks beside the road, spread over the ground that the fleet passes."""
+    """Objects and persons beside the road, spread over the ground that the fleet passes."""
     role = roles.role[np.isin(roles.role, ("parked", "still", "person"))]
     n = len(role)
     passed = scenario.ground.speed_mps * scenario.duration_s
     s = passed * (rng.permutation(n) + rng.uniform(0.2, 0.8, n)) / max(n, 1)
     side = np.where(rng.random(n) < 0.5, -1.0, 1.0)
     person = role == "person"
-    # each person has a line of its own, inside of what stands, so that nobody walks through anything
+    # each person walks a line of its own, inside of the standing objects, so that none walks through another
     line = half_width + 1.0 + 0.8 * np.cumsum(person)
     d = side * np.where(person, line, half_width + 3.0 + 0.8 * person.sum() + rng.uniform(0.0, 1.0, n))
     walk = np.where(person, np.where(rng.random(n) < 0.5, -WALK_MPS, WALK_MPS), 0.0)

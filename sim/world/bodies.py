@@ -1,6 +1,6 @@
-"""Shapes of everything that stands on the ground: vehicles and persons as stacks of tapered blocks.
+"""Shapes of all bodies: vehicles and persons as stacks of tapered blocks.
 
-A model lives in the unit box: x from −½ (rear) to ½ (front), y from −½ (left) to ½ (right), z from 0 to 1; a body's
+A model fills the unit box: x from −½ (rear) to ½ (front), y from −½ (left) to ½ (right), z from 0 to 1; a body's
 length, width and height scale it. Front and rear differ as on real vehicles: windscreen and bonnet, white and red
 lights, cargo.
 """
@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 PAINT: Color = (-1.0, -1.0, -1.0)
-"""Stands for the body's own colour; a colour of −k stands for k times it."""
+"""Code for the body's own colour; −k is k times that colour."""
 GLASS: Color = (52.0, 44.0, 38.0)
 TYRE: Color = (34.0, 34.0, 36.0)
 DARK: Color = (58.0, 56.0, 55.0)
@@ -47,7 +47,7 @@ class Block:
     front: Color | None = None
     rear: Color | None = None
     layer: int = 0
-    """Blocks of a higher layer stand on those below and are drawn after them."""
+    """Blocks of a higher layer are on top of those below and drawn after them."""
     corner: tuple[float, float] = (0.0, 0.0)
     """How much of the length and of the width the rounded corners take; zero = sharp."""
 
@@ -173,7 +173,7 @@ def rover(
 
 
 def tracked(*, deck: Color = STEEL, turret: bool = True, belt: float = 0.15) -> Model:
-    """A small vehicle on two belts: flat deck, sloping bow with lamps, often an arm or a turret that looks ahead.
+    """A small vehicle on two belts: flat deck, sloping bow with lamps, often an arm or a turret that points ahead.
 
     Args:
         deck: colour of the deck.

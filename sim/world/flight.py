@@ -56,7 +56,7 @@ def fly(
         t: (T,) seconds.
         filmed_xy: (T, n, 2) what is to be filmed, ENU metres.
         flight: how.
-        camera: for the distance at which an oblique camera has to stand off.
+        camera: for the distance from which an oblique camera films.
         rng: source of the sway.
     """
     middle = 0.5 * (filmed_xy.min(axis=1) + filmed_xy.max(axis=1))
@@ -67,7 +67,7 @@ def fly(
     yaw = np.radians(flight.yaw_deg + flight.yaw_rate_dps * t) + np.radians(flight.yaw_sway_deg) * _sway(t, 1, rng)[0]
     height = np.maximum(flight.height_m + flight.climb_mps * t, 2.0)
     bearing = yaw + np.radians(camera.yaw_deg)
-    # stand off by h / tan |pitch| against the direction of view
+    # the UAV is h / tan |pitch| behind the filmed point, against the direction of view
     standoff = height / np.tan(np.radians(-camera.pitch_deg))
     look = np.stack([np.sin(bearing), np.cos(bearing)], axis=-1)
     drift_bearing = rng.uniform(-np.pi, np.pi)

@@ -1,4 +1,4 @@
-"""Road vehicles of random make, as they look from above: rounded bodies, glass, roof fittings, loads.
+"""Road vehicles of random make, as seen from above: rounded bodies, glass, roof fittings, loads.
 
 Every function draws one model; a body's length, width and height scale it. Proportions are those of common European
 and Asian cars, in vehicle lengths and widths.

@@ -1,4 +1,4 @@
-"""What is simulated: every knob, as frozen dataclasses. SI units; angles in degrees where the name says so.
+"""Everything that can be chosen of a simulation, as frozen dataclasses. SI units; angles in degrees where so named.
 
 Vehicles are numbered 0..n−1: first those the UAV films, then those that only report. System ids are 1 for the UAV and
 ``FIRST_UGV_ID + index`` for the rest.
@@ -140,7 +140,7 @@ class Gnss:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioAttitude:
-    """Errors of what the vehicles say of their orientation."""
+    """Errors of the orientation that the vehicles report."""
 
     compass_bias_deg: float = 0.0
     """Reported yaw of the UAV minus the true one."""
@@ -166,7 +166,7 @@ class ScenarioTiming:
     video_offset_s: float = 0.0
     """Video time minus telemetry time, in the frame stamps."""
     declared_offset: Literal["exact", "zero", "auto"] = "exact"
-    """What ``session.toml`` says of it."""
+    """Its value in ``session.toml``."""
     frame_jitter_s: float = 0.002
     rate_min_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
     """Each vehicle's position rate lies between the two."""
@@ -210,7 +210,7 @@ class Targets:
     """Other cars under way."""
     persons: int = 0
     lookalikes: int = 0
-    """Vehicles of our own make that drive among ours and report to nobody."""
+    """Vehicles of our own make that drive among ours and report nothing."""
     parked_lookalikes: int = 0
 
 
@@ -297,7 +297,7 @@ class Scenario:
 
 
 def _check(scenario: Scenario) -> None:
-    """Limits of single numbers stand at their fields; here, what several have to do with each other."""
+    """Limits of single numbers stand at their fields; here, relations between several."""
     try:
         check_limits(scenario, "scenario")
     except ValueError as error:

@@ -53,10 +53,10 @@ class CameraView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bodies:
-    """Everything that stands on the ground, n boxes; occluders hide what is below them."""
+    """All bodies on the ground, n boxes; occluders hide what is below them."""
 
     kind: NDArray[np.int8]
-    """(n,) 0 UGV, 1 stranger car, 2 person, 3 occluder (tree or roof)."""
+    """(n,) 0 UGV, 1 other car, 2 person, 3 occluder (tree or roof)."""
     x: FloatArray
     """(n,) centre, metres east."""
     y: FloatArray

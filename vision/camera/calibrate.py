@@ -46,7 +46,7 @@ PLACES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Calibration:
-    """A camera, and what speaks for it."""
+    """A calibrated camera and the quality of its calibration."""
 
     intrinsics: Intrinsics
     std: Floats

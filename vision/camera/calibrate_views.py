@@ -21,7 +21,7 @@ __all__ = ["Board", "BoardView", "chosen", "find_view", "find_views"]
 Floats = NDArray[np.float64]
 
 LOOKS = 400
-"""Frames of a video that are looked at, spread evenly: finding a board takes much longer than decoding."""
+"""Frames of a video that are searched, spread evenly: finding a board takes much longer than decoding."""
 SMALL_PX = 800
 """Longer side of the image in which boards are found."""
 BLURRED_PX = 4.0
@@ -71,7 +71,7 @@ class BoardView:
 def find_views(
     video: VideoFile, board: Board, report: Callable[[int, int], None] = lambda done, total: None
 ) -> tuple[list[BoardView], int]:
-    """Sharp views of the whole board, and how many frames were looked at.
+    """Sharp views of the whole board, and how many frames were searched.
 
     Args:
         video: film of the board.

@@ -149,7 +149,7 @@ def image_warp(
     """Homography (3, 3) that carries pixels of the ground at height z from one image to another.
 
     Exact without distortion; with it, the best homography over the part of the image that shows ground. The
-    identity where the camera is not above the ground, because there the images say nothing about each other.
+    identity where the camera is not above the ground, because there no homography relates the images.
 
     Args:
         intrinsics: of the first image.

@@ -1,7 +1,7 @@
 """Files that describe a camera: our own TOML, and the YAML of OpenCV and of ROS.
 
 Ours has the keys of :class:`vision.camera.intrinsics.Intrinsics` and, when ``gcs calibrate`` wrote it, a table
-[calibration] that says how good it is. OpenCV's and ROS's pixels count from the middle of the first one, ours from its
+[calibration] with its quality. OpenCV's and ROS's pixels count from the middle of the first one, ours from its
 corner: half a pixel is added to their principal points.
 """
 

@@ -105,12 +105,12 @@ def prob_iou_pairs(a: Floats, b: Floats) -> Floats:
 
 
 def nms(boxes: ArrayLike, score: ArrayLike, overlap: float = 0.45) -> NDArray[np.intp]:
-    """Keep the best of boxes that say the same: greedy suppression by probabilistic overlap.
+    """Keep the best of boxes of the same object: greedy suppression by probabilistic overlap.
 
     Args:
         boxes: (m, 5) boxes.
         score: (m,) higher is better.
-        overlap: raise → boxes that stand close together survive; lower → fewer doubles.
+        overlap: raise → boxes close together survive; lower → fewer doubles.
 
     Returns:
         Indices of the survivors, best score first.

@@ -18,7 +18,7 @@ __all__ = ["CHANNELS", "decode"]
 CHANNELS = 9
 MAX_PEAKS = 600
 SURE_FRONT = 0.3
-"""Shortest front vector that tells the front; it is 2p − 1 for a front that is right with probability p."""
+"""Shortest front vector from which the front is known; it is 2p − 1 for a front that is right with probability p."""
 
 
 def decode(cells: NDArray[np.float32], stride: int, score: float, overlap: float = 0.4) -> Detections:
@@ -31,7 +31,7 @@ def decode(cells: NDArray[np.float32], stride: int, score: float, overlap: float
         overlap: of two boxes that overlap more (probabilistic IoU), the one of lower score is dropped.
 
     Returns:
-        Detections in continuous pixel coordinates, best first; heading NaN where the front is in doubt.
+        Detections in continuous pixel coordinates, best first; heading NaN where the front is uncertain.
     """
     rows, columns = np.nonzero(cells[0] >= score)
     best = np.argsort(-cells[0, rows, columns], kind="stable")[:MAX_PEAKS]

@@ -18,12 +18,12 @@ from vision.detect.yolo_nms import Rivals, fast_nms
 __all__ = ["Dropped", "Rule", "decode_boxes", "decode_raw"]
 
 MOST_CANDIDATES = 2000
-"""Boxes that suppression looks at, the best ones; bounds the time that a model takes to which all is a vehicle."""
+"""Most boxes that go into suppression, the best ones; bounds the time for a model that sees vehicles everywhere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """Which boxes are told."""
+    """Which boxes are returned."""
 
     classes: NDArray[np.intp]
     """(k,) class numbers that count."""
@@ -35,7 +35,7 @@ class Rule:
     """True: only boxes of one class drop each other, so that a vehicle may have a box of each class. False: a box is
     one vehicle, whatever its kind."""
     most: int = 300
-    """Boxes told of one canvas."""
+    """Most boxes of one canvas."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class Dropped:
     flat: int = 0
     """A side of zero or less."""
     surplus: int = 0
-    """More than are looked at, or told."""
+    """Whether there were more boxes than go into suppression or are returned."""
 
     def __add__(self, other: Dropped) -> Dropped:
         damaged, flat, surplus = (a + b for a, b in zip(astuple(self), astuple(other), strict=True))
@@ -59,7 +59,7 @@ def decode_raw(rows: NDArray[np.floating], rule: Rule) -> tuple[Detections, Drop
 
     Args:
         rows: (4 + classes + 1, a): x, y, w, h, px; a score for each class; angle, rad. An anchor is of its best class.
-        rule: which are told.
+        rule: which are returned.
     """
     scores = rows[4:-1]
     best = scores.max(axis=0)
@@ -79,7 +79,7 @@ def decode_boxes(table: NDArray[np.floating], classes: int, rule: Rule) -> tuple
     Args:
         table: (m, 7): x, y, w, h, px; score; class; angle, rad. Rows below the score, such as zeros, are no boxes.
         classes: how many the model has.
-        rule: which are told; the model has settled which of one class drop each other.
+        rule: which are returned; suppression within one class is done by the model.
     """
     score, kind = table[:, 4], table[:, 5]
     damaged = int(np.isnan(score).sum())

@@ -54,9 +54,9 @@ def open_detector(
         providers: onnxruntime execution providers in order of preference; None = the CPU.
         threads: CPU threads of one detection.
         classes: names of a YOLO model's classes that count; None = those that sound like vehicles.
-        imgsz: longest side of the canvas, px, of a YOLO model that takes any; None = as its notes say, else 1024.
+        imgsz: longest side of the canvas, px, of a YOLO model that takes any; None = as its metadata has it, else 1024.
         per_class: True keeps a box for each class of a YOLO model that claims a vehicle; False one for each vehicle.
-        tiled: a YOLO model looks at large images in tiles when the vehicles would be shrunk away; needs ``gsd_m``.
+        tiled: a YOLO model is run on tiles of large images when vehicles would become too small; needs ``gsd_m``.
 
     Raises:
         ModelError: no such file, not an ONNX model, not a shape that is known, or a provider that is not installed.

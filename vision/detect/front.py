@@ -1,7 +1,7 @@
 """Which end of an oriented box is the front: a classifier of rectified crops, after any detector.
 
-Crops are stretched to a square with the box's longer side along +x; ``vision.detect.front_contract`` says what a
-classifier may look like. A class whose front is at a longer side counts only for boxes that are nearly square.
+Crops are stretched to a square with the box's longer side along +x; ``vision.detect.front_contract`` describes the
+classifiers that are accepted. A class whose front is at a longer side counts only for boxes that are nearly square.
 
 Reference:
     Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4: oriented detection, then a ResNet-18.
@@ -42,9 +42,9 @@ class Fronts:
     """Fronts of n boxes."""
 
     heading: Floats
-    """(n,) clockwise from image up, rad in [0, 2π), NaN where the front is in doubt."""
+    """(n,) clockwise from image up, rad in [0, 2π), NaN where the front is uncertain."""
     confidence: Floats
-    """(n,) probability of the likeliest front, 0..1, also where that is too little to tell it."""
+    """(n,) probability of the likeliest front, 0..1, also where that is too little to return it."""
 
 
 class FrontClassifier:
@@ -67,7 +67,7 @@ class FrontClassifier:
         rows = canonical(np.asarray(boxes, dtype=np.float64).reshape(-1, 5))
         front = self._contract.front
         logits = self._logits(image, rows)
-        # the front is at a shorter side, unless it cannot be said which sides those are
+        # the front is at a shorter side, unless the sides are too similar
         slim = rows[:, 2] > SQUARE * np.maximum(rows[:, 3], 1e-9)
         across = np.abs(np.sin(front)) > 0.5
         logits = np.where(slim[:, None] & across, -np.inf, logits)
@@ -109,7 +109,7 @@ class FrontClassifier:
 
 
 class FrontedDetector:
-    """A detector whose boxes get their fronts from a classifier; fronts that the detector tells itself are kept."""
+    """A detector whose boxes get their fronts from a classifier; fronts that the detector itself knows are kept."""
 
     def __init__(self, detector: Detector, classifier: FrontClassifier) -> None:
         self._detector, self._classifier = detector, classifier
@@ -132,7 +132,7 @@ def open_front_classifier(
 
     Args:
         path: an ONNX file; None = the bundled model.
-        sure: least probability of a front that is told: raise → fewer fronts turned about, lower → fewer untold.
+        sure: least probability of a front that is returned: raise → fewer fronts turned about, lower → fewer unknown.
         providers: onnxruntime execution providers in order of preference; None = the CPU.
         threads: CPU threads of one run.
 

@@ -1,7 +1,7 @@
-"""What an ONNX file says of itself as a classifier of fronts.
+"""The metadata of an ONNX file that is a classifier of fronts.
 
 One input [N, 3, S, S] float32 or float16, RGB normalised; one output [N, classes], logits: what any framework exports
-for an image classifier. Its metadata says the rest, and has these defaults:
+for an image classifier. Its metadata has the rest, with these defaults:
 
     front_deg   where the front of each class is, degrees clockwise on the crop from +x, or ``nan`` for a class that
                 tells no front; "0 180" of two classes, "0 90 180 270" of four; other counts must say it
@@ -30,7 +30,7 @@ ACCEPTED = (
     "metadata 'front_deg' unless there are 2 or 4 classes)"
 )
 MOST_BATCH, MOST_SIDE, MOST_CLASSES = 64, 1024, 360
-"""A run is 800 MB at the most; more classes than degrees tell no more."""
+"""A run is 800 MB at the most; more classes than degrees make no sense."""
 _DTYPES: dict[str, DTypeLike] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _DEFAULTS = {"margin": "0", "mean": "0.485 0.456 0.406", "std": "0.229 0.224 0.225", "size": "224"}
 _COUNTS = {"margin": 1, "mean": 3, "std": 3, "size": 1}
@@ -39,7 +39,7 @@ _RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contract:
-    """How a classifier wants its crops and what its classes mean."""
+    """How a classifier's crops are made and what its classes mean."""
 
     name: str
     """Of the input."""
@@ -58,7 +58,7 @@ class Contract:
 
 
 def read_contract(session: ort.InferenceSession, where: str) -> Contract:
-    """What a file wants and means.
+    """Read a classifier's contract from its file.
 
     Raises:
         ModelError: its inputs or outputs are not of a classifier, or its metadata make no sense.

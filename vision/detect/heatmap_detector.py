@@ -1,4 +1,4 @@
-"""The bundled detector: it knows fronts, and the image is scaled so that a vehicle has the length that it knows best.
+"""The bundled detector: it finds fronts, and the image is scaled so that vehicles have the length it was trained for.
 
 The model's contract (``vision/training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
 of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
@@ -32,18 +32,18 @@ DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
 nor enlarged."""
 SIDE_STEP = 32
 LEAST_SIDE, MOST_SIDE = 64, 4096
-"""Of a canvas, px. Larger ones are looked at in tiles, which bounds the memory."""
+"""Of a canvas, px. Larger images are processed in tiles, which bounds the memory."""
 MOST_SCALE = 2.0
 """Enlarging an image further adds no detail."""
 OVERLAP_LENGTHS = 4.0
-"""Overlap of tiles, in vehicles of the length that the model knows best: lorries are twice as long."""
+"""Overlap of tiles, in vehicle lengths that the model was trained for: lorries are twice as long."""
 
 
 class HeatmapDetector:
     """See the module.
 
     Raises:
-        ModelError: the model says it is Rollcall's, but is not of its shape.
+        ModelError: the metadata names Rollcall's detector, but the model has another shape.
     """
 
     def __init__(self, session: ort.InferenceSession, where: str, *, score: float) -> None:

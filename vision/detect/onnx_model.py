@@ -1,4 +1,4 @@
-"""An ONNX file opened by onnxruntime, and what it tells of itself."""
+"""An ONNX file opened by onnxruntime, and its metadata."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A large image looked at in overlapping tiles: small vehicles are not shrunk away and memory stays bounded."""
+"""Detection in overlapping tiles of a large image: small vehicles keep their size and memory stays bounded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_COMPARED = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """A part of an image, px: what is looked at, and where the centre of a box must lie to be believed."""
+    """A part of an image, px: the part that is searched, and where the centre of a box must lie to count."""
 
     left: int
     top: int
@@ -34,7 +34,7 @@ class Tile:
 def tile_grid(image: tuple[int, int], tile: tuple[int, int], overlap: float) -> tuple[Tile, ...]:
     """The fewest tiles that cover an image, of one size, no larger than needed.
 
-    A vehicle at a seam is whole in one of the tiles that believe in it, if half the overlap is as long as the vehicle.
+    A vehicle at a seam is whole in one of the tiles in which it counts, if half the overlap is as long as the vehicle.
 
     Args:
         image: (width, height) px.
@@ -59,7 +59,7 @@ def look_at_tiles(
     Args:
         image: (H, W, 3) the image.
         tiles: its parts.
-        look: what finds vehicles in parts; a list of parts gives as many answers.
+        look: finds the vehicles in each of a list of parts.
     """
     seen = look([image[tile.top : tile.bottom, tile.left : tile.right] for tile in tiles])
     parts = [_placed(found, tile) for found, tile in zip(seen, tiles, strict=True)]
@@ -78,7 +78,7 @@ def _placed(found: Detections, tile: Tile) -> Detections:
 
 
 def _spans(length: int, side: int, overlap: float) -> list[tuple[int, int, float, float]]:
-    """Tiles along one axis: first and last pixel, and from where to where centres are believed."""
+    """Tiles along one axis: first and last pixel, and from where to where centres count."""
     if side >= length:
         return [(0, length, -np.inf, np.inf)]
     overlap = min(overlap, side / 2)

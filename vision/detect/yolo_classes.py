@@ -58,16 +58,16 @@ def vehicle_classes(names: Mapping[int, str], classes: int, wanted: Collection[s
     """Which classes count.
 
     Args:
-        names: of the model; empty when it does not tell.
+        names: of the model; empty when unknown.
         classes: how many the model has.
-        wanted: names to take, in any case, or class numbers as text; None takes those that sound like vehicles, and of
+        wanted: names to take, in any case, or class numbers as text; None takes those named like vehicles, and of
             a model with a single class or without names all.
 
     Returns:
         Class numbers (k,), at least one, rising.
 
     Raises:
-        ValueError: a wanted class is not there, or none sounds like a vehicle.
+        ValueError: a wanted class is not there, or none is named like a vehicle.
     """
     if wanted is not None:
         chosen = _named(names, classes, wanted)

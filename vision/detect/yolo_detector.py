@@ -1,4 +1,4 @@
-"""A detector that is a YOLO-OBB export of anybody's: it does not know fronts, so headings are NaN."""
+"""A detector from any YOLO-OBB export: it does not find fronts, so headings are NaN."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class YoloDetector:
         classes: names of the classes that count; None: those that sound like vehicles.
         imgsz: longest side of the canvas, px, for a model that takes any.
         per_class: keep a box for each class that claims a vehicle, as Ultralytics' predictor does by itself.
-        tiled: look at an image in tiles when its ground resolution is known and vehicles would be shrunk away.
+        tiled: use tiles when the ground resolution is known and vehicles would become too small.
 
     Raises:
         ModelError: the model is none of the accepted, or none of its classes counts.

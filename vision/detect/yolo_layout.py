@@ -34,7 +34,7 @@ STRIDE = 32
 SIDE = 1024
 """Canvas of a model that takes any size and does not name its own."""
 LEVELS = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64))
-"""Strides of the grids that anchors stand on: the plain heads, those with a finer and those with a coarser level."""
+"""Strides of the grids of anchors: the plain heads, those with a finer and those with a coarser level."""
 BOX_COLUMNS = 7
 _DIGITS = 18
 MOST_SIDE = 8192
@@ -67,7 +67,7 @@ class YoloInput:
     names: Mapping[int, str]
     """Of the classes; empty when unknown."""
     suppressed: bool
-    """The notes say that the output holds boxes, not anchors."""
+    """By the metadata the output holds boxes, not anchors."""
 
 
 def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloInput:
@@ -75,7 +75,7 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
 
     Args:
         session: the model.
-        imgsz: longest side of the canvas, px, for a model that takes any; None: as its notes say.
+        imgsz: longest side of the canvas, px, for a model that takes any; None: as its metadata has it.
 
     Raises:
         ValueError: it is no YOLO-OBB export, or ``imgsz`` is not to be had.
@@ -113,10 +113,10 @@ def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: froze
         shape: of the output, as run.
         names: of the classes; empty when unknown.
         anchors: how many anchors the input's size gives, see ``anchor_counts``.
-        suppressed: the notes say that the output holds boxes.
+        suppressed: by the metadata the output holds boxes.
 
     Raises:
-        ValueError: it cannot be read; says what was found and what was expected.
+        ValueError: it cannot be read; names what was found and what was expected.
     """
     if len(shape) != 3:
         raise ValueError(f"its output {shape_text(shape)} has {len(shape)} axes, not three")
@@ -131,7 +131,7 @@ def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: froze
         if columns == deep:
             return "turned"
         raise ValueError(_misfit(shape, len(names)))
-    # without names the axis that is as long as there are anchors tells, else the longer one is theirs
+    # without names the axis as long as the number of anchors is theirs, else the longer one
     along = columns in anchors or (rows not in anchors and columns > rows)
     if min(rows, columns) < 6 or (rows if along else columns) < 6:
         raise ValueError(f"its output {shape_text(shape)} has no room for x y w h, a score and an angle")
@@ -142,7 +142,7 @@ def _bound(batch: int, canvas: tuple[int, int], stride: int, output: Sequence[ob
     """Refuse what no image needs, before any memory is asked for.
 
     Raises:
-        ValueError: says what is too much.
+        ValueError: names what is too large.
     """
     height, width = canvas
     if max(height, width, stride) > MOST_SIDE or batch * height * width > MOST_PIXELS:
@@ -154,7 +154,7 @@ def _bound(batch: int, canvas: tuple[int, int], stride: int, output: Sequence[ob
 
 
 def check_size(output: Sequence[int]) -> None:
-    """Refuse an output that is too large to be looked through.
+    """Refuse an output that is too large to be searched.
 
     Raises:
         ValueError: it is.
@@ -185,7 +185,7 @@ def _takes_images(image: ort.NodeArg) -> bool:
 def _canvas(
     height: int | None, width: int | None, notes: Mapping[str, str], imgsz: int | None, stride: int
 ) -> tuple[int, int]:
-    """(height, width): fixed by the input, else as asked for, else as its notes say, ``[height, width]``."""
+    """(height, width): fixed by the input, else as asked for, else as its metadata has it, ``[height, width]``."""
     if height is not None and width is not None:
         if imgsz is not None and imgsz != max(height, width):
             raise ValueError(

@@ -51,7 +51,7 @@ def fast_nms(
     alive = np.ones(len(order), dtype=bool)
     start, step = 0, FIRST
     while start < len(order):
-        # the best ones by themselves: where thousands say the same, they leave none to compare
+        # the best ones by themselves: where thousands are of one object, they leave none to compare
         better = np.arange(start, min(start + step, len(order)))
         worse = start + np.flatnonzero(alive[start:])
         start, step = start + step, max(1, min(2 * step, PAIRS // len(order)))

@@ -1,8 +1,8 @@
 """How good a detector is on labelled images: average precision, precision and recall, headings, recall by size.
 
 Boxes are rows ``cx cy w h angle`` of ``vision.detect.boxes``, pixels; headings clockwise from image up, rad, NaN
-unknown. An object that does not *count* (difficult, mostly hidden, a region that nobody labelled) helps nobody and
-hurts nobody.
+unknown. An object that does not *count* (difficult, mostly hidden, an unlabelled region) changes no figure, whether it
+is found or not.
 """
 
 from vision.evaluation.folder import Folder, open_folder

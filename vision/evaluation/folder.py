@@ -54,7 +54,7 @@ def open_folder(
 
     Args:
         path: the folder; also a single shard.
-        format: of the labels; None = told from them.
+        format: of the labels; None = recognised by their content.
         names: of YOLO classes in their order; None = from data.yaml or classes.txt in the folder, else numbers.
         corners_tell_front: the first two corners of an oriented label are those of the front.
 
@@ -104,7 +104,7 @@ def _label_of(image: Path) -> Path | None:
 
 
 def _told_format(labels: Sequence[Path]) -> Format:
-    """From the first line that says anything."""
+    """From the first line with content."""
     for path in labels:
         for i, line in enumerate(path.read_text(encoding="utf-8-sig", errors="replace").splitlines(), 1):
             if not line.strip():

@@ -51,11 +51,11 @@ BEYOND = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelFile:
-    """What a label file says."""
+    """Content of a label file."""
 
     truth: Truth
     gsd_m: float = math.nan
-    """Metres per pixel, NaN where it does not tell."""
+    """Metres per pixel, NaN where it is not given."""
 
 
 def read_yolo(path: Path, size: tuple[int, int], names: Mapping[int, str], corners_tell_front: bool) -> LabelFile:

@@ -31,13 +31,13 @@ class Directions:
     axis_deg: float
     """Median error of the long axis, of boxes that are a fifth longer than wide; NaN with upright labels."""
     told: int
-    """Objects whose labels and whose detections tell the front."""
+    """Objects of which labels and detections have the front."""
     untold: int
     """Objects whose labels do, and whose detections do not."""
     heading_deg: float
     """Median error of the front."""
     turned_about: float
-    """Share of told fronts that are more than 90° off."""
+    """Share of the detected fronts that are more than 90° off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +67,7 @@ class Evaluation:
     classes: tuple[Share, ...]
     sizes: tuple[Share, ...]
     hidden: tuple[Share, ...]
-    """By how hidden they are, where labels tell; last those that do not count."""
+    """By how hidden they are, where labels have it; last those that do not count."""
 
 
 def evaluate(
@@ -79,7 +79,7 @@ def evaluate(
         found: of each image.
         truth: of each image.
         score: operating score of precision, recall, errors and shares.
-        floor: the smallest score that the detector told, for the record.
+        floor: the smallest score that the detector returned, for the record.
     """
     matches = [match(d, t) for d, t in zip(found, truth, strict=True)]
     all_scores = np.concatenate([np.empty(0), *(d.score for d in found)])

@@ -31,7 +31,7 @@ def average_precision(score: NDArray[np.float64], hit: NDArray[np.bool_], object
     order = np.argsort(-score, kind="stable")
     right = np.cumsum(hit[order])
     last = np.append(np.diff(score[order]) != 0.0, True) if len(order) else np.zeros(0, dtype=bool)
-    # detections of one score come in together: their order is nobody's
+    # detections of one score come in together: their order is arbitrary
     precision, recall = (right / np.arange(1, len(right) + 1))[last], (right / objects)[last]
     best = np.maximum.accumulate(precision[::-1])[::-1]
     # AP = Σ (r_k − r_{k−1}) max_{j ≥ k} p_j

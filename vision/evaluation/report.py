@@ -57,7 +57,7 @@ def tables(result: Evaluation, about: Mapping[str, Any]) -> Iterator[tuple[Seque
 
 WORDS = """\
 AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
-Detections are matched image by image, best score first, each object once. The detector tells no classes: AP50 of a
+Detections are matched image by image, best score first, each object once. The detector returns no classes: AP50 of a
 class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones."""
 """What the figures are."""
 

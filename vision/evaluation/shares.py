@@ -65,7 +65,7 @@ def by_size(truth: Sequence[Truth], seen: Seen) -> tuple[Share, ...]:
 
 
 def by_hiding(truth: Sequence[Truth], seen: Seen) -> tuple[Share, ...]:
-    """Recall by how hidden objects are, where labels tell; last that of objects that do not count."""
+    """Recall by how hidden objects are, where labels have it; last that of objects that do not count."""
     shares = [_share(name, (t.counts & (t.hidden == k) for t in truth), seen) for k, name in enumerate(HIDDEN)]
     shares.append(_share("do not count", (~t.counts for t in truth), seen))
     return tuple(s for s in shares if s.objects)

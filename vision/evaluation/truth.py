@@ -17,13 +17,13 @@ Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 
 HIDDEN = ("in full sight", "partly hidden", "mostly hidden")
-"""Values of ``Truth.hidden``; −1 where it is not told."""
+"""Values of ``Truth.hidden``; −1 where it is not given."""
 REGION = "ignored regions"
 """Name of an area in which nothing was labelled."""
 NEITHER = frozenset(
     ("motor", "motorcycle", "motorbike", "bicycle", "bike", "tricycle", "awning-tricycle", "others", REGION)
 )
-"""Classes that neither count nor are background unless the choice says so: they are much like vehicles."""
+"""Classes that neither count nor are background unless they are chosen: they are much like vehicles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +33,7 @@ class Truth:
     boxes: Floats
     """(n, 5) cx, cy, w, h px, angle rad."""
     heading: Floats
-    """(n,) clockwise from image up, rad, NaN where labels do not tell the front."""
+    """(n,) clockwise from image up, rad, NaN where labels do not have the front."""
     name: NDArray[np.str_]
     """(n,) of the class."""
     counts: NDArray[np.bool_]
@@ -61,7 +61,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelledImage:
-    """One labelled image; its pixels are read when they are wanted."""
+    """One labelled image; its pixels are read on demand."""
 
     name: str
     """Path below the folder, or shard and number."""
@@ -73,9 +73,9 @@ class LabelledImage:
     """
     truth: Truth
     gsd_m: float = np.nan
-    """Metres on the ground per pixel, NaN where the labels do not tell."""
+    """Metres on the ground per pixel, NaN where the labels do not have it."""
     as_seen: bool = False
-    """A training crop: Rollcall's own network looks at it as it is."""
+    """A training crop: Rollcall's own network takes it unscaled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +93,7 @@ def choose_classes(
 
     Args:
         names: all that occur.
-        wanted: names that count; None = those that sound like vehicles, or all where labels have only numbers.
+        wanted: names that count; None = those named like vehicles, or all where labels have only numbers.
         neither: names that neither count nor are background; None = NEITHER.
 
     Raises:

@@ -1,4 +1,4 @@
-"""One connection to a source, opened: coded packets, whatever brings them.
+"""One open connection to a source: coded packets, whatever the transport.
 
 Datagrams come from a port of ours (``vision.stream.port``), all else is opened by FFmpeg, with limits to its patience.
 """
@@ -32,16 +32,16 @@ __all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "listen", "
 OPEN_TIMEOUT_S = 3.0
 READ_TIMEOUT_S = 2.0
 SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
-"""For key frames that are far apart; a stream that tells its size at once is opened at once."""
+"""Time to find out what a stream holds: key frames may be far apart. One whose size is known opens at once."""
 READ_BYTES = 32768
 PATIENCE_S = 6.0
-"""For a first frame in RTP, before it is told that none can be had."""
+"""Wait for the first frame in RTP before it is reported that none can be decoded."""
 GUESS_S = 2.0
-"""For the first frame of a codec that was guessed, before it is guessed anew."""
+"""Wait for the first frame of a guessed codec before the other one is tried."""
 _PRODUCER_TIME = struct.Struct("=qi")
 """FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2
-"""Frames that a stream with B-frames holds back, where no decoding times tell."""
+"""Frames that a stream with B-frames holds back, where no decoding times are given."""
 
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
@@ -62,7 +62,7 @@ class Input:
     drains: bool = False
     """Whether it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
-    """What the stream says of when its frames were taken."""
+    """Exposure times that the stream itself carries."""
 
 
 def open_input(source: Source) -> Input:
@@ -146,7 +146,7 @@ def _input(source: Source, container: InputContainer) -> Input:
 
 
 def _told(opened: Input, container: InputContainer) -> Packets:
-    """Packets of the video; metadata beside it is listened to."""
+    """Packets of the video; metadata beside it is evaluated."""
     for packet in container.demux([opened.stream, *container.streams.data]):
         if packet.stream is opened.stream:
             yield cast("Packet[CodedStream]", packet)
@@ -157,7 +157,7 @@ def _told(opened: Input, container: InputContainer) -> Packets:
 
 
 def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None:
-    """What a packet of the video says of when its frame was taken: its time stamp, and what the RTSP server reported.
+    """Read the exposure time of a packet's frame: from its own time stamp, and from what the RTSP server reported.
 
     Args:
         opened: the connection.
@@ -242,7 +242,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
 def _units(
     port: Port, depacketizer: Depacketizer, decided: threading.Event, exposures: Exposures, *, guess: bool
 ) -> Iterator[Unit]:
-    """Access units; until it is decided what they are, a guess is made anew from time to time, and then given up."""
+    """Access units; until the codec is decided, it is guessed again from time to time, and at last given up."""
     began_s = guessed_s = time.monotonic()
     while data := port.read():
         if not decided.is_set():
@@ -261,7 +261,7 @@ def _units(
 
 
 def _packets(first: Unit, units: Iterator[Unit], reordered: bool) -> Packets:
-    """Access units as FFmpeg's packets; RTP tells when a frame is shown, not when it is decoded."""
+    """Access units as FFmpeg's packets; RTP carries presentation times, no decoding times."""
     shown: list[int] = []
     yield _packet(first, shown, reordered)
     for unit in units:

@@ -1,8 +1,8 @@
-"""When frames were taken, where the stream itself says so.
+"""When frames were taken, for streams that carry it.
 
 Three ways: the MISP time stamp in a frame's SEI (MISB ST 0604), the precision time stamp of KLV metadata in an MPEG
 transport stream (MISB ST 0601, tag 2, in packets that have a presentation time), and RTCP sender reports (RFC 3550).
-All are the sender's clock, which is believed only where it agrees with when things arrive here.
+All are the sender's clock, which is used only where it agrees with the times of arrival here.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _TIME_TAG = 2
 _NTP_TO_UNIX_S = 2_208_988_800
 _SENDER_REPORT = 200
 EARLY_S, LATE_S = 0.05, 3.0
-"""A frame comes after it was taken, and not later than this; what says otherwise is a clock that is not set."""
+"""A frame comes after it was taken, and not later than this; otherwise the sender's clock is not set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ def sei_time_s(frame: bytes) -> float | None:
 
 
 def klv_time_s(data: bytes) -> float | None:
-    """Unix time of a UAS data set, None where this is none or tells no time."""
+    """Unix time of a UAS data set, None if it is none or has no time."""
     at = data.find(_KLV_KEY) + len(_KLV_KEY)
     if at < len(_KLV_KEY) or at >= len(data):
         return None
@@ -63,12 +63,12 @@ def sender_report(data: bytes) -> SenderReport | None:
 
 
 class Exposures:
-    """One connection's time stamps and what the stream says of them.
+    """One connection's time stamps and the exposure times that belong to them.
 
     Attributes:
-        told_by: ``SEI``, ``KLV`` or ``RTCP``, empty while nothing usable was said.
-        delay_s: from exposure to arrival, at the last word.
-        error_s: how far off the sender's clock is where it cannot be believed, 0 where it can.
+        told_by: ``SEI``, ``KLV`` or ``RTCP``, empty while there was nothing usable.
+        delay_s: from exposure to arrival, at the last one received.
+        error_s: how far off the sender's clock is where it cannot be used, 0 where it can.
     """
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Exposures:
         self._offset_s: float | None = None
 
     def see(self, told_by: str, stamp_s: float, taken_s: float, arrival_s: float) -> None:
-        """The stream says when something was taken.
+        """Add an exposure time from the stream.
 
         Args:
             told_by: by which way.
@@ -94,5 +94,5 @@ class Exposures:
         self._offset_s = taken_s - stamp_s
 
     def unix_s(self, stamp_s: float) -> float | None:
-        """Unix time at which what has this time stamp was taken, None where the stream does not say."""
+        """Unix time at which what has this time stamp was taken, None where the stream has none."""
         return None if self._offset_s is None else stamp_s + self._offset_s

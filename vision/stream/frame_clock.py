@@ -1,7 +1,7 @@
-"""When a live frame was taken: the stream's even time stamps, set on Unix time by when packets arrive.
+"""When a live frame was taken: the stream's even time stamps, mapped to Unix time by the arrivals of packets.
 
 A network only ever delays. So Unix time of a frame = its time stamp + the least (arrival − time stamp) seen: the
-packet that came through fastest tells the offset, and the jitter of the others is gone. What remains is that least
+fastest packet gives the offset, and the jitter of the others is gone. What remains is that least
 delay itself (encoder, air, buffers), which ``offset_s`` of the stream takes out.
 
 The least may only rise by ``CREEP`` (200 ppm), which lets it follow a camera whose clock is slower than ours. A camera

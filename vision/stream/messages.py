@@ -1,4 +1,4 @@
-"""What a video stream and its process tell each other; the images of frames go through memory that both share.
+"""Messages between a video stream and its process; the images of frames go through memory that both share.
 
 Nothing that comes from the process is more than numbers and text, so a process that a hostile stream took over can tell
 lies about video and nothing else. The memory holds one image at a time: it is written before its reply is sent and read
@@ -35,7 +35,7 @@ class Settings(msgspec.Struct, kw_only=True, tag=True):
 
 
 class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process: the newest frame, please, or what comes within ``wait_s``."""
+    """Parent to process: send the newest frame, or the next one within ``wait_s``."""
 
     number: int
     wait_s: float
@@ -66,7 +66,7 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     damaged: int = 0
     strangers: int = 0
     told_by: str = ""
-    """How the stream tells when its frames were taken, empty where it does not."""
+    """Which data of the stream dates its frames, empty where none does."""
     told_delay_s: float = 0.0
     told_error_s: float = 0.0
     segment: int = -1

@@ -25,7 +25,7 @@ BUFFER_BYTES = 4 << 20
 REPORT_BUFFER_BYTES = 1 << 16
 """Sender reports are some dozens of bytes, every few seconds."""
 SLICE_S = 0.2
-"""Longest wait between two looks at whether to go on."""
+"""Longest wait between two checks whether to stop."""
 TAKEOVER_S = 0.5
 MOST_REPORTS = 8
 """Taken at once: a sender reports every few seconds."""
@@ -76,7 +76,7 @@ class Port:
         silence_s: a connection without datagrams for so long is over.
 
     Attributes:
-        strangers: datagrams dropped because another sender was being listened to.
+        strangers: datagrams dropped because they came from another sender than the present one.
         arrival_s: Unix time at which the datagram read last came to this machine.
     """
 
@@ -105,7 +105,7 @@ class Port:
 
     @property
     def live(self) -> bool:
-        """Whether the connection goes on."""
+        """Whether the connection is still open."""
         return self._open
 
     def read(self) -> bytes:
@@ -136,7 +136,7 @@ class Port:
     def reports(self) -> list[tuple[bytes, float]]:
         """What came on the next higher port, where RTCP of RTP on an even one is, each with its Unix time of arrival.
 
-        That port is bound with the first call, where it is to be had, and only the present sender's host is heard.
+        That port is bound with the first call, if it is free, and only datagrams of the present sender's host are read.
         """
         if self._control is None:
             self._control = self._next_port()

@@ -1,7 +1,7 @@
 """Packets of a live stream: numbered, timed, recorded, decoded. Runs in the stream's own process.
 
 Every frame from the first key frame on has an index and a time, whether it can be decoded or not. Of the decoded
-ones only the newest waits for whoever asks.
+ones only the newest is kept for the parent.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class StreamReader:
     Args:
         settings: where the last process stopped.
         go_on: False ends reading.
-        send: called with news for the parent.
+        send: called with progress for the parent.
     """
 
     def __init__(self, settings: Settings, go_on: Callable[[], bool], send: Callable[[Progress], None]) -> None:
@@ -88,7 +88,7 @@ class StreamReader:
         self._connection: _OpenStream | None = None
 
     def report_alive(self, patience_s: float = READING_PATIENCE_S) -> None:
-        """Tell that all is well and when to expect the next word; not oftener than needed."""
+        """Report being alive and when the next report is due; not more often than needed."""
         now = time.monotonic()
         if now - self._told_s > 0.25 or patience_s != self.progress.patience_s or self.progress.rows:
             self.progress.patience_s, self._told_s = patience_s, now
@@ -246,13 +246,13 @@ class _OpenStream:
         return True
 
     def _taken_s(self, pts: int) -> float:
-        """Unix time at which a frame was taken: by the stream's own word, else by when it came."""
+        """Unix time at which a frame was taken: by the stream's own exposure times, else by its arrival."""
         stamp_s = pts * self._tick_s
         told_s = self._source.exposures.unix_s(stamp_s)
         return self._clock.unix_s(stamp_s) - self._reader.offset_s if told_s is None else told_s
 
     def list(self, released: list[tuple[int, int]]) -> None:
-        """Give frames whose place is certain their time, and tell it."""
+        """Give frames whose place in the order is certain their time, and report them."""
         reader = self._reader
         for index, pts in released:
             t_us = round(self._taken_s(pts) * 1e6)

@@ -73,7 +73,8 @@ def parse(data: bytes) -> RtpPacket | None:
 def guess_codec(payload: bytes) -> Codec:
     """H.264 or H.265 by the header of a NAL unit, empty when it could be either.
 
-    Parameter sets, fragments and aggregates of H.265 have headers that are data partitions in H.264: nobody uses those.
+    Parameter sets, fragments and aggregates of H.265 have headers that mean data partitions in H.264, which are not
+    used in practice.
     """
     if len(payload) < 2 or payload[0] & 0x80:
         return ""
@@ -91,7 +92,7 @@ class _ReorderBuffer:
     _waiting: dict[int, RtpPacket] = field(default_factory=dict)
 
     def put(self, datagram: RtpPacket) -> list[tuple[RtpPacket, bool]]:
-        """Those whose turn it is, each with whether one before it is missing."""
+        """Those next in order, each with whether one before it is missing."""
         if self._next is None:
             self._next = datagram.sequence
         ahead = self._ahead(datagram)
@@ -163,7 +164,7 @@ class Depacketizer:
         before, self._odd = self._odd, datagram
         if self._source is None:
             return self._change(datagram)
-        # noise looks like another sender once, a sender twice
+        # noise looks like another sender once, a real sender repeatedly
         if before is None or (before.source, (before.sequence + 1) % 0x10000) != (datagram.source, datagram.sequence):
             return []
         return self._change(before) + self._put(datagram)

@@ -1,4 +1,4 @@
-"""Passwords in the address of a video: FFmpeg is given them, nobody else is shown them.
+"""Passwords in the address of a video: passed to FFmpeg, concealed everywhere else.
 
 A user and his password stand before an @, and cameras take them as values too, in the query or in the path
 (``/user=admin&password=…``), so every value is one. Addresses of datagrams have none.
@@ -18,9 +18,9 @@ _FORGOTTEN = re.compile(r"[^/@]+:[^@]*@")
 _VALUE = re.compile(r"([\w.-]*)=([^&;/?#]+)")
 _TAIL = re.compile(r"[^&;/?#]*")
 _HARMLESS = ("codec", "pkt_size")
-"""Values that say how datagrams are to be read."""
+"""Values that describe how datagrams are read."""
 _LONG_ENOUGH = 4
-"""Shorter values are words of every other text too."""
+"""Shorter values occur in any text by chance."""
 
 
 def concealed(address: str) -> str:
@@ -38,7 +38,7 @@ def secrets_of(address: str) -> tuple[str, ...]:
 
 
 def conceal_in(text: str, address: str) -> str:
-    """Words of others, FFmpeg's for instance, without the secrets of an address."""
+    """Text of others, such as FFmpeg's messages, without the secrets of an address."""
     text = text.replace(address, concealed(address))
     parts = {part for secret in secrets_of(address) for part in (secret, secret.partition(":")[2])}
     told = {form for part in parts for form in (part, unquote(part)) if len(form) >= _LONG_ENOUGH}

@@ -1,4 +1,4 @@
-"""What a live video can come from, in one line of text, and what a UAV's offer of a stream is in that text.
+"""Sources of live video as one line of text, and a UAV's offer of a stream in that form.
 
     udp://:5600   udp://0.0.0.0:5600    MPEG-TS or RTP (H.264, H.265, MPEG-TS), whichever comes
     rtp://:5600   rtp://:5600?codec=h265
@@ -70,7 +70,7 @@ class Source:
 
 
 def parse_source(text: str) -> Source:
-    """Understand a line that says where video comes from.
+    """Parse the line of text that names a source.
 
     Raises:
         VideoError: a scheme, port or codec that there is none of.

@@ -1,4 +1,4 @@
-"""The time stamps of one connection's packets: those that are missing, and those that begin anew."""
+"""The time stamps of one connection's packets: missing ones, and those that start again from another zero."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Stamps:
                 following = [packet.pts, *following[:1]]
 
     def begin_anew(self, packet: Coded, arrival_s: float) -> bool:
-        """Whether the sender's time stamps began anew: they went back, or jumped when the clock on the wall did not."""
+        """Whether the sender's time stamps started again: they went back, or jumped while the wall clock did not."""
         stamp_s = ((packet.pts if packet.dts is None else packet.dts) or 0) * self._tick_s
         before, self._seen = self._seen, (stamp_s, arrival_s)
         if before is None:

@@ -1,9 +1,9 @@
-"""Live video: the newest frame for whoever asks, every packet into a file, a time for every frame.
+"""Live video: the newest frame on request, every packet into a file, a time for every frame.
 
 A process of its own reads, records and decodes (``vision.stream.stream_worker``): when FFmpeg crashes or hangs there it
-is killed and started again, and the flight goes on. Who asks too seldom gets the newest frame only; the others are
-counted and still listed, since the recording has them. ``vision.stream.source`` says what can be a source; a file plays
-as if live.
+is killed and started again, and the flight goes on. A slow consumer gets the newest frame only; the others are
+counted and still listed, since the recording has them. ``vision.stream.source`` lists what can be a source; a file is
+read as if live.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ STALL_S = 1.0
 AWAKE = 2
 """Frames that end a stall."""
 START_PATIENCE_S = 20.0
-"""For a process to say its first word."""
+"""Time within which a process must send its first message."""
 WATCH_S = 0.2
-"""Longest wait between two looks at whether the process still lives."""
+"""Longest wait between two checks of whether the process is alive."""
 CLOSE_S = 2.0
-"""A process that is to end and says nothing for so long is killed."""
+"""A process that was asked to end is killed after so long."""
 ANSWER_S = 0.5
 """For an answer beyond the time that the frame was waited for."""
 PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
@@ -146,7 +146,7 @@ class VideoStream:
 
     @property
     def skipped(self) -> int:
-        """Frames that were decoded and that nobody asked for in time."""
+        """Frames that were decoded and replaced by newer ones before they were requested."""
         return self._progress.skipped + self._late
 
     @property
@@ -156,7 +156,7 @@ class VideoStream:
 
     @property
     def damaged(self) -> int:
-        """Packets and frames of which the decoder or the transport say that parts are missing or wrong."""
+        """Packets and frames that the decoder or the transport reports as incomplete or damaged."""
         return self._progress.damaged
 
     @property
@@ -166,7 +166,7 @@ class VideoStream:
 
     @property
     def exposure(self) -> str:
-        """How it is known when frames were taken, in words; empty while that is told by when they come."""
+        """How frames are dated, in words; empty while it is by their arrival."""
         progress = self._progress
         if progress.told_by:
             word, delay_s = _TOLD.get(progress.told_by, "word"), progress.told_delay_s
@@ -248,7 +248,7 @@ class VideoStream:
         return ChildProcess("vision.stream.stream_worker", VideoReport, fds=fds, environment=environment)
 
     def _begin(self, process: ChildProcess[VideoReport]) -> None:
-        """A process goes on where the last one stopped, in a new file."""
+        """Start a process that continues where the last one stopped, in a new file."""
         self._before = done = self._progress
         self._progress = Progress(patience_s=START_PATIENCE_S, rows=[], segment=done.segment).after(done)
         settings = msgspec.structs.replace(
@@ -258,7 +258,7 @@ class VideoStream:
             process.channel.send(settings)
 
     def _watch(self, process: ChildProcess[VideoReport], timeout_s: float) -> float | None:
-        """Takes in what the process says; how long it may then be silent."""
+        """Handle a message of the process; returns how long it may be silent afterwards."""
         message = process.channel.receive(timeout_s)
         if isinstance(message, FrameReply):
             self._hand_over(message)
@@ -285,7 +285,7 @@ class VideoStream:
             self._notify(None)
 
     def _end_stall(self, frames: int) -> None:
-        """A lone frame ends no stall: transports hold the last one back until they give up."""
+        """End a stall after a few frames: a lone one may be the last that a transport had held back."""
         if self.stalled and self._waking + frames < AWAKE:
             self._waking += frames
         else:
@@ -313,7 +313,7 @@ class VideoStream:
 
 
 def _bind(source: Source) -> socket.socket | None:
-    """The port that datagrams come to; a port that is taken is tried again by the process, which tells why."""
+    """The port that datagrams come to; a port that is taken is tried again by the process, which reports the reason."""
     if source.kind != "datagrams":
         return None
     try:

@@ -41,9 +41,9 @@ OPENING_PATIENCE_S = 2 * OPEN_TIMEOUT_S + 2.0
 """FFmpeg takes its time twice: to connect, and to find out what comes."""
 WAITING_PATIENCE_S = 3.0
 MEMORY_BYTES = 6 << 30
-"""A stream that says it is enormous ends here and not in a machine without memory."""
+"""Frames of a larger size are refused, before they take the machine's memory."""
 SEAL_S = 0.5
-"""When told to stop, FFmpeg is not waited for longer."""
+"""Longest wait for FFmpeg after a request to stop."""
 
 
 class _StreamWorker:
@@ -60,7 +60,7 @@ class _StreamWorker:
         self._reader = StreamReader(settings, self._go_on, self._send)
 
     def run(self) -> None:
-        """Until told to stop, or a file's end."""
+        """Run until asked to stop, or to a file's end."""
         threading.Thread(target=self._answer_requests, name="answers", daemon=True).start()
         try:
             if self._source.kind == "datagrams":
@@ -149,7 +149,7 @@ class _StreamWorker:
         try:
             self._station.send(message)
         except OSError:
-            # nobody reads any more: only the recording is left to be sealed
+            # the parent is gone: only the recording is left to be sealed
             self._stop.set()
 
     def _answer_requests(self) -> None:

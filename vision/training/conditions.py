@@ -34,7 +34,7 @@ class HeldOut:
     images: NDArray[np.uint8]
     """(c, S, S, 3) BGR."""
     truth: list[FloatArray]
-    """(n, 6) each: cx, cy, length, width px, heading, share in sight."""
+    """(n, 6) each: cx, cy, length, width px, heading, visible share."""
     about: NDArray[np.float32]
     """(c, 5) tilt, height, shadow, gain, streets; see ``sim.training.crops.Crop``."""
 

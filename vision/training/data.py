@@ -1,7 +1,7 @@
 """The pool of training images, and batches out of it: turned, scaled, mirrored, in other light, in worse quality.
 
 The pool is made by ``python -m sim.training.crops``, a process of its own: shards ``crops_*.npz`` with images (c, S, S,
-3) uint8 BGR, boxes (c, N, 6) float32 (cx, cy, length, width px, heading clockwise from image up, share in sight), n
+3) uint8 BGR, boxes (c, N, 6) float32 (cx, cy, length, width px, heading clockwise from image up, visible share), n
 (c,) and about (c, 5). New shards join while training runs.
 """
 

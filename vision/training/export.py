@@ -119,7 +119,7 @@ def export(checkpoint: Path, out: Path, version: str, score: float = SCORE) -> N
         checkpoint: of ``vision.training.train``.
         out: the file to write.
         version: written into the metadata.
-        score: from which on ``PRECISION`` of the detections are right on held-out images; the file tells it as
+        score: from which on ``PRECISION`` of the detections are right on held-out images; the file stores it as
             ``SCORE``.
     """
     net = Net()

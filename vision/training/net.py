@@ -1,8 +1,8 @@
-"""The network: small, anchor-free, fully convolutional; one map at stride 4 says what is centred in each cell.
+"""The network: small, anchor-free, fully convolutional; one map at stride 4 holds what is centred in each cell.
 
 Nine channels: score logit; centre offset x, y in cells from the cell's middle; log length and log width in cells; front
 as (sin, cos) of the heading clockwise from image up; axis as (sin, cos) of twice the heading. The axis is the same for
-both directions of travel, so a vehicle whose front is doubtful keeps a sharp box, and the front vector's length says
+both directions of travel, so a vehicle whose front is uncertain keeps a sharp box, and the front vector's length says
 how sure the front is: under squared error, a front that is right with probability p has length 2p − 1.
 """
 
@@ -18,7 +18,7 @@ CHANNELS = 9
 
 
 class ConvNorm(nn.Module):  # type: ignore[misc]  # torch is not typed here
-    """Convolution, batch norm, and ReLU unless told otherwise."""
+    """Convolution, batch norm, and ReLU unless switched off."""
 
     def __init__(self, inputs: int, outputs: int, *, size: int = 3, stride: int = 1, relu: bool = True) -> None:
         super().__init__()

@@ -30,9 +30,9 @@ class Quality:
     heading_deg: float
     """Median error of headings that point the right way, degrees."""
     flips: float
-    """Share of told fronts that are more than 90° off."""
+    """Share of the returned fronts that are more than 90° off."""
     unsure: float
-    """Share of found vehicles whose front is not told."""
+    """Share of found vehicles whose front is not returned."""
 
 
 def measure(found: list[Detections], truth: list[FloatArray], score: float = 0.3) -> Quality:

@@ -3,7 +3,7 @@
 ``python -m vision.training.train --seed 0 --steps 12000 --out .train/``
 
 Images come from ``.train/pool`` and, for evaluation, ``.train/held_out``; where they are missing, ``python -m
-sim.training.crops`` is run for them, and training starts with the first shard. A run that was stopped goes on from its
+sim.training.crops`` is run for them, and training starts with the first shard. A stopped run continues from its
 checkpoint; ``--steps`` counts over all runs. Writes checkpoint.pt, loss.csv, quality.csv, curves.png and model.onnx
 into the folder.
 """
@@ -99,7 +99,7 @@ class Trainer:
         return net
 
     def save(self, path: Path) -> None:
-        """Write all that is needed to go on, or nothing."""
+        """Write all that is needed to continue, or nothing."""
         part = path.with_suffix(".part")
         state = {
             "net": self.net.state_dict(),
@@ -112,7 +112,7 @@ class Trainer:
         part.replace(path)
 
     def load(self, path: Path) -> None:
-        """Go on from a checkpoint."""
+        """Continue from a checkpoint."""
         state = torch.load(path, map_location=self.device, weights_only=True)
         self.net.load_state_dict(state["net"])
         self.average = state["average"]

@@ -188,7 +188,7 @@ def bgr(frame: VideoFrame, width: int, height: int) -> NDArray[np.uint8]:
 
 
 def open_video(path: Path) -> InputContainer:
-    """A container with a video stream in it; FFmpeg is told to be silent, as it would write over the screen."""
+    """A container with a video stream in it; FFmpeg's messages are off, as they would overwrite the screen."""
     av.logging.set_level(av.logging.PANIC)
     if not path.is_file():
         raise VideoError(f"video {path}: no such file")
@@ -221,5 +221,5 @@ def _stamp(packet: Packet[VideoStream]) -> int | None:
 
 
 def reason(error: BaseException) -> str:
-    """FFmpeg's words without the number and the path."""
+    """FFmpeg's message without the number and the path."""
     return str(getattr(error, "strerror", None) or error).strip().rstrip(".").lower()

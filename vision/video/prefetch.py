@@ -1,4 +1,4 @@
-"""Frames looked at ahead of who asks for them, several at once.
+"""Detection on the next frames of a video ahead of their use, several at once.
 
 Decoding, scaling and the networks run without Python's lock, so that threads use all cores; what comes out is the same
 and in the same order as one by one.
@@ -28,14 +28,14 @@ def look_ahead(
         frames: decoded as they are asked for.
         detector: may be asked from several threads at once.
         gsd_m: metres on the ground per pixel of a frame, None unknown; asked once for each, in order.
-        workers: frames looked at at once.
+        workers: frames in work at once.
     """
     waiting: deque[tuple[Frame, Future[Detections]]] = deque()
     with ThreadPoolExecutor(workers, thread_name_prefix="detect") as pool:
         try:
             for frame in frames:
                 waiting.append((frame, pool.submit(detector.detect, frame.image, gsd_m=gsd_m(frame))))
-                # one frame more than is looked at, so that nobody waits for the decoder
+                # one frame more than workers, so that none waits for the decoder
                 if len(waiting) > workers + 1:
                     yield _first(waiting)
             while waiting:

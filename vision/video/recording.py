@@ -2,7 +2,7 @@
 
 Every frame is a cluster of its own and handed to the system at once, so at most the last one is lost. A recording is
 a row of files, ``video.mkv``, ``video.1.mkv``, …: the next begins where the stream cannot go on in the last one
-(another codec or size, a disk that failed for a while, a process that died), always at a key frame. Each says in its
+(another codec or size, a disk that failed for a while, a process that died), always at a key frame. Each has in its
 header which frame of the recording its first one is (``FIRST_FRAME``) and when that was taken (``START_US``).
 """
 
@@ -29,7 +29,7 @@ OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"
 TICK = Fraction(1, 1000)
 """Matroska's, s."""
 RETRY_S, LONGEST_RETRY_S = 2.0, 8.0
-"""After a failed write, before a new file is tried; doubles as long as it goes on failing."""
+"""After a failed write, before a new file is tried; doubles with each further failure."""
 MOST_SEGMENTS = 10_000
 
 
@@ -97,7 +97,7 @@ class Recording:
         self._format, self._start_s, self._last_dts = _format(stream), unix_s, -1
 
     def write(self, packet: Packet[CodedStream], unix_s: float) -> None:
-        """Append a packet whose frame was taken at ``unix_s``; a failure ends the file and is told in ``error``."""
+        """Append a packet whose frame was taken at ``unix_s``; a failure ends the file and is kept in ``error``."""
         if self._container is None or self._stream is None or packet.pts is None:
             return
         before = packet.pts, packet.dts, packet.time_base

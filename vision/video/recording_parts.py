@@ -18,7 +18,7 @@ from vision.video.recording import FIRST_FRAME, START_US
 __all__ = ["RecordingPart", "read_parts"]
 
 MOST_BETWEEN = 1_000_000
-"""Frames between two files, nine hours of them: a file that goes on later than that has somebody else's number."""
+"""Frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
 _FAR_US = 1 << 60
 _DIGITS = 18
 """Of a number that 64 bits hold."""
@@ -28,8 +28,8 @@ class RecordingPart:
     """A file with the frames ``first`` to ``end`` − 1 of a recording.
 
     Attributes:
-        n: frames of it that count; a process that died may have recorded one more than it told.
-        start_us: Unix µs of its first frame, 0 when the file does not say.
+        n: frames of it that count; a process that died may have recorded one more than it reported.
+        start_us: Unix µs of its first frame, 0 when the file does not have it.
     """
 
     def __init__(self, path: Path, index: FrameIndex, first: int = 0, start_us: int = 0) -> None:
@@ -69,10 +69,10 @@ class RecordingPart:
 
 
 def read_parts(path: Path) -> tuple[RecordingPart, ...]:
-    """A video file and those that go on with it, in order.
+    """A video file and its continuations, in order.
 
     Raises:
-        VideoError: no such file, not a video, no frame in it, nor in one that goes on with it.
+        VideoError: no such file, not a video, no frame in it, nor in a continuation.
     """
     try:
         index, (first, start_us) = read_index(path), _place(path)
@@ -112,14 +112,14 @@ def _following(path: Path) -> list[RecordingPart]:
 
 
 def _numbered(path: Path) -> list[Path]:
-    """The files of a recording after the first, in order; one that somebody deleted is no end."""
+    """The files of a recording after the first, in order; one that was deleted does not end the row."""
     files = path.parent.glob(f"{escape(path.stem)}.*{path.suffix}")
     named = [(file.stem.removeprefix(f"{path.stem}."), file) for file in files]
     return [file for _, file in sorted((int(number), file) for number, file in named if number.isdecimal())]
 
 
 def _place(path: Path) -> tuple[int, int]:
-    """First frame and its time from the file's header, -1 when it does not say."""
+    """First frame and its time from the file's header, -1 when it is not there."""
     with closing(open_video(path)) as container:
         tags = {name.upper(): value for name, value in container.metadata.items()}
     first, start_us = (_number(tags.get(name, "")) for name in (FIRST_FRAME, START_US))

@@ -67,9 +67,9 @@ class VideoFile:
         """Open a file, and those in which its recording went on, and learn the time stamp of every frame.
 
         Args:
-            path: any container and codec that FFmpeg reads; a file that ends early plays what is there.
+            path: any container and codec that FFmpeg reads; of a file that ends early the frames that are there.
             times_us: (k,) Unix µs of each frame in display order; the shorter of file and times counts.
-            start_us: without ``times_us``: Unix µs of the first frame, the file's own time stamps say the rest.
+            start_us: without ``times_us``: Unix µs of the first frame, the file's own time stamps give the others.
 
         Raises:
             VideoError: no such file, not a video, no frame in it.

@@ -3,9 +3,9 @@
 ``python -m vision.training.fronts --video flight.mkv --mission mission.toml --out .train/mine``
 
 The first call cuts crops out of the video (or takes ``--crops FOLDER``), clusters each with its copy turned by 180° by
-the features of a pretrained ResNet-18, and draws a contact sheet of every cluster. A person looks at them and edits
+the features of a pretrained ResNet-18, and draws a contact sheet of every cluster. A person checks them and edits
 ``corrections.csv``. The same call again trains, and exports ``front.onnx`` for ``[detector] front`` in a mission file.
-Every step is kept and not done twice; changed corrections are trained anew. Needs the extras ``train`` and ``bench``.
+Every step is kept and not done twice; changed corrections are trained again. Needs the extras ``train`` and ``bench``.
 
 Reference:
     Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4.
@@ -45,7 +45,7 @@ log = logging.getLogger(__name__)
 
 
 def main() -> None:
-    """Do what is still to be done; what cannot be used is told in one line."""
+    """Do what is still to be done; unusable input is reported in one line."""
     try:
         _run(_arguments())
     except VisionError as error:

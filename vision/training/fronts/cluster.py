@@ -1,9 +1,9 @@
 """Crops that look alike, brought to face one way, without a label.
 
 Every crop is clustered together with its copy turned by 180°. Of features f of a crop and f' of its copy only
-d = f − f' can tell the ends apart: what both share, the colour or the ground, falls out, and the copy has −d. So
+d = f − f' separates the two ends: what both share, the colour or the ground, falls out, and the copy has −d. So
 k-means runs on all ±d with its centroids in pairs ±c: a crop belongs to the pair that is nearest and, by the sign, it
-or its copy faces as the cluster does. Which way that is, right or left, no clustering can know.
+or its copy faces as the cluster does. Which way that is, right or left, clustering cannot find out.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Clusters:
 
 
 def ends_apart(features: NDArray[np.floating], turned: NDArray[np.floating]) -> FloatArray:
-    """What tells a crop from its turned copy, in few dimensions.
+    """The difference between a crop and its turned copy, in few dimensions.
 
     Args:
         features: (n, m) of the crops.

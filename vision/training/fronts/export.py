@@ -98,7 +98,7 @@ def to_onnx(weights: Weights, side: int, metadata: Mapping[str, str]) -> onnx.Mo
 
 
 def metadata(seed: int, classes: int, margin: float, trained_on: str) -> dict[str, str]:
-    """What ``vision.detect.front`` wants to know of a classifier, and where it comes from."""
+    """Metadata that ``vision.detect.front`` needs of a classifier, and its origin."""
     return {
         "rollcall_front": "1",
         "front_deg": " ".join(str(360 * k // classes) for k in range(classes)),

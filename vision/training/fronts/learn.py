@@ -43,13 +43,13 @@ class TrainingPlan:
     margin: float = 0.15
     classes: int = 2
     every: int = 200
-    """Steps between looks at the held-out vehicles, each with a checkpoint."""
+    """Steps between evaluations on the held-out vehicles, each with a checkpoint."""
 
 
 def learn(net: ResNet18, vehicles: Vehicles, held_out: Vehicles, plan: TrainingPlan, out: Path) -> None:
-    """Train a network in place; writes ``checkpoint.pt`` and ``learning.csv`` and goes on from the former.
+    """Train a network in place; writes ``checkpoint.pt`` and ``learning.csv`` and continues from the former.
 
-    Every step draws from a generator seeded by the seed and the step's number, so a run that was stopped goes on as if
+    Every step draws from a generator seeded by the seed and the step's number, so a stopped run continues as if
     it had not been.
     """
     optimiser = torch.optim.AdamW(net.parameters(), lr=plan.rate, weight_decay=WEIGHT_DECAY)
@@ -103,7 +103,7 @@ def draw_curve(folder: Path) -> None:
 
 
 class _Mean:
-    """Mean loss and accuracy since the last look."""
+    """Mean loss and accuracy since the last evaluation."""
 
     def __init__(self) -> None:
         self.loss, self.right, self.n, self.start_s = 0.0, 0, 0, time.monotonic()

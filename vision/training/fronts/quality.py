@@ -32,7 +32,7 @@ def quality(model: Path, held_out: Vehicles, length_px: NDArray[np.float64], see
 
     Returns:
         A row for each class of length that there is, and one for all: the lengths, the number of vehicles, the share of
-        right fronts if all were told, the share that is told at ``SURE``, the share of those that is right.
+        share of right fronts if all were returned, the share returned at ``SURE``, the share of those that is right.
     """
     classifier = open_front_classifier(model, sure=0.0)
     boxes = jittered(held_out.boxes, np.random.default_rng([seed, 2]))
@@ -46,7 +46,7 @@ def quality(model: Path, held_out: Vehicles, length_px: NDArray[np.float64], see
 
 
 def write_quality(path: Path, rows: Sequence[dict[str, float]]) -> None:
-    """Write the rows, and tell them."""
+    """Write the rows, and log them."""
     with path.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

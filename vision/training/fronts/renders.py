@@ -3,7 +3,7 @@
 ``python -m vision.training.fronts.renders --seed 0 --out .train/fronts``
 
 Images come from ``pool`` and ``held_out`` in the folder; where they are missing, ``python -m
-sim.training.front_crops`` is run for them. A run that was stopped goes on. Writes checkpoint.pt, learning.csv and .png,
+sim.training.front_crops`` is run for them. A stopped run continues. Writes checkpoint.pt, learning.csv and .png,
 quality.csv and front.onnx.
 """
 

@@ -1,12 +1,12 @@
-"""Contact sheets of clusters, and the table in which a person says which way they face.
+"""Contact sheets of clusters, and the table in which a person notes which way they face.
 
-A sheet shows crops as the clustering turned them, the doubtful first: all should face the same way. ``corrections.csv``
+A sheet shows crops as clustering turned them, uncertain ones first: all should face the same way. ``corrections.csv``
 has a row for every cluster, to be checked, and takes a row for every crop that is wrong on its sheet:
 
     what,number,front
     cluster,0,right      the vehicles on sheet 0 face right
     cluster,1,?          not decided: these crops are left out
-    crop,127,left        crop 127 faces left on its sheet, whatever its cluster says
+    crop,127,left        crop 127 faces left on its sheet, whatever its cluster has
     crop,130,none        no vehicle, or no front to be seen: left out
 """
 
@@ -38,7 +38,7 @@ COLUMN_NAMES = ("what", "number", "front")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corrections:
-    """What a person said."""
+    """Corrections by a person."""
 
     clusters: Mapping[int, str]
     crops: Mapping[int, str]
