@@ -16,7 +16,7 @@ import msgspec
 
 from infra.program_log import log_as_parent
 
-__all__ = ["Channel", "connect_to_parent"]
+__all__ = ["MessageChannel", "connect_to_parent"]
 
 _MOST_BYTES = 1 << 20
 """A longer message is none."""
@@ -24,7 +24,7 @@ _MOST_BYTES = 1 << 20
 Received = TypeVar("Received")
 
 
-class Channel(Generic[Received]):
+class MessageChannel(Generic[Received]):
     """One end. Any thread may send, one receives.
 
     Args:
@@ -84,7 +84,7 @@ class Channel(Generic[Received]):
         self._reading.close()
 
 
-def connect_to_parent(requests: type[Received] | Any) -> Channel[Received]:  # noqa: ANN401 - unions are no types
+def connect_to_parent(requests: type[Received] | Any) -> MessageChannel[Received]:  # noqa: ANN401 - unions are no types
     """A child's end, in a program that :class:`infra.processes.child_process.ChildProcess` started.
 
     From here on it logs into its parent's files.
@@ -94,4 +94,4 @@ def connect_to_parent(requests: type[Received] | Any) -> Channel[Received]:  # n
     """
     log_as_parent()
     reading, writing = map(int, sys.argv[1:3])
-    return Channel(Connection(reading, writable=False), Connection(writing, readable=False), requests)
+    return MessageChannel(Connection(reading, writable=False), Connection(writing, readable=False), requests)

@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar
 
 import psutil
 
-from infra.processes.channel import Channel
+from infra.processes.channel import MessageChannel
 from infra.program_log import child_environment
 
 __all__ = ["ChildProcess"]
@@ -59,7 +59,7 @@ class ChildProcess(Generic[Report]):
         their_reading, our_writing = Pipe(duplex=False)
         our_reading, their_writing = Pipe(duplex=False)
         ends = their_reading.fileno(), their_writing.fileno()
-        self.channel: Channel[Report] = Channel(our_reading, our_writing, reports)
+        self.channel: MessageChannel[Report] = MessageChannel(our_reading, our_writing, reports)
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         # our packages are found where this one is, whatever folder the station was started in
         paths = os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))

@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from infra.files.journal import Journal
-from infra.processes.channel import Channel, connect_to_parent
+from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError, MavlinkError
 from mavlink.ingest.health import IngestHealth
@@ -54,7 +54,7 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's interrupt is the station's
     with contextlib.suppress(OSError):
         os.nice(-5)  # where that is allowed: it takes little, and it must not wait
-    station: Channel[IngestRequest] = connect_to_parent(IngestRequest)
+    station: MessageChannel[IngestRequest] = connect_to_parent(IngestRequest)
     try:
         plan = station.receive()
     except EOFError:
@@ -74,7 +74,7 @@ def main() -> int:
 
 
 class _IngestWorker:
-    def __init__(self, plan: Plan, station: Channel[IngestRequest]) -> None:
+    def __init__(self, plan: Plan, station: MessageChannel[IngestRequest]) -> None:
         self._station = station
         self._memory = IngestMemory(plan.memory)
         self._wake = plan.wake

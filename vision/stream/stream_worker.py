@@ -18,7 +18,7 @@ from functools import partial
 import av
 import numpy as np
 
-from infra.processes.channel import Channel, connect_to_parent
+from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.program_log import conceal_with
 from infra.reporting import Backoff
 from infra.shared_memory import map_memory
@@ -49,7 +49,7 @@ SEAL_S = 0.5
 class _StreamWorker:
     """The process's two threads: one reads the source, one answers requests."""
 
-    def __init__(self, settings: Settings, station: Channel[VideoRequest]) -> None:
+    def __init__(self, settings: Settings, station: MessageChannel[VideoRequest]) -> None:
         self._station = station
         self._images = np.frombuffer(map_memory(settings.memory), dtype=np.uint8)
         self._source = parse_source(settings.source)
@@ -183,7 +183,7 @@ class _StreamWorker:
 def main() -> None:
     """Wait for the settings and work."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    station: Channel[VideoRequest] = connect_to_parent(VideoRequest)
+    station: MessageChannel[VideoRequest] = connect_to_parent(VideoRequest)
     settings = station.receive()
     assert isinstance(settings, Settings)
     conceal_with(partial(conceal_in, address=settings.source))
