@@ -1,4 +1,4 @@
-"""What the fleet says about itself: frozen records of arrays, order as configured."""
+"""The fleet's state: frozen records of arrays, in configured order."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ __all__ = [
 Array = NDArray[np.float64]
 Level = Literal["info", "warning", "alarm"]
 SILENT_S = 3.5
-"""A vehicle or a link of which nothing was heard for so long is silent: three heartbeats of one a second are missing,
-and what a slow radio holds up is not."""
+"""A vehicle or a link without a packet for this long is silent: three heartbeats of one a second are missing, which is
+longer than the delay of a slow radio."""
 PositionState = Literal["ok", "stale", "lost", "never", "refused", "contested"]
 
 
@@ -54,7 +54,7 @@ class CameraReport:
     """Rad across the image, NaN unknown."""
     vfov: float
     source: str
-    """Name of the message that tells the field of view."""
+    """Name of the message with the field of view."""
     rotation_deg: int = 0
     """By which the image is turned, clockwise: 0, 90, 180 or 270."""
     zoom_percent: float = math.nan
@@ -91,7 +91,7 @@ class UavState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelStatus:
-    """How one vehicle is heard from one address on one link."""
+    """How one vehicle's packets come from one address on one link."""
 
     link: int
     """Index of the link."""
@@ -99,13 +99,13 @@ class ChannelStatus:
     """Number of the address on that link, 0 where there is none."""
     packets: int
     rate_hz: float
-    """Packets a second lately, copies of those of other channels included."""
+    """Packets a second lately, duplicates of those of other channels included."""
     loss: float
     """Share of packets missing by sequence number, lately, 0..1."""
     age_s: float
     """Since its last packet."""
     late_s: float
-    """How far its copies came behind another channel, 0 when it was first or has no copies."""
+    """How long after another channel it brings the same packets, 0 when it is first or the only one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,55 +130,55 @@ class VehicleStatus:
     loss: float
     """Share of packets missing by sequence number, lately, 0..1."""
     refused: int
-    """Positions that could not be right, and were not used."""
+    """Positions that were rejected."""
     last_text: str
     contested: bool = False
-    """Two senders use this system id: its reports are not used."""
+    """Two senders use this system id (an id conflict): its reports are not used."""
     jumps: bool = False
-    """Its place jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
+    """Its position jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
     refusals: tuple[tuple[str, int], ...] = ()
     """What was left out, by reason: positions, and single values of positions that were used without them."""
     refused_for: str = ""
     """Why the latest position was not used, empty when it was."""
     copies: int = 0
-    """Packets that had come before, over another link or twice over one."""
+    """Duplicates: packets that had come before, over another link or twice over one."""
     signed: int = 0
     """Packets with a signature that was verified."""
     unsigned: int = 0
-    """Packets without one that was verified, refused where a key is set."""
+    """Packets without one that was verified, rejected where a key is set."""
     bad_signature: int = 0
-    """Packets refused for their signature: another key, a replay, from the future."""
+    """Packets rejected for their signature: another key, a replay, from the future."""
     replayed: int = 0
     """Of these, packets of a recording that is played again."""
     held: int = 0
     """Packets with a right signature that are held: nothing proves that they are made now."""
     held_s: float = math.nan
-    """How far their timestamps are behind, while all that comes is held; else NaN."""
+    """How far their timestamps are behind, while every packet is held; else NaN."""
     signs: bool = False
-    """Packets were verified and none refused in the last seconds."""
+    """Packets were verified and none rejected in the last seconds."""
     link: int = -1
-    """Index of the link that was heard last, -1 before any."""
+    """Index of the link of its newest packet, −1 before any."""
     channels: tuple[ChannelStatus, ...] = ()
-    """The ways it is heard, in order of first use."""
+    """The channels that bring its packets, in order of first use."""
     drift_ppm: float = math.nan
-    """By how much Unix time runs faster than the vehicle's clock, NaN until that can be told."""
+    """By how much Unix time runs faster than the vehicle's clock, NaN unknown."""
     round_trip_s: float = math.nan
-    """Of TIMESYNC there and back, the least lately; NaN while nobody asks."""
+    """Least round trip of TIMESYNC lately; NaN while no request is sent."""
     clock_error_s: float = math.nan
-    """The vehicle's own idea of Unix time minus ours; NaN before it has one. Told, never used."""
+    """The vehicle's own Unix time minus ours; NaN before it has one. Reported, never used."""
     clock_fault: str = ""
     """What is wrong with its clocks, in words; empty while nothing is. No position depends on it."""
     doubted_for: str = ""
-    """Why its positions may be wrong by its own word, empty without doubt; they are used, with a wide 1σ."""
+    """Why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
     compass_doubted: bool = False
     """Its compass contradicts its filter: its heading may be wrong."""
     hardware: str = ""
-    """Hardware id in hexadecimal, empty until AUTOPILOT_VERSION was heard."""
+    """Hardware id in hexadecimal, empty before AUTOPILOT_VERSION."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetState:
-    """Everybody at one time; n ground vehicles in configured order."""
+    """All vehicles at one time; n ground vehicles in configured order."""
 
     t_us: int
     uav: UavState
@@ -193,9 +193,9 @@ class FleetState:
     age_s: Array
     """(n,) of the position, inf never."""
     std_m: Array
-    """(n,) 1σ of the horizontal position; grows while nothing is heard."""
+    """(n,) 1σ of the horizontal position; grows while no report comes."""
     valid: NDArray[np.bool_]
-    """(n,) position may be used: heard within two seconds, and not contested."""
+    """(n,) position may be used: reported within two seconds, and not in an id conflict."""
     vehicles: tuple[VehicleStatus, ...]
     """The UAV first, then the ground vehicles."""
 

@@ -1,9 +1,9 @@
 """Where each sender of one system id reports the vehicle to be, and whether all of it can be true of one vehicle.
 
-Senders are told apart by component, address and run of sequence numbers, and each has a clock of its own until its
+Senders are distinguished by component, address and run of sequence numbers, and each has a clock of its own until its
 places prove otherwise. Two radios of one autopilot share a boot clock: what one brings seconds late lies on the path
 that the other has reported, at the same boot time. Two components of one vehicle need not share a clock, and are at the
-same place. Where neither holds, one of them is not of this vehicle, whatever its clock says.
+same place. Where neither holds, one of them is not of this vehicle, whatever its clock.
 """
 
 from __future__ import annotations

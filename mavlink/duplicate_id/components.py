@@ -116,9 +116,7 @@ class Components:
             or (t_us - autopilot.last_us > _SILENT_US and component.rank[0] >= autopilot.rank[0])
         ):
             if autopilot is not None and autopilot.sends_heartbeats:
-                self._report = (
-                    f"component {component.component_id} speaks for the vehicle now, {self.autopilot} did before"
-                )
+                self._report = f"component {component.component_id} is the autopilot now, {self.autopilot} was before"
             self.autopilot = component.component_id
             return True
         return False

@@ -34,7 +34,7 @@ ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "a
 _PAUSE_US = 3_000_000
 """Contradictions farther apart than this do not belong together."""
 _SPAN_US = 900_000
-"""How long senders have to alternate at least: whoever restarts does so once."""
+"""How long senders have to alternate at least: a vehicle that restarts does so once."""
 _ALTERNATIONS: dict[ConflictKind, int] = {
     "autopilot": 3,
     "kind": 3,
@@ -92,7 +92,7 @@ class _Alternation:
         """Adds one packet; True when its side is another than before.
 
         Args:
-            side: what tells the sides apart.
+            side: what distinguishes the sides.
             sender: of this packet.
             other: of the other side's last packet.
             t_us: Unix µs of its arrival.
@@ -305,7 +305,7 @@ class DuplicateIdDetector:
         before, self._autopilot = self._autopilot, sender
         sides = (before.component, sender.component) if before is not None else ()
         if before is not None and rival in sides and sender.component != before.component:
-            detail = "two autopilots, and the other than before tells a place"
+            detail = "two autopilots, and the other than before reports a position"
             self._conflicts.add("autopilot", sender.component, sender, t_us, detail, before)
 
     def compare_attitude(self, boot_us: int, sample: Attitude, sender: SenderKey) -> None:
@@ -357,7 +357,7 @@ class DuplicateIdDetector:
         if not found.is_established(_ADDRESS_CHANGES, t_us) or not self._address_reports.due("addresses", t_us):
             return ""
         other, one = self.channel_text(found.other), self.channel_text(found.sender)
-        return f"system {system_id} speaks from two addresses ({other} and {one})"
+        return f"system {system_id} sends from two addresses ({other} and {one})"
 
     def channel_text(self, sender: SenderKey) -> str:
         """A channel in words, without the component."""

@@ -283,7 +283,7 @@ class VehicleClock:
         self._anchor = points[-1][0]
         self._offset = min(d - self._drift * (b - self._anchor) for b, d in points)
         if not self._drift:
-            # without a drift the old points say less and less: each may be off by the greatest drift since
+            # without a drift old points become less certain: each may be off by the greatest drift since
             self._offset = min(d + self.params.max_drift * (self._anchor - b) for b, d in points)
 
     def _limited_drift(self, slope: float) -> float:

@@ -39,7 +39,7 @@ LOST_S = 3.0
 _EXTRAPOLATE_S = 2.0
 """A position is extrapolated by its velocity for this long: vehicles turn, and then it is wrong."""
 _HERMITE_S = 2.0
-"""Over longer gaps velocities say too little about the path between."""
+"""Over longer gaps velocities do not determine the path between."""
 _VELOCITY_MISFIT_MPS = 2.0
 """Velocities that differ from the mean velocity between two positions by more than this are not used for the path."""
 _DRIVER_ACCELERATION = 1.5

@@ -54,7 +54,7 @@ class VehicleLimits:
     course_gap: float = math.radians(40.0)
     """Heading this far from the course, forward or backward, while driving: the heading is wrong."""
     course_speed: float = 1.0
-    """m/s; at less the course says nothing."""
+    """m/s; at less the course is not compared."""
     default_std_m: float = 2.0
     """1σ when the receiver reports none."""
     max_acceleration: float = 4.0

@@ -119,7 +119,7 @@ class Vehicle:
         if own:
             yield from self._add_own_heartbeat(sample, arrival, first)
         elif self._autopilot_reports.due(f"{sample.component_id}", t_us):
-            text = f"system {self.system_id}: component {sample.component_id} says that it is the autopilot too"
+            text = f"system {self.system_id}: component {sample.component_id} claims to be the autopilot too"
             yield self._notice(t_us, "warning", f"{text} ({self._duplicate_id.channel_text(sender)})")
         yield from self.conflict_notices(t_us)
 
@@ -139,7 +139,7 @@ class Vehicle:
             )
         elif before is not None and not self.in_conflict(t_us):
             if kinds and self._duplicate_id.reports.due("kind", t_us):
-                text = f"system {self.system_id} was a {kinds[0]} and says it is a {kinds[1]}"
+                text = f"system {self.system_id} was a {kinds[0]} and reports to be a {kinds[1]}"
                 yield self._notice(t_us, "warning", text)
             if before.armed != sample.armed and self._change_reports.due("armed", t_us):
                 yield self._notice(t_us, "info", "armed" if sample.armed else "disarmed")

@@ -104,7 +104,7 @@ class FrameStream:
 
     def _hidden_frames(self) -> list[bytes]:
         waited = self._framer.waiting
-        frames = self._framer.give_up()
+        frames = self._framer.skip_unfinished()
         self._searched = self._framer.waiting
         if self._searched < waited:
             self._since_s = self._clock_s()  # another frame is waited for now

@@ -1,4 +1,4 @@
-"""What a checksum says about a frame whose definition nobody here has.
+"""What the checksum shows of a frame whose definition is not in the dialect.
 
 MAVLink's checksum is the X.25 CRC of header and payload with one more byte at the end, the definition's CRC extra:
 

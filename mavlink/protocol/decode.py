@@ -67,7 +67,7 @@ _Values = tuple[Any, ...]
 
 
 def clean_text(raw: bytes) -> str:
-    """Text from the air: cut at the first NUL, bad UTF-8 and control characters replaced by U+FFFD."""
+    """Text of a message: cut at the first NUL, bad UTF-8 and control characters replaced by U+FFFD."""
     return plain(raw.split(b"\0", 1)[0].decode("utf-8", "replace"))
 
 
@@ -130,12 +130,13 @@ _ON_EARTH = 16
 _EKF_UNINITIALIZED, _EKF_GLITCH, _ESTIMATOR_GLITCH = 1024, 32768, 1024
 
 
-_MOST_RATIO, _MOST_ACCURACY_M = 1e3, 1e5
+_MAX_RATIO, _MAX_ACCURACY_M = 1e3, 1e5
+"""Larger test ratios and accuracies mean nothing more."""
 
 
 def _ratio(value: float) -> float:
-    """0 for what is none, bounded: it becomes metres."""
-    return min(value, _MOST_RATIO) if value > 0.0 else 0.0
+    """A ratio of 0 or more, bounded, since it becomes metres; 0 for NaN."""
+    return min(value, _MAX_RATIO) if value > 0.0 else 0.0
 
 
 def _ekf_status(head: _Head, v: _Values) -> FilterStatus:
@@ -148,7 +149,7 @@ def _ekf_status(head: _Head, v: _Values) -> FilterStatus:
 def _estimator_status(head: _Head, v: _Values) -> FilterStatus:
     _, velocity, position, _, compass, _, _, accuracy, _, flags = v
     ratios, aided = (_ratio(position), _ratio(velocity), _ratio(compass)), bool(flags & _ON_EARTH)
-    accuracy_m = min(accuracy, _MOST_ACCURACY_M) if accuracy > 0.0 else math.nan
+    accuracy_m = min(accuracy, _MAX_ACCURACY_M) if accuracy > 0.0 else math.nan
     return FilterStatus(*head, *ratios, accuracy_m, flags != 0, aided, bool(flags & _ESTIMATOR_GLITCH))
 
 
@@ -178,7 +179,7 @@ def _mount_status(head: _Head, v: _Values) -> MountStatus:
 
 
 def _given(value: float) -> float:
-    """NaN for 0: what the sender cut off or left empty."""
+    """NaN for 0, which stands for a field that the sender left out."""
     return value if value != 0.0 else math.nan
 
 
@@ -285,10 +286,10 @@ _DECODERS = {message_id: _decoder(message_id) for message_id in _MAKERS}
 
 
 def decode(packet: Packet) -> Sample | None:
-    """What a packet says, or None when it is a message that this program has no use for.
+    """The message in a packet in SI units, None for one that this program does not use.
 
     Args:
-        packet: a frame that :mod:`mavlink.protocol.framing` or :mod:`mavlink.tlog.log` let through.
+        packet: a frame that :mod:`mavlink.protocol.framing` or :mod:`mavlink.tlog.log` accepted.
     """
     raw = packet.raw
     if raw[0] == MAGIC_V2:

@@ -28,7 +28,7 @@ class MavlinkEncoder:
     Args:
         system_id: 1..255.
         component_id: 1 is the autopilot.
-        version: 2 or 1, the MAVLink version spoken.
+        version: of MAVLink, 2 or 1.
         key: 32 bytes to sign with (MAVLink 2 only).
     """
 

@@ -1,7 +1,7 @@
-"""Framing: finds MAVLink 1 and 2 frames in bytes, and never loses a good one next to a bad one.
+"""Framing: finds MAVLink 1 and 2 frames in bytes, and never loses a good one beside a bad one.
 
 A frame is good when its message id is known, its payload is no longer than defined and its checksum is right (X.25 CRC,
-seeded with the definition's CRC extra). A bad frame costs one byte: the search goes on at the byte after its magic,
+seeded with the definition's CRC extra). A bad frame costs one byte: the search continues at the byte after its magic,
 because a damaged length must not swallow what follows. A frame with an unknown id cannot be trusted; it is kept for the
 record only when some CRC extra makes its checksum right (:mod:`mavlink.protocol.crc`), where it fits in: directly after
 a good frame, at the start, or directly before a good frame, and only when no good frame begins inside it.
@@ -40,7 +40,7 @@ class FrameCounts:
     junk_bytes: int = 0
     """Bytes outside of every frame kept: text, noise, damaged frames."""
     unknown: int = 0
-    """Frames of unknown messages, kept and never trusted."""
+    """Frames of unknown messages, recorded and never used."""
 
     def __add__(self, other: FrameCounts) -> FrameCounts:
         """Counts of both."""
@@ -67,10 +67,10 @@ _NOTHING, _GOOD, _BAD, _UNKNOWN, _MORE = _Verdict
 
 
 class _Wait(Enum):
-    """For which unfinished frames to wait."""
+    """Which unfinished frames to wait for."""
 
     FOR_ALL = "all"
-    FOR_LAST = "those that no good frame stands behind"
+    FOR_LAST = "those that no good frame follows"
     FOR_NONE = "none"
 
 
@@ -81,12 +81,12 @@ def checksum(frame: bytes, extra: int) -> int:
 
 
 def _look(data: bytes, pos: int) -> tuple[_Verdict, int]:
-    """What begins at a magic byte, and how long it is (0 when it is nothing)."""
+    """What begins at a magic byte, and its length (0 for nothing)."""
     left = len(data) - pos
     v2 = data[pos] == MAGIC_V2
     header = 10 if v2 else 6
     if v2 and left > 2 and data[pos + 2] > 1:
-        return _NOTHING, 0  # an incompatibility flag that nobody here understands
+        return _NOTHING, 0  # an unknown incompatibility flag
     if left < header:
         return _MORE, 0
     payload = data[pos + 1]
@@ -120,7 +120,7 @@ def _holds_good(data: bytes, start: int, stop: int) -> _Verdict:
 
 
 def _hides(data: bytes, pos: int) -> bool:
-    """Whether a good frame stands behind the magic byte of an unfinished one."""
+    """Whether a good frame follows the magic byte of an unfinished one."""
     return _holds_good(data, pos + 1, len(data)) is _GOOD
 
 
@@ -186,7 +186,7 @@ def split(data: bytes) -> tuple[list[bytes], FrameCounts]:
     magic = _MAGIC.search(data)
     if magic is None:
         return [], FrameCounts(junk_bytes=len(data))
-    if magic.start() == 0:  # nearly always; most are exactly one good frame, and a flood of bad ones must be cheap too
+    if magic.start() == 0:  # nearly always; most hold exactly one good frame, and a flood of bad ones must be cheap too
         verdict, length = _look(data, 0)
         if verdict is _GOOD and length == len(data):
             return [data], _ONE_GOOD
@@ -210,16 +210,18 @@ class Framer:
         return len(self._rest)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Takes the next bytes and returns the frames that they complete, in order."""
+        """Adds the next bytes and returns the frames that they complete, in order."""
         return self._scan(self._rest + data, _Wait.FOR_ALL)
 
-    def give_up(self) -> list[bytes]:
-        """What stands behind an unfinished frame whose bytes have not come in time: three bytes of noise may claim
-        the next 280. As long as nothing good stands behind it, it may still be finished."""
+    def skip_unfinished(self) -> list[bytes]:
+        """Gives up an unfinished frame and returns the good ones that follow it: three bytes of noise may claim 280.
+
+        As long as no good frame follows, it may still be finished.
+        """
         return self._scan(self._rest, _Wait.FOR_LAST)
 
     def finish(self) -> list[bytes]:
-        """Takes the end of the stream: whatever was hidden behind an unfinished frame comes out."""
+        """Ends the stream and returns the frames behind an unfinished one."""
         return self._scan(self._rest, _Wait.FOR_NONE)
 
     def _scan(self, data: bytes, wait: _Wait) -> list[bytes]:

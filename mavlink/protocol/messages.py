@@ -1,8 +1,8 @@
-"""What messages say, in SI units: one frozen record per message kind.
+"""Decoded messages in SI units: one frozen record per message kind.
 
 Angles in radians, yaw and headings clockwise from north, velocities in north-east-down as the wire has them.
-NaN: not given. All begin with the time of arrival and the sender. The fields come by position, not by keyword, because
-these records are made thousands of times a second.
+NaN is unknown. All begin with the time of arrival and the sender. Records are made by position, not by keyword, because
+that happens thousands of times a second.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Heartbeat(_Sample):
     base_mode: int
     custom_mode: int
     status: int
-    """MAV_STATE; says nothing about being armed."""
+    """MAV_STATE; independent of armed."""
 
     @property
     def armed(self) -> bool:
@@ -63,7 +63,7 @@ class SystemTime(_Sample):
     """SYSTEM_TIME (2)."""
 
     unix_us: int
-    """The vehicle's idea of Unix time, 0 without one; often off by a second, so never a clock to rely on."""
+    """Unix time by the vehicle's own clock, 0 unknown; often off by a second, so never relied on."""
     boot_ms: int
 
 
@@ -92,7 +92,7 @@ class Attitude(_Sample):
 
 @dataclass(frozen=True, slots=True)
 class GlobalPosition(_Sample):
-    """GLOBAL_POSITION_INT (33), not yet judged: 0/0 and other nonsense are still in it."""
+    """GLOBAL_POSITION_INT (33), not checked yet: it may hold 0/0 and impossible values."""
 
     boot_ms: int
     lat_deg: float
@@ -105,7 +105,7 @@ class GlobalPosition(_Sample):
     v_east: float
     v_down: float
     heading: float
-    """Of the nose, 0..2π, NaN when the sender says unknown."""
+    """Of the nose, 0..2π, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,24 +129,24 @@ class GpsRaw(_Sample):
 
 @dataclass(frozen=True, slots=True)
 class FilterStatus(_Sample):
-    """EKF_STATUS_REPORT (193) or ESTIMATOR_STATUS (230): how an autopilot's filter gets on with its sensors."""
+    """EKF_STATUS_REPORT (193) or ESTIMATOR_STATUS (230): how well an autopilot's filter and its sensors agree."""
 
     position_ratio: float
-    """Horizontal innovation over what the filter allows, 1 and more: refused. So are the others."""
+    """Horizontal innovation over what the filter allows: from 1 on the measurement is rejected. So are the others."""
     velocity_ratio: float
     compass_ratio: float
     accuracy_m: float
-    """1σ of the horizontal position, NaN not told."""
+    """1σ of the horizontal position, NaN unknown."""
     started: bool
     aided: bool
-    """Something outside, a receiver mostly, says where it is on Earth."""
+    """An absolute position, mostly from a satellite receiver, corrects the estimate."""
     glitch: bool
-    """It says that its receiver has a glitch."""
+    """The filter reports a glitch of its receiver."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorHealth(_Sample):
-    """SYS_STATUS (1): whether the autopilot calls what it uses healthy, None where it does not use it."""
+    """SYS_STATUS (1): whether sensors in use are healthy by the autopilot's report, None where not in use."""
 
     gps: bool | None
     estimate: bool | None
@@ -196,7 +196,7 @@ class CameraInformation(_Sample):
     vendor: str
     model: str
     focal_length_m: float
-    """NaN or 0 unknown; not yet judged, like all lengths and angles of cameras."""
+    """NaN or 0 unknown; not checked yet, like all lengths and angles of cameras."""
     sensor_width_m: float
     sensor_height_m: float
     width_px: int
@@ -206,7 +206,7 @@ class CameraInformation(_Sample):
     gimbal_id: int
     """Gimbal that carries the camera: a device id 1-6 or a component id, 0 unknown."""
     device_id: int
-    """1-6 of a camera that its autopilot speaks for, 0 of one that speaks for itself."""
+    """1-6 of a camera whose messages its autopilot sends, 0 of one that sends its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,7 +258,7 @@ class VideoStreamInformation(_Sample):
 
 @dataclass(frozen=True, slots=True)
 class StatusText(_Sample):
-    """STATUSTEXT (253), made harmless: control characters are replaced. It is never markup."""
+    """STATUSTEXT (253), control characters replaced. It is never markup."""
 
     severity: int
     """MAV_SEVERITY: 0 emergency .. 7 debug."""
@@ -270,7 +270,7 @@ class StatusText(_Sample):
 
 @dataclass(frozen=True, slots=True)
 class RadioStatus(_Sample):
-    """RADIO_STATUS (109) or RADIO (166): the modem's own words, about both its ends."""
+    """RADIO_STATUS (109) or RADIO (166): a modem's report on both ends of its link."""
 
     rssi: int
     """Device units; 255 unknown."""

@@ -20,7 +20,7 @@ _KINDS = (
 )
 _FLYING = frozenset({"copter", "helicopter", "plane", "vtol"})
 _DRIVING = frozenset({"rover", "boat", "quadruped"})
-# Types that beat without being a vehicle: stations, companions, gimbals, cameras, transponders, chargers, batteries ...
+# Types that send heartbeats without being a vehicle: stations, companions, gimbals, cameras, batteries ...
 _EQUIPMENT = frozenset({6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
 _MODE_ENUMS = {
     "copter": "COPTER_MODE",
@@ -46,7 +46,7 @@ _FIXES = {0: "none", 1: "none", 2: "2D", 3: "3D", 4: "DGPS", 5: "RTK float", 6: 
 
 
 def is_vehicle(mav_type: int, autopilot: int) -> bool:
-    """Whether a heartbeat is a vehicle's; stations, gimbals and cameras beat too, and so do their relayed copies."""
+    """Whether a heartbeat is a vehicle's; stations, gimbals and cameras send them too, and relayed copies."""
     return autopilot != _NO_AUTOPILOT and mav_type not in _EQUIPMENT
 
 

@@ -12,10 +12,10 @@ MAGIC_V2 = 0xFD
 
 
 class Auth(IntEnum):
-    """What a frame's signature says; above ``GOOD`` the frame is recorded and counted, and never believed."""
+    """Result of verifying a frame's signature; above ``GOOD`` the frame is recorded and counted, and never used."""
 
     OPEN = 0
-    """No key is set for its sender, or the message may come unsigned: nothing says who sent it."""
+    """No key is set for its sender, or the message may come unsigned: nothing proves its sender."""
     GOOD = 1
     UNSIGNED = 2
     """Keys are set, and the frame carries no signature (MAVLink 1, or one taken off), or its sender has no key."""
@@ -26,14 +26,14 @@ class Auth(IntEnum):
     FUTURE = 5
     """The signature is right and its time too far ahead."""
     HELD = 6
-    """The signature is right, and nothing proves that the frame was made now."""
+    """The signature is right, and nothing proves that the frame was made now, not recorded and replayed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
     """A raw frame, MAVLink 1 or 2, exactly as received.
 
-    The properties read header bytes only: they are right for frames that :mod:`mavlink.protocol.framing` let through.
+    The properties read header bytes only: they are right for frames that :mod:`mavlink.protocol.framing` accepted.
     """
 
     t_us: int
@@ -45,7 +45,7 @@ class Packet:
     peer: int = 0
     """Number of the sender's address on that link, from 1; 0 where there is none, as in a log."""
     auth: Auth = Auth.OPEN
-    """What its signature says."""
+    """Result of verifying its signature."""
     record: int = field(default=-1, compare=False)
     """Its running number in the flight's log, -1 where it is not in one or that is not known."""
 
@@ -77,7 +77,7 @@ class Packet:
 
     @property
     def signed(self) -> bool:
-        """Whether a signature follows the checksum; ``auth`` says what it is worth."""
+        """Whether a signature follows the checksum; ``auth`` is the result of verifying it."""
         return self.raw[0] == MAGIC_V2 and bool(self.raw[2] & 1)
 
     @property

@@ -1,1 +1,1 @@
-"""What one vehicle's packets say of its links: packets in, rates, loss, duplicates and order out."""
+"""How one vehicle's packets arrive: packets in, senders, rates, loss, duplicates and rejections out."""

@@ -55,7 +55,7 @@ _MAX_RUNS = 4
 
 
 class SenderKey(NamedTuple):
-    """Where a packet came from, as far as the way it came tells senders of one system id apart."""
+    """The source of a packet: what distinguishes senders of one system id."""
 
     link: int
     peer: int

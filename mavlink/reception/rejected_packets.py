@@ -4,7 +4,7 @@ A signature's timestamp has to be newer than the last of its stream. A link that
 does a vehicle that signs for all its radios with one counter, as ArduPilot does: whatever comes over the slower radio
 is older than what the faster one has brought, by seconds. Anything older than that was recorded and played again.
 
-Timestamps alone do not tell the two apart, since counters stand still while vehicles drive: what counts is when newer
+Timestamps alone do not distinguish the two, since counters stand still while vehicles drive: what counts is when newer
 packets came, and how long ago the vehicle's own clock showed the time that a packet carries.
 """
 
@@ -42,7 +42,7 @@ _REORDERED_AFTER, _REORDERED_EVERY_US = 20, 600_000_000
 _HELD_US = 3_000_000
 """Held packets this close together are one incident, which is reported once it has lasted as long."""
 _AUTH_LASTS_US = 10_000_000
-"""How long a rejected packet speaks against a vehicle's signatures."""
+"""How long after a rejected packet a vehicle's signatures count as not good."""
 _REASONS = {
     Auth.UNSIGNED: "no signature",
     Auth.BAD: "bad signature",
@@ -199,7 +199,7 @@ class PacketRejections:
         age_us = self._ages.age_us(packet)
         recorded = "before this flight" if age_us is None else f"at least {_duration_text(age_us * 1e-6)} ago"
         own = sender_last_us is not None and packet.t_us - sender_last_us < _AUTH_LASTS_US
-        return f": a recording made {recorded} is played" + (", from where it speaks itself" if own else "")
+        return f": a recording made {recorded} is played" + (", from the address of the vehicle itself" if own else "")
 
     def _reordered_text(self, t_us: int) -> str:
         self._reordered += 1

@@ -65,7 +65,7 @@ class Verifier:
         listed = min(STATE_MESSAGES.intersection(unsigned), default=None)
         if listed is not None:
             raise SigningError(
-                f"{message_name(listed)} ({listed}) says who or where a vehicle is and cannot come unsigned; "
+                f"{message_name(listed)} ({listed}) describes a vehicle and cannot come unsigned; "
                 "take it out of [signing] unsigned"
             )
         self.ring = ring

@@ -1,4 +1,4 @@
-"""Whether a log is whole, and what is to be known of it before it is believed."""
+"""Checks a log: is it complete, are its times plausible, did several programs write it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ __all__ = ["TlogCheck", "check"]
 
 _MOST_GAPS, _LONGEST = 1000, 300
 _SHORT_RUN = 8
-_WINDOW = 1 << 20  # bytes looked at at a time; one such window tells which way round the times are
+_WINDOW = 1 << 20  # bytes read at a time; one such window shows the byte order of the times
 _BACK_US = 1_000_000
 _CROSSED = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TlogCheck:
-    """A log's state of health."""
+    """The result of checking a log."""
 
     size_bytes: int
     records: int
@@ -67,9 +67,9 @@ class TlogCheck:
 
     @property
     def speed(self) -> float:
-        """Seconds of the senders' clocks in a second of stamps, by the sender that told its time most; NaN unknown."""
-        told = [clock for clock in self.clocks if clock.speed == clock.speed]
-        return max(told, key=lambda clock: clock.samples).speed if told else float("nan")
+        """Seconds of the senders' clocks per second of stamps, by the sender with most samples; NaN unknown."""
+        known = [clock for clock in self.clocks if clock.speed == clock.speed]
+        return max(known, key=lambda clock: clock.samples).speed if known else float("nan")
 
     @property
     def whole(self) -> bool:
@@ -78,7 +78,7 @@ class TlogCheck:
 
 
 def check(tlog: Tlog) -> TlogCheck:
-    """Looks at all of a log."""
+    """Checks a whole log."""
     index = tlog.index
     untimed = index.time_source == "none"
     cut_short, source = (0, index.time_source) if len(index) else _cut_short(tlog)

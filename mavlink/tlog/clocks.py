@@ -1,6 +1,6 @@
-"""What a log's clocks say: senders that were started again, a recorder's clock that was set, time that was compressed.
+"""The clocks in a log: senders that were restarted, a recorder's clock that was set, time that was compressed.
 
-A sender's boot clock runs on its own; the recorder's stamps are held against it, sender by sender.
+A sender's boot clock is independent of the recorder's; the stamps are compared with it, sender by sender.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["ClockStep", "SenderClock", "sender_clocks"]
 
 _STEP_US = 2_000_000
 _AROUND = 200  # samples on either side of a step: late traffic is over by then
-_MOST_STEPS = 1000
+_MAX_STEPS = 1000
 _WRAP_MS = 1 << 32
 _CHUNKS = 40
 
@@ -44,9 +44,9 @@ class SenderClock:
     component_id: int
     samples: int
     boots: int
-    """How often it was running from anew, 1 for a flight without a restart."""
+    """How often it was started, 1 for a flight without a restart."""
     speed: float
-    """Seconds of its boot clock in a second of stamps, NaN when too short to say; 1 for a flight.
+    """Seconds of its boot clock per second of stamps, NaN where the log is too short; 1 for a flight.
 
     Of the longest stretch between two starts.
     """
@@ -54,7 +54,7 @@ class SenderClock:
 
 
 def sender_clocks(tlog: Tlog) -> tuple[SenderClock, ...]:
-    """Clocks of all senders that tell their time since boot; empty for a log without stamps."""
+    """Clocks of all senders that report their time since boot; empty for a log without stamps."""
     rows, boot_ms = _boot_times(tlog)
     index = tlog.index
     sender = index.system_id[rows].astype(np.int64) << 8 | index.component_id[rows]
@@ -75,7 +75,7 @@ def _boot_times(tlog: Tlog) -> tuple[Ints, Ints]:
             found.append((rows, values["time_boot_ms"].astype(np.int64)))
     rows, boot_ms = (np.concatenate(parts) for parts in zip(*found, strict=True))
     order = np.argsort(rows, kind="stable")
-    # 0 is what a sender says that does not know
+    # 0 stands for unknown
     order = order[boot_ms[order] > 0]
     return rows[order], boot_ms[order]
 
@@ -104,7 +104,7 @@ def _clock(tlog: Tlog, key: int, rows: Ints, boot_ms: Ints) -> SenderClock:
 
 
 def _restarts(boot_ms: Ints) -> list[int]:
-    """Where the boot clock begins anew: all of the next samples are less than all of the last. A wrap is no restart."""
+    """Where the boot clock restarts: all of the next samples are less than all of the last. A wrap is no restart."""
     places = []
     for i in np.flatnonzero(np.diff(boot_ms) < -1000).tolist():
         before, after = boot_ms[max(0, i - 7) : i + 1], boot_ms[i + 1 : i + 9]
@@ -128,10 +128,10 @@ def _speed(t_us: Ints, boot_ms: Ints) -> float:
 
 
 def _steps(tlog: Tlog, rows: Ints, epoch_us: Ints) -> list[ClockStep]:
-    """Where the time of boot, as the stamps tell it, moves and stays."""
+    """Where the time of boot, by the stamps, moves and stays."""
     steps: list[ClockStep] = []
     level = _level(epoch_us[:_AROUND])
-    for i in (np.flatnonzero(np.abs(np.diff(epoch_us)) > _STEP_US) + 1)[:_MOST_STEPS].tolist():
+    for i in (np.flatnonzero(np.abs(np.diff(epoch_us)) > _STEP_US) + 1)[:_MAX_STEPS].tolist():
         after = _level(epoch_us[i : i + _AROUND])
         if abs(after - level) > _STEP_US and abs(int(epoch_us[i]) - after) < _STEP_US:
             row = int(rows[i])

@@ -1,4 +1,4 @@
-"""Says which bytes of a telemetry log are damaged, and how."""
+"""Which bytes of a telemetry log are damaged, and how."""
 
 from __future__ import annotations
 

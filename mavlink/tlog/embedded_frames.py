@@ -1,4 +1,4 @@
-"""Frames that others carry: what a tunnel or a file transfer holds, seen because the outer frame is damaged."""
+"""Frames embedded in others, in a tunnel or a file transfer, which are found because the outer frame is damaged."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from mavlink.protocol.packet import MAGIC_V1
 from mavlink.tlog.scan import Bytes, Frames
 from mavlink.tlog.timestamps import stamped
 
-__all__ = ["carried"]
+__all__ = ["embedded"]
 
 _HEADER, _LONGEST = 10, 280
 
 
-def carried(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
-    """(N,) which frames lie in a damaged record and are no records themselves.
+def embedded(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int) -> NDArray[np.bool_]:
+    """(N,) which frames lie in a damaged record and are no records of their own.
 
     Such a frame has no time of its own, and before it, in the gap that it follows, another record begins that is long
     enough to hold it: where the last record ends, or where a stamp stands.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2
 from mavlink.tlog.damage import Damage, describe_gaps, describe_times
-from mavlink.tlog.embedded_frames import carried
+from mavlink.tlog.embedded_frames import embedded
 from mavlink.tlog.scan import Bytes, Frames, Ints, find_frames, find_unknown, gather
 from mavlink.tlog.timestamps import TIME_LENGTH, TimeSource, could_be_time, fill, read_times, stamped, times_ok
 
@@ -29,7 +29,7 @@ class TlogCounts:
     records: int
     """Frames, good and unknown."""
     unknown: int
-    """Frames of unknown messages: kept, not checked."""
+    """Frames of unknown messages: recorded, not checked."""
     size_bytes: int
     damaged_bytes: int
     """Bytes in no record."""
@@ -54,7 +54,7 @@ class TlogIndex:
     seq: NDArray[np.uint8]
     signed: NDArray[np.bool_]
     known: NDArray[np.bool_]
-    """The message is known and its checksum is right; others were kept unchecked and are not to be trusted."""
+    """The message is known and its checksum is right; others are listed unchecked and are not to be used."""
     time_ok: NDArray[np.bool_]
     time_source: TimeSource
     """``none``: the file has no times, and t_us only keeps the order, a millisecond apart from 0 on."""
@@ -66,7 +66,7 @@ class TlogIndex:
 
 
 def _whole(data: Bytes, frames: Frames) -> Frames:
-    """Drops signed frames that were cut in their signature, which no checksum sees: another record begins in it."""
+    """Drops signed frames that were cut in their signature, which no checksum covers: another record begins in it."""
     signed = (data[frames.offset] == MAGIC_V2) & (data[frames.offset + 2] == 1)
     if not signed.any():
         return frames
@@ -79,8 +79,8 @@ def _whole(data: Bytes, frames: Frames) -> Frames:
     return frames.take(~cut)
 
 
-def _untangle(frames: Frames, step: int) -> Frames:
-    """Drops frames that overlap others: the one that follows on from its neighbours stays, else the earlier."""
+def _without_overlaps(frames: Frames, step: int) -> Frames:
+    """Drops frames that overlap others: the one that joins its neighbours stays, else the earlier."""
     start, end = frames.offset, frames.end
     if start.size < 2:
         return frames
@@ -119,7 +119,7 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
     if step == 0:
         ends, starts = np.concatenate([[0], good.end, found.end]), np.concatenate([good.offset, found.offset])
         found = found.take(np.isin(found.offset, ends) | np.isin(found.end, starts))
-    return _untangle(found, step)
+    return _without_overlaps(found, step)
 
 
 def _can_begin(data: Bytes, step: int, at: Ints) -> NDArray[np.bool_]:
@@ -164,7 +164,7 @@ def build_index(data: Bytes) -> TlogIndex:
     """
     found = _whole(data, find_frames(data))
     step = _step(data, found)
-    good = _untangle(found, step)
+    good = _without_overlaps(found, step)
     unknown = _unknown_frames(data, good, step) if good.offset.size else good
     order = np.argsort(np.concatenate([good.offset, unknown.offset]), kind="stable")
     frames = Frames(
@@ -177,9 +177,9 @@ def build_index(data: Bytes) -> TlogIndex:
     if step:
         t_us, there, source = read_times(data, frames)
         time_ok = times_ok(t_us, there)
-        # what nothing checks must at least have a time; noise does not
+        # frames without a checksum to verify must at least have a time; noise has none
         timed = time_ok | stamped(data, frames.offset, little=source == "little-endian")
-        keep = (known | timed) & ~carried(data, frames, time_ok, step)
+        keep = (known | timed) & ~embedded(data, frames, time_ok, step)
         if not keep.all():
             frames, known = frames.take(keep), known[keep]
             t_us, there, source = read_times(data, frames)

@@ -37,7 +37,7 @@ class SystemInfo:
     first_us: int
     last_us: int
     lost: int
-    """Packets missing by sequence number. A log that was filtered, or heard over several links, shows more."""
+    """Packets missing by sequence number. A log that was filtered, or recorded from several links, shows more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Times of a log's records: which way round they are stamped, which can be right, what the others become."""
+"""Times of a log's records: their byte order, which of them are plausible, and what replaces the others."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _UNTIMED_STEP_US = 1000
 _ANY_CLOCK_US = 1 << 53  # the year 2255
 _FAR_US = 1 << 62
 _NEIGHBOURS = 4
-_BACKING = 2  # neighbours that must agree: a bit that flips in two stamps makes a pair, not a crowd
-_ERA, _ERA_SHARE = 8, 0.01  # so many stamps, and this share of all, are the clock of somebody, not damage
+_SUPPORT = 2  # neighbours that must agree: a bit that flips in two stamps makes a pair, not a cluster
+_CLUSTER, _CLUSTER_SHARE = 8, 0.01  # so many stamps, and this share of all, are some sender's clock, not damage
 
 
 def _dated(t_us: Ints) -> NDArray[np.bool_]:
@@ -30,7 +30,7 @@ def _dated(t_us: Ints) -> NDArray[np.bool_]:
 
 
 def read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], TimeSource]:
-    """Times as stamped, (N,) whether each is there at all, and which way round the bytes are."""
+    """Times as stamped, (N,) whether each is there at all, and their byte order."""
     before = np.concatenate([[0], frames.end[:-1]])
     there = frames.offset - before >= TIME_LENGTH
     stamps = np.zeros((frames.offset.size, TIME_LENGTH), dtype=np.uint8)
@@ -43,19 +43,19 @@ def read_times(data: Bytes, frames: Frames) -> tuple[Ints, NDArray[np.bool_], Ti
 
 
 def _likelihood(t_us: Ints) -> int:
-    """How many stamps are of this century, and how many a minute at most from the next: a clock that was never set."""
+    """How many stamps are of this century, and how many within a minute of the next: a clock that was never set."""
     going_on = (t_us[:-1] > 0) & (t_us[1:] > 0) & (np.abs(np.diff(t_us)) <= _SPIKE_US)
     return int(np.count_nonzero(_dated(t_us)) + np.count_nonzero(going_on))
 
 
 def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) which stamps can be right: within a year of the middle one or in a crowd, and in company.
+    """(N,) which stamps are plausible: within a year of the median or in a cluster, and supported by others.
 
-    A crowd far away is a clock that was set in flight: without a battery it begins in 1970.
+    A cluster far away is a clock that was set in flight: without a battery it starts in 1970.
 
-    A stamp a minute or more off is in company when it agrees with the next record or the last, with two of the four on
+    A stamp a minute or more off is supported when it agrees with the next record or the last, with two of the four on
     either side, or with many anywhere (another writer's clock), or lies between those around it (a silence). An error
-    of less than a minute cannot be told from traffic that was late.
+    of less than a minute cannot be distinguished from late traffic.
     """
     if not there.any():
         return there
@@ -66,11 +66,11 @@ def times_ok(t_us: Ints, there: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return np.zeros_like(there)
     ok = there & (t_us > middle - _YEAR_US) & (t_us < middle + _YEAR_US)
     far = np.flatnonzero(there & ~ok & (t_us > 0))
-    ok[far[_in_era(t_us[far], t_us.size)]] = True
+    ok[far[_in_cluster(t_us[far], t_us.size)]] = True
     rows = np.flatnonzero(ok)
     t = t_us[rows]
     if t.size >= 3 and np.abs(np.diff(t)).max() > _SPIKE_US:
-        ok[rows[~_in_company(t)]] = False
+        ok[rows[~_supported(t)]] = False
     return ok
 
 
@@ -105,25 +105,25 @@ def _before(data: Bytes, at: Ints) -> tuple[Ints, Ints]:
     return stamps.view(">u8").ravel().astype(np.int64), stamps.view("<u8").ravel().astype(np.int64)
 
 
-def _in_company(t: Ints) -> NDArray[np.bool_]:
-    """(n,) of stamps in file order, those that something speaks for."""
+def _supported(t: Ints) -> NDArray[np.bool_]:
+    """(n,) of stamps in file order, those that are supported by others."""
     next_to = np.abs(np.diff(t)) <= _SPIKE_US
-    backed = (_backing(t) >= _BACKING) | np.append(next_to, False) | np.append(False, next_to)
-    if not backed.any():
+    supported = (_agreeing_neighbours(t) >= _SUPPORT) | np.append(next_to, False) | np.append(False, next_to)
+    if not supported.any():
         return ~_alone(t)
-    backed |= _in_era(t, t.size)
-    loose = np.flatnonzero(~backed)
-    firm = np.flatnonzero(backed)
-    place = np.searchsorted(firm, loose)
-    before = np.where(place > 0, t[firm[np.maximum(place - 1, 0)]], -_FAR_US)
-    after = np.where(place < firm.size, t[firm[np.minimum(place, firm.size - 1)]], _FAR_US)
-    between = (t[loose] >= before) & (t[loose] <= after)
-    near = np.minimum(np.abs(t[loose] - before), np.abs(after - t[loose])) <= _SPIKE_US
-    backed[loose] = between | near
-    return np.asarray(backed, dtype=np.bool_)
+    supported |= _in_cluster(t, t.size)
+    doubtful = np.flatnonzero(~supported)
+    certain = np.flatnonzero(supported)
+    place = np.searchsorted(certain, doubtful)
+    before = np.where(place > 0, t[certain[np.maximum(place - 1, 0)]], -_FAR_US)
+    after = np.where(place < certain.size, t[certain[np.minimum(place, certain.size - 1)]], _FAR_US)
+    between = (t[doubtful] >= before) & (t[doubtful] <= after)
+    near = np.minimum(np.abs(t[doubtful] - before), np.abs(after - t[doubtful])) <= _SPIKE_US
+    supported[doubtful] = between | near
+    return np.asarray(supported, dtype=np.bool_)
 
 
-def _backing(t: Ints) -> Ints:
+def _agreeing_neighbours(t: Ints) -> Ints:
     """(n,) how many of the records close by agree to a minute."""
     count = np.zeros(t.size, dtype=np.int64)
     for shift in range(1, min(_NEIGHBOURS, t.size - 1) + 1):
@@ -133,13 +133,13 @@ def _backing(t: Ints) -> Ints:
     return count
 
 
-def _in_era(t: Ints, total: int) -> NDArray[np.bool_]:
-    """(n,) whether a stamp belongs to a crowd without a gap of a minute, some share of the ``total``."""
+def _in_cluster(t: Ints, total: int) -> NDArray[np.bool_]:
+    """(n,) whether a stamp belongs to a cluster without a gap of a minute, of some share of the ``total``."""
     order = np.argsort(t, kind="stable")
-    era = np.concatenate([[0], np.cumsum(np.diff(t[order]) > _SPIKE_US)])
-    crowded = np.bincount(era) >= max(_ERA, _ERA_SHARE * total)
+    cluster = np.concatenate([[0], np.cumsum(np.diff(t[order]) > _SPIKE_US)])
+    large = np.bincount(cluster) >= max(_CLUSTER, _CLUSTER_SHARE * total)
     member = np.empty(t.size, dtype=np.bool_)
-    member[order] = crowded[era]
+    member[order] = large[cluster]
     return member
 
 

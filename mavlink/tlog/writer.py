@@ -1,7 +1,7 @@
 """Telemetry logs, written as a flight goes: what was accepted survives the death of the process.
 
-Beside ``telemetry.tlog`` and its further segments stand tables, each made when there is something to say:
-``senders.csv`` who sent what, ``refused.csv`` the records that were not believed, and ``clock.csv`` when the wall clock
+Beside ``telemetry.tlog`` and its further segments stand tables, each made with its first row:
+``senders.csv`` who sent what, ``refused.csv`` the records that were rejected, and ``clock.csv`` when the wall clock
 was set.
 """
 
@@ -42,8 +42,8 @@ class TlogWriter:
     """Appends packets to a new log.
 
     ``write``, ``write_records``, ``refuse`` and ``heard`` never raise and never wait for a disk that fails or syncs
-    slowly; ``state`` tells how it goes. What is written is with the kernel at once, so that a disk that hangs has to be
-    waited for; with a journal it is in shared memory at once, soon with the kernel, and nobody waits.
+    slowly; ``state`` reports on the disk. Without a journal data is written to the kernel at once, so that a disk that
+    hangs blocks the caller; with one it is in shared memory at once, soon in the kernel, and nothing blocks.
 
     Args:
         path: must not exist; nothing recorded is ever overwritten.
@@ -51,7 +51,7 @@ class TlogWriter:
             segment.
         ram_bytes: most bytes kept in memory while the disk fails.
         disk: the operating system, or a test's.
-        clock: tells when the wall clock was set.
+        clock: notices when the wall clock is set.
         journal: keeps rows until they are in their files; the caller's. What it holds already is written first.
 
     Raises:
@@ -90,7 +90,7 @@ class TlogWriter:
         self._flusher = Flusher(self._files, SYNC_S)
 
     def write(self, packet: Packet) -> int | None:
-        """Append one packet, and note it when it is not believed.
+        """Append one packet, and note it when it was rejected.
 
         Returns:
             Its running number over all segments, from 0; None when the journal has no room: it is lost, and counted.
@@ -113,12 +113,12 @@ class TlogWriter:
         return number
 
     def refuse(self, number: int, packet: Packet) -> None:
-        """Note that a record is not to be believed; readers of the session leave it out."""
+        """Note that a record was rejected; readers of the session leave it out."""
         row = f"{number},{packet.t_us},{packet.link},{packet.peer},{int(packet.auth)}\n"
         self._put(_REFUSED, row.encode(), 1)
 
     def heard(self, number: int, t_us: int, system_id: int, link: int, peer: int, address: str, name: str) -> None:
-        """Note that a system id is heard from another sender than before, from this record on.
+        """Note that a system id has another sender than before, from this record on.
 
         Args:
             number: of the record.
@@ -159,7 +159,7 @@ class TlogWriter:
         """Wait until the disk has everything.
 
         Raises:
-            TlogError: the disk says it has not.
+            TlogError: the disk reports an error.
         """
         try:
             for file in self._files:
@@ -168,7 +168,7 @@ class TlogWriter:
             raise TlogError(f"{self.path}: not safely on disk: {error.strerror}") from error
 
     def close(self) -> None:
-        """Write what still waits, sync and close; closing twice does nothing. ``state`` then tells what was lost.
+        """Write what still waits, sync and close; closing twice does nothing. ``state`` then has what was lost.
 
         A disk that hangs is left after a minute, with the files open.
         """

@@ -1,1 +1,1 @@
-"""What the station itself says: orders and rate requests in, frames for the UAV's link out."""
+"""What the station itself sends: commands and rate requests in, frames for the UAV's link out."""

@@ -68,7 +68,7 @@ AGAIN_S = 4.0
 BEHIND_S = 10.0
 """For so long after a packet that was rejected as replayed a link's rates are not judged."""
 PAUSE_S = 1.5
-"""A link that brings nothing at all for so long is interrupted: that says nothing of a rate."""
+"""A link that brings nothing at all for so long is interrupted: that is no sign of a low rate."""
 LOSS_MEMORY = 50.0
 """Packets over which the loss of a link is measured: a few seconds."""
 LOSSY = 0.1

@@ -1,4 +1,4 @@
-"""Asking for message rates on the wire: the interval of one message, or the older streams of many.
+"""Requests for message rates: the interval of one message, or the older streams of many.
 
 Definitions: https://mavlink.io/en/messages/common.html, MAV_CMD_SET_MESSAGE_INTERVAL and REQUEST_DATA_STREAM.
 """
@@ -49,7 +49,7 @@ _SET_MESSAGE_INTERVAL = 511
 
 
 def boot_ms(packet: Packet) -> int:
-    """Boot time that a message carries, 0 for those that do not."""
+    """Boot time in a message, 0 for those without one."""
     if packet.message_id in (ATTITUDE, GLOBAL_POSITION_INT):
         return int.from_bytes(packet.payload[:4], "little")
     if packet.message_id == SYSTEM_TIME:
@@ -58,7 +58,7 @@ def boot_ms(packet: Packet) -> int:
 
 
 def interval_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:
-    """Asks an autopilot for one message."""
+    """Requests one message of an autopilot."""
     return encoder.pack(
         ardupilotmega.MAVLink_command_long_message(
             system_id, 1, _SET_MESSAGE_INTERVAL, 0, message_id, round(1e6 / hz), 0, 0, 0, 0, 0
@@ -67,13 +67,13 @@ def interval_request(encoder: MavlinkEncoder, system_id: int, message_id: int, h
 
 
 def stream_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:
-    """Asks an autopilot for the stream that a message belongs to."""
+    """Requests the stream that a message belongs to."""
     rate = max(1, math.ceil(hz))
     return encoder.pack(ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1))
 
 
 def interval_answer(packet: Packet, own: int) -> int | None:
-    """MAV_RESULT of a request for an interval, None for answers to something or somebody else.
+    """MAV_RESULT of a request for an interval, None for answers to other requests or other stations.
 
     Args:
         packet: a COMMAND_ACK.

@@ -139,8 +139,8 @@ def test_another_component_never_ends_the_silence_of_a_vehicle_within_a_minute()
     ages = {round(t): status.heartbeat_age_s for t, status, _, _ in hearing.seen}
     assert all(ages[t] == pytest.approx(t - 4.2, abs=0.1) for t in range(10, 64))
     assert not any(valid for t, _, _, valid in hearing.seen if 8.0 < t < 64.0)
-    assert "component 200 says that it is the autopilot too (udp address 2)" in " ".join(hearing.texts())
-    assert "component 200 speaks for the vehicle now, 1 did before" in hearing.texts()
+    assert "component 200 claims to be the autopilot too (udp address 2)" in " ".join(hearing.texts())
+    assert "component 200 is the autopilot now, 1 was before" in hearing.texts()
     assert ages[69] < 1.5
 
 

@@ -70,8 +70,8 @@ def test_an_impostor_is_found_within_two_seconds_and_both_are_quarantined(name, 
 def test_a_second_address_that_says_the_same_is_told_and_not_refused():
     air = Air(Sender(), Sender(peer=2, seq=140, phase_us=100_000, starts_us=BEGIN)).run(9)
     texts = [n.text for n in air.notices if n.level == "warning"]
-    assert texts == ["system 11 speaks from two addresses (udp address 1 and udp address 2)"] or texts == [
-        "system 11 speaks from two addresses (udp address 2 and udp address 1)"
+    assert texts == ["system 11 sends from two addresses (udp address 1 and udp address 2)"] or texts == [
+        "system 11 sends from two addresses (udp address 2 and udp address 1)"
     ]
     assert not air.contested_us
 

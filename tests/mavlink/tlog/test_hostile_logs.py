@@ -128,13 +128,13 @@ def test_line_ends_are_compared_across_windows(monkeypatch):
     assert not sent_as_text(text[3:]), "the first has nothing before it"
 
 
-def test_thousands_of_frames_over_each_other_are_untangled_in_time():
-    from mavlink.tlog.index import _untangle
+def test_thousands_of_frames_over_each_other_are_without_overlapsd_in_time():
+    from mavlink.tlog.index import _without_overlaps
 
     count = 20_000
     offset = np.arange(count, dtype=np.int64) * 10
     began_s = time.process_time()
-    kept = _untangle(Frames(offset, np.full(count, 15, dtype=np.int64)), 8)
+    kept = _without_overlaps(Frames(offset, np.full(count, 15, dtype=np.int64)), 8)
     assert time.process_time() - began_s < 5.0, "0.1 s on an idle machine, minutes before"
     assert (np.diff(kept.offset) >= 15).all()
     assert len(kept.offset) == count // 2
