@@ -23,7 +23,7 @@ from gcs.flight.frame_loop import FlightFold
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, parse_mission
-from gcs.session.flight_notes import key_notes
+from gcs.session.metadata import key_notes
 from gcs.session.recorder import Recorder
 from infra.wall_clock import ClockWatch
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory

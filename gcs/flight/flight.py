@@ -26,7 +26,7 @@ from gcs.fold.detector_factory import fingerprints, open_perception
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission
-from gcs.session.flight_notes import PROGRAM, key_notes
+from gcs.session.metadata import PROGRAM, key_notes
 from gcs.session.recorder import Recorder
 from gcs.snapshot import Alarm, Event, Health, Snapshot
 from gcs.station import Commands

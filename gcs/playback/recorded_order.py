@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.session.flight_notes import PROGRAM
 from gcs.session.fold_order import NO_FRAME, FoldOrder, FoldTurn
 from gcs.session.frame_tables import FrameDetections
 from gcs.session.log import SessionLog
+from gcs.session.metadata import PROGRAM
 from gcs.session.session import Session
 from infra.files.segments import segments
 from mavlink.protocol.packet import Packet

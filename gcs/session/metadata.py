@@ -1,4 +1,8 @@
-"""``session.toml`` over its life: locked while the flight's process lives, sealed at its end or at the next start."""
+"""``session.toml``: the mission as it flew, and the ``[session]`` table with what a replay has to know beside it.
+
+It is locked while the flight's process lives, and sealed at its end or at the next start. Keys and models stand in it
+by their fingerprints.
+"""
 
 from __future__ import annotations
 
@@ -6,29 +10,119 @@ import contextlib
 import fcntl
 import os
 import secrets
+import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 from gcs.errors import SessionError
-from gcs.mission.mission import Mission
-from gcs.session.flight_notes import PROGRAM
+from gcs.mission.mission import NO_KEYS, Mission
 from gcs.session.log import SessionLog
-from gcs.session.session import mission_table
 from infra.files.safe_open import create, open_to_read
 from infra.files.segments import segments
 from infra.session_format import LOG, METADATA
 from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
 from mavlink.errors import TlogError
+from mavlink.signing.keys import KeyRing
 
-__all__ = ["Interrupted", "SessionFile", "recorded_folders", "seal"]
+__all__ = [
+    "PROGRAM",
+    "FlightNotes",
+    "Interrupted",
+    "SessionFile",
+    "key_notes",
+    "mission_table",
+    "recorded_folders",
+    "seal",
+]
 
+Kind = TypeVar("Kind")
+
+PROGRAM = f"rollcall-gcs {version('rollcall-gcs')}"
+FLEET = "fleet"
+"""In place of a system id: the key of all who have none of their own."""
 MOST_COUNTED_BYTES = 8 << 30
 """A day at 100 kB/s; to count the records of more would take minutes."""
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightNotes:
+    """The notes of a recording; all empty for one that was not flown."""
+
+    flown: bool = False
+    """Whether this program recorded it in flight."""
+    program: str = ""
+    keys: Mapping[str, str] = field(default_factory=dict)
+    """Fingerprints by system id, as text, or ``FLEET``."""
+    models: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the networks that looked, by what they are for."""
+    lost: Mapping[str, int] = field(default_factory=dict)
+    """Rows that the disk did not take, by file."""
+    refused: int | None = None
+    """Records that were not believed; None: the flight was not ended in order."""
+
+    @classmethod
+    def from_table(cls, table: object) -> FlightNotes:
+        """From the ``[session]`` table; what is not of the right kind is left out."""
+        if not isinstance(table, Mapping):
+            return cls()
+        refused = table.get("refused")
+        return cls(
+            flown="started" in table,
+            program=str(table.get("program", "")),
+            keys=_values_of(str, table.get("keys")),
+            models=_values_of(str, table.get("models")),
+            lost=_values_of(int, table.get("lost")),
+            refused=refused if isinstance(refused, int) else None,
+        )
+
+    def had_key_for(self, system_id: int) -> bool:
+        """Whether the flight had a key for a system."""
+        return str(system_id) in self.keys or FLEET in self.keys
+
+
+def key_notes(ring: KeyRing) -> dict[str, str]:
+    """Fingerprints of all keys."""
+    notes = {str(system_id): key.fingerprint for system_id, key in sorted(ring.keys.items())}
+    return notes | ({FLEET: ring.default.fingerprint} if ring.default else {})
+
+
+def _values_of(kind: type[Kind], table: object) -> dict[str, Kind]:
+    """The values of a table that are of a kind."""
+    if not isinstance(table, Mapping):
+        return {}
+    return {str(name): value for name, value in table.items() if isinstance(value, kind)}
+
+
+def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
+    """The text of ``session.toml``: the mission as it flew and a ``[session]`` table of notes."""
+    table: dict[str, Any] = {"session": dict(notes), "uav": _vehicle(mission, mission.uav.system_id)}
+    table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
+    for name in ("camera", "clock", "detector", "identity"):
+        part = getattr(mission, name)
+        if part is not None:
+            table[name] = {
+                k: list(v) if isinstance(v, tuple) else v
+                for k in part.__slots__
+                if (v := getattr(part, k)) not in ("", None)
+            }
+    signing = mission.signing
+    table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}
+    if signing.keys == NO_KEYS:
+        # other folders of keys are the flight's computer's own
+        table["signing"]["keys"] = NO_KEYS
+    text = toml_text(table)
+    tomllib.loads(text)
+    return text
+
+
+def _vehicle(mission: Mission, system_id: int) -> dict[str, Any]:
+    return {"system_id": system_id, "name": mission.name_of(system_id)}
 
 
 class SessionFile:

@@ -52,7 +52,7 @@ class Recorder:
         parent: where the folder is made.
         mission: what flies.
         video: whether there is a camera.
-        notes: what a replay has to know beside the mission (``gcs.session.flight_notes``).
+        notes: what a replay has to know beside the mission (``gcs.session.metadata``).
         disk: the operating system, or a test's.
 
     Attributes:

@@ -10,21 +10,17 @@ they are read as one.
 from __future__ import annotations
 
 import contextlib
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from gcs.errors import ConfigError, SessionError
-from gcs.mission.mission import NO_KEYS, Mission, load_mission, load_table
-from gcs.session.flight_notes import FlightNotes
+from gcs.mission.mission import Mission, load_mission, load_table
+from gcs.session.metadata import FlightNotes
 from infra.files.segments import segments
 from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, TRUTH
-from infra.toml_tables import toml_text
 
-__all__ = ["Session", "create_folder", "mission_table", "open_session"]
+__all__ = ["Session", "create_folder", "open_session"]
 
 VIDEO_SUFFIXES = (".mkv", ".mp4", ".ts", ".mov", ".avi")
 
@@ -131,29 +127,3 @@ def create_folder(parent: Path, now: datetime | None = None) -> Path:
             ) from error
         return folder
     raise SessionError(f"{parent}: a thousand sessions of the same second; choose another place with --sessions")
-
-
-def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
-    """The text of ``session.toml``: the mission as it flew and a ``[session]`` table of notes."""
-    table: dict[str, Any] = {"session": dict(notes), "uav": _vehicle(mission, mission.uav.system_id)}
-    table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
-    for name in ("camera", "clock", "detector", "identity"):
-        part = getattr(mission, name)
-        if part is not None:
-            table[name] = {
-                k: list(v) if isinstance(v, tuple) else v
-                for k in part.__slots__
-                if (v := getattr(part, k)) not in ("", None)
-            }
-    signing = mission.signing
-    table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}
-    if signing.keys == NO_KEYS:
-        # other folders of keys are the flight's computer's own
-        table["signing"]["keys"] = NO_KEYS
-    text = toml_text(table)
-    tomllib.loads(text)
-    return text
-
-
-def _vehicle(mission: Mission, system_id: int) -> dict[str, Any]:
-    return {"system_id": system_id, "name": mission.name_of(system_id)}

@@ -9,7 +9,7 @@ from gcs.errors import ConfigError
 from gcs.fold.optics import Optics
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, load_mission, parse_mission
-from gcs.session.session import mission_table
+from gcs.session.metadata import mission_table
 from mavlink.fleet.fleet import CameraReport
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder

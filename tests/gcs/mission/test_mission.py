@@ -4,7 +4,7 @@ import pytest
 
 from gcs.errors import ConfigError
 from gcs.mission.mission import BUNDLED, load_mission, parse_mission, user_keys
-from gcs.session.session import mission_table
+from gcs.session.metadata import mission_table
 
 GOOD = """
 [uav]
