@@ -115,7 +115,7 @@ def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, caps
     assert json.loads(event)["text"] == plain(name)
     # pytest keeps what is logged as it is, and cannot hand half a character from one process to another
     with caplog.at_level(logging.CRITICAL, "gcs.health.faults"):
-        Faults(tmp_path / "faults.txt").take(plain(name), ValueError(name))
+        Faults(tmp_path / "faults.txt").record(plain(name), ValueError(name))
     assert is_plain((tmp_path / "faults.txt").read_text())
     cell = to_cell(name)
     assert cell.isprintable()
