@@ -1,16 +1,15 @@
-"""Forwarding: what the links bring goes out to other programs as it came, and what they answer goes back if it may.
+"""Forwarding: received packets go to other programs unchanged, and their frames go to vehicles where that is allowed.
 
-Bytes are never touched: no frame is made anew, re-signed or put in another order. Nothing goes back but from an output
-with `?rw`, and then:
+No frame is encoded anew, signed again or reordered. Only frames from outputs with `?rw` go to vehicles, and of those:
 
-- a frame that is addressed to the UAV, or to a vehicle that is named (`?rw=11,12`), and only to the address where that
-  one was heard;
-- HEARTBEAT and TIMESYNC, which carry no order, to those addresses at which nobody else is heard;
-- anything else that is for everybody only where every vehicle of the mission is named.
+- a frame that is addressed to the UAV, or to a vehicle that is named (`?rw=11,12`), and only to the address from which
+  that one was received last;
+- HEARTBEAT and TIMESYNC, which carry no order, to addresses from which no other system is received;
+- other broadcasts only where every vehicle of the mission is named.
 
-It is a loop, and dropped, when it is a frame that went out to that place a moment ago, or when its sender is one of the
+A frame is a loop, and dropped, when it went out over the same output a moment ago, or when its sender is one of the
 vehicles or this station: those are not behind an output. The same frame from a link twice in a moment goes out once, or
-an output that leads back to a link would never rest. SETUP_SIGNING carries a key and never passes, in either direction.
+an output that leads back to a link would circulate it. SETUP_SIGNING carries a key and never passes, either way.
 """
 
 from __future__ import annotations
@@ -28,10 +27,11 @@ __all__ = ["HARMLESS", "Forwarder"]
 
 SETUP_SIGNING = 256
 HARMLESS = ("HEARTBEAT", "TIMESYNC")
-"""Messages for everybody that carry no order."""
+"""Broadcasts that carry no order."""
 HEARD_US = 60_000_000
-"""For how long a system is looked for where it was heard."""
+"""A system is sent to where it was received within this time."""
 _MOST_HEARD = 4096
+"""Pairs of system and address that are remembered."""
 _ONLY_LISTENS = "this output only listens; ?rw behind its address lets it speak to the UAV"
 
 
@@ -163,7 +163,7 @@ class Forwarder:
         return ways - shared, "" if ways - shared else "it is for everybody, and others would hear it too"
 
     def _ways_to(self, system: int) -> set[tuple[int, int]]:
-        """On each link the sender as which a system was heard last."""
+        """On each link the address from which a system was received last."""
         fresh = self._fresh()
         ways = sorted((t_us, link, peer) for (i, link, peer), t_us in fresh.items() if i == system)
         return set({link: peer for _, link, peer in ways}.items())

@@ -1,4 +1,4 @@
-"""One output: a link to other programs, what they may say, and what passed it in both directions."""
+"""One output: a link to other programs, which vehicles they may address, and counts of both directions."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class InboundFrames:
     sender: str
     """Address of the program; empty for all those that are not counted apart."""
     message: str
-    """Message and command; empty for whatever comes to an output that only listens."""
+    """Message and command; empty for all frames that come to an output that only listens."""
     target: int
     """System id that they were for, 0 for everybody."""
     refusal: str

@@ -1,4 +1,4 @@
-"""What an operator is told of the ingest's health: each change once, and losses again only when they have grown."""
+"""Events for operators from the ingest's health: each change once, and losses again only when they have grown."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from mavlink.links.report import LinkReport
 
 __all__ = ["HealthEvents"]
 
-Told = tuple[str, str]
+_Event = tuple[str, str]
 """Level and text."""
 PATIENCE = 10
 """A connection that is being made is not missed for so many looks, twice a second."""
 MOST = 5
-"""Senders who flood, told one by one at a time."""
+"""Floods that are reported one by one at a time."""
 QUIET = 20
-"""Nor is one that comes and goes lost again for so many; what a program says is told again after as many without."""
+"""Looks for which a connection that comes and goes is not reported as lost again, and after which frames from a program
+are reported anew."""
 
 
 class HealthEvents:
@@ -39,35 +40,37 @@ class HealthEvents:
             lambda: ReportGrowth(rest=QUIET)
         )
 
-    def since_last(self, health: IngestHealth) -> list[Told]:
+    def since_last(self, health: IngestHealth) -> list[_Event]:
         """What is new since the last call."""
-        told: list[Told] = []
+        events: list[_Event] = []
         self._looks += 1
         for link in health.links:
-            told += self._link(link)
+            events += self._link(link)
             text = f"{link.name}: {{}} datagrams were lost, the machine is too busy to receive them in time"
-            told += self._loss(link.name, link.counts.dropped, text)
-        told += self._loss("ring", health.overrun, "{} packets were recorded and not shown: the screen cannot keep up")
+            events += self._loss(link.name, link.counts.dropped, text)
+        events += self._loss(
+            "ring", health.overrun, "{} packets were recorded and not shown: the screen cannot keep up"
+        )
         for output in health.outputs:
             text = f"{output.name}: {{}} packets were not forwarded: nobody there, or too slow"
-            told += self._loss(output.name, output.dropped, text)
+            events += self._loss(output.name, output.dropped, text)
             for frames in output.inbound:
-                told += self._of_program(output.name, frames)
+                events += self._of_program(output.name, frames)
         troubles = frozenset(health.troubles)
-        told += [("warning", text) for text in sorted(troubles - self._troubles)]
+        events += [("warning", text) for text in sorted(troubles - self._troubles)]
         self._troubles = troubles
-        return told
+        return events
 
-    def _link(self, link: LinkReport) -> list[Told]:
+    def _link(self, link: LinkReport) -> list[_Event]:
         now = {_key(limit): limit for limit in link.limits}
         before = self._limits.get(link.name, {})
         self._limits[link.name] = now
-        told = self._connection(link)
-        told += _few("alarm", [f"{link.name}: {_flood(now[key])}" for key in now if key not in before])
-        told += _few("info", [f"{link.name}: {_flood_over(before[key])}" for key in before if key not in now])
-        return told
+        events = self._connection(link)
+        events += _few("alarm", [f"{link.name}: {_flood(now[key])}" for key in now if key not in before])
+        events += _few("info", [f"{link.name}: {_flood_over(before[key])}" for key in before if key not in now])
+        return events
 
-    def _connection(self, link: LinkReport) -> list[Told]:
+    def _connection(self, link: LinkReport) -> list[_Event]:
         name, before = link.name, self._connected.get(link.name)
         patience = self._patience[name] = max(self._patience.get(name, PATIENCE + 1) - 1, 0)
         if link.connected:
@@ -79,25 +82,26 @@ class HealthEvents:
         self._connected[name] = False
         return [("alarm", f"{name}: lost, trying on" if before else f"{name}: no connection yet, trying on")]
 
-    def _of_program(self, output: str, said: InboundFrames) -> list[Told]:
-        """What a program behind an output said: when it begins to, and again when it is twice as often."""
-        if not self._inbound[output, replace(said, count=0)].due(said.count, self._looks):
+    def _of_program(self, output: str, frames: InboundFrames) -> list[_Event]:
+        """Frames from a program behind an output: when they begin, and again when there are twice as many."""
+        if not self._inbound[output, replace(frames, count=0)].due(frames.count, self._looks):
             return []
-        whom = f"system {said.target}" if said.target else "everybody"
-        times = f", {said.count:,} times so far" if said.count > 1 else ""
-        if not said.message:
-            who, goes = said.sender or "others", f"goes nowhere: {said.refusal}" if said.refusal else "was sent on"
-            return [("info", f"{output}: what {who} said {goes}{times}")]
-        level = "info" if said.message in HARMLESS else "warning"
-        if said.refusal:
-            return [(level, f"{output}: {said.message} of {said.sender} for {whom} was stopped: {said.refusal}{times}")]
-        return [(level, f"{output}: {said.sender} sent {said.message} to {whom} through this station{times}")]
+        sender, refusal = frames.sender or "others", frames.refusal
+        target = f"system {frames.target}" if frames.target else "everybody"
+        times = f", {frames.count:,} times so far" if frames.count > 1 else ""
+        if not frames.message:
+            goes = f"goes nowhere: {refusal}" if refusal else "was sent on"
+            return [("info", f"{output}: what {sender} said {goes}{times}")]
+        level = "info" if frames.message in HARMLESS else "warning"
+        if refusal:
+            return [(level, f"{output}: {frames.message} of {sender} for {target} was stopped: {refusal}{times}")]
+        return [(level, f"{output}: {sender} sent {frames.message} to {target} through this station{times}")]
 
-    def _loss(self, name: str, count: int, text: str) -> list[Told]:
+    def _loss(self, name: str, count: int, text: str) -> list[_Event]:
         return [("alarm", text.format(f"{count:,}"))] if self._losses[name].due(count) else []
 
 
-def _few(level: str, texts: list[str]) -> list[Told]:
+def _few(level: str, texts: list[str]) -> list[_Event]:
     """The first of them, and how many more there are."""
     more = len(texts) - MOST
     return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)

@@ -25,12 +25,12 @@ class LinkOptions:
     system_ids: Collection[int] = ()
     """Whose frames make a sender known; empty: anybody's."""
     trusts_checksums: bool = True
-    """Whether a right checksum makes a sender known; otherwise whoever checks signatures calls :meth:`Link.trust`."""
+    """Whether a valid checksum makes a sender known; otherwise :meth:`Link.trust` does, after a check of signatures."""
     waits_for_device: bool = False
     """Whether a device that is not there now is waited for, and no error."""
     is_output: bool = False
-    """Whether packets are forwarded over it: whoever connects is sent all of them, but only a few may connect, and
-    what a receiver cannot take at once waits for a while."""
+    """Whether packets are forwarded over it: every client is sent all of them, few clients are accepted, and what a
+    client cannot take at once is queued."""
 
 
 class Link(ABC):
@@ -101,17 +101,17 @@ class Link(ABC):
         """Sends one frame to those on the other end who are known, or to the one of them with this number.
 
         Returns:
-            Whether somebody took it, as far as is known.
+            Whether it was taken at the other end, as far as is known.
 
         Raises:
-            LinkError: nobody is there, or it cannot be sent.
+            LinkError: there is no other end, or it cannot be sent.
         """
 
     def maintain(self) -> None:  # noqa: B027 - most links need none
         """Connects again, adapts filters; to be called every tenth of a second or so."""
 
     def trust(self, claims: set[Claim], t_us: int) -> None:  # noqa: B027 - a link to one other end trusts it anyway
-        """These senders have proved who they are."""
+        """Marks senders as known: their signatures are valid."""
 
     def address(self, peer: int) -> str:
         """Host and port of the sender with this number; empty where there is none or it is not known."""

@@ -162,7 +162,7 @@ class Peers:
         return frozenset(self._mixed.intersection(self._known))
 
     def addresses(self) -> dict[int, tuple[str, int]]:
-        """Number → address of those who are trusted, as sockets take them."""
+        """Number → address of trusted senders, as sockets take them."""
         if self._address_cache[0] != self.changes:
             self._address_cache = (
                 self.changes,

@@ -99,7 +99,7 @@ class Datagrams:
             How many datagrams, at most 256; 0 when there are none.
 
         Raises:
-            ConnectionRefusedError: an earlier datagram of ours found nobody.
+            ConnectionRefusedError: an earlier datagram of ours found no listener.
             OSError: the socket is gone.
         """
         count = int(self._call(self._fd, self._headers, BATCH, _DONT_WAIT, None))

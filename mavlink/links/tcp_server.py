@@ -19,7 +19,7 @@ from mavlink.links.url import LinkUrl, network_url
 __all__ = ["TcpIn"]
 
 _SENDERS, _RECEIVERS = 32, 8
-"""Connections at a time, of who sends to this station and of who is forwarded to."""
+"""Connections at a time: of senders to this station, and of programs that packets are forwarded to."""
 
 
 @dataclass(slots=True)
@@ -84,7 +84,7 @@ class TcpIn(Link):
 
     @property
     def overdue(self) -> bool:
-        """Whether an unfinished frame of somebody has hidden others for too long, or somebody is to be closed."""
+        """Whether a connection has an unfinished frame that has hidden others for too long, or is to be closed."""
         return any(client.connection.overdue for client in self._clients.values())
 
     def read_batch(self) -> Batch:
@@ -104,11 +104,11 @@ class TcpIn(Link):
         return batch
 
     def address(self, peer: int) -> str:
-        """Host and port of one who is connected, empty for others."""
+        """Host and port of a connected client, empty for others."""
         return self._addresses().get(peer, "")
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """These clients have proved who they are: they may be sent to."""
+        """Marks clients as known: they may be sent to."""
         peers = {peer for peer, _ in claims}
         for client in self._clients.values():
             client.known = client.known or client.connection.frames.peer in peers
@@ -118,10 +118,10 @@ class TcpIn(Link):
 
         Args:
             frame: one frame.
-            peer: number of the only client that is to get it, of whom nothing else is asked; 0: all of them.
+            peer: number of the one client that is to get it, known or not; 0: all that are known.
 
         Raises:
-            LinkError: nobody is connected.
+            LinkError: no such client is connected.
         """
         clients = [client.connection for client in list(self._clients.values()) if client.known or peer]
         wanted = [each for each in clients if not each.is_broken and peer in (0, each.frames.peer)]
@@ -130,7 +130,7 @@ class TcpIn(Link):
         return any([each.send(frame) for each in wanted])
 
     def report(self) -> LinkReport:
-        """How it is doing, with who is connected."""
+        """How it is doing, with its clients."""
         return replace(super().report(), peers=self.clients, others=tuple(self._addresses().items()))
 
     def resume(self, before: LinkReport) -> None:
@@ -152,12 +152,12 @@ class TcpIn(Link):
         try:
             sock, (host, port) = self._server.accept()
         except OSError:
-            return  # nobody, or gone before it was let in
+            return  # no client, or gone before it was accepted
         if self._options.is_output and len(self._clients) >= _RECEIVERS:
-            sock.close()  # who only listens is silent: nobody makes room
+            sock.close()  # clients here only listen: none is closed for being silent
             return
         if len(self._clients) >= _SENDERS:
-            # whoever says nothing makes room, and of those who do the one who has been silent longest
+            # closed first: clients that never sent a frame, of the others the one that was silent longest
             order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
             oldest = min(order, key=lambda entry: entry[:2])[2]
             self._receive(oldest, batch)

@@ -67,7 +67,7 @@ class UdpIn(UdpLink):
 
     @property
     def troubles(self) -> tuple[str, ...]:
-        """That nobody can be kept out, on a system that cannot do it."""
+        """That floods cannot be limited, on a system without socket filters."""
         text = f"{self.name}: this system has no socket filters; a flood of strangers can push others out"
         return (text,) if self.limiter.is_unsupported else ()
 
@@ -81,11 +81,11 @@ class UdpIn(UdpLink):
 
         Args:
             frame: one frame.
-            peer: number of the only one who is to get it, of whom nothing else is asked; 0: all of them, or the first
-                few where packets are forwarded: an address can be forged, and everything would go there.
+            peer: number of the one sender that is to get it, known or not; 0: all that are known, but only the first
+                few where packets are forwarded: addresses can be forged, and all traffic would go there.
 
         Raises:
-            LinkError: nobody was heard yet, or not this one.
+            LinkError: no such sender is known, or the system cannot send.
         """
         wanted = (
             self.peers.socket_addresses(peer) if peer else list(self.peers.addresses().values())[: self._most_receivers]
@@ -119,12 +119,12 @@ class UdpOut(UdpLink):
 
     def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
         options = options or LinkOptions()
-        whoever = replace(options, system_ids=(), trusts_checksums=True)  # whoever wrote the URL trusts that address
-        super().__init__(url, whoever, options.sock or _connect(url))
+        trusting = replace(options, system_ids=(), trusts_checksums=True)  # the address was chosen in the URL
+        super().__init__(url, trusting, options.sock or _connect(url))
 
     @classmethod
     def parse(cls, rest: str) -> LinkUrl:
-        """Host and port to send to, and to hear."""
+        """Host and port of the other end."""
         return network_url("udpout", rest, default_port=DEFAULT_PORT)
 
     @classmethod
@@ -136,7 +136,7 @@ class UdpOut(UdpLink):
         """Sends to the address, the only peer there is.
 
         Returns:
-            False where the system has told since that nobody listened there. That is no error: somebody may now.
+            False where an earlier frame found no listener there. That is no error: there may be one now.
 
         Raises:
             LinkError: the network is down.

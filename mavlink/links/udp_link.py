@@ -64,7 +64,7 @@ class UdpLink(Link):
         self._newest_us = 0
         self._was_full = False
         self._is_refused = False
-        """Whether the system told that nobody listened where a frame was sent to."""
+        """Whether an earlier frame of ours found no listener."""
 
     @property
     def counts(self) -> LinkCounts:
@@ -184,7 +184,7 @@ class UdpLink(Link):
         return frames, frames + self._bad_datagrams
 
     def _busiest(self) -> int:
-        """Datagrams of one address at most, in whatever form."""
+        """Datagrams of the busiest address."""
         counts = Counter(chain.from_iterable(batch.peers for batch in self._batches))
         return max(counts.values(), default=0) + self._bad_datagrams.total()
 
@@ -267,7 +267,7 @@ class UdpLink(Link):
         self._counters.add(sum(map(len, datagrams)), FrameCounts(good=good))
 
     def _split_datagram(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
-        """Finds the frames in a datagram, whatever else is in it."""
+        """Adds the frames in a datagram that is not exactly one good frame."""
         frames, counts = split(data)
         self._counters.add(0, counts)
         if not frames:
