@@ -24,7 +24,7 @@ COLUMNS = (
 class CsvExport:
     """Degrees and metres, empty cells for what is unknown."""
 
-    needs_images: ClassVar = False
+    needs_images: ClassVar[bool] = False
 
     def __init__(self, path: Path) -> None:
         self._file = open_new(path)

@@ -26,7 +26,7 @@ HEADER = {
 class JsonlExport:
     """null is unknown."""
 
-    needs_images: ClassVar = False
+    needs_images: ClassVar[bool] = False
 
     def __init__(self, path: Path) -> None:
         self._file = open_new(path)

@@ -20,7 +20,7 @@ TIME_BASE = Fraction(1, 90_000)
 class VideoExport:
     """Frames keep their time stamps, so the film runs in step with the log."""
 
-    needs_images: ClassVar = True
+    needs_images: ClassVar[bool] = True
 
     def __init__(self, path: Path) -> None:
         self._file = open_new(path)
