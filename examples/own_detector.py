@@ -48,9 +48,9 @@ def main(folder: str) -> None:
         if frame.image is None:
             continue
         while packet is not None and packet.t_us <= frame.t_us:  # telemetry first, up to the frame's time
-            pipeline.feed(packet)
+            pipeline.add_packet(packet)
             packet = next(packets, None)
-        snapshot = pipeline.frame(frame.index, frame.t_us, image=frame.image, detections=detect(frame.image))
+        snapshot = pipeline.add_frame(frame.index, frame.t_us, image=frame.image, detections=detect(frame.image))
         named.update(box.system_id for box in snapshot.boxes if box.system_id)
     for system_id, boxes in sorted(named.items()):
         print(f"{analysis.mission.name_of(system_id)}: {boxes} boxes")

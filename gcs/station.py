@@ -16,7 +16,7 @@ class Commands(Protocol):
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """Orders that make sense while a vehicle is selected, 0 for none: a key for each, and words that name whom."""
 
-    def give(self, key: str, system_id: int) -> None:
+    def submit(self, key: str, system_id: int) -> None:
         """Carry an order out, which the operator has confirmed; what becomes of it comes as events.
 
         Raises:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega
 
-from gcs.flight.frame_loop import FlightFold
+from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, parse_mission
@@ -157,7 +157,7 @@ class _ScriptedFlight:
         self.detector = _Scripted()
         pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
         faults = Faults(self.recorder.folder / "faults.txt")
-        self.fold = FlightFold(
+        self.fold = FrameLoop(
             pipeline, self.detector, self.recorder, faults, lambda snapshot: None, now_us=self.wall_us
         )
 
@@ -184,8 +184,8 @@ class _ScriptedFlight:
 
     def turn(self, frame: Frame | None) -> None:
         """One of the fold."""
-        self.fold.take(self.memory.take_packets(), self.wall_us())
-        self.fold.turn(frame)
+        self.fold.add_packets(self.memory.take_packets(), self.wall_us())
+        self.fold.run_once(frame)
 
     def close(self) -> Path:
         self.fold.close()

@@ -141,7 +141,7 @@ def _look_around(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
     that is no screen's."""
 
     def tell(text: str, level: Level = "info") -> None:
-        flight.tell(Event(t_us=now_us(), level=level, kind="recording", text=text))
+        flight.add_event(Event(t_us=now_us(), level=level, kind="recording", text=text))
         if not screen:
             note(text)
 

@@ -5,9 +5,9 @@ Nothing here is imported while the station only listens.
 
 from __future__ import annotations
 
-from gcs.command.desk import CommandDesk
-from gcs.command.jobs import Rules
+from gcs.command.executor import CommandParams
+from gcs.command.mav_cmd import GeoPoint
 from gcs.command.orders import ORDERS, Order
-from gcs.command.wire import Place
+from gcs.command.service import CommandService
 
-__all__ = ["ORDERS", "CommandDesk", "Order", "Place", "Rules"]
+__all__ = ["ORDERS", "CommandParams", "CommandService", "GeoPoint", "Order"]

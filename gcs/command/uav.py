@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from gcs.command.wire import Place
+from gcs.command.mav_cmd import GeoPoint
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
 from mavlink.geodesy import LocalFrame, wrap_pi
 from mavlink.protocol.decode import decode
@@ -59,7 +59,7 @@ class Uav:
         self.gimbal_holder: tuple[int, int] | None = None
         """System and component in primary control of the gimbal, (0, 0) for nobody, None while it does not tell."""
 
-    def take(self, packet: Packet) -> None:
+    def receive(self, packet: Packet) -> None:
         """A packet of the UAV that is believed."""
         if packet.message_id == _ACK:
             payload = packet.payload.ljust(4, b"\0")
@@ -139,7 +139,7 @@ class Uav:
         held = self._axis
         return held[1] if held is not None and self._clock() - held[0] <= _AXIS_S else None
 
-    def way_to(self, place: Place) -> tuple[float, float, float] | None:
+    def direction_to(self, place: GeoPoint) -> tuple[float, float, float] | None:
         """Direction from it to a place on the ground: east, north, up, of length 1; None when its own is not known."""
         sample = self._fresh
         if sample is None:
@@ -149,16 +149,16 @@ class Uav:
         length = math.hypot(east, north, up)
         return (east / length, north / length, up / length) if length else None
 
-    def off_rad(self, place: Place) -> float:
+    def off_rad(self, place: GeoPoint) -> float:
         """Angle between where its gimbal reports to look and a place on the ground, NaN when unknown."""
-        axis, way = self.axis, self.way_to(place)
+        axis, way = self.axis, self.direction_to(place)
         if axis is None or way is None:
             return math.nan
         return math.acos(max(-1.0, min(1.0, sum(a * b for a, b in zip(axis, way, strict=True)))))
 
-    def angles_to(self, place: Place) -> tuple[float, float, float] | None:
+    def angles_to(self, place: GeoPoint) -> tuple[float, float, float] | None:
         """Pitch from the horizon, yaw from north and yaw from the nose to a place; radians, None when unknown."""
-        way, nose = self.way_to(place), self.nose
+        way, nose = self.direction_to(place), self.nose
         if way is None or math.isnan(nose):
             return None
         east, north, up = way

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gcs.command import CommandDesk, Place
+from gcs.command import CommandService, GeoPoint
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Snapshot
 from infra.wall_clock import now_us
@@ -14,20 +14,20 @@ from mavlink.signing.signer import Signer
 from mavlink.transmit.message_rates import uav_rates
 from mavlink.transmit.transmitter import Transmitter
 
-__all__ = ["open_desk", "place_of"]
+__all__ = ["open_command_service", "place_of"]
 
 FRESH_US = 2_000_000
 """A snapshot older than this, or one of telemetry that old, says nothing of now."""
 
 
-def open_desk(
+def open_command_service(
     mission: Mission,
     ingest: Ingest,
     ring: KeyRing,
-    where: Callable[[int], Place | None],
+    where: Callable[[int], GeoPoint | None],
     tell: Callable[[Event], None],
-) -> CommandDesk:
-    """The desk of a flight that may command.
+) -> CommandService:
+    """The command service of a flight that may command.
 
     Args:
         mission: who flies.
@@ -50,7 +50,7 @@ def open_desk(
         sign=sign if signer else None,
         announce_on=[index for index, name in enumerate(ingest.names) if name.startswith("udpout:")],
     )
-    return CommandDesk(
+    return CommandService(
         uav=uav,
         ground={system_id: mission.name_of(system_id) for system_id in mission.ugv_ids},
         uav_name=mission.name_of(uav),
@@ -62,7 +62,7 @@ def open_desk(
     )
 
 
-def place_of(system_id: int, snapshot: Snapshot | None) -> Place | None:
+def place_of(system_id: int, snapshot: Snapshot | None) -> GeoPoint | None:
     """Where a vehicle is by its own reports, None when they are old, doubted or contested."""
     if snapshot is None or snapshot.origin is None:
         return None
@@ -74,5 +74,5 @@ def place_of(system_id: int, snapshot: Snapshot | None) -> Place | None:
             if row.position_state != "ok" or doubted:
                 return None
             lat_deg, lon_deg, _ = snapshot.origin.to_geodetic(row.p_enu)
-            return Place(float(lat_deg), float(lon_deg))
+            return GeoPoint(float(lat_deg), float(lon_deg))
     return None

@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gcs.errors import FlightError
-from gcs.flight.frame_loop import FlightFold
-from gcs.flight.monitor import FlightCare
+from gcs.flight.frame_loop import FrameLoop
+from gcs.flight.monitor import FlightMonitor
 from gcs.flight.video import FlightVideo, check_source
-from gcs.fold.detector_factory import fingerprints, open_perception
+from gcs.fold.detector_factory import fingerprints, open_mission_detector
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission
@@ -41,7 +41,7 @@ from mavlink.transmit.transmitter import SYSTEM_ID
 from vision.detect.detector import Detector
 
 if TYPE_CHECKING:
-    from gcs.command import CommandDesk
+    from gcs.command import CommandService
 
 __all__ = ["Flight", "FlightPlan"]
 
@@ -94,12 +94,12 @@ class Flight:
         notes: dict[str, Any] = {"keys": key_notes(self._ring)}
         if plan.video:
             check_source(plan.video)
-            detector = open_perception(mission.detector, threads=LOOK_THREADS)
+            detector = open_mission_detector(mission.detector, threads=LOOK_THREADS)
             notes["models"] = fingerprints(mission.detector)
         self._recorder = Recorder(plan.sessions, mission, video=bool(plan.video), notes=notes)
         _log.info("%s records %s in process %d", PROGRAM, self._recorder.folder.name, os.getpid())
         _log.info("Python %s on %s", platform.python_version(), platform.platform())
-        self._desk: CommandDesk | None = None
+        self._commands: CommandService | None = None
         try:
             self._ingest = _open_ingest(plan, self._recorder.tlog_path)
         except BaseException:
@@ -112,8 +112,8 @@ class Flight:
         rates = uav_rates(gimbal=mission.follows_gimbal)
         self._rates = MessageRates(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
         self._faults = Faults(self._recorder.folder / "faults.txt")
-        self._fold = FlightFold(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
-        self._fold.health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))
+        self._loop = FrameLoop(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
+        self._loop.health = Health(recording=True, free_bytes=self._recorder.free_bytes, keys=len(self._ring))
         for system_id in plan.accept_late:
             self._tell_of_operator(system_id, "signed packets are accepted without a proof in this flight")
         self._stop = threading.Event()
@@ -121,14 +121,14 @@ class Flight:
         self._closed = False
         self.lost: tuple[str, ...] = ()
         if plan.command:
-            self._desk = self._open_desk(mission)
-        self._care = FlightCare(
+            self._commands = self._open_commands(mission)
+        self._monitor = FlightMonitor(
             self._ingest,
             self._recorder,
             self._video,
-            None if self._desk else self._rates,
+            None if self._commands else self._rates,
             keys=len(self._ring),
-            tell=self._fold.tell,
+            tell=self._loop.add_event,
         )
         jobs = {"listening": self._listen, "naming": self._name, "looking after the flight": self._look_after}
         self._threads = [
@@ -156,7 +156,7 @@ class Flight:
     @property
     def error(self) -> FlightError | None:
         """What does not work any more, None while all is well."""
-        why = self._faults.lasting
+        why = self._faults.persistent
         return FlightError(f"{why}; telemetry and video are recorded all the same") if why else None
 
     @property
@@ -168,26 +168,26 @@ class Flight:
 
     @property
     def commands(self) -> Commands | None:
-        """The command desk, None for a station that listens only."""
-        return self._desk
+        """The command service, None for a station that listens only."""
+        return self._commands
 
     def latest(self) -> Snapshot | None:
         """The newest snapshot."""
-        return self._fold.latest
+        return self._loop.latest
 
     def events(self) -> Sequence[Event]:
         """What happened so far."""
-        return self._fold.events()
+        return self._loop.events()
 
-    def tell(self, event: Event) -> None:
+    def add_event(self, event: Event) -> None:
         """Something that the operator is to know, for screen and event log."""
-        self._fold.tell(event)
+        self._loop.add_event(event)
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these: an event each."""
         t_us = now_us()
         for alarm in alarms:
-            self._fold.tell(
+            self._loop.add_event(
                 Event(
                     t_us=t_us,
                     level="info",
@@ -207,7 +207,7 @@ class Flight:
                 self._tell_of_operator(system_id, f"signed packets stay held: {error}")
 
     def _tell_of_operator(self, system_id: int, text: str) -> None:
-        self._fold.tell(
+        self._loop.add_event(
             Event(
                 t_us=now_us(),
                 level="warning",
@@ -224,28 +224,28 @@ class Flight:
                 return
             self._closed = True
         self._stop.set()
-        if self._desk:
-            self._desk.close()
+        if self._commands:
+            self._commands.close()
         self._video.close()
         for thread in self._threads:
             if thread is not threading.current_thread():
                 thread.join(timeout=5)
         self._ingest.stop()
-        self._fold.close()
+        self._loop.close()
         health = self._ingest.health()
         _log.info("the flight ends with %d packets", self.packets)
         self.lost = self._recorder.close(health.record, refused=health.refused)
 
-    def _open_desk(self, mission: Mission) -> CommandDesk:
+    def _open_commands(self, mission: Mission) -> CommandService:
         # MAVSDK's native library is loaded only by stations that may command
-        from gcs.flight.command_setup import open_desk, place_of
+        from gcs.flight.command_setup import open_command_service, place_of
 
-        return open_desk(
+        return open_command_service(
             mission,
             self._ingest,
             self._ring,
-            where=lambda system_id: place_of(system_id, self._fold.latest),
-            tell=self._fold.tell,
+            where=lambda system_id: place_of(system_id, self._loop.latest),
+            tell=self._loop.add_event,
         )
 
     def _repeat(self, job: str, turn: Callable[[], None]) -> None:
@@ -261,10 +261,10 @@ class Flight:
 
     def _listen(self) -> None:
         packets = self._ingest.read(READ_S)
-        self._fold.take(packets, self._ingest.heard_us)
-        if self._desk:
+        self._loop.add_packets(packets, self._ingest.heard_us)
+        if self._commands:
             for packet in packets:
-                self._desk.take(packet)
+                self._commands.receive(packet)
         elif packets:
             now_s = time.monotonic()
             for packet in packets:
@@ -274,12 +274,12 @@ class Flight:
         frame = self._video.latest(IDLE_S)
         if self._video.stream is None:
             self._stop.wait(IDLE_S)
-        if self._desk:
-            self._desk.poll()
-        self._fold.turn(frame)
+        if self._commands:
+            self._commands.poll()
+        self._loop.run_once(frame)
 
     def _look_after(self) -> None:
-        self._fold.health = self._care.look(self._fold.pace, self._faults, self._pipeline.fleet.video_offer)
+        self._loop.health = self._monitor.check(self._loop.throughput, self._faults, self._pipeline.fleet.video_offer)
         self._stop.wait(CARE_S)
 
 

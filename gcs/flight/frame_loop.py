@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from gcs.flight.monitor import Pace
+from gcs.flight.monitor import Throughput
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldTurn
@@ -19,7 +19,7 @@ from vision.detect.detections import Detections
 from vision.detect.detector import Detector
 from vision.video.video import Frame
 
-__all__ = ["FlightFold"]
+__all__ = ["FrameLoop"]
 
 MOST_EVENTS = 2000
 MOST_WAITING = 200_000
@@ -27,7 +27,7 @@ MOST_WAITING = 200_000
 PACE_FRAMES, PACE_S = 20, 2.0
 
 
-class FlightFold:
+class FrameLoop:
     """Looks at one frame after the other; only ``turn`` works, the rest may be called from any thread.
 
     Args:
@@ -67,7 +67,7 @@ class FlightFold:
         self.health = Health()
         self.latest: Snapshot | None = None
 
-    def take(self, packets: Sequence[Packet], heard_us: int) -> None:
+    def add_packets(self, packets: Sequence[Packet], heard_us: int) -> None:
         """Packets that came; where too many wait, the oldest go, and are counted.
 
         Args:
@@ -78,7 +78,7 @@ class FlightFold:
         self._waiting.extend(packets)
         self._heard_us = heard_us
 
-    def tell(self, event: Event) -> None:
+    def add_event(self, event: Event) -> None:
         """Something of the surroundings, for the next snapshot."""
         self._said.append(event)
 
@@ -87,19 +87,19 @@ class FlightFold:
         return tuple(self._events)
 
     @property
-    def pace(self) -> Pace:
+    def throughput(self) -> Throughput:
         """How it gets on."""
         ends = tuple(self._frame_ends)
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and time.monotonic() - ends[-1] < PACE_S else 0.0
-        return Pace(frames=self._frames, fps=fps, pushed_out=self._pushed_out)
+        return Throughput(frames=self._frames, fps=fps, pushed_out=self._pushed_out)
 
-    def turn(self, frame: Frame | None) -> None:
+    def run_once(self, frame: Frame | None) -> None:
         """Fold in what waits and one frame, if there is a new one."""
         heard_us = self._heard_us
         while self._waiting:
             self._feed(self._waiting.popleft())
         while self._said:
-            self._pipeline.note(self._said.popleft())
+            self._pipeline.add_event(self._said.popleft())
         snapshot = self._look(frame, heard_us) if frame else self._wait(heard_us)
         self._events.extend(snapshot.events)
         self.latest = snapshot
@@ -112,7 +112,7 @@ class FlightFold:
         if packet.record >= 0:
             self._count(packet)
         try:
-            self._pipeline.feed(packet)
+            self._pipeline.add_packet(packet)
         except Exception as error:  # noqa: BLE001 - one packet must not cost a frame
             self._faults.record(f"packet of system {packet.system_id}", error)
 
@@ -129,7 +129,7 @@ class FlightFold:
         self._frame_ends.append(time.monotonic())
         lag_s = max(self._now_us() - frame.t_us, 0) * 1e-6
         health = replace(self.health, frames=self._frames, lag_s=lag_s, behind_s=_behind_s(frame.t_us, heard_us))
-        snapshot = self._pipeline.frame(
+        snapshot = self._pipeline.add_frame(
             frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
         )
         self._record(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
@@ -173,7 +173,7 @@ class FlightFold:
         """No new frame: the fleet goes on, the last frame stays."""
         t_us = self._now_us()
         health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
-        snapshot = self._pipeline.frame(NO_FRAME, t_us, health=health, heard_us=heard_us)
+        snapshot = self._pipeline.add_frame(NO_FRAME, t_us, health=health, heard_us=heard_us)
         self._record(NO_FRAME, t_us, heard_us)
         self._recorder.events(snapshot.events)
         last = self.latest

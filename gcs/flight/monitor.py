@@ -21,11 +21,11 @@ from mavlink.links.report import LinkReport
 from mavlink.protocol.messages import VideoStreamInformation
 from mavlink.transmit.message_rates import MessageRates
 
-__all__ = ["FlightCare", "Pace"]
+__all__ = ["FlightMonitor", "Throughput"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pace:
+class Throughput:
     """How the fold gets on."""
 
     frames: int
@@ -36,7 +36,7 @@ class Pace:
     """Packets that waited too long for it."""
 
 
-class FlightCare:
+class FlightMonitor:
     """Counts, compares and tells what is new.
 
     Args:
@@ -61,11 +61,11 @@ class FlightCare:
         self._ingest, self._recorder, self._video, self._rates = ingest, recorder, video, rates
         self._keys, self._tell = keys, tell
 
-    def look(self, pace: Pace, faults: Faults, offer: VideoStreamInformation | None) -> Health:
+    def check(self, throughput: Throughput, faults: Faults, offer: VideoStreamInformation | None) -> Health:
         """The health of now; to be called once a second or more often.
 
         Args:
-            pace: of the fold.
+            throughput: of the fold.
             faults: of the program.
             offer: the video that the UAV offers, None while it offers none.
         """
@@ -76,18 +76,18 @@ class FlightCare:
             self._note(now_us(), "warning", rate.words, rate.system_id)
         for event in (*self._recorder.check(ingest.record), *self._video.check(offer)):
             self._tell(event)
-        return self._health(ingest, pace, faults)
+        return self._health(ingest, throughput, faults)
 
     def _note(self, t_us: int, level: Level, text: str, system_id: int = 0) -> None:
         self._tell(Event(t_us=t_us, level=level, kind="link", text=text, system_id=system_id))
 
-    def _health(self, ingest: IngestHealth, pace: Pace, faults: Faults) -> Health:
+    def _health(self, ingest: IngestHealth, throughput: Throughput, faults: Faults) -> Health:
         recorder, stream = self._recorder, self._video.stream
         states = recorder.states(ingest.record).values()
         worst = max(states, key=lambda state: state.failing_s)
         return Health(
-            fps=pace.fps,
-            frames=pace.frames,
+            fps=throughput.fps,
+            frames=throughput.frames,
             skipped_frames=stream.skipped if stream else 0,
             video=self._video.state,
             undecoded=stream.undecoded if stream else 0,
@@ -103,7 +103,7 @@ class FlightCare:
             write_lost=sum(state.lost for state in states),
             keys=self._keys,
             ingest_restarts=ingest.restarts,
-            ring_dropped=ingest.overrun + pace.pushed_out,
+            ring_dropped=ingest.overrun + throughput.pushed_out,
             clock_step_s=ingest.record.clock_step_s,
             faults=faults.count,
             fault=faults.last,

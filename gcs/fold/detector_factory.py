@@ -15,10 +15,10 @@ from vision.detect.detector import Detector, open_detector
 from vision.detect.front import BUNDLED_FRONT, FrontedDetector, open_front_classifier
 from vision.errors import ModelError
 
-__all__ = ["fingerprints", "open_perception"]
+__all__ = ["fingerprints", "open_mission_detector"]
 
 
-def open_perception(choice: DetectorChoice, *, threads: int = 1) -> Detector:
+def open_mission_detector(choice: DetectorChoice, *, threads: int = 1) -> Detector:
     """Load the mission's networks.
 
     Args:

@@ -59,7 +59,7 @@ class FrameSize:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Look:
+class _SampledFrame:
     """One frame, in units of the described image's width."""
 
     size: tuple[int, int]
@@ -79,7 +79,7 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
         times_us: (n,) of the frames.
         boxes: what was seen in them, in pixels of unknown frames.
     """
-    looks = list(_looks(mission, log, times_us, boxes))
+    looks = list(_sampled_frames(mission, log, times_us, boxes))
     if not looks:
         return _unknown("no box was seen while vehicles reported places in the image")
     width, height = looks[0].size
@@ -108,7 +108,9 @@ def _unknown(why: str) -> FrameSize:
     return FrameSize(known=False, doubt=text)
 
 
-def _looks(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes: FrameDetections) -> Iterator[_Look]:
+def _sampled_frames(
+    mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes: FrameDetections
+) -> Iterator[_SampledFrame]:
     """Frames with boxes, some time apart."""
     pipeline, packets = Pipeline(mission), log.packets()
     waiting = next(packets, None)
@@ -118,9 +120,9 @@ def _looks(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes
         if t_us - last_us < EVERY_US or not len(seen):
             continue
         while waiting is not None and waiting.t_us <= t_us:
-            pipeline.feed(waiting)
+            pipeline.add_packet(waiting)
             waiting = next(packets, None)
-        expected = pipeline.expected(t_us)
+        expected = pipeline.expected_pixels(t_us)
         if expected is None:
             continue
         (width, height), places = expected[0], expected[1] / expected[0][0]
@@ -128,12 +130,12 @@ def _looks(mission: Mission, log: SessionLog, times_us: NDArray[np.int64], boxes
         if not len(places):
             continue
         last_us, found = t_us, found + 1
-        yield _Look(size=(width, height), boxes=seen.centre / width, places=places)
+        yield _SampledFrame(size=(width, height), boxes=seen.centre / width, places=places)
         if found == MOST_LOOKS:
             return
 
 
-def _fit(look: _Look, scale: float) -> float:
+def _fit(look: _SampledFrame, scale: float) -> float:
     """Mean of ln p over the boxes of a frame, for a frame so many times as wide as the described image."""
     gap = look.boxes[:, None] / scale - look.places[None]
     near = np.exp(-0.5 * (gap**2).sum(axis=2) / STD**2).mean(axis=1) / (2.0 * np.pi * STD**2)

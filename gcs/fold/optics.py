@@ -56,7 +56,7 @@ class Optics:
         events, self._events = self._events, []
         return events
 
-    def look(self, t_us: int, report: CameraReport | None, size: tuple[int, int] | None) -> Intrinsics | None:
+    def intrinsics(self, t_us: int, report: CameraReport | None, size: tuple[int, int] | None) -> Intrinsics | None:
         """Intrinsics of an image.
 
         Args:

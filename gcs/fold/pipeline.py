@@ -18,12 +18,12 @@ from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.optics import Optics
-from gcs.fold.position_steps import SteadyCamera
-from gcs.fold.quarantine import doubted, quarantined
+from gcs.fold.position_steps import StepFilter
+from gcs.fold.quarantine import limit_doubted, withhold_contested
 from gcs.fold.snapshot_rows import FrameCamera, boxes_of, vehicle_rows
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
-from gcs.health.link_rates import Trends
+from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.estimation.gimbal import turns_camera
@@ -80,7 +80,7 @@ class Pipeline:
         self._params = params
         self._identifier = Identifier(mission.ugv_ids, params)
         self._origin: LocalFrame | None = None
-        self._steady = SteadyCamera()
+        self._steps = StepFilter()
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
@@ -88,17 +88,17 @@ class Pipeline:
         self._names = NameChanges(mission)
         self._events: list[Event] = []
         self._throttle = EventThrottle()
-        self._trends = Trends()
+        self._link_rates = LinkRates()
         self._alarms = Alarms()
 
-    def feed(self, packet: Packet) -> None:
+    def add_packet(self, packet: Packet) -> None:
         """Take in one telemetry packet."""
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
             self._direction.order_given(packet.t_us)
         if notices := self.fleet.add_packet(packet):
             self._events += self._throttle.admit(map(_event, notices))
 
-    def note(self, event: Event) -> None:
+    def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
         self._events.append(event)
 
@@ -107,7 +107,7 @@ class Pipeline:
         view = self._look(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
         return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
 
-    def expected(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
+    def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
         """Where the vehicles' reports put them in the frame at a time of the video's clock.
 
         Returns:
@@ -121,7 +121,7 @@ class Pipeline:
         places = np.array(list(self._projected(state, view).values())).reshape(-1, 2)
         return (view.intrinsics.width, view.intrinsics.height), places
 
-    def frame(
+    def add_frame(
         self,
         index: int,
         t_us: int,
@@ -160,8 +160,8 @@ class Pipeline:
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
-        found = doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
-        identities = quarantined(found, state)
+        found = limit_doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
+        identities = withhold_contested(found, state)
         self._events += self._names.update(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
@@ -170,14 +170,14 @@ class Pipeline:
             text = (
                 f"{boxes} boxes in a frame, of which the {MOST_BOXES} best count: the detector sees what is not there"
             )
-            self.note(Event(t_us=t_us, level="warning", kind="video", text=text))
+            self.add_event(Event(t_us=t_us, level="warning", kind="video", text=text))
         self._crowded = True
 
     def _follow_origin(self) -> None:
         """Begin the names anew when places are told in another frame: what was seen and heard was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
             self._begin_anew()
-            self._steady = SteadyCamera()
+            self._steps = StepFilter()
         self._origin = self.fleet.origin
 
     def _begin_anew(self) -> None:
@@ -189,9 +189,9 @@ class Pipeline:
         """Take out steps of the UAV's position that the video does not show, or begin the names anew after one."""
         if not state.uav.position_valid:
             return
-        before = self._steady.shift_enu
-        anew_m = self._steady.take(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.sure)
-        taken_m = float(np.linalg.norm(self._steady.shift_enu - before))
+        before = self._steps.shift_enu
+        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.sure)
+        taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
         if anew_m:
             self._begin_anew()
         if anew_m or taken_m:
@@ -206,14 +206,14 @@ class Pipeline:
     def _look(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
         """Camera pose from the UAV's report, None without a position or a camera."""
         uav = state.uav
-        intrinsics = self._optics.look(state.t_us, uav.camera, size)
+        intrinsics = self._optics.intrinsics(state.t_us, uav.camera, size)
         self._events += self._optics.take_events()
         if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None
         self._events += self._direction.check(state.t_us, uav)
         return FrameCamera(
             intrinsics=intrinsics,
-            pose=self._direction.pose(uav, uav.p_enu + self._steady.shift_enu),
+            pose=self._direction.pose(uav, uav.p_enu + self._steps.shift_enu),
             ground_z=float(uav.p_enu[2] - uav.height_m),
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
@@ -292,7 +292,7 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=self._believed(self._trends.of(t_us, health or Health())),
+            health=self._believed(self._link_rates.with_rates(t_us, health or Health())),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             conflicts=self._names.conflicts,
             origin=self.fleet.origin,

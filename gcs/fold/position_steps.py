@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SteadyCamera"]
+__all__ = ["StepFilter"]
 
 FloatArray = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _PATIENCE_US = 8_000_000
 """Names that are not sure again after so long with a step taken out: the new place was the true one."""
 
 
-class SteadyCamera:
+class StepFilter:
     """The UAV's steps, frame by frame.
 
     Attributes:
@@ -37,7 +37,7 @@ class SteadyCamera:
         self._past: deque[tuple[int, FloatArray]] = deque()
         self._unsure_us, self._stepped_us = 0, -_LONGEST_US
 
-    def take(self, t_us: int, p_enu: FloatArray, v_enu: FloatArray, *, sure: bool) -> float:
+    def update(self, t_us: int, p_enu: FloatArray, v_enu: FloatArray, *, sure: bool) -> float:
         """One frame.
 
         Args:

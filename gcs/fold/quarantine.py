@@ -10,7 +10,7 @@ import numpy as np
 from assoc.identification.identifier import Identities
 from mavlink.fleet.fleet import FleetState
 
-__all__ = ["doubted", "quarantined"]
+__all__ = ["limit_doubted", "withhold_contested"]
 
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
 
@@ -19,7 +19,7 @@ _DOUBTED_MOST = 0.75
 """Confidence in a name whose vehicle doubts its own position: it rests on what was seen before."""
 
 
-def doubted(identities: Identities | None, state: FleetState, threshold: float) -> Identities | None:
+def limit_doubted(identities: Identities | None, state: FleetState, threshold: float) -> Identities | None:
     """Identities in which names of vehicles that doubt their own positions are of little confidence.
 
     Args:
@@ -35,7 +35,7 @@ def doubted(identities: Identities | None, state: FleetState, threshold: float) 
     return replace(identities, confidence=least)
 
 
-def quarantined(identities: Identities | None, state: FleetState) -> Identities | None:
+def withhold_contested(identities: Identities | None, state: FleetState) -> Identities | None:
     """Identities without the contested names; without any while it is the UAV's own id that is contested.
 
     Evidence that was heard before the second sender came says nothing of which of the two it came from.

@@ -69,7 +69,7 @@ class Faults:
         self._failing.pop(job, None)
 
     @property
-    def lasting(self) -> str:
+    def persistent(self) -> str:
         """The job that does not work any more and why, empty while all do."""
         return next((words for times, words in tuple(self._failing.values()) if times >= LASTING), "")
 

@@ -7,20 +7,20 @@ from dataclasses import replace
 
 from gcs.snapshot import Health, LinkHealth
 
-__all__ = ["Trends"]
+__all__ = ["LinkRates"]
 
 WINDOW_S = 5.0
 LEAST_S = 1.0
 """Shorter spans give no rate."""
 
 
-class Trends:
+class LinkRates:
     """Remembers the counters of the last seconds, once a second."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, Health]] = deque()
 
-    def of(self, t_us: int, health: Health) -> Health:
+    def with_rates(self, t_us: int, health: Health) -> Health:
         """The same health with rates.
 
         Args:

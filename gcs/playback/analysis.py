@@ -174,9 +174,9 @@ class Analysis:
         """The mission's detector when frames have to be looked at, else None."""
         if self.video is None or self._boxes is not None:
             return None
-        from gcs.fold.detector_factory import open_perception
+        from gcs.fold.detector_factory import open_mission_detector
 
-        return open_perception(self.mission.detector)
+        return open_mission_detector(self.mission.detector)
 
     def snapshots(self, *, images: bool = True) -> Iterator[Snapshot]:
         """Fold the whole recording: one snapshot for each frame.
@@ -189,7 +189,7 @@ class Analysis:
         senders = self._log.senders
         pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
         for text in self.warnings:
-            pipeline.note(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
+            pipeline.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
         if self._turns is None:
             yield from self._by_time(pipeline, images)
             return
@@ -203,7 +203,7 @@ class Analysis:
             for packet in packets.until(t_us):
                 self._feed(pipeline, packet)
             shown = image if images else None
-            yield pipeline.frame(
+            yield pipeline.add_frame(
                 index, t_us, image=shown, size=self._size.size, detections=boxes, health=self._health(index)
             )
 
@@ -220,11 +220,11 @@ class Analysis:
                 self._feed(pipeline, packet)
             if turn.frame == NO_FRAME:
                 health = self._health(latest.frame if latest else 0)
-                events = pipeline.frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
+                events = pipeline.add_frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
                 early += () if latest else events
                 latest = replace(latest, events=latest.events + events) if latest else None
                 continue
-            now = pipeline.frame(
+            now = pipeline.add_frame(
                 turn.frame,
                 turn.t_us,
                 size=turn.size,
@@ -257,11 +257,11 @@ class Analysis:
     def _feed(self, pipeline: Pipeline, packet: Packet) -> None:
         """As in a flight, a packet that cannot be worked on costs nothing else; the first is an event."""
         try:
-            pipeline.feed(packet)
+            pipeline.add_packet(packet)
         except Exception as error:  # noqa: BLE001 - an event, below
             if not self.faults:
                 text = f"a fault of this program was passed over: packet of system {packet.system_id}: {error!r}"
-                pipeline.note(Event(t_us=packet.t_us, level="alarm", kind="recording", text=text))
+                pipeline.add_event(Event(t_us=packet.t_us, level="alarm", kind="recording", text=text))
             self.faults += 1
 
     def _health(self, index: int) -> Health:
@@ -334,5 +334,5 @@ class _GroundScale:
 
     def gsd_m(self, frame: Frame) -> float | None:
         for packet in self._packets.until(frame.t_us):
-            self._pipeline.feed(packet)
+            self._pipeline.add_packet(packet)
         return self._pipeline.gsd_m(frame.t_us, frame.image)

@@ -19,17 +19,17 @@ from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import playback
-from gcs.tui.deck import Deck
 from gcs.tui.draw.format import age, clock, plain
 from gcs.tui.draw.pixels import Graphics, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
+from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token, unseen
-from gcs.tui.panes.banner import AlertLine
+from gcs.tui.panes.banner import Banner
 from gcs.tui.panes.event_log import EventPane, heard
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
-from gcs.tui.panes.key_hints import HintLine
+from gcs.tui.panes.key_hints import KeyHints
 from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.pane import Pane
 from gcs.tui.panes.status import StatusBar
@@ -38,7 +38,7 @@ from gcs.tui.panes.video import VideoPane
 from gcs.tui.screens.command import ask_for_order
 from gcs.tui.screens.held import ask_to_accept
 from gcs.tui.screens.help import HelpScreen
-from gcs.tui.screens.prompts import Ask
+from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import save_new
 
 __all__ = ["RollcallApp", "error_line"]
@@ -84,11 +84,11 @@ class RollcallApp(App[None]):
         self.left = False
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
-        self._alert_line = AlertLine(id="alert")
+        self._alert_line = Banner(id="alert")
         self._map = MapPane(id="map")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")
-        self._deck = Deck(
+        self._panes = PaneArea(
             [
                 VideoPane(id="video", pixels=pixel_images(graphics)),
                 self._map,
@@ -97,22 +97,22 @@ class RollcallApp(App[None]):
                 self._alarms,
                 self._events,
             ],
-            id="deck",
+            id="panes",
         )
         self._timeline = None if station.timeline is None else TimelineBar(id="timeline")
 
     def compose(self) -> ComposeResult:
         """Status, alert, panes, timeline, keys."""
         live = self._timeline is None
-        for pane in self._deck.panes:
+        for pane in self._panes.panes:
             pane.data_bind(RollcallApp.snapshot, RollcallApp.selected)
         yield self._status.data_bind(RollcallApp.snapshot)
         yield self._alert_line
-        yield self._deck
+        yield self._panes
         if self._timeline is not None:
             yield self._timeline
         hints = REPLAY_HINTS if not live else COMMAND_HINTS if self._commands else LIVE_HINTS
-        yield HintLine((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
+        yield KeyHints((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
 
     def on_mount(self) -> None:
         """Start to poll."""
@@ -131,7 +131,7 @@ class RollcallApp(App[None]):
         newest = self._station.latest()
         if newest is not None and newest is not self.snapshot:
             self._newest_at = time.monotonic()
-            self._deck.fit_to(newest)
+            self._panes.fit_to(newest)
             self.snapshot = newest
         self._status.said = self._station.title
         said = self._station.events()
@@ -206,17 +206,17 @@ class RollcallApp(App[None]):
             timeline.seek(event.t_us)
 
     def action_go_to(self) -> None:
-        """Ask for a time."""
+        """Prompt for a time."""
         if (timeline := self._station.timeline) is None:
             return
         start, stop, now = timeline.start_us, timeline.stop_us, timeline.now_us
         hint = "1:30 from the start, +10, -1:00, 50%, 10:33:12Z"
-        ask = Ask("Go to time", hint, lambda text: playback.parse_time(text, start, stop, now))
+        ask = Prompt("Go to time", hint, lambda text: playback.parse_time(text, start, stop, now))
         self.push_screen(ask, lambda goal: None if goal is None else timeline.seek(min(max(goal, start), stop)))
 
     def action_pane(self, pane: str) -> None:
         """Show, focus or hide a pane."""
-        self._deck.toggle(pane)
+        self._panes.toggle(pane)
 
     def action_acknowledge(self) -> None:
         """Every alarm that is on now has been seen."""
@@ -237,12 +237,14 @@ class RollcallApp(App[None]):
 
     def action_layout(self, layout: int) -> None:
         """One of three layouts."""
-        self._deck.choose(layout)
+        self._panes.choose(layout)
 
     def action_maximise(self) -> None:
         """The focused pane, or the layout's first view, over everything."""
         pane = self.focused.id if isinstance(self.focused, Pane) and self.focused.id else None
-        self._deck.maximise(self._deck.wish.maximised or pane or ("map" if self._deck.wish.layout == 2 else "video"))
+        self._panes.maximise(
+            self._panes.state.maximised or pane or ("map" if self._panes.state.layout == 2 else "video")
+        )
 
     def action_pick(self, steps: int) -> None:
         """Select the vehicle above or below."""
@@ -253,8 +255,8 @@ class RollcallApp(App[None]):
 
     def action_release(self) -> None:
         """Leave the maximised pane, else the selection."""
-        if self._deck.wish.maximised:
-            self._deck.maximise(self._deck.wish.maximised)
+        if self._panes.state.maximised:
+            self._panes.maximise(self._panes.state.maximised)
         else:
             self.selected = 0
 
@@ -275,10 +277,10 @@ class RollcallApp(App[None]):
         self.push_screen(HelpScreen(live=self._station.timeline is None))
 
     def action_save(self) -> None:
-        """Ask where to, then save the screen as it was before the question."""
+        """Prompt where to, then save the screen as it was before the question."""
         drawing = self.export_screenshot(title=SCREENSHOT_TITLE)
         moment = clock(self.snapshot.t_us).replace(":", "") if self.snapshot is not None else "screen"
-        ask = Ask(
+        ask = Prompt(
             "Save the screen as SVG",
             "a new file; nothing is overwritten",
             lambda text: save_new(text, drawing),

@@ -100,8 +100,8 @@ def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch
             raise ValueError("odd")
         heard(self, packet)
 
-    heard = Pipeline.feed
-    monkeypatch.setattr(Pipeline, "feed", feed)
+    heard = Pipeline.add_packet
+    monkeypatch.setattr(Pipeline, "add_packet", feed)
     folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=3.0), Troubles())
     for name in ("flown", "by time"):
         if name == "by time":

@@ -5,40 +5,40 @@ from __future__ import annotations
 import time
 from types import SimpleNamespace
 
-from gcs.command import CommandDesk, Place, Rules
+from gcs.command import CommandParams, CommandService, GeoPoint
 from mavlink.transmit.transmitter import Transmitter
 from tests.support.fake_autopilot import Socket, rover
 
 UAV, UGV, OTHER = 1, 3, 4
-PLACE = Place(47.3980, 8.5460)
+PLACE = GeoPoint(47.3980, 8.5460)
 
 
-def open_air(make_uav, rules: Rules) -> SimpleNamespace:
+def open_air(make_uav, params: CommandParams) -> SimpleNamespace:
     """The desk, the vehicles, and ways to order and to wait; ``close`` ends all.
 
     Args:
         make_uav: a vehicle for a station's address and a system id.
-        rules: how orders are carried out.
+        params: how orders are carried out.
     """
     sock = Socket()
     uav, ugvs = make_uav(sock.address, UAV), [rover(sock.address, UGV), rover(sock.address, OTHER)]
     events, recorded, places = [], [], {UGV: PLACE}
     transmitter = Transmitter(UAV, sock.send, sent=lambda link, raw: recorded.append(raw))
-    desk = CommandDesk(
+    desk = CommandService(
         uav=UAV,
         ground={UGV: "UGV-3", OTHER: "UGV-4"},
         uav_name="UAV-1",
         transmitter=transmitter,
         where=places.get,
         tell=events.append,
-        rules=rules,
+        params=params,
     )
 
     def until(done, seconds=30.0):
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             for packet in sock.packets():
-                desk.take(packet)
+                desk.receive(packet)
             desk.poll()
             if done():
                 return True
@@ -48,7 +48,7 @@ def open_air(make_uav, rules: Rules) -> SimpleNamespace:
     def order(key, about=0, words=""):
         """Gives an order and waits for an event with some words."""
         before = len(events)
-        desk.give(key, about)
+        desk.submit(key, about)
         assert until(lambda: any(words in event.text for event in events[before:] if "ordered" not in event.text)), [
             event.text for event in events
         ]
@@ -62,7 +62,7 @@ def open_air(make_uav, rules: Rules) -> SimpleNamespace:
         assert [vehicle.bytes_heard for vehicle in ugvs] == [0, 0], "nothing is ever sent to a ground vehicle"
         assert all(said.get_srcSystem() == 254 and said.get_srcComponent() == 190 for said in uav.heard)
 
-    assert until(lambda: desk._sdk._direct_to_uav() is not None and desk._uav.alt_m > 0)
+    assert until(lambda: desk._mavsdk._direct_to_uav() is not None and desk._uav.alt_m > 0)
     return SimpleNamespace(
         uav=uav,
         ugvs=ugvs,

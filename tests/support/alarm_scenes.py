@@ -102,10 +102,10 @@ class Scene:
             for vehicle in self.vehicles:
                 for raw in vehicle.frames(self.t_us):
                     packet = Packet(self.t_us, raw, 0, vehicle.peer or vehicle.system_id)
-                    self.pipeline.feed(replace(packet, auth=vehicle.check(packet)))
+                    self.pipeline.add_packet(replace(packet, auth=vehicle.check(packet)))
             boxes = self.boxes() if filmed else None
             late_us = round(video_late_s * S)
-            snapshot = self.pipeline.frame(
+            snapshot = self.pipeline.add_frame(
                 self.frames, self.t_us + late_us, size=SIZE, detections=boxes, health=self.health
             )
             self.keep(snapshot)

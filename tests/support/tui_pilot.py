@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import asynccontextmanager
 
 from gcs.tui import RollcallApp
-from gcs.tui.deck import Deck
+from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.pane import Pane
 from tests.support.fake_station import FakeStation
 
@@ -35,5 +35,5 @@ def screen_text(app) -> str:
 
 
 def on_screen(app) -> set[str]:
-    deck = app.query_one(Deck)
+    deck = app.query_one(PaneArea)
     return {pane.id for pane in app.query(Pane) if pane.display and deck.has_room(pane.id)}

@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Dots"]
+__all__ = ["BrailleCanvas"]
 
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int64)
 LONGEST = 4096
 
 
-class Dots:
+class BrailleCanvas:
     """Bits and inks of a grid of cells; coordinates in dots, x right, y down, outside is cut off."""
 
     def __init__(self, columns: int, rows: int) -> None:

@@ -12,10 +12,10 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from gcs.tui.draw.braille import Dots
+from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.palette import Rgb
 
-__all__ = ["Cells", "pack"]
+__all__ = ["CellGrid", "pack"]
 
 HALF = ord("▀")
 CACHE_SIZE = 24_576
@@ -26,7 +26,7 @@ def pack(colour: Rgb) -> int:
     return colour[0] << 16 | colour[1] << 8 | colour[2]
 
 
-class Cells:
+class CellGrid:
     """Letter, ink and paper of every cell."""
 
     def __init__(self, columns: int, rows: int, paper: int) -> None:
@@ -43,7 +43,7 @@ class Cells:
         self.ink[window] = pixels[0::2]
         self.paper[window] = pixels[1::2]
 
-    def dots(self, dots: Dots) -> None:
+    def dots(self, dots: BrailleCanvas) -> None:
         """Lay braille over the cells; half blocks below become the darkened mean of their two pixels."""
         at = dots.bits > 0
         under = at & (self.letter == HALF)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gcs.snapshot import Snapshot
 
-__all__ = ["View", "points_of", "scale_bar", "step_scale", "view_of"]
+__all__ = ["MapView", "map_view_of", "points_of", "scale_bar", "step_scale"]
 
 STEPS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 """Scales of a decade: the map changes in steps, not with every metre driven."""
@@ -21,7 +21,7 @@ DEFAULT_SPAN_M = 40.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
+class MapView:
     """A north-up window on the ground."""
 
     east: float
@@ -47,7 +47,7 @@ def points_of(snapshot: Snapshot) -> NDArray[np.float64]:
     return stacked[np.isfinite(stacked).all(axis=1)]
 
 
-def view_of(
+def map_view_of(
     points: NDArray[np.float64],
     columns: int,
     rows: int,
@@ -55,7 +55,7 @@ def view_of(
     before: float = 0.0,
     zoom: int = 0,
     centre: NDArray[np.float64] | None = None,
-) -> View:
+) -> MapView:
     """A view that holds all points, in a scale that changes seldom.
 
     Args:
@@ -78,7 +78,7 @@ def view_of(
     # snapped to cells, so that a slow drift does not shake the map
     snap = 4 * scale
     east, north = (float(np.round(value / snap) * snap) for value in middle)
-    return View(east=east, north=north, metres_per_dot=scale, columns=columns, rows=rows)
+    return MapView(east=east, north=north, metres_per_dot=scale, columns=columns, rows=rows)
 
 
 def _round_up(needed: float) -> float:

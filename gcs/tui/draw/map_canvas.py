@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from gcs.report.overlay import place_labels
 from gcs.snapshot import Snapshot, VehicleRow
-from gcs.tui.draw.braille import Dots
-from gcs.tui.draw.cell_grid import Cells, pack
+from gcs.tui.draw.braille import BrailleCanvas
+from gcs.tui.draw.cell_grid import CellGrid, pack
 from gcs.tui.draw.format import plain
-from gcs.tui.draw.ground_view import View, scale_bar
+from gcs.tui.draw.ground_view import MapView, scale_bar
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, LINE, PANEL, Rgb, standing_colour
 
 __all__ = ["chart_cells"]
@@ -22,10 +22,10 @@ ARROWS = "↑↗→↘↓↙←↖"
 UNKNOWN: Rgb = standing_colour("unidentified")
 
 
-def chart_cells(snapshot: Snapshot, selected: int, view: View) -> Cells:
+def chart_cells(snapshot: Snapshot, selected: int, view: MapView) -> CellGrid:
     """Draw the ground as the view shows it; what is selected is inverted."""
-    cells = Cells(view.columns, view.rows, pack(PANEL))
-    dots = Dots(view.columns, view.rows)
+    cells = CellGrid(view.columns, view.rows, pack(PANEL))
+    dots = BrailleCanvas(view.columns, view.rows)
     rows = [row for row in snapshot.vehicles if row.role == "ugv" and np.isfinite(row.p_enu[:2]).all()]
     rows.sort(key=lambda row: (row.system_id != selected, row.standing != "confirmed"))
     if snapshot.footprint_enu is not None:
@@ -40,18 +40,18 @@ def chart_cells(snapshot: Snapshot, selected: int, view: View) -> Cells:
     return cells
 
 
-def _dot(view: View, p_enu: NDArray[np.float64]) -> NDArray[np.float64]:
+def _dot(view: MapView, p_enu: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(view.dots(p_enu[None])[0], dtype=np.float64)
 
 
-def _cell(view: View, p_enu: NDArray[np.float64]) -> tuple[int, int] | None:
+def _cell(view: MapView, p_enu: NDArray[np.float64]) -> tuple[int, int] | None:
     x, y = _dot(view, p_enu)
     if not (0 <= x < 2 * view.columns and 0 <= y < 4 * view.rows):
         return None
     return int(x // 2), int(y // 4)
 
 
-def _residuals(dots: Dots, snapshot: Snapshot, rows: Sequence[VehicleRow], view: View) -> None:
+def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
     """A line from where a vehicle says it is to where its box stands."""
     stands = {box.system_id: box.p_enu for box in snapshot.boxes if box.system_id}
     for row in rows:
@@ -60,7 +60,7 @@ def _residuals(dots: Dots, snapshot: Snapshot, rows: Sequence[VehicleRow], view:
             dots.line(start, end, pack(standing_colour(row.standing)))
 
 
-def _uav_nose(dots: Dots, snapshot: Snapshot, view: View) -> None:
+def _uav_nose(dots: BrailleCanvas, snapshot: Snapshot, view: MapView) -> None:
     if math.isfinite(snapshot.uav_heading):
         start = _dot(view, snapshot.uav_enu)
         # clockwise from north, y down
@@ -68,13 +68,13 @@ def _uav_nose(dots: Dots, snapshot: Snapshot, view: View) -> None:
         dots.line(start, start + 11 * nose, pack(ACCENT))
 
 
-def _legend(cells: Cells, view: View) -> None:
+def _legend(cells: CellGrid, view: MapView) -> None:
     text, _ = scale_bar(view.metres_per_dot, view.columns // 3)
     cells.text(1, view.rows - 1, text, pack(FAINT))
     cells.text(view.columns - 3, 0, "N↑", pack(FAINT))
 
 
-def _marks(cells: Cells, snapshot: Snapshot, rows: Sequence[VehicleRow], selected: int, view: View) -> None:
+def _marks(cells: CellGrid, snapshot: Snapshot, rows: Sequence[VehicleRow], selected: int, view: MapView) -> None:
     marks: list[tuple[int, int, str, str, Rgb, bool]] = []
     for row in rows:
         spot = _cell(view, row.p_enu)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["PANES", "Rect", "Wish", "arranged", "default_panes"]
+__all__ = ["PANES", "LayoutState", "Rect", "arranged", "default_panes"]
 
 Rect = tuple[int, int, int, int]
 """Left, top, width, height in cells."""
@@ -20,7 +20,7 @@ ROOMY = (120, 36)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class LayoutState:
     """What the operator wants to see."""
 
     layout: int = 1
@@ -48,71 +48,71 @@ def default_panes(layout: int, width: int, height: int) -> frozenset[str]:
     return frozenset(PANES) - {1: {"map"}, 2: {"video"}, 3: {"identity", "events"}}.get(layout, set())
 
 
-def arranged(width: int, height: int, wish: Wish) -> Mapping[str, Rect]:
+def arranged(width: int, height: int, state: LayoutState) -> Mapping[str, Rect]:
     """Rectangles of the panes that find room.
 
     Args:
         width: Of the field, cells.
         height: Of the field, cells.
-        wish: Layout and switched panes.
+        state: Layout and switched panes.
     """
     if width <= 0 or height <= 0:
         return {}
-    if wish.maximised:
-        return {wish.maximised: (0, 0, width, height)}
-    shown = wish.shown(width, height)
-    beside = wish.layout == 3 and height >= CHART_ROWS + 4 and width >= 2 * CHART_ROWS
-    rects = _beside(width, height, wish, shown) if beside else _main(width, height, wish, shown)
+    if state.maximised:
+        return {state.maximised: (0, 0, width, height)}
+    shown = state.shown(width, height)
+    beside = state.layout == 3 and height >= CHART_ROWS + 4 and width >= 2 * CHART_ROWS
+    rects = _beside(width, height, state, shown) if beside else _main(width, height, state, shown)
     return {pane: rect for pane, rect in rects.items() if rect[2] > 0 and rect[3] > 0}
 
 
-def _main(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
+def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
     """A large view with the log below; table, identity and the other view in a column on the right."""
-    views = [pane for pane in (("video", "map") if wish.layout == 1 else ("map", "video")) if pane in shown]
+    views = [pane for pane in (("video", "map") if state.layout == 1 else ("map", "video")) if pane in shown]
     left = [*views[:1], *(pane for pane in ("alarms", "events") if pane in shown)]
     right = [pane for pane in ("fleet", "identity") if pane in shown] + views[1:]
     if not left or not right:
-        return _column(left or right, (0, 0, width, height), wish)
+        return _column(left or right, (0, 0, width, height), state)
     most = max(FLEET_WIDTHS[0], round(0.35 * width))
     right_width = min(max(size for size in FLEET_WIDTHS if size <= most), width // 2)
     left_width = width - right_width - 1
     return {
-        **_column(left, (0, 0, left_width, height), wish),
-        **_column(right, (left_width + 1, 0, right_width, height), wish),
+        **_column(left, (0, 0, left_width, height), state),
+        **_column(right, (left_width + 1, 0, right_width, height), state),
     }
 
 
-def _beside(width: int, height: int, wish: Wish, shown: frozenset[str]) -> dict[str, Rect]:
+def _beside(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
     """Both views beside each other above the whole table."""
     views = [pane for pane in ("video", "map") if pane in shown]
     below = [pane for pane in ("fleet", "alarms", "identity", "events") if pane in shown]
     if not views or not below:
-        return _column(views or below, (0, 0, width, height), wish)
-    table = wish.fleet_rows + 1
+        return _column(views or below, (0, 0, width, height), state)
+    table = state.fleet_rows + 1
     spare = EVENT_ROWS + 3 if height >= ROOMY[1] else 0
     view_width = (width - len(views) + 1) // len(views)
-    top = max(CHART_ROWS, min(_video_rows(view_width, wish), height - table - spare))
+    top = max(CHART_ROWS, min(_video_rows(view_width, state), height - table - spare))
     rects: dict[str, Rect] = {}
     for index, pane in enumerate(views):
         left = index * (view_width + 1)
         rects[pane] = (left, 0, width - left if index == len(views) - 1 else view_width, top)
     rest = (0, top, width, height - top)
     if width < ROOMY[0] or below == ["fleet"] or "fleet" not in below:
-        return rects | _column(below, rest, wish)
+        return rects | _column(below, rest, state)
     table_width = round(0.62 * width)
     beside = (table_width + 1, top, width - table_width - 1, height - top)
     under = [pane for pane in ("alarms", "events") if pane in below] if "identity" in below else []
     return (
         rects
-        | _column(["fleet", *under], (0, top, table_width, height - top), wish)
-        | _column([pane for pane in below if pane not in ("fleet", *under)], beside, wish)
+        | _column(["fleet", *under], (0, top, table_width, height - top), state)
+        | _column([pane for pane in below if pane not in ("fleet", *under)], beside, state)
     )
 
 
-def _column(panes: Sequence[str], field: Rect, wish: Wish) -> dict[str, Rect]:
+def _column(panes: Sequence[str], field: Rect, state: LayoutState) -> dict[str, Rect]:
     """Stack panes; those that find no room are left out, the least needed first."""
     left, top, width, height = field
-    heights = _heights(list(panes), width, height, wish)
+    heights = _heights(list(panes), width, height, state)
     rects: dict[str, Rect] = {}
     for pane, rows in heights.items():
         rects[pane] = (left, top, width, rows)
@@ -120,20 +120,20 @@ def _column(panes: Sequence[str], field: Rect, wish: Wish) -> dict[str, Rect]:
     return rects
 
 
-def _heights(panes: list[str], width: int, height: int, wish: Wish) -> dict[str, int]:
+def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> dict[str, int]:
     least = {
         "video": CHART_ROWS,
         "map": CHART_ROWS,
-        "fleet": min(wish.fleet_rows + 1, max(4, height // 2)),
+        "fleet": min(state.fleet_rows + 1, max(4, height // 2)),
         "identity": 6,
         "events": EVENT_ROWS,
-        "alarms": min(wish.alarm_rows + 1, max(EVENT_ROWS, height // 3)),
+        "alarms": min(state.alarm_rows + 1, max(EVENT_ROWS, height // 3)),
     }
     for spare in ("identity", "events", "map", "video"):
         if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
             panes.remove(spare)
-    natural = {**least, "video": _video_rows(width, wish), "fleet": wish.fleet_rows + 1, "identity": IDENTITY_ROWS}
-    natural["alarms"] = wish.alarm_rows + 1
+    natural = {**least, "video": _video_rows(width, state), "fleet": state.fleet_rows + 1, "identity": IDENTITY_ROWS}
+    natural["alarms"] = state.alarm_rows + 1
     rows = {pane: least[pane] for pane in panes}
     for pane in ("fleet", "alarms", "video", "identity"):
         if pane in rows:
@@ -147,5 +147,5 @@ def _heights(panes: list[str], width: int, height: int, wish: Wish) -> dict[str,
     return rows
 
 
-def _video_rows(width: int, wish: Wish) -> int:
-    return max(1, round(width / wish.aspect / 2)) + 1
+def _video_rows(width: int, state: LayoutState) -> int:
+    return max(1, round(width / state.aspect / 2)) + 1

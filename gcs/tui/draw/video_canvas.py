@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from gcs.report.overlay import box_bounds, box_corners, drawable, front_mark, label_of, place_labels, standing_of
 from gcs.snapshot import Box, Snapshot
-from gcs.tui.draw.braille import Dots
-from gcs.tui.draw.cell_grid import Cells, pack
+from gcs.tui.draw.braille import BrailleCanvas
+from gcs.tui.draw.cell_grid import CellGrid, pack
 from gcs.tui.draw.format import plain
 from gcs.tui.draw.halfblock import fit, shrink
 from gcs.tui.palette import BRIGHT, FAINT, PANEL, standing_colour
@@ -22,7 +22,7 @@ SMALLEST_DOTS = 5.0
 """A box is drawn at least this long, else it is a speck on a small screen."""
 
 
-def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> Cells:
+def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> CellGrid:
     """Draw one snapshot in a field of cells.
 
     Args:
@@ -31,7 +31,7 @@ def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> C
         columns: Cells, above 0.
         rows: Cells, above 0.
     """
-    cells = Cells(columns, rows, pack(PANEL))
+    cells = CellGrid(columns, rows, pack(PANEL))
     if snapshot.width <= 0 or snapshot.height <= 0:
         cells.text(max(0, columns // 2 - 4), rows // 2, "no video", pack(FAINT))
         return cells
@@ -63,9 +63,9 @@ def box_at(snapshot: Snapshot, x: int, y: int, columns: int, rows: int, reach: f
 
 
 def _outlines(
-    cells: Cells, snapshot: Snapshot, boxes: Sequence[Box], corner: tuple[int, int], columns_per_px: float
+    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], corner: tuple[int, int], columns_per_px: float
 ) -> None:
-    dots = Dots(cells.columns, cells.rows)
+    dots = BrailleCanvas(cells.columns, cells.rows)
     origin = np.array([2.0 * corner[0], 4.0 * corner[1]])
     scale = 2 * columns_per_px
     for box in reversed(boxes):
@@ -84,7 +84,7 @@ def _grown(points: NDArray[np.float64], middle: NDArray[np.float64], factor: flo
 
 
 def _labels(
-    cells: Cells, snapshot: Snapshot, boxes: Sequence[Box], selected: int, field: tuple[int, int, int, int]
+    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], selected: int, field: tuple[int, int, int, int]
 ) -> None:
     left, top, columns, rows = field
     across, down = columns / snapshot.width, rows / snapshot.height

@@ -12,10 +12,10 @@ from gcs.tui.draw.format import plain
 from gcs.tui.draw.strips import fitted, line
 from gcs.tui.palette import ALARM, PANEL, ink
 
-__all__ = ["AlertLine"]
+__all__ = ["Banner"]
 
 
-class AlertLine(Widget):
+class Banner(Widget):
     """Shown while ``text`` is not empty."""
 
     ALLOW_SELECT: ClassVar[bool] = False

@@ -11,10 +11,10 @@ from textual.widget import Widget
 from gcs.tui.draw.strips import Part, line, width_of
 from gcs.tui.palette import ACCENT, FAINT, ink
 
-__all__ = ["HintLine"]
+__all__ = ["KeyHints"]
 
 
-class HintLine(Widget):
+class KeyHints(Widget):
     """Keys and words."""
 
     ALLOW_SELECT: ClassVar[bool] = False

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from textual.strip import Strip
 
 from gcs.snapshot import Snapshot
-from gcs.tui.draw.ground_view import points_of, view_of
+from gcs.tui.draw.ground_view import map_view_of, points_of
 from gcs.tui.draw.map_canvas import chart_cells
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.palette import FAINT, HEAD, ink
@@ -66,8 +66,8 @@ class MapPane(Pane):
             return [line([(" waiting for positions …", ink(FAINT))], width)]
         centre = self._centre(self.snapshot)
         points = points_of(self.snapshot)
-        self._scale = view_of(points, width, height, before=self._scale, centre=centre).metres_per_dot
-        view = view_of(points, width, height, before=self._scale, zoom=self._zoom, centre=centre)
+        self._scale = map_view_of(points, width, height, before=self._scale, centre=centre).metres_per_dot
+        view = map_view_of(points, width, height, before=self._scale, zoom=self._zoom, centre=centre)
         return chart_cells(self.snapshot, self.selected, view).strips()
 
     def _centre(self, snapshot: Snapshot) -> NDArray[np.float64] | None:

@@ -45,7 +45,7 @@ def ask_for_order(app: App[Any], commands: Commands | None, selected: int, *, li
 
     def give(key: str) -> None:
         try:
-            commands.give(key, selected)
+            commands.submit(key, selected)
         except (KeyError, ValueError) as error:
             app.notify(plain(str(error)), severity="error", markup=False)
 

@@ -15,12 +15,12 @@ from textual.widgets import Input, Static
 from gcs.tui.draw.format import plain
 from gcs.tui.palette import ACCENT, ALARM, FAINT, ink
 
-__all__ = ["Ask", "Confirm"]
+__all__ = ["Confirm", "Prompt"]
 
 Answer = TypeVar("Answer")
 
 
-class Ask(ModalScreen[Answer | None]):
+class Prompt(ModalScreen[Answer | None]):
     """Asks until the answer can be understood, or escape."""
 
     AUTO_FOCUS: ClassVar[str | None] = "Input"
@@ -29,7 +29,7 @@ class Ask(ModalScreen[Answer | None]):
     ]
 
     def __init__(self, question: str, hint: str, understand: Callable[[str], Answer], *, value: str = "") -> None:
-        """Ask something.
+        """Prompt something.
 
         Args:
             question: One line, plain text.
@@ -76,7 +76,7 @@ class Confirm(ModalScreen[bool]):
     """
 
     def __init__(self, question: str) -> None:
-        """Ask for a yes.
+        """Prompt for a yes.
 
         Args:
             question: One line, plain text.

@@ -7,8 +7,8 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.command import Place, Rules
-from gcs.command.look import Look
+from gcs.command import CommandParams, GeoPoint
+from gcs.command.pointing import PointingMonitor
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, Mission, MissionVehicle
 from mavlink.geodesy import quaternion_from_euler
@@ -18,7 +18,7 @@ from mavlink.transmit import message_rates as rates
 from tests.support.air_desk import PLACE, UAV, UGV, open_air
 from tests.support.fake_copter import FakeCopter
 
-QUICK = Rules(point_s=0.1, lost_s=0.3, see_s=1.2, text_s=0.15)
+QUICK = CommandParams(point_s=0.1, lost_s=0.3, see_s=1.2, text_s=0.15)
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_an_order_that_is_accepted_and_does_nothing_is_carried_out_in_the_way_th
     assert air.until(lambda: looks_at(air.uav, PLACE))
     asked = [said for said in air.uav.commands(511) if said.param1 == 285]
     assert asked and asked[0].param2 == pytest.approx(100_000), "gimbal reports, ten times a second"
-    air.places[UGV] = Place(47.3970, 8.5450)
+    air.places[UGV] = GeoPoint(47.3970, 8.5450)
     assert air.until(lambda: looks_at(air.uav, air.places[UGV])), "and it goes on"
     assert air.uav.commands(1000) == [], "what works is kept"
 
@@ -69,7 +69,7 @@ def test_a_camera_that_looked_there_already_and_does_not_follow_is_taken_over(ai
     lat, lon, alt, _ = air.uav.place
     air.uav.place = (lat, lon, alt, 40.0)
     air.uav.pitch = -math.pi / 2
-    air.places[UGV] = Place(lat, lon)
+    air.places[UGV] = GeoPoint(lat, lon)
     air.order("point", UGV, "done: the camera looks there; the autopilot follows")
     air.places[UGV] = PLACE
     assert air.until(lambda: any(text.startswith("the camera does not follow: it looks") for text in texts(air)))
@@ -99,7 +99,7 @@ def test_the_next_way_is_tried_until_the_camera_turns(air, obeys, instead):
 
 def test_a_camera_that_nothing_turns_is_told_and_left_alone(air):
     air.uav.obeys = set()
-    air.desk.give("point", UGV)
+    air.desk.submit("point", UGV)
     assert air.until(
         lambda: texts(air)[-1:] and texts(air)[-1].startswith("accepted, but") and texts(air)[-1][-3:] == "off"
     )
@@ -120,13 +120,13 @@ def test_without_gimbal_reports_it_is_said_that_nobody_knows(air):
 
 
 def test_a_slow_gimbal_is_waited_for_while_it_turns():
-    look = Look(patience_s=2.0, since_s=0.0)
-    assert [look.see(math.radians(90 - 5 * k), float(k)) for k in range(15)] == ["not yet"] * 15
-    assert look.see(math.radians(14), 15.0) == "done"
-    stuck = Look(patience_s=2.0, since_s=0.0)
-    assert [stuck.see(1.0 + 0.01 * (k % 2), 0.5 * k) for k in range(5)] == ["not yet"] * 4 + ["not moved"]
-    silent = Look(patience_s=2.0, since_s=0.0)
-    assert [silent.see(math.nan, t) for t in (0.0, 1.9, 2.1)] == ["not yet", "not yet", "unknown"]
+    look = PointingMonitor(patience_s=2.0, since_s=0.0)
+    assert [look.update(math.radians(90 - 5 * k), float(k)) for k in range(15)] == ["not yet"] * 15
+    assert look.update(math.radians(14), 15.0) == "done"
+    stuck = PointingMonitor(patience_s=2.0, since_s=0.0)
+    assert [stuck.update(1.0 + 0.01 * (k % 2), 0.5 * k) for k in range(5)] == ["not yet"] * 4 + ["not moved"]
+    silent = PointingMonitor(patience_s=2.0, since_s=0.0)
+    assert [silent.update(math.nan, t) for t in (0.0, 1.9, 2.1)] == ["not yet", "not yet", "unknown"]
 
 
 MISSION = Mission(
@@ -150,11 +150,11 @@ def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds
         if gimbal:  # 60° down to the east
             frames.append(speaker.gimbal_attitude(boot_ms, quaternion_from_euler(0.0, -math.pi / 3, math.pi / 2)))
         for raw in frames:
-            pipeline.feed(Packet(t_us, raw, 0, 1))
+            pipeline.add_packet(Packet(t_us, raw, 0, 1))
         if ack is not None and k == 20:
             said = dialect.MAVLink_command_ack_message(*ack)
-            pipeline.feed(Packet(t_us, MavlinkEncoder(system_id).pack(said), 0, 1, auth))
-        snapshot = pipeline.frame(k, t_us)
+            pipeline.add_packet(Packet(t_us, MavlinkEncoder(system_id).pack(said), 0, 1, auth))
+        snapshot = pipeline.add_frame(k, t_us)
         told += [event for event in snapshot.events if "an order turned the camera" in event.text]
     east_m = float(snapshot.footprint_enu[:, 0].mean() - snapshot.uav_enu[0])
     return east_m, told

@@ -7,14 +7,14 @@ import time
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.command import ORDERS, Place, Rules
-from gcs.command.answer import Answer
+from gcs.command import ORDERS, CommandParams, GeoPoint
+from gcs.command.ack import CommandAck
 from gcs.command.orders import orders_about
 from mavlink.protocol.packet import Auth, Packet
 from tests.support.air_desk import PLACE, UAV, UGV, open_air
 from tests.support.fake_autopilot import FakeVehicle
 
-QUICK = Rules(point_s=0.05, fly_s=0.05, lost_s=0.3, settle_s=0.3, see_s=0.4, text_s=0.15)
+QUICK = CommandParams(point_s=0.05, fly_s=0.05, lost_s=0.3, settle_s=0.3, see_s=0.4, text_s=0.15)
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_point_streams_positions_when_the_autopilot_cannot(air, result):
     air.uav.results[198] = result
     air.order("point", UGV, "by the positions heard here instead")
     assert air.until(lambda: len(air.uav.commands(195)) >= 2)
-    air.places[UGV] = Place(47.3990, 8.5470)
+    air.places[UGV] = GeoPoint(47.3990, 8.5470)
     assert air.until(lambda: air.uav.commands(195)[-1].x == 473990000)
     first = air.uav.commands(195)[0]
     assert (first.get_type(), first.frame, first.x, first.y) == ("COMMAND_INT", 0, 473980000, 85460000)
@@ -74,7 +74,7 @@ def test_above_and_follow_go_to_the_vehicle_at_the_present_height(air):
     assert (said.x, said.y, said.z, said.param1, said.param2) == (473980000, 85460000, 520.0, -1.0, 1.0)
     assert said.param4 != said.param4, "the heading is left to the vehicle"
     air.order("follow", UGV, "goes on")
-    air.places[UGV] = Place(47.3995, 8.5475)
+    air.places[UGV] = GeoPoint(47.3995, 8.5475)
     assert air.until(lambda: air.uav.commands(192)[-1].x == 473995000)
     followed = air.uav.commands(192)[1:]
     assert followed[0].param2 == 1.0 and {said.param2 for said in followed[1:]} == {0.0}
@@ -106,7 +106,7 @@ def test_orbit_and_its_middle_that_drives_on(air):
     assert (first.x, first.y, first.z, first.param1) == (473980000, 85460000, 520.0, 20.0)
     air.until(lambda: False, 0.3)
     assert len(air.uav.commands(34)) == 1, "the middle stands still"
-    air.places[UGV] = Place(47.3981, 8.5460)
+    air.places[UGV] = GeoPoint(47.3981, 8.5460)
     assert air.until(lambda: len(air.uav.commands(34)) == 2)
     assert air.uav.commands(192) == []
 
@@ -215,7 +215,7 @@ def test_what_mavsdk_asks_by_itself_reaches_the_uav_only(air):
 def test_what_is_not_believed_commands_nothing(air):
     before = air.desk._uav.alt_m
     bad = Packet(1, b"\xfd", auth=Auth.BAD)
-    air.desk.take(bad)
+    air.desk.receive(bad)
     assert air.desk._uav.alt_m == before
 
 
@@ -242,28 +242,28 @@ def test_orders_name_their_target_and_need_one(air):
     assert set(alone) == {order.key for order in orders_about(ugv=False)} and "point" not in alone
     assert dict(air.desk.orders(UAV)) == alone
     with pytest.raises(ValueError, match="ground vehicle"):
-        air.desk.give("point", 99)
+        air.desk.submit("point", 99)
     with pytest.raises(KeyError):
-        air.desk.give("self_destruct", 0)
+        air.desk.submit("self_destruct", 0)
 
 
 def test_answers_in_words():
-    assert Answer(result=0).words == "accepted"
-    assert Answer(result=2, progress=30, texts=("a", "a", "b")).words == "refused (DENIED at 30 %): a; b"
-    assert Answer(result=99).words == "refused (result 99)"
-    assert Answer(result=None).words == "no answer"
-    assert Answer(result=None, reason="not heard").words == "not heard"
+    assert CommandAck(result=0).words == "accepted"
+    assert CommandAck(result=2, progress=30, texts=("a", "a", "b")).words == "refused (DENIED at 30 %): a; b"
+    assert CommandAck(result=99).words == "refused (result 99)"
+    assert CommandAck(result=None).words == "no answer"
+    assert CommandAck(result=None, reason="not heard").words == "not heard"
 
 
 def test_an_end_in_the_middle_of_a_command_is_clean(air):
     air.uav.rule = lambda said: None
-    air.desk.give("photo", 0)
+    air.desk.submit("photo", 0)
     assert air.until(lambda: air.uav.commands(2000))
     air.desk.close()
     assert not air.desk._thread.is_alive()
     for packet in air.sock.packets():
-        air.desk.take(packet)
+        air.desk.receive(packet)
     air.desk.poll()
     with pytest.raises(ValueError, match="ended"):
-        air.desk.give("photo", 0)
+        air.desk.submit("photo", 0)
     air.desk.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from gcs.command import CommandDesk
+from gcs.command import CommandService
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import Mission, MissionVehicle
 from mavlink.ingest.ingest import Ingest
@@ -21,7 +21,7 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
     uav, ugvs = FakeVehicle(("127.0.0.1", port), 1), [rover(("127.0.0.1", port), k) for k in (3, 4)]
     events = []
     transmitter = Transmitter(1, lambda link, peer, raw: ingest.send(link, raw, peer))
-    desk = CommandDesk(
+    desk = CommandService(
         uav=1,
         ground={3: "UGV-3", 4: "UGV-4"},
         uav_name="UAV-1",
@@ -33,11 +33,11 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
         end_s, ordered = time.monotonic() + 40.0, False
         while time.monotonic() < end_s and not any("accepted" in event.text for event in events):
             for packet in ingest.read(0.02):
-                desk.take(packet)
+                desk.receive(packet)
             desk.poll()
-            if not ordered and desk._sdk._direct_to_uav() is not None:
+            if not ordered and desk._mavsdk._direct_to_uav() is not None:
                 ordered = True
-                desk.give("point", 3)
+                desk.submit("point", 3)
         assert any("accepted" in event.text for event in events)
         assert uav.bytes_heard > 0
         assert [vehicle.bytes_heard for vehicle in ugvs] == [0, 0]

@@ -43,9 +43,9 @@ def test_a_thousand_texts_a_second_cost_no_memory_and_none_is_lost(pipeline, tmp
     tracemalloc.start()
     for k, packet in enumerate(flood(TEXTS)):
         tlog.write(packet)
-        pipeline.feed(packet)
+        pipeline.add_packet(packet)
         if k % 100 == 99:
-            snapshot = pipeline.frame(-1, packet.t_us)
+            snapshot = pipeline.add_frame(-1, packet.t_us)
             log.write(snapshot.events)
             told += len(snapshot.events)
         if k == TEXTS // 4:
@@ -69,19 +69,19 @@ def test_a_thousand_texts_a_second_cost_no_memory_and_none_is_lost(pipeline, tmp
 def test_other_vehicles_are_heard_through_a_flood(pipeline):
     other = SenderEncoder(12)
     for k, packet in enumerate(flood(3000)):
-        pipeline.feed(packet)
+        pipeline.add_packet(packet)
         if k == 2000:
-            pipeline.feed(Packet(packet.t_us, other.frame(packet.t_us, HEARTBEAT, 10, 10, 3, 129, 4, 3)))
-            pipeline.feed(Packet(packet.t_us, other.frame(packet.t_us, TEXT, 6, b"Reached waypoint #1")))
-    said = {event.text for event in pipeline.frame(-1, packet.t_us).events if event.system_id == 12}
+            pipeline.add_packet(Packet(packet.t_us, other.frame(packet.t_us, HEARTBEAT, 10, 10, 3, 129, 4, 3)))
+            pipeline.add_packet(Packet(packet.t_us, other.frame(packet.t_us, TEXT, 6, b"Reached waypoint #1")))
+    said = {event.text for event in pipeline.add_frame(-1, packet.t_us).events if event.system_id == 12}
     assert {"Reached waypoint #1", "rover 12 is there, AUTO"} <= said
 
 
 def test_a_sender_that_falls_silent_is_summed_up_all_the_same(pipeline):
     for packet in flood(700):
-        pipeline.feed(packet)
-    pipeline.frame(-1, packet.t_us)
-    later = pipeline.frame(-1, packet.t_us + 2_000_000)
+        pipeline.add_packet(packet)
+    pipeline.add_frame(-1, packet.t_us)
+    later = pipeline.add_frame(-1, packet.t_us + 2_000_000)
     assert any(" more, most often" in event.text for event in later.events)
 
 
@@ -90,8 +90,8 @@ def test_arming_and_disarming_without_end_is_bounded_too(pipeline):
     told = 0
     for k in range(5000):
         t_us = START_US + k * 10_000
-        pipeline.feed(Packet(t_us, voice.frame(t_us, HEARTBEAT, k % 7, 10, 3, 129 if k % 2 else 1, 4, 3)))
-        told += len(pipeline.frame(-1, t_us).events) if k % 20 == 0 else 0
+        pipeline.add_packet(Packet(t_us, voice.frame(t_us, HEARTBEAT, k % 7, 10, 3, 129 if k % 2 else 1, 4, 3)))
+        told += len(pipeline.add_frame(-1, t_us).events) if k % 20 == 0 else 0
     assert told < 250
 
 
@@ -108,8 +108,8 @@ async def test_keys_are_answered_during_a_flood(pipeline):
     async with running(station, (120, 36)) as (app, pilot, _):
         for keys in (["e"], ["down"], ["l"], ["l"], ["l"], ["a"], ["question_mark"], ["escape"]):
             for _ in range(500):
-                pipeline.feed(next(packets))
-            snapshot = pipeline.frame(-1, START_US + 4_000_000)
+                pipeline.add_packet(next(packets))
+            snapshot = pipeline.add_frame(-1, START_US + 4_000_000)
             station.said = [*station.said, *snapshot.events][-2000:]
             app._poll()
             await pilot.press(*keys)

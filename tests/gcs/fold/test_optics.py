@@ -35,16 +35,16 @@ def texts(optics):
 
 def test_mission_counts_before_what_is_reported():
     optics = Optics(Camera(**NUMBERS, name="nadir.toml"))
-    assert optics.look(0, report(), (1920, 1080)).fx == 1300.0
+    assert optics.intrinsics(0, report(), (1920, 1080)).fx == 1300.0
     assert texts(optics) == ["camera as nadir.toml has it: 72.9° across 1920 px"]
-    optics.look(1, report(), None)
+    optics.intrinsics(1, report(), None)
     assert texts(optics) == []
 
 
 def test_reported_camera_takes_the_size_of_the_image():
     optics = Optics(None)
-    assert optics.look(0, None, (1280, 720)) is None
-    camera = optics.look(1, report(width=4000, height=3000, vfov_deg=47.0, model="Cam"), None)
+    assert optics.intrinsics(0, None, (1280, 720)) is None
+    camera = optics.intrinsics(1, report(width=4000, height=3000, vfov_deg=47.0, model="Cam"), None)
     assert (camera.width, camera.height, camera.cx, camera.cy) == (1280, 720, 640, 360)
     assert camera.fx == camera.fy == pytest.approx(640 / math.tan(math.radians(30)))
     (told,) = texts(optics)
@@ -56,28 +56,28 @@ def test_reported_camera_takes_the_size_of_the_image():
 
 def test_reported_size_serves_without_images():
     optics = Optics(None)
-    assert optics.look(0, report(), None) is None
-    assert optics.look(0, report(width=640, height=480), None).width == 640
+    assert optics.intrinsics(0, report(), None) is None
+    assert optics.intrinsics(0, report(width=640, height=480), None).width == 640
 
 
 def test_image_of_another_aspect_is_an_alarm_and_no_camera():
     optics = Optics(Camera(**NUMBERS))
     for t_us in range(3):
-        assert optics.look(t_us, None, (1440, 1080)) is None
+        assert optics.intrinsics(t_us, None, (1440, 1080)) is None
     (alarm,) = optics.take_events()
     assert alarm.level == "alarm" and "described for images of 1920×1080, these are 1440×1080" in alarm.text
-    assert optics.look(4, None, (960, 540)).fx == 650.0
+    assert optics.intrinsics(4, None, (960, 540)).fx == 650.0
 
 
 def test_fixed_digital_zoom():
-    camera = Optics(Camera(**NUMBERS, zoom=2.0)).look(0, None, (1920, 1080))
+    camera = Optics(Camera(**NUMBERS, zoom=2.0)).intrinsics(0, None, (1920, 1080))
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (2600.0, 2604.0, 940.0, 550.0)
 
 
 def test_zoom_by_percent_of_the_range():
     optics = Optics(Camera(**NUMBERS, zoom_max=5.0))
     factors = [
-        optics.look(0, report(zoom_percent=percent, hfov_deg=fov), (1920, 1080)).fx / 1300.0
+        optics.intrinsics(0, report(zoom_percent=percent, hfov_deg=fov), (1920, 1080)).fx / 1300.0
         for percent, fov in ((0.0, 60), (25.0, 60), (100.0, 20), (math.nan, 60))
     ]
     assert factors == [1.0, 2.0, 5.0, 1.0]
@@ -85,14 +85,14 @@ def test_zoom_by_percent_of_the_range():
 
 
 def test_zoom_reports_are_not_followed_unless_the_range_is_known():
-    camera = Optics(Camera(**NUMBERS)).look(0, report(zoom_percent=80.0), (1920, 1080))
+    camera = Optics(Camera(**NUMBERS)).intrinsics(0, report(zoom_percent=80.0), (1920, 1080))
     assert camera.fx == 1300.0
 
 
 def test_field_of_view_that_changes_is_zoom():
     optics = Optics(Camera(**NUMBERS))
-    first = optics.look(0, report(60.0), (1920, 1080))
-    later = optics.look(1, report(20.0), (1920, 1080))
+    first = optics.intrinsics(0, report(60.0), (1920, 1080))
+    later = optics.intrinsics(1, report(20.0), (1920, 1080))
     # half the width of what is seen, in focal lengths, shrinks as the tangent
     assert first.fx == 1300.0
     assert later.fx / first.fx == pytest.approx(math.tan(math.radians(30)) / math.tan(math.radians(10)))
@@ -103,7 +103,7 @@ def test_field_of_view_that_changes_is_zoom():
 def test_field_of_view_of_a_reported_camera_is_followed_itself():
     optics = Optics(None)
     for t_us, hfov in enumerate((60.0, 60.5, 30.0)):
-        assert optics.look(t_us, report(hfov), (1920, 1080)).hfov == pytest.approx(math.radians(hfov))
+        assert optics.intrinsics(t_us, report(hfov), (1920, 1080)).hfov == pytest.approx(math.radians(hfov))
     told = texts(optics)
     assert len(told) == 2 and told[1].startswith("camera zoomed 2.15 times: 30.0°")
 
@@ -168,7 +168,7 @@ def flown(camera, *frames):
             uav.global_position_int(boot_ms, lat, lon, alt, 40.0),
             *frames,
         ):
-            pipeline.feed(Packet(t_us + 100_000 * k, frame))
+            pipeline.add_packet(Packet(t_us + 100_000 * k, frame))
     return pipeline, t_us + 900_000
 
 
@@ -190,28 +190,28 @@ def stream(rotation):
 
 def test_fold_uses_the_reported_field_of_view_at_the_size_of_the_image():
     pipeline, t_us = flown({}, fov_status(90.0))
-    snapshot = pipeline.frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
+    snapshot = pipeline.add_frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
     # 90° from 40 m: 80 m wide, and north is up
     np.testing.assert_allclose(snapshot.footprint_enu, [[-40, 22.5], [40, 22.5], [40, -22.5], [-40, -22.5]], atol=0.01)
     assert "camera as CAMERA_FOV_STATUS has it: 90.0° across 640 px" in [e.text for e in snapshot.events]
-    pipeline.feed(Packet(t_us, fov_status(53.1301)))
-    snapshot = pipeline.frame(1, t_us, image=np.zeros((360, 640, 3), np.uint8))
+    pipeline.add_packet(Packet(t_us, fov_status(53.1301)))
+    snapshot = pipeline.add_frame(1, t_us, image=np.zeros((360, 640, 3), np.uint8))
     np.testing.assert_allclose(snapshot.footprint_enu[0], [-20, 11.25], atol=0.01)
     assert [e.text for e in snapshot.events] == ["camera zoomed 2.00 times: 53.1° across 640 px"]
 
 
 def test_fold_turns_an_image_that_its_stream_says_is_turned():
     pipeline, t_us = flown({}, fov_status(90.0), stream(180))
-    snapshot = pipeline.frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
+    snapshot = pipeline.add_frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
     np.testing.assert_allclose(snapshot.footprint_enu[0], [40, -22.5], atol=0.01)
     quarter, t_us = flown({}, fov_status(90.0), stream(90))
-    snapshot = quarter.frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
+    snapshot = quarter.add_frame(0, t_us, image=np.zeros((360, 640, 3), np.uint8))
     # turned clockwise, north is at the right: the upper left corner is south west, seen long ways
     np.testing.assert_allclose(snapshot.footprint_enu[0], [-22.5, -40], atol=0.01)
 
 
 def test_fold_names_nothing_in_an_image_of_another_aspect():
     pipeline, t_us = flown({"camera": NUMBERS})
-    snapshot = pipeline.frame(0, t_us, image=np.zeros((480, 640, 3), np.uint8))
+    snapshot = pipeline.add_frame(0, t_us, image=np.zeros((480, 640, 3), np.uint8))
     assert snapshot.pose == "unknown" and snapshot.footprint_enu is None
     assert any(e.level == "alarm" and "nothing can be named" in e.text for e in snapshot.events)

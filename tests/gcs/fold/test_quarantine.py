@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from assoc.identification.identifier import Identities
-from gcs.fold.quarantine import quarantined
+from gcs.fold.quarantine import withhold_contested
 from gcs.session.identity_log import IdentityLog, read_identity
 from mavlink.fleet.fleet import Fleet
 from tests.support.fake_station import START_US, make_snapshot
@@ -35,7 +35,7 @@ def state_of(*contested):
 
 
 def test_contested_names_are_not_given():
-    kept = quarantined(IDENTITIES, state_of(12))
+    kept = withhold_contested(IDENTITIES, state_of(12))
     assert kept.system_id.tolist() == [11, 0, 0, 13]
     assert kept.runner_up.tolist() == [0, 11, 11, 14]
     for name in ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused"):
@@ -45,18 +45,18 @@ def test_contested_names_are_not_given():
 
 
 def test_nobody_is_named_while_the_cameras_own_id_is_contested():
-    kept = quarantined(IDENTITIES, state_of(1))
+    kept = withhold_contested(IDENTITIES, state_of(1))
     assert not kept.system_id.any() and not kept.runner_up.any()
     assert kept.confidence[2] == IDENTITIES.confidence[2]
 
 
 @pytest.mark.parametrize("identities", [None, IDENTITIES])
 def test_without_a_contest_nothing_changes(identities):
-    assert quarantined(identities, state_of()) is identities
+    assert withhold_contested(identities, state_of()) is identities
 
 
 def test_no_row_of_the_identity_log_carries_a_contested_name(tmp_path):
-    kept = quarantined(IDENTITIES, state_of(12))
+    kept = withhold_contested(IDENTITIES, state_of(12))
     base = make_snapshot()
     boxes = tuple(
         replace(base.boxes[0], track_id=int(track), system_id=int(vehicle), confidence=float(sure), coasting=False)

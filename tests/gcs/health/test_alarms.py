@@ -7,7 +7,7 @@ import pytest
 
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
-from gcs.health.link_rates import Trends
+from gcs.health.link_rates import LinkRates
 from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
 from tests.support.fake_station import START_US, make_snapshot
 
@@ -301,12 +301,12 @@ def test_one_flooding_vehicle_does_not_silence_another():
 
 
 def test_rates_of_the_links():
-    trends = Trends()
+    rates = LinkRates()
     for second in range(90):
         link = replace(LINK, packets=500 * second, bytes=30_000 * second)
-        health = trends.of(START_US + second * 1_000_000, replace(WELL, links=(link,)))
+        health = rates.with_rates(START_US + second * 1_000_000, replace(WELL, links=(link,)))
         if second == 0:
             assert math.isnan(health.links[0].packets_per_s)
     assert health.links[0].packets_per_s == pytest.approx(500.0)
     assert health.links[0].bytes_per_s == pytest.approx(30_000.0)
-    assert trends.of(START_US, replace(WELL, links=())) == replace(WELL, links=())
+    assert rates.with_rates(START_US, replace(WELL, links=())) == replace(WELL, links=())

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gcs.flight.frame_loop import FlightFold
-from gcs.flight.monitor import FlightCare, Pace
+from gcs.flight.frame_loop import FrameLoop
+from gcs.flight.monitor import FlightMonitor, Throughput
 from gcs.flight.video import FlightVideo
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
@@ -191,10 +191,10 @@ class Station:
         self.video, self.faults = FlightVideo(video, self.recorder), Faults(self.recorder.folder / "faults.txt")
         self.ingest = ingest or SimpleNamespace(health=IngestHealth, notices=list)
         self.events = []
-        self.care = FlightCare(self.ingest, self.recorder, self.video, None, keys=keys, tell=self.events.append)
+        self.monitor = FlightMonitor(self.ingest, self.recorder, self.video, None, keys=keys, tell=self.events.append)
 
     def health(self, pushed_out=0):
-        return self.care.look(Pace(frames=0, fps=0.0, pushed_out=pushed_out), self.faults, None)
+        return self.monitor.check(Throughput(frames=0, fps=0.0, pushed_out=pushed_out), self.faults, None)
 
     def __enter__(self):
         return self
@@ -323,14 +323,14 @@ def folded(tmp_path, detector=None, *, late_us=0, heard_late_us=0):
     """Alarms of a flight's loop over forty frames, by a clock of its own."""
     now_us, came = [T0], {}
     with Station(tmp_path) as station:
-        loop = FlightFold(
+        loop = FrameLoop(
             Pipeline(MISSION), detector, station.recorder, station.faults, lambda snapshot: None, lambda: now_us[0]
         )
         for index in range(40):
             now_us[0] += 100_000
-            loop.take([], now_us[0] - heard_late_us)
+            loop.add_packets([], now_us[0] - heard_late_us)
             loop.health = replace(station.health(), video="ok")
-            loop.turn(Frame(index=index, t_us=now_us[0] - late_us, image=np.zeros((8, 8, 3), np.uint8)))
+            loop.run_once(Frame(index=index, t_us=now_us[0] - late_us, image=np.zeros((8, 8, 3), np.uint8)))
             came |= {(alarm.key, alarm.level): alarm for alarm in loop.latest.alarms}
     return came
 

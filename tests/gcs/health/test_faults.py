@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.flight.flight import Flight, FlightPlan
-from gcs.flight.frame_loop import MOST_WAITING, FlightFold
+from gcs.flight.frame_loop import MOST_WAITING, FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import LASTING, Faults
 from gcs.mission.mission import parse_mission
@@ -48,7 +48,7 @@ class Broken:
 def fold(tmp_path):
     recorder = Recorder(tmp_path, MISSION, video=True)
     seen = []
-    fold = FlightFold(Pipeline(MISSION), Broken(), recorder, Faults(recorder.folder / "faults.txt"), seen.append)
+    fold = FrameLoop(Pipeline(MISSION), Broken(), recorder, Faults(recorder.folder / "faults.txt"), seen.append)
     fold.seen, fold.folder = seen, recorder.folder
     yield fold
     recorder.close()
@@ -61,45 +61,45 @@ def frame(index):
 def test_the_fleet_goes_on_without_its_detector(fold):
     for index in range(LASTING):
         now_us = time.time_ns() // 1000
-        fold.take([packet(11, now_us)], now_us)
-        fold.turn(frame(index))
+        fold.add_packets([packet(11, now_us)], now_us)
+        fold.run_once(frame(index))
     assert len(fold.seen) == LASTING and fold.latest.frame == LASTING - 1
     assert fold.latest.vehicles[1].heartbeat_age_s < 5
-    assert fold._faults.lasting == "detecting: ValueError: no device"
+    assert fold._faults.persistent == "detecting: ValueError: no device"
     assert (fold.folder / "faults.txt").read_text().count("Traceback") == 1, "one place, one traceback"
     assert (fold.folder / "detections.csv").read_text().count("\n") == 1, "nobody looked"
 
 
 def test_one_packet_that_cannot_be_worked_on_costs_nothing_else(fold, monkeypatch):
-    feed = Pipeline.feed
-    monkeypatch.setattr(Pipeline, "feed", lambda self, p: fail("odd") if p.system_id == 12 else feed(self, p))
+    feed = Pipeline.add_packet
+    monkeypatch.setattr(Pipeline, "add_packet", lambda self, p: fail("odd") if p.system_id == 12 else feed(self, p))
     now_us = time.time_ns() // 1000
-    fold.take([packet(12, now_us), packet(11, now_us), packet(12, now_us)], now_us)
-    fold.turn(None)
+    fold.add_packets([packet(12, now_us), packet(11, now_us), packet(12, now_us)], now_us)
+    fold.run_once(None)
     assert fold.latest.vehicles[1].heartbeat_age_s < 5
-    assert (fold._faults.count, fold._faults.lasting) == (2, "")
+    assert (fold._faults.count, fold._faults.persistent) == (2, "")
     assert fold._faults.last == "packet of system 12: ValueError: odd"
 
 
 def test_packets_that_wait_for_ever_are_bounded_and_counted(fold):
     batch = [packet(11)] * 1000
     for _ in range(MOST_WAITING // 1000 + 3):
-        fold.take(batch, 1_000_000)
-    assert fold.pace.pushed_out == 3000
+        fold.add_packets(batch, 1_000_000)
+    assert fold.throughput.pushed_out == 3000
 
 
 def test_telemetry_that_is_taken_in_late_makes_no_vehicle_silent(fold):
     """As on a machine so busy that what was received and recorded waits for seconds."""
     now_us = time.time_ns() // 1000
-    fold.take([packet(11, now_us - 6_000_000)], now_us - 5_800_000)
-    fold.turn(None)
+    fold.add_packets([packet(11, now_us - 6_000_000)], now_us - 5_800_000)
+    fold.run_once(None)
     snapshot = fold.latest
     assert snapshot.vehicles[1].heartbeat_age_s == pytest.approx(0.2, abs=1e-3)
     assert snapshot.health.behind_s == pytest.approx(5.8, abs=1.0)
     assert {alarm.key for alarm in snapshot.alarms} >= {"overload"}
     assert not any(alarm.key.startswith(("silent", "position")) for alarm in snapshot.alarms)
-    fold.take([], now_us)
-    fold.turn(None)
+    fold.add_packets([], now_us)
+    fold.run_once(None)
     assert fold.latest.vehicles[1].heartbeat_age_s == pytest.approx(6.0, abs=0.1)
     assert any(alarm.key == "silent 11" for alarm in fold.latest.alarms), "heard for so long, and it said nothing"
     assert fold.latest.health.behind_s < 2.0
@@ -109,9 +109,9 @@ def test_a_job_that_works_again_is_well(tmp_path):
     faults = Faults(tmp_path / "faults.txt")
     for _ in range(LASTING):
         faults.turn_failed("naming", ValueError("x"))
-    assert faults.lasting == "naming: ValueError: x"
+    assert faults.persistent == "naming: ValueError: x"
     faults.turn_succeeded("naming")
-    assert (faults.lasting, faults.count) == ("", LASTING)
+    assert (faults.persistent, faults.count) == ("", LASTING)
 
 
 def test_tracebacks_that_cannot_be_kept_are_no_fault(tmp_path):
@@ -124,7 +124,7 @@ def test_a_flight_whose_fold_fails_goes_on_recording_and_says_so(tmp_path, monke
     port = free_port()
     monkeypatch.setattr("gcs.flight.flight.FAULT_PAUSE_S", 0.01)
     monkeypatch.setattr("gcs.flight.flight.IDLE_S", 0.01)
-    monkeypatch.setattr(Pipeline, "frame", lambda *_, **__: fail("lost its head"))
+    monkeypatch.setattr(Pipeline, "add_frame", lambda *_, **__: fail("lost its head"))
     flight = Flight(FlightPlan(mission=MISSION, links=(f"udpin:127.0.0.1:{port}",), video="", sessions=tmp_path))
     sent = 0
     try:

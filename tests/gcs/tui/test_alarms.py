@@ -8,7 +8,7 @@ from gcs.snapshot import Alarm
 from gcs.tui import RollcallApp
 from gcs.tui.palette import FAINT, level_colour
 from gcs.tui.panes.alarms import AlarmPane
-from gcs.tui.panes.banner import AlertLine
+from gcs.tui.panes.banner import Banner
 from gcs.tui.panes.event_log import EventPane, grouped
 from gcs.tui.panes.fleet import columns_for
 from gcs.tui.panes.identity import IdentityPane
@@ -75,20 +75,20 @@ async def test_alarms_fit_beside_everything_on_a_wide_screen():
 async def test_acknowledged_alarms_step_back_until_they_come_again_or_get_worse():
     async with running(troubled()) as (app, pilot, station):
         await pilot.press("A")
-        assert app.query_one(AlertLine).text == "" or app._poll() is None
+        assert app.query_one(Banner).text == "" or app._poll() is None
         await polled(app, pilot)
-        assert not app.query_one(AlertLine).display
+        assert not app.query_one(Banner).display
         assert "2 alarms 1 warning" in text_of(app.query_one(StatusBar))
         await pilot.press("a")
         assert "seen" in text_of(app.query_one(AlarmPane))
         station.snapshot = replace(station.snapshot, alarms=(alarm(after_s=250.0), *ALARMS[1:]))
         await polled(app, pilot)
-        assert app.query_one(AlertLine).text.endswith("a: what to do, A: seen")
+        assert app.query_one(Banner).text.endswith("a: what to do, A: seen")
         await pilot.press("A")
         worse = replace(ALARMS[2], level="alarm")
         station.snapshot = replace(station.snapshot, alarms=(*station.snapshot.alarms[:2], worse))
         await polled(app, pilot)
-        assert "the frame is late" in app.query_one(AlertLine).text
+        assert "the frame is late" in app.query_one(Banner).text
 
 
 async def test_one_alarm_is_acknowledged_and_its_vehicle_picked():
@@ -97,7 +97,7 @@ async def test_one_alarm_is_acknowledged_and_its_vehicle_picked():
         assert app.selected == 11
         assert station.seen == [ALARMS[0]]
         await polled(app, pilot)
-        assert "udpin:x: nothing comes — a" in app.query_one(AlertLine).text
+        assert "udpin:x: nothing comes — a" in app.query_one(Banner).text
         await pilot.press("down", "down", "down", "enter", "up")
         assert len(app.query_one(AlarmPane).seen) == 2
         await pilot.press("A", "A")
@@ -147,7 +147,7 @@ async def test_a_vehicle_that_joins_a_trouble_makes_its_row_new_again():
 
 async def test_warnings_alone_take_no_alert_row():
     async with running(troubled(ALARMS[2:])) as (app, _, _):
-        assert not app.query_one(AlertLine).display
+        assert not app.query_one(Banner).display
 
 
 async def test_nothing_wrong_is_said_too():

@@ -8,7 +8,7 @@ from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.screens.help import HelpScreen
-from gcs.tui.screens.prompts import Ask
+from gcs.tui.screens.prompts import Prompt
 from tests.support.fake_station import START_US, STOP_US
 from tests.support.tui_pilot import SMALL, WIDE, on_screen, polled, running, screen_text, text_of
 
@@ -71,10 +71,10 @@ async def test_go_to_time():
         await pilot.press("g", *"1:30", "enter")
         assert station.timeline.now_us == START_US + 90_000_000
         await pilot.press("g", *"soon", "enter")
-        assert isinstance(app.screen, Ask)
+        assert isinstance(app.screen, Prompt)
         assert "not a time" in screen_text(app)
         await pilot.press("escape")
-        assert not isinstance(app.screen, Ask)
+        assert not isinstance(app.screen, Prompt)
         assert station.timeline.now_us == START_US + 90_000_000
         await pilot.press("g", *"9:00:00", "enter")
         assert station.timeline.now_us == STOP_US
@@ -229,10 +229,10 @@ async def test_screenshot_is_saved_once_and_never_over_a_file(tmp_path):
             await pilot.press("s")
             app.screen.query_one("#answer").value = str(goal)
             await pilot.press("enter")
-        assert isinstance(app.screen, Ask) and "exists" in screen_text(app)
+        assert isinstance(app.screen, Prompt) and "exists" in screen_text(app)
         app.screen.query_one("#answer").value = str(tmp_path / "none" / "x.svg")
         await pilot.press("enter")
-        assert isinstance(app.screen, Ask)
+        assert isinstance(app.screen, Prompt)
         await pilot.press("escape")
     drawing = goal.read_text()
     assert drawing.startswith("<svg") and "UGV-11" in drawing and "Save the screen" not in drawing

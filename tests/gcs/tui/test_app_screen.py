@@ -7,11 +7,11 @@ from gcs.errors import FlightError
 from gcs.snapshot import Event
 from gcs.tui import app as app_module
 from gcs.tui.draw.pane_layout import PANES
-from gcs.tui.panes.banner import AlertLine
+from gcs.tui.panes.banner import Banner
 from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.timeline import TimelineBar
-from gcs.tui.screens.prompts import Ask
+from gcs.tui.screens.prompts import Prompt
 from tests.support.fake_station import START_US, FakeStation, make_snapshot
 from tests.support.tui_pilot import WIDE, on_screen, polled, running, screen_text, text_of
 
@@ -46,7 +46,7 @@ async def test_live_has_no_replay_keys_and_no_timeline():
     async with running(FakeStation(live=True)) as (app, pilot, _):
         assert not app.query(TimelineBar)
         await pilot.press("space", "left", "g", "n", "comma", "home", "right_square_bracket")
-        assert not isinstance(app.screen, Ask)
+        assert not isinstance(app.screen, Prompt)
         said = screen_text(app)
         assert "● REC 00:00" in said and "1 of 2 links silent 6.2s" in said
 
@@ -130,7 +130,7 @@ async def test_what_of_a_flight_does_not_work_any_more_is_told_without_ending_it
     async with running(station, WIDE) as (app, pilot, _):
         station.error = FlightError("naming: ValueError: x; telemetry and video are recorded all the same")
         await polled(app, pilot)
-        said = text_of(app.query_one(AlertLine))
+        said = text_of(app.query_one(Banner))
         assert "naming: ValueError: x" in said and "stopped" not in said and "q quits" not in said
 
 
@@ -178,7 +178,7 @@ async def test_no_frame_no_pose_no_vehicles():
 async def test_a_stopped_station_is_told_and_is_the_exit_message(capsys):
     station = FakeStation(live=True)
     async with running(station) as (app, pilot, _):
-        assert not app.query_one(AlertLine).display
+        assert not app.query_one(Banner).display
         station.error = OSError(28, "No space left on device [/x]")
         await polled(app, pilot)
         assert "station stopped: [Errno 28] No space left on device [/x]" in screen_text(app)
@@ -206,7 +206,7 @@ async def test_alarm_is_told_while_it_is_new():
     station = FakeStation()
     station.said.append(Event(t_us=station.snapshot.t_us - 1_000_000, level="alarm", kind="link", text="comm lost"))
     async with running(station) as (app, pilot, _):
-        assert "comm lost" in app.query_one(AlertLine).text
+        assert "comm lost" in app.query_one(Banner).text
         station.snapshot = replace(station.snapshot, t_us=station.snapshot.t_us + 9_000_000)
         await polled(app, pilot)
-        assert not app.query_one(AlertLine).display
+        assert not app.query_one(Banner).display

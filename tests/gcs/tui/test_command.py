@@ -15,7 +15,7 @@ from tests.support.fake_station import HOSTILE, FakeStation
 from tests.support.tui_pilot import SMALL, screen_text
 
 
-class FakeDesk:
+class FakeCommands:
     """Keeps what was ordered."""
 
     def __init__(self, words: str = "Point the camera at UGV-{}") -> None:
@@ -27,7 +27,7 @@ class FakeDesk:
         about = [("point", self.words.format(system_id))] if system_id > 1 else []
         return [*about, ("hold", "Let UAV-1 stop and hold its position"), ("return", "Let UAV-1 return to launch")]
 
-    def give(self, key: str, system_id: int) -> None:
+    def submit(self, key: str, system_id: int) -> None:
         if self.error is not None:
             raise self.error
         self.given.append((key, system_id))
@@ -48,7 +48,7 @@ def notices(app) -> str:
 
 
 async def test_choose_confirm_give():
-    desk = FakeDesk()
+    desk = FakeCommands()
     async with commanding(desk) as (app, pilot):
         await pilot.press("down", "down", "u")
         assert isinstance(app.screen, OrderList)
@@ -62,7 +62,7 @@ async def test_choose_confirm_give():
 
 
 async def test_without_a_vehicle_only_the_uav_is_commanded():
-    desk = FakeDesk()
+    desk = FakeCommands()
     async with commanding(desk) as (app, pilot):
         await pilot.press("u")
         assert "Point the camera" not in screen_text(app)
@@ -74,7 +74,7 @@ async def test_without_a_vehicle_only_the_uav_is_commanded():
     "keys", [["u", "escape"], ["u", "u"], ["u", "enter", "n"], ["u", "enter", "escape"], ["u", "enter", "enter", "q"]]
 )
 async def test_nothing_by_accident(keys):
-    desk = FakeDesk()
+    desk = FakeCommands()
     async with commanding(desk) as (app, pilot):
         await pilot.press(*keys)
         assert desk.given == []
@@ -96,7 +96,7 @@ async def test_a_recording_takes_no_commands():
 
 
 async def test_what_the_desk_refuses_is_told():
-    desk = FakeDesk()
+    desk = FakeCommands()
     desk.error = ValueError("point: [/x] needs a vehicle")
     async with commanding(desk) as (app, pilot):
         await pilot.press("u", "enter", "y")
@@ -107,7 +107,7 @@ async def test_what_the_desk_refuses_is_told():
 
 @pytest.mark.parametrize("text", HOSTILE)
 async def test_names_are_never_markup(text):
-    desk = FakeDesk(words=text.replace("{", "{{").replace("}", "}}"))
+    desk = FakeCommands(words=text.replace("{", "{{").replace("}", "}}"))
     async with commanding(desk) as (app, pilot):
         await pilot.press("down", "down", "u")
         await pilot.pause()
@@ -121,7 +121,7 @@ async def test_names_are_never_markup(text):
 
 @pytest.mark.parametrize("size", [(40, 12), (20, 6), (200, 60)])
 async def test_every_size(size):
-    desk = FakeDesk()
+    desk = FakeCommands()
     async with commanding(desk, size=size) as (_, pilot):
         await pilot.press("u")
         await pilot.pause()

@@ -10,13 +10,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gcs.tui import playback
-from gcs.tui.draw.braille import Dots
-from gcs.tui.draw.cell_grid import Cells, pack
+from gcs.tui.draw.braille import BrailleCanvas
+from gcs.tui.draw.cell_grid import CellGrid, pack
 from gcs.tui.draw.format import age, bytes_text, clock, degrees, duration, metres, plain, position
-from gcs.tui.draw.ground_view import points_of, scale_bar, step_scale, view_of
+from gcs.tui.draw.ground_view import map_view_of, points_of, scale_bar, step_scale
 from gcs.tui.draw.halfblock import fit, shrink
 from gcs.tui.draw.map_canvas import chart_cells
-from gcs.tui.draw.pane_layout import PANES, Wish, arranged
+from gcs.tui.draw.pane_layout import PANES, LayoutState, arranged
 from gcs.tui.draw.strips import bar, fitted, line
 from gcs.tui.draw.video_canvas import box_at, video_cells
 from gcs.tui.panes.fleet import columns_for
@@ -27,7 +27,7 @@ SNAPSHOT = make_snapshot()
 INK = pack((255, 0, 0))
 
 
-def text_of(cells: Cells) -> list[str]:
+def text_of(cells: CellGrid) -> list[str]:
     return [strip.text for strip in cells.strips()]
 
 
@@ -103,9 +103,9 @@ def test_events_beside_now():
 )  # fmt: skip
 @settings(max_examples=300, deadline=None)
 def test_panes_never_overlap_and_stay_inside(width, height, layout, toggled, rows, aspect):
-    wish = Wish(layout=layout, toggled=toggled, fleet_rows=rows, aspect=aspect)
-    rects = arranged(width, height, wish)
-    assert set(rects) <= wish.shown(width, height)
+    state = LayoutState(layout=layout, toggled=toggled, fleet_rows=rows, aspect=aspect)
+    rects = arranged(width, height, state)
+    assert set(rects) <= state.shown(width, height)
     for x, y, w, h in rects.values():
         assert x >= 0 and y >= 0 and x + w <= width and y + h <= height
         assert w >= 0 and h >= 0
@@ -115,7 +115,7 @@ def test_panes_never_overlap_and_stay_inside(width, height, layout, toggled, row
 
 @pytest.mark.parametrize("layout", [1, 2, 3])
 def test_small_screen_wastes_no_row(layout):
-    rects = arranged(80, 22, Wish(layout=layout))
+    rects = arranged(80, 22, LayoutState(layout=layout))
     assert max(y + h for _, y, _, h in rects.values()) == 22
     assert rects["fleet"][3] >= 9  # the whole fleet of eight
 
@@ -142,7 +142,7 @@ def columns_style():
 
 
 def test_a_line_of_dots_is_a_braille_line():
-    dots = Dots(3, 1)
+    dots = BrailleCanvas(3, 1)
     dots.line(np.array([0.0, 0.0]), np.array([5.0, 0.0]), INK)
     assert [chr(0x2800 + bits) for bits in dots.bits[0]] == ["⠉", "⠉", "⠉"]
 
@@ -150,14 +150,14 @@ def test_a_line_of_dots_is_a_braille_line():
 @given(st.lists(st.floats(-1e9, 1e9), min_size=4, max_size=4))
 @settings(max_examples=60, deadline=None)
 def test_lines_from_anywhere_stay_in_the_grid(ends):
-    dots = Dots(10, 5)
+    dots = BrailleCanvas(10, 5)
     dots.line(np.array(ends[:2]), np.array(ends[2:]), INK)
     dots.circle(np.array(ends[:2]), abs(ends[2]), INK)
     assert dots.bits.shape == (5, 10) and dots.bits.max() < 256
 
 
 def test_cells_become_strips_of_equal_neighbours():
-    cells = Cells(6, 2, 0)
+    cells = CellGrid(6, 2, 0)
     cells.image(np.array([[INK] * 4, [0] * 4]), 1, 0)
     cells.text(4, 1, "漢x", INK)
     strips = cells.strips()
@@ -201,7 +201,7 @@ def test_a_speck_of_a_box_is_still_seen():
 
 
 def test_the_map_holds_everybody_with_north_up():
-    view = view_of(points_of(SNAPSHOT), 60, 20)
+    view = map_view_of(points_of(SNAPSHOT), 60, 20)
     rows = text_of(chart_cells(SNAPSHOT, 0, view))
     for word in ("UAV", "UGV-11", "UGV-12", "UGV-13 stale", "UGV-14", "UGV-15", "UGV-16", "?", "◆", "N↑", " m"):
         assert any(word in row for row in rows), word
@@ -217,7 +217,7 @@ def test_the_map_holds_everybody_with_north_up():
 @settings(max_examples=80, deadline=None)
 def test_a_fitting_view_holds_all_points(points, columns, rows):
     places = np.array(points, dtype=float).reshape(-1, 2)
-    view = view_of(places, columns, rows)
+    view = map_view_of(places, columns, rows)
     dots = view.dots(places)
     assert ((dots >= 0) & (dots <= (2 * columns, 4 * rows))).all()
     assert dots.shape == places.shape
@@ -225,9 +225,9 @@ def test_a_fitting_view_holds_all_points(points, columns, rows):
 
 def test_view_keeps_its_scale_while_it_fits():
     points = np.array([[-20.0, -10.0], [20.0, 10.0]])
-    first = view_of(points, 60, 20)
-    assert view_of(points * 0.9, 60, 20, before=first.metres_per_dot).metres_per_dot == first.metres_per_dot
-    assert view_of(points * 0.2, 60, 20, before=first.metres_per_dot).metres_per_dot < first.metres_per_dot
+    first = map_view_of(points, 60, 20)
+    assert map_view_of(points * 0.9, 60, 20, before=first.metres_per_dot).metres_per_dot == first.metres_per_dot
+    assert map_view_of(points * 0.2, 60, 20, before=first.metres_per_dot).metres_per_dot < first.metres_per_dot
 
 
 def test_scales_step_there_and_back():

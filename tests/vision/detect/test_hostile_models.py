@@ -107,7 +107,7 @@ def test_an_image_full_of_boxes_costs_a_bounded_time_and_is_told_once():
     )
     began_s, told = time.process_time(), []
     for frame in range(5):
-        snapshot = pipeline.frame(frame, int(analysis.times_us[frame]), detections=boxes)
+        snapshot = pipeline.add_frame(frame, int(analysis.times_us[frame]), detections=boxes)
         told += [event.text for event in snapshot.events if "boxes in a frame" in event.text]
     assert time.process_time() - began_s < 10.0, "0.5 s on an idle machine"
     assert len(snapshot.boxes) <= MOST_BOXES

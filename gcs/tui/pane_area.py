@@ -1,4 +1,4 @@
-"""The deck holds the panes and lays them out by the operator's wish."""
+"""The area of all panes: which are shown, and where, as the operator wants it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
 from gcs.tui.draw.alarm_groups import alike
-from gcs.tui.draw.pane_layout import Rect, Wish, arranged
+from gcs.tui.draw.pane_layout import LayoutState, Rect, arranged
 from gcs.tui.panes.alarms import ROWS_EACH
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["Deck"]
+__all__ = ["PaneArea"]
 
 
-class _DeckLayout(Layout):
-    """Puts each pane on the rectangle that the deck has for it."""
+class _PaneAreaLayout(Layout):
+    """Puts each pane on the rectangle that its area has for it."""
 
-    name = "deck"
+    name = "panes"
 
     def arrange(self, parent: Widget, children: list[Widget], size: Size, greedy: bool = True) -> list[WidgetPlacement]:
-        rects: Mapping[str, Rect] = parent.rects_in(size) if isinstance(parent, Deck) else {}
+        rects: Mapping[str, Rect] = parent.rects_in(size) if isinstance(parent, PaneArea) else {}
         return [
             WidgetPlacement(Region(*rects[child.id]), NULL_OFFSET, NULL_SPACING, child)
             for child in children
@@ -34,19 +34,19 @@ class _DeckLayout(Layout):
         ]
 
 
-class Deck(Widget):
+class PaneArea(Widget):
     """All panes; those without room are not displayed."""
 
     def __init__(self, panes: Iterable[Pane], *, id: str) -> None:
         super().__init__(id=id)
         self.panes = tuple(panes)
-        self._deck_layout = _DeckLayout()
-        self.wish = Wish()
+        self._layout_of_panes = _PaneAreaLayout()
+        self.state = LayoutState()
 
     @property
     def layout(self) -> Layout:
-        """The deck's own layout."""
-        return self._deck_layout
+        """Its own layout."""
+        return self._layout_of_panes
 
     def compose(self) -> ComposeResult:
         """The panes."""
@@ -54,54 +54,54 @@ class Deck(Widget):
 
     def rects_in(self, size: Size) -> Mapping[str, Rect]:
         """Rectangle of every pane that finds room, by id."""
-        return arranged(size.width, size.height, self.wish)
+        return arranged(size.width, size.height, self.state)
 
     def has_room(self, pane_id: str) -> bool:
         """Whether a pane is on screen."""
         return pane_id in self.rects_in(self.size)
 
-    def change(self, wish: Wish) -> None:
+    def change(self, state: LayoutState) -> None:
         """Lay out anew if anything differs."""
-        if wish != self.wish:
-            self.wish = wish
+        if state != self.state:
+            self.state = state
             self._show()
 
     def fit_to(self, snapshot: Snapshot) -> None:
         """Follow the number of vehicles, whether there is a camera, and the shape of its frame."""
-        aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.wish.aspect
+        aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.state.aspect
         alarm_rows = max(1, ROWS_EACH * len(alike(snapshot.alarms)))
         fleet_rows = max(1, len(snapshot.vehicles))
         aspect = min(max(aspect, 0.3), 4.0)
-        layout = self.wish.layout
-        if not self.wish.chosen:
+        layout = self.state.layout
+        if not self.state.chosen:
             layout = 2 if snapshot.image is None and snapshot.health.video == "none" else 1
-        self.change(replace(self.wish, layout=layout, fleet_rows=fleet_rows, alarm_rows=alarm_rows, aspect=aspect))
+        self.change(replace(self.state, layout=layout, fleet_rows=fleet_rows, alarm_rows=alarm_rows, aspect=aspect))
 
     def choose(self, layout: int) -> None:
         """One of the three layouts, as it comes."""
-        self.change(replace(self.wish, layout=layout, chosen=True, toggled=frozenset(), maximised=""))
+        self.change(replace(self.state, layout=layout, chosen=True, toggled=frozenset(), maximised=""))
 
     def maximise(self, pane_id: str) -> None:
         """One pane over everything; the same again, or none, brings the layout back."""
-        self.change(replace(self.wish, maximised="" if self.wish.maximised == pane_id else pane_id))
+        self.change(replace(self.state, maximised="" if self.state.maximised == pane_id else pane_id))
 
     def toggle(self, pane_id: str) -> None:
         """Bring a pane to the focus; put it away when it has it."""
         pane = next(pane for pane in self.panes if pane.id == pane_id)
-        if self.wish.maximised:
-            hide = self.wish.maximised == pane_id
-            self.change(replace(self.wish, maximised="" if hide else pane_id))
+        if self.state.maximised:
+            hide = self.state.maximised == pane_id
+            self.change(replace(self.state, maximised="" if hide else pane_id))
             self.screen.set_focus(None if hide else pane)
         elif pane.has_focus and self.has_room(pane_id):
-            self.change(replace(self.wish, toggled=self.wish.toggled ^ {pane_id}))
+            self.change(replace(self.state, toggled=self.state.toggled ^ {pane_id}))
             self.screen.set_focus(None)
         else:
             self._bring(pane_id)
             self.screen.set_focus(pane)
 
     def _bring(self, pane_id: str) -> None:
-        if pane_id not in self.wish.shown(*self.size):
-            self.change(replace(self.wish, toggled=self.wish.toggled ^ {pane_id}))
+        if pane_id not in self.state.shown(*self.size):
+            self.change(replace(self.state, toggled=self.state.toggled ^ {pane_id}))
         if not self.has_room(pane_id):
             self.maximise(pane_id)
 
@@ -109,7 +109,7 @@ class Deck(Widget):
         rects = self.rects_in(self.size)
         for pane in self.panes:
             pane.display = pane.id in rects
-            # a child's wish for layout is what makes its parent forget the arrangement before
+            # a child that asks for a layout is what makes its parent forget the arrangement before
             pane.refresh(layout=True)
 
     def on_resize(self, event: events.Resize) -> None:

@@ -1,8 +1,8 @@
-"""The command desk: orders in, frames to the UAV out, what became of them as events.
+"""The command service: orders in, frames to the UAV out, what became of them as events.
 
 Orders are carried out in a thread with an event loop of its own, so that no screen and no fold ever waits. What the
 station says of its own accord - heartbeat, clock questions, rate requests - is driven by whoever calls
-:meth:`CommandDesk.poll`.
+:meth:`CommandService.poll`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 
-from gcs.command.jobs import Jobs, Rules
+from gcs.command.executor import CommandExecutor, CommandParams
+from gcs.command.mav_cmd import GeoPoint
+from gcs.command.mavsdk_client import MavsdkClient
 from gcs.command.orders import Order, order_of, orders_about
-from gcs.command.sdk import Sdk
 from gcs.command.uav import Uav
-from gcs.command.wire import Place
 from gcs.snapshot import Event, Level
 from infra.wall_clock import now_us
 from mavlink.protocol.encoder import MavlinkEncoder
@@ -26,13 +26,13 @@ from mavlink.transmit.message_rates import UAV_RATES, MessageRates
 from mavlink.transmit.rate_requests import GIMBAL_ATTITUDE
 from mavlink.transmit.transmitter import COMPONENT_ID, SYSTEM_ID, Transmitter
 
-__all__ = ["CommandDesk"]
+__all__ = ["CommandService"]
 
 _STOP_S = 5.0
 LOOK_S = 1.0
 
 
-class CommandDesk:
+class CommandService:
     """Commands the UAV, and nobody else.
 
     Args:
@@ -41,9 +41,9 @@ class CommandDesk:
         uav_name: what operators call the UAV.
         transmitter: the way out, which lets nothing pass that is not for the UAV.
         where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
-        tell: given events, in the desk's thread or in the one that polls.
+        tell: given events, in the thread of the service or in the one that polls.
         own: system and component id that the station speaks as.
-        rules: how orders are carried out.
+        params: how orders are carried out.
         rates: message id → Hz wanted of the UAV.
         gimbal: that carries the camera: a device id 1-6 or a component id, 0: the first that reports.
     """
@@ -55,10 +55,10 @@ class CommandDesk:
         ground: Mapping[int, str],
         uav_name: str,
         transmitter: Transmitter,
-        where: Callable[[int], Place | None],
+        where: Callable[[int], GeoPoint | None],
         tell: Callable[[Event], None],
         own: tuple[int, int] = (SYSTEM_ID, COMPONENT_ID),
-        rules: Rules | None = None,
+        params: CommandParams | None = None,
         rates: Mapping[int, float] = UAV_RATES,
         gimbal: int = 0,
     ) -> None:
@@ -71,14 +71,14 @@ class CommandDesk:
         self._own = own
         self._holder: tuple[int, int] | None = None
         self._uav = Uav(gimbal)
-        self._sdk = Sdk(uav, own, transmitter.send)
-        self._jobs = Jobs(self._sdk, self._uav, where, own=own, rules=rules or Rules())
+        self._mavsdk = MavsdkClient(uav, own, transmitter.send)
+        self._executor = CommandExecutor(self._mavsdk, self._uav, where, own=own, params=params or CommandParams())
         self._running: dict[str, tuple[Order, asyncio.Task[None]]] = {}
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="commands", daemon=True)
         self._thread.start()
 
-    def take(self, packet: Packet) -> None:
+    def receive(self, packet: Packet) -> None:
         """Every packet that came, of anybody; what is not believed is left out."""
         self._transmitter.note_packet(packet)
         if packet.auth > Auth.GOOD:
@@ -86,8 +86,8 @@ class CommandDesk:
         self._rates.add_packet(packet, time.monotonic())
         if packet.system_id != self._uav_id:
             return
-        self._uav.take(packet)
-        self._sdk.feed(packet)
+        self._uav.receive(packet)
+        self._mavsdk.receive(packet)
 
     def poll(self) -> None:
         """Says what is due, to be called a few times a second by the loop whose life the heartbeat stands for."""
@@ -117,7 +117,7 @@ class CommandDesk:
         about = system_id in self._ground
         return [(order.key, self._said(order, system_id)) for order in orders_about(ugv=about)]
 
-    def give(self, key: str, system_id: int) -> None:
+    def submit(self, key: str, system_id: int) -> None:
         """Carries an order out; returns at once, what becomes of it comes as events.
 
         Args:
@@ -161,7 +161,7 @@ class CommandDesk:
         if order.job == "camera":
             self._rates.add_wanted(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
         try:
-            await self._jobs.carry_out(order.key, system_id, tell)
+            await self._executor.carry_out(order.key, system_id, tell)
         except asyncio.CancelledError:
             tell("info", "ended by another order")
             raise
@@ -181,5 +181,5 @@ class CommandDesk:
             # a command under way is waited for: MAVSDK must not be taken down beneath it
             self._loop.run_until_complete(self._loop.shutdown_default_executor())
         finally:
-            self._sdk.close()
+            self._mavsdk.close()
             self._loop.close()

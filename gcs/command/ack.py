@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-__all__ = ["ACCEPTED", "Answer"]
+__all__ = ["ACCEPTED", "CommandAck"]
 
 ACCEPTED, UNSUPPORTED, FAILED, INT_ONLY = 0, 3, 4, 8
 _NOT_KNOWN = (UNSUPPORTED, FAILED, INT_ONLY)
@@ -15,7 +15,7 @@ _NO_PROGRESS = 255
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class CommandAck:
     """The end of one command."""
 
     result: int | None

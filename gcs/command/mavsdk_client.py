@@ -13,18 +13,18 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from gcs.command.answer import Answer
-from gcs.command.wire import Command
+from gcs.command.ack import CommandAck
+from gcs.command.mav_cmd import Command
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Packet
 
-__all__ = ["Sdk"]
+__all__ = ["MavsdkClient"]
 
 _HEARTBEAT = 0
 _REASONS = {"TIMEOUT": "no answer", "NO_SYSTEM": "not heard", "CONNECTION_ERROR": "no link to it"}
 
 
-class Sdk:
+class MavsdkClient:
     """Commands to one system, one answer each.
 
     Args:
@@ -50,7 +50,7 @@ class Sdk:
         self._mavsdk.add_any_connection("raw://")
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._say)
 
-    def feed(self, packet: Packet) -> None:
+    def receive(self, packet: Packet) -> None:
         """A packet of the UAV that is believed; others are left out."""
         if packet.system_id != self._uav:
             return
@@ -58,20 +58,20 @@ class Sdk:
             if self._open:
                 self._mavsdk.pass_received_raw_bytes(packet.raw)
 
-    async def ask(self, command: Command) -> Answer:
+    async def send(self, command: Command) -> CommandAck:
         """Sends a command, again while nothing comes, and waits for its end."""
         from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectError, MavlinkMessage
 
         direct = self._direct_to_uav()
         if direct is None:
-            return Answer(result=None, reason="not heard")
+            return CommandAck(result=None, reason="not heard")
         message = MavlinkMessage(command.message, *self._own, self._uav, command.component, command.fields(self._uav))
         try:
             ack = await direct.send_command(message)
         except MavlinkDirectError as error:
             name = str(error.result.name)
-            return Answer(result=None, reason=_REASONS.get(name, name.lower().replace("_", " ")))
-        return Answer(result=int(json.loads(ack.fields_json)["result"]))
+            return CommandAck(result=None, reason=_REASONS.get(name, name.lower().replace("_", " ")))
+        return CommandAck(result=int(json.loads(ack.fields_json)["result"]))
 
     async def connected(self, timeout_s: float) -> bool:
         """Waits until MAVSDK knows the UAV."""

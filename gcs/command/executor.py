@@ -17,26 +17,26 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from gcs.command import wire
-from gcs.command.answer import Answer
-from gcs.command.look import Look, Verdict
+from gcs.command import mav_cmd
+from gcs.command.ack import CommandAck
+from gcs.command.mav_cmd import Command, GeoPoint
 from gcs.command.paths import Path, above, circles, points
+from gcs.command.pointing import PointingMonitor, Verdict
 from gcs.command.uav import Uav
-from gcs.command.wire import Command, Place
 from gcs.snapshot import Level
 
-__all__ = ["Asker", "Jobs", "Rules"]
+__all__ = ["CommandExecutor", "CommandParams", "CommandSender"]
 
 
-class Asker(Protocol):
+class CommandSender(Protocol):
     """Whoever brings a command to the UAV."""
 
-    async def ask(self, command: Command) -> Answer:
+    async def send(self, command: Command) -> CommandAck:
         """Its answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rules:
+class CommandParams:
     """How often, how far, how long."""
 
     point_s: float = 0.5
@@ -62,20 +62,20 @@ class Rules:
 Tell = Callable[[Level, str], None]
 
 
-class Jobs:
+class CommandExecutor:
     """Carries orders out; every method returns when its order has ended."""
 
     def __init__(
         self,
-        asker: Asker,
+        sender: CommandSender,
         uav: Uav,
-        where: Callable[[int], Place | None],
+        where: Callable[[int], GeoPoint | None],
         *,
         own: tuple[int, int],
-        rules: Rules,
+        params: CommandParams,
     ) -> None:
-        self._asker, self._uav, self._where = asker, uav, where
-        self._own, self._rules = own, rules
+        self._sender, self._uav, self._where = sender, uav, where
+        self._own, self._params = own, params
         self._photos = 0
         self._by_key: dict[str, Callable[[int, Tell], Awaitable[object]]] = {
             "point": self._point,
@@ -84,14 +84,14 @@ class Jobs:
             "follow": self._follow,
             "orbit": self._orbit,
             "hold": self._hold,
-            "return": lambda ugv, tell: self._once(wire.return_to_launch(), tell),
-            "unpoint": lambda ugv, tell: self._once(wire.point_nowhere(), tell),
+            "return": lambda ugv, tell: self._once(mav_cmd.return_to_launch(), tell),
+            "unpoint": lambda ugv, tell: self._once(mav_cmd.point_nowhere(), tell),
             "neutral": self._neutral,
             "take": lambda ugv, tell: self._control(True, tell),
             "release": lambda ugv, tell: self._control(False, tell),
             "photo": self._photo,
-            "record": lambda ugv, tell: self._once(wire.record_start(self._uav.camera_component), tell),
-            "record_stop": lambda ugv, tell: self._once(wire.record_stop(self._uav.camera_component), tell),
+            "record": lambda ugv, tell: self._once(mav_cmd.record_start(self._uav.camera_component), tell),
+            "record_stop": lambda ugv, tell: self._once(mav_cmd.record_stop(self._uav.camera_component), tell),
         }
 
     async def carry_out(self, key: str, ugv: int, tell: Tell) -> None:
@@ -104,17 +104,17 @@ class Jobs:
         """
         await self._by_key[key](ugv, tell)
 
-    async def _ask(self, command: Command) -> Answer:
+    async def _ask(self, command: Command) -> CommandAck:
         """An answer with what the autopilot said meanwhile."""
         since_s = time.monotonic()
         self._uav.take_progress(command.number)
-        answer = await self._asker.ask(command)
+        answer = await self._sender.send(command)
         if not answer.accepted:
-            await asyncio.sleep(self._rules.text_s)
+            await asyncio.sleep(self._params.text_s)
         progress = self._uav.take_progress(command.number)
         return replace(answer, progress=progress, texts=self._uav.texts_since(since_s))
 
-    async def _once(self, command: Command, tell: Tell) -> Answer:
+    async def _once(self, command: Command, tell: Tell) -> CommandAck:
         answer = await self._ask(command)
         tell("info" if answer.accepted else "warning", answer.words)
         return answer
@@ -128,7 +128,7 @@ class Jobs:
         await self._once(commands[-1], tell)
 
     async def _point(self, ugv: int, tell: Tell) -> None:
-        answer = await self._ask(wire.point_at_system(ugv))
+        answer = await self._ask(mav_cmd.point_at_system(ugv))
         if not answer.accepted and not answer.not_known:
             tell("warning", answer.words)
             return
@@ -140,43 +140,43 @@ class Jobs:
 
     async def _left_alone(self, ugv: int, tell: Tell) -> str:
         """Watches an autopilot that is to follow a vehicle by itself; why that does not do."""
-        look, done = self._look(), False
+        monitor, done = self._pointing_monitor(), False
         while True:
-            verdict = look.see(self._off_rad(ugv), time.monotonic())
+            verdict = monitor.update(self._off_rad(ugv), time.monotonic())
             if verdict == "not moved" or (verdict == "unknown" and not done):
-                return f"the camera does not follow: {_off(look)}" if done else f"accepted, but {_words(look)}"
+                return f"the camera does not follow: {_off(monitor)}" if done else f"accepted, but {_words(monitor)}"
             if verdict == "done" and not done:
                 done = True
                 tell("info", "done: the camera looks there; the autopilot follows the positions that it hears itself")
             if verdict != "not yet":
-                look = self._look()
+                monitor = self._pointing_monitor()
             await asyncio.sleep(_SEE_PERIOD_S)
 
     async def _track(self, ugv: int, tell: Tell) -> None:
         """By the positions heard here: in one way after the other, until the camera is seen to turn."""
         uav = self._uav
 
-        def place(place: Place, first: bool) -> Command | None:
-            return None if math.isnan(uav.ground_m) else wire.point_at_place(place, uav.ground_m)
+        def place(place: GeoPoint, first: bool) -> Command | None:
+            return None if math.isnan(uav.ground_m) else mav_cmd.point_at_place(place, uav.ground_m)
 
-        def angles(place: Place, first: bool) -> Command | None:
+        def angles(place: GeoPoint, first: bool) -> Command | None:
             to = uav.angles_to(place)
-            return None if to is None else wire.gimbal_angles(to[0], to[1], uav.gimbal_component)
+            return None if to is None else mav_cmd.gimbal_angles(to[0], to[1], uav.gimbal_component)
 
-        def older_angles(place: Place, first: bool) -> Command | None:
+        def older_angles(place: GeoPoint, first: bool) -> Command | None:
             to = uav.angles_to(place)
-            return None if to is None else wire.mount_angles(to[0], to[2])
+            return None if to is None else mav_cmd.mount_angles(to[0], to[2])
 
         ways = (("its place", place), ("angles", angles), ("angles the older way", older_angles))
         for k, (_, way) in enumerate(ways):
             last = k == len(ways) - 1
             instead = "" if last else f"; by {ways[k + 1][0]} instead"
             watch = self._camera_watch(ugv, tell)
-            if await self._stream(ugv, way, self._rules.point_s, tell, watch, instead=instead):
+            if await self._stream(ugv, way, self._params.point_s, tell, watch, instead=instead):
                 return
 
-    def _look(self) -> Look:
-        return Look(self._rules.see_s, time.monotonic())
+    def _pointing_monitor(self) -> PointingMonitor:
+        return PointingMonitor(self._params.see_s, time.monotonic())
 
     def _off_rad(self, ugv: int) -> float:
         """Between where the camera looks and a ground vehicle, NaN unknown."""
@@ -188,49 +188,49 @@ class Jobs:
         if place is None or math.isnan(alt_m):
             tell("warning", "not sent: where it is is not known" if place is None else _NO_HEIGHT)
             return
-        await self._once(wire.reposition(place, alt_m, change_mode=True), tell)
+        await self._once(mav_cmd.reposition(place, alt_m, change_mode=True), tell)
 
     async def _follow(self, ugv: int, tell: Tell) -> None:
         alt_m = self._uav.alt_m
         if math.isnan(alt_m):
             tell("warning", _NO_HEIGHT)
             return
-        await self._stream(ugv, above(alt_m), self._rules.fly_s, tell, self._mode_watch())
+        await self._stream(ugv, above(alt_m), self._params.fly_s, tell, self._mode_watch())
 
     async def _orbit(self, ugv: int, tell: Tell) -> None:
-        place, alt_m, rules = self._where(ugv), self._uav.alt_m, self._rules
+        place, alt_m, params = self._where(ugv), self._uav.alt_m, self._params
         if place is None or math.isnan(alt_m):
             tell("warning", "not sent: where it is is not known" if place is None else _NO_HEIGHT)
             return
-        answer = await self._ask(wire.orbit(place, alt_m, rules.radius_m, rules.speed_mps))
+        answer = await self._ask(mav_cmd.orbit(place, alt_m, params.radius_m, params.speed_mps))
         if answer.accepted:
             tell("info", answer.words)
-            path = circles(place, alt_m, radius_m=rules.radius_m, speed_mps=rules.speed_mps, moved_m=rules.moved_m)
-            await self._stream(ugv, path, rules.fly_s, tell, self._mode_watch(), begun=True)
+            path = circles(place, alt_m, radius_m=params.radius_m, speed_mps=params.speed_mps, moved_m=params.moved_m)
+            await self._stream(ugv, path, params.fly_s, tell, self._mode_watch(), begun=True)
         elif answer.not_known:
             tell("info", f"{answer.words}; point by point instead")
-            path = points(alt_m, radius_m=rules.radius_m, speed_mps=rules.speed_mps, period_s=rules.fly_s)
-            await self._stream(ugv, path, rules.fly_s, tell, self._mode_watch())
+            path = points(alt_m, radius_m=params.radius_m, speed_mps=params.speed_mps, period_s=params.fly_s)
+            await self._stream(ugv, path, params.fly_s, tell, self._mode_watch())
         else:
             tell("warning", answer.words)
 
     async def _hold(self, ugv: int, tell: Tell) -> None:
-        command = wire.hold(self._uav.kind, self._uav.autopilot)
+        command = mav_cmd.hold(self._uav.kind, self._uav.autopilot)
         if command is None:
             tell("warning", "not sent: no mode to hold a position is known for this autopilot")
         else:
             await self._once(command, tell)
 
     async def _neutral(self, ugv: int, tell: Tell) -> None:
-        await self._first_known((wire.gimbal_neutral(self._uav.gimbal_component), wire.mount_neutral()), tell)
+        await self._first_known((mav_cmd.gimbal_neutral(self._uav.gimbal_component), mav_cmd.mount_neutral()), tell)
 
     async def _control(self, take: bool, tell: Tell) -> None:
-        command = wire.gimbal_control(*self._own, take=take, component=self._uav.gimbal_component)
+        command = mav_cmd.gimbal_control(*self._own, take=take, component=self._uav.gimbal_component)
         await self._once(command, tell)
 
     async def _photo(self, ugv: int, tell: Tell) -> None:
         self._photos += 1
-        await self._once(wire.photo(self._photos, self._uav.camera_component), tell)
+        await self._once(mav_cmd.photo(self._photos, self._uav.camera_component), tell)
 
     async def _stream(
         self,
@@ -264,8 +264,8 @@ class Jobs:
                 if missing_s == 0.0:
                     tell("warning", "waits: where it is is not known")
                 missing_s += period_s
-                if missing_s > self._rules.lost_s:
-                    tell("alarm", f"ended: no position for {self._rules.lost_s:.0f} s")
+                if missing_s > self._params.lost_s:
+                    tell("alarm", f"ended: no position for {self._params.lost_s:.0f} s")
                     return True
             else:
                 missing_s = 0.0
@@ -289,7 +289,7 @@ class Jobs:
 
         def watch() -> str:
             nonlocal mode
-            if time.monotonic() - since_s < self._rules.settle_s:
+            if time.monotonic() - since_s < self._params.settle_s:
                 return ""
             mode = mode or self._uav.mode
             return "" if self._uav.mode == mode else f"ended: the flight mode was changed to {self._uav.mode}"
@@ -298,18 +298,18 @@ class Jobs:
 
     def _camera_watch(self, ugv: int, tell: Tell) -> Callable[[], str]:
         """Ends when the camera is seen not to turn at all; tells whether it follows, or that nothing reports it."""
-        look: Look | None = None
+        monitor: PointingMonitor | None = None
         told: Verdict = "not yet"
         done = False
 
         def watch() -> str:
-            nonlocal look, told, done
-            seen = look = look or self._look()
-            verdict = seen.see(self._off_rad(ugv), time.monotonic())
+            nonlocal monitor, told, done
+            seen = monitor = monitor or self._pointing_monitor()
+            verdict = seen.update(self._off_rad(ugv), time.monotonic())
             if verdict == "not moved" and not done:
                 return f"accepted, but {_words(seen)}"
             if verdict != "not yet":
-                look = None
+                monitor = None
                 done |= verdict == "done"
                 if verdict != told:
                     told = verdict
@@ -319,24 +319,24 @@ class Jobs:
         return watch
 
 
-def _words(look: Look) -> str:
+def _words(monitor: PointingMonitor) -> str:
     """What is seen of a camera that does not look where it should."""
-    if math.isnan(look.off_rad):
+    if math.isnan(monitor.off_rad):
         return "nothing reports where the camera looks"
-    return f"the camera did not move: {_off(look)}"
+    return f"the camera did not move: {_off(monitor)}"
 
 
-def _off(look: Look) -> str:
-    return f"it looks {math.degrees(look.off_rad):.0f}° off"
+def _off(monitor: PointingMonitor) -> str:
+    return f"it looks {math.degrees(monitor.off_rad):.0f}° off"
 
 
-def _seen(verdict: Verdict, look: Look) -> tuple[Level, str]:
+def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
     """What is told of a camera while commands go on."""
     if verdict == "done":
         return "info", "done: the camera looks there"
     if verdict == "unknown":
-        return "info", f"accepted, but {_words(look)}"
-    return "warning", f"the camera does not follow: {_off(look)}"
+        return "info", f"accepted, but {_words(monitor)}"
+    return "warning", f"the camera does not follow: {_off(monitor)}"
 
 
 _SEE_PERIOD_S = 0.1

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 __all__ = [
     "Command",
-    "Place",
+    "GeoPoint",
     "gimbal_angles",
     "gimbal_control",
     "gimbal_neutral",
@@ -50,7 +50,7 @@ _ARDUPILOT, _PX4 = 3, 12
 _ARDUPILOT_HOLD = {"copter": 17, "helicopter": 17, "plane": 12, "vtol": 12}  # BRAKE, LOITER
 
 
-class Place(NamedTuple):
+class GeoPoint(NamedTuple):
     """A place on the ground."""
 
     lat_deg: float
@@ -65,7 +65,7 @@ class Command:
     """MAV_CMD."""
     params: tuple[float, ...] = ()
     """From the first; those left out are 0."""
-    place: Place | None = None
+    place: GeoPoint | None = None
     alt_m: float = NAN
     component: int = AUTOPILOT
 
@@ -107,7 +107,7 @@ def point_at_system(system_id: int) -> Command:
     return Command(number=_ROI_SYSTEM, params=(system_id,))
 
 
-def point_at_place(place: Place, ground_m: float) -> Command:
+def point_at_place(place: GeoPoint, ground_m: float) -> Command:
     """The gimbal points at a place on the ground."""
     return Command(number=_ROI_LOCATION, place=place, alt_m=ground_m)
 
@@ -170,7 +170,7 @@ def return_to_launch() -> Command:
     return Command(number=_RETURN)
 
 
-def reposition(place: Place, alt_m: float, *, change_mode: bool) -> Command:
+def reposition(place: GeoPoint, alt_m: float, *, change_mode: bool) -> Command:
     """Fly to a place.
 
     Args:
@@ -184,7 +184,7 @@ def reposition(place: Place, alt_m: float, *, change_mode: bool) -> Command:
     )
 
 
-def orbit(place: Place, alt_m: float, radius_m: float, speed_mps: float) -> Command:
+def orbit(place: GeoPoint, alt_m: float, radius_m: float, speed_mps: float) -> Command:
     """Circle clockwise around a place, nose to the middle."""
     return Command(number=_ORBIT, params=(radius_m, speed_mps, 0, 0), place=place, alt_m=alt_m)
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Look", "Verdict"]
+__all__ = ["PointingMonitor", "Verdict"]
 
 Verdict = Literal["not yet", "done", "not moved", "unknown"]
 
@@ -17,7 +17,7 @@ PROGRESS_RAD = math.radians(2.0)
 
 
 @dataclass(slots=True)
-class Look:
+class PointingMonitor:
     """Watches the angle between where the camera looks and where it should.
 
     Attributes:
@@ -31,7 +31,7 @@ class Look:
     off_rad: float = math.nan
     _best_rad: float = math.inf
 
-    def see(self, off_rad: float, now_s: float) -> Verdict:
+    def update(self, off_rad: float, now_s: float) -> Verdict:
         """What can be said now.
 
         Args:
