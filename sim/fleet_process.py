@@ -1,4 +1,4 @@
-"""A fake fleet in a process of its own: many vehicles, exact counts, and on request everything that goes wrong.
+"""A simulated fleet in a process of its own: many vehicles, exact counts, and on request all kinds of faults.
 
     python -m sim.fleet_process --vehicles 100 --rate 5000 --to 127.0.0.1:14550 --duration 60
     python -m sim.fleet_process --to 127.0.0.1:14550 --lie 12:jump --duplicate 13 --replay 14 --flood 1000 --garbage 50
@@ -25,9 +25,9 @@ from typing import Any
 from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.faults.fault_traffic import Traffic, traffic
-from sim.faults.fleet_faults import LIES, SimulatedSender, SimulatedSenders
+from sim.faults.fleet_faults import LIES, SimulatedFleet, SimulatedSender
 
-__all__ = ["SendCounts", "cast_of", "main", "read_keys", "send", "system_ids"]
+__all__ = ["SendCounts", "fleet_of", "main", "read_keys", "send", "system_ids"]
 
 UAV_ID, FIRST_UGV_ID, MOST = 1, 11, 245
 PAUSE_S = 0.002
@@ -122,34 +122,34 @@ def _key(path: Path) -> bytes:
         raise PlayError(f"{path}: is no key of 32 bytes or 64 hexadecimal digits: {error}") from error
 
 
-def cast_of(arguments: argparse.Namespace) -> SimulatedSenders:
+def fleet_of(arguments: argparse.Namespace) -> SimulatedFleet:
     """The senders that the command line asks for."""
-    parts = {i: SimulatedSender(system_id=i, place=k) for k, i in enumerate(system_ids(arguments.vehicles))}
+    senders = {i: SimulatedSender(system_id=i, place=k) for k, i in enumerate(system_ids(arguments.vehicles))}
     try:
         for system_id, lie in arguments.lie:
-            parts[system_id] = replace(parts[system_id], lie=lie)
+            senders[system_id] = replace(senders[system_id], lie=lie)
         for system_id in arguments.v1:
-            parts[system_id] = replace(parts[system_id], version=1)
+            senders[system_id] = replace(senders[system_id], version=1)
         for system_id in arguments.unsigned:
-            parts[system_id] = replace(parts[system_id], signs="never")
+            senders[system_id] = replace(senders[system_id], signs="never")
         for system_id in arguments.badly_signed:
-            parts[system_id] = replace(parts[system_id], signs="wrong")
+            senders[system_id] = replace(senders[system_id], signs="wrong")
         for system_id, at_s in arguments.reboot:
-            parts[system_id] = replace(parts[system_id], reboot_s=at_s)
+            senders[system_id] = replace(senders[system_id], reboot_s=at_s)
         for system_id, at_s in arguments.move_port:
-            parts[system_id] = replace(parts[system_id], move_port_s=at_s)
+            senders[system_id] = replace(senders[system_id], move_port_s=at_s)
         seconds = [
             replace(
-                parts[i],
-                place=parts[i].place + len(parts),
+                senders[i],
+                place=senders[i].place + len(senders),
                 signs="never" if arguments.sign else "right",
                 label=f"impostor {i}",
             )
             for i in arguments.duplicate
         ]
     except KeyError as error:
-        raise PlayError(f"system id {error} is not in this fleet of {len(parts)}") from error
-    return SimulatedSenders(parts=(*parts.values(), *seconds), stop_and_go=arguments.stop_and_go)
+        raise PlayError(f"system id {error} is not in this fleet of {len(senders)}") from error
+    return SimulatedFleet(senders=(*senders.values(), *seconds), stop_and_go=arguments.stop_and_go)
 
 
 def _lie(text: str) -> tuple[int, str]:
@@ -206,7 +206,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise PlayError(f"--vehicles {arguments.vehicles}: 1 to {MOST}")
         keys = read_keys(arguments.sign, system_ids(arguments.vehicles)) if arguments.sign else {}
         plan = Traffic(
-            cast=cast_of(arguments),
+            fleet=fleet_of(arguments),
             rate_hz=arguments.rate,
             keys=keys,
             flood_hz=arguments.flood,
@@ -219,8 +219,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (PlayError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
-    said = {name: getattr(sent, name) for name in SendCounts.__slots__}
-    sys.stdout.write(json.dumps(said | {"total": sum(sent.packets.values())}) + "\n")
+    reported = {name: getattr(sent, name) for name in SendCounts.__slots__}
+    sys.stdout.write(json.dumps(reported | {"total": sum(sent.packets.values())}) + "\n")
     return 0
 
 

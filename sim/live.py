@@ -16,7 +16,7 @@ import numpy as np
 from infra.wall_clock import now_us
 from sim.errors import PlayError
 from sim.render.broadcast import VideoSender
-from sim.telemetry.vehicle_telemetry import TALK_FROM_S, Spoken, speak
+from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, TelemetryPacket, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.world import World
 
@@ -78,7 +78,7 @@ def play(
     world = World(scenario)
     sender = VideoSender(world, video_url, truth_path) if video_url else None
     lead_s = LEAD_S + LEAD_PER_VEHICLE_SECOND * scenario.fleet_size * scenario.duration_s
-    start_us = now_us() + round((lead_s - TALK_FROM_S) * 1e6)
+    start_us = now_us() + round((lead_s - TELEMETRY_FROM_S) * 1e6)
     packets = dict.fromkeys((UAV_ID, *scenario.ugv_ids), 0)
     ids = (*scenario.ugv_ids, UAV_ID)
     with ExitStack() as stack:
@@ -89,7 +89,7 @@ def play(
         for noise in BOOT_NOISE if boot_noise else ():
             for outlet in sockets:
                 outlet.sendto(noise, target)
-        for packet in _on_time(speak(world, start_us), start_us, stop, on_tick):
+        for packet in _on_time(fleet_telemetry(world, start_us), start_us, stop, on_tick):
             sockets[packet.vehicle].sendto(packet.raw, target)
             packets[ids[packet.vehicle]] += 1
     frames, skipped = (sender.sent, sender.skipped) if sender is not None else (0, 0)
@@ -97,8 +97,8 @@ def play(
 
 
 def _on_time(
-    packets: Iterable[Spoken], start_us: int, stop: threading.Event, on_tick: Callable[[float], None] | None
-) -> Iterator[Spoken]:
+    packets: Iterable[TelemetryPacket], start_us: int, stop: threading.Event, on_tick: Callable[[float], None] | None
+) -> Iterator[TelemetryPacket]:
     """The packets, each at its time of arrival."""
     next_tick = -np.inf
     for packet in packets:

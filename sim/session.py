@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
 from sim.errors import SessionWriteError
 from sim.telemetry.detections import DetectorModel, truth_rows
-from sim.telemetry.vehicle_telemetry import speak
+from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.scenario_file import save_scenario
 from sim.world.world import World, random_stream
@@ -112,7 +112,7 @@ def _write_frames(path: Path, stamps_us: NDArray[np.int64]) -> None:
 
 
 def _write_tlog(path: Path, world: World) -> None:
-    path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in speak(world)))
+    path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in fleet_telemetry(world)))
 
 
 def _write_detections(folder: Path, world: World, t: FloatArray) -> None:

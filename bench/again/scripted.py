@@ -38,7 +38,7 @@ from mavlink.signing.keys import Key, read_ring, write_key
 from mavlink.signing.streams import ticks_of
 from mavlink.tlog.writer import TlogWriter
 from sim.telemetry.detections import DetectorModel
-from sim.telemetry.vehicle_telemetry import TALK_FROM_S, speak
+from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario, ScenarioCamera
 from sim.world.world import World
 from vision.detect.detections import Detections
@@ -139,7 +139,7 @@ class _ScriptedFlight:
 
     def __init__(self, folder: Path, scenario: Scenario, troubles: Troubles, start_us: int) -> None:
         self.scenario, self.troubles, self.start_us = scenario, troubles, start_us
-        self.t_us = start_us + round(TALK_FROM_S * S)
+        self.t_us = start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.mission = _mission(scenario)
         keys = folder / "keys"
@@ -263,11 +263,11 @@ def _within(span: tuple[float, float] | None, since_us: float) -> bool:
 def _worlds(scenario: Scenario, troubles: Troubles) -> list[tuple[World, float, float]]:
     """Who is there, from when to when, s; after a restart everything begins anew."""
     if troubles.restart is None:
-        return [(World(scenario), TALK_FROM_S, scenario.duration_s)]
+        return [(World(scenario), TELEMETRY_FROM_S, scenario.duration_s)]
     off_s, on_s = troubles.restart
     # telemetry begins before the first frame
-    second = World(replace(scenario, start_us=scenario.start_us + round((on_s - TALK_FROM_S) * S)))
-    return [(World(scenario), TALK_FROM_S, off_s), (second, on_s, scenario.duration_s)]
+    second = World(replace(scenario, start_us=scenario.start_us + round((on_s - TELEMETRY_FROM_S) * S)))
+    return [(World(scenario), TELEMETRY_FROM_S, off_s), (second, on_s, scenario.duration_s)]
 
 
 def _spoken(world: World, start_s: float, stop_s: float, flight: _ScriptedFlight) -> Iterator[_Datagram]:
@@ -289,7 +289,7 @@ def _told(
 ) -> Iterator[_Datagram]:
     signer = _ScriptedSigner() if flight.troubles.signed else None
     booted = _Rebooted() if start_s > 0 else None
-    for number, said in enumerate(speak(world)):
+    for number, said in enumerate(fleet_telemetry(world)):
         if start_s * S <= said.t_us - flight.start_us < stop_s * S:
             raw = booted.count_anew(said.raw) if booted else said.raw
             raw = signer.sign(raw, said.t_us) if signer else raw
@@ -300,7 +300,7 @@ def _forged(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
     """Somebody else under the first ground vehicle's id, elsewhere; without its key."""
     troubles, victim = flight.troubles, world.scenario.ugv_ids[0]
     speaker = MavlinkEncoder(victim, key=bytes(32) if troubles.signed else None)
-    span = troubles.impostor or (TALK_FROM_S, world.scenario.duration_s)
+    span = troubles.impostor or (TELEMETRY_FROM_S, world.scenario.duration_s)
     for k in range(round((span[1] - span[0]) * 5)):
         t_us = flight.start_us + round((span[0] + k / 5) * S)
         place = (world.scenario.latitude_deg + IMPOSTOR_M / 111_000, world.scenario.longitude_deg)

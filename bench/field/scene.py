@@ -17,7 +17,7 @@ from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.protocol.packet import Packet
 from sim.session import frame_times, session_toml
 from sim.telemetry.detections import DetectedRows, DetectorModel
-from sim.telemetry.vehicle_telemetry import speak
+from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.scenario import Scenario
 from sim.world.world import World
 from vision.camera.camera import Intrinsics, camera_pose, ground
@@ -77,7 +77,7 @@ def scene_of(scenario: Scenario) -> SessionFrames:
     fleet = Fleet(mission.uav.system_id, mission.ugv_ids)
     offset = 0.0 if mission.clock.video_offset_s == "auto" else float(mission.clock.video_offset_s)
     detector = DetectorModel(world)
-    packets = iter(speak(world))
+    packets = iter(fleet_telemetry(world))
     ahead = next(packets, None)
     looks = []
     t, stamps_us = frame_times(scenario)

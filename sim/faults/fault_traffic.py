@@ -1,4 +1,4 @@
-"""What a fleet made for trouble sends, datagram by datagram in order of time."""
+"""Telemetry of a fleet with faults, datagram by datagram in order of time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER
 from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, SenderEncoder
 from sim.faults.fault_texts import BOOT_WORDS, HOSTILE_TEXTS, poison
-from sim.faults.fleet_faults import AGL_M, SimulatedSender, SimulatedSenders, places
+from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, places
 
 __all__ = ["STRANGER", "ScheduledDatagram", "Traffic", "traffic"]
 
@@ -40,7 +40,7 @@ class ScheduledDatagram:
 class Traffic:
     """How much of what."""
 
-    cast: SimulatedSenders
+    fleet: SimulatedFleet
     rate_hz: float
     """Vehicles' packets a second, all together."""
     keys: Mapping[int, bytes]
@@ -72,11 +72,11 @@ class _SenderCounters:
     def __init__(self, plan: Traffic, start_us: int) -> None:
         self._plan, self._start_us = plan, start_us
         self._rng = random.Random(plan.seed)
-        self._voices = [self._voice(part) for part in plan.cast.parts]
-        self._booted_s = [self._rng.uniform(40.0, 400.0) for _ in plan.cast.parts]
-        self._each_hz = plan.rate_hz / len(plan.cast.parts)
-        self._slots = np.zeros(len(plan.cast.parts), dtype=np.int64)
-        self._phase = np.arange(len(plan.cast.parts)) / len(plan.cast.parts)
+        self._encoders = [self._encoder_of(sender) for sender in plan.fleet.senders]
+        self._booted_s = [self._rng.uniform(40.0, 400.0) for _ in plan.fleet.senders]
+        self._each_hz = plan.rate_hz / len(plan.fleet.senders)
+        self._slots = np.zeros(len(plan.fleet.senders), dtype=np.int64)
+        self._phase = np.arange(len(plan.fleet.senders)) / len(plan.fleet.senders)
         self._later: list[ScheduledDatagram] = []
         self._order = count()
         self._texts = count()
@@ -90,11 +90,11 @@ class _SenderCounters:
         due.sort()
         return due
 
-    def _voice(self, part: SimulatedSender) -> SenderEncoder:
-        key = self._plan.keys.get(part.system_id)
-        if key and part.signs == "wrong":
+    def _encoder_of(self, sender: SimulatedSender) -> SenderEncoder:
+        key = self._plan.keys.get(sender.system_id)
+        if key and sender.signs == "wrong":
             key = self._rng.randbytes(32)
-        return SenderEncoder(part.system_id, version=part.version, key=None if part.signs == "never" else key)
+        return SenderEncoder(sender.system_id, version=sender.version, key=None if sender.signs == "never" else key)
 
     def _vehicles(self, until_s: float) -> list[ScheduledDatagram]:
         # slot n of sender k is due at (n + φ_k) / rate
@@ -103,49 +103,46 @@ class _SenderCounters:
         first = np.concatenate([np.arange(a, b) for a, b in zip(self._slots, stop, strict=True)])
         self._slots = stop
         t = (first + self._phase[who]) / self._each_hz
-        said, v, heading = places(self._plan.cast, who, t)
+        reported, v, heading = places(self._plan.fleet, who, t)
         beats = max(4, round(self._each_hz))
-        rows = zip(
-            who.tolist(), (first % beats).tolist(), t.tolist(), said.tolist(), v.tolist(), heading.tolist(), strict=True
-        )
-        sent = [
-            self._spoken(k, slot, now, *row) for k, slot, now, *row in rows if not self._plan.cast.parts[k].silent(now)
-        ]
-        return sent
+        columns = who, first % beats, t, reported, v, heading
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        senders = self._plan.fleet.senders
+        return [self._packet_of(k, slot, at, *row) for k, slot, at, *row in rows if not senders[k].silent(at)]
 
-    def _spoken(
-        self, k: int, slot: int, t: float, said: list[int], v: list[float], heading: float
+    def _packet_of(
+        self, k: int, slot: int, t: float, reported: list[int], v: list[float], heading: float
     ) -> ScheduledDatagram:
-        part, voice = self._plan.cast.parts[k], self._voices[k]
-        boot_ms, unix_us = part.boot_ms(t, self._booted_s[k]), self._start_us + int(t * 1e6)
+        sender, encoder = self._plan.fleet.senders[k], self._encoders[k]
+        boot_ms, unix_us = sender.boot_ms(t, self._booted_s[k]), self._start_us + int(t * 1e6)
         wrong = math.isnan(heading)
         if slot == 0:
-            kind, mode = (COPTER, COPTER_GUIDED) if part.place == 0 else (ROVER, ROVER_AUTO)
-            raw = voice.frame(unix_us, HEARTBEAT, mode, kind, ARDUPILOT, ARMED_CUSTOM, ACTIVE, 3)
+            kind, mode = (COPTER, COPTER_GUIDED) if sender.place == 0 else (ROVER, ROVER_AUTO)
+            raw = encoder.frame(unix_us, HEARTBEAT, mode, kind, ARDUPILOT, ARMED_CUSTOM, ACTIVE, 3)
         elif slot == 2:
-            raw = voice.frame(unix_us, GPS, boot_ms * 1000, *said, 80, 120, 0, 65535, 3, 14)
+            raw = encoder.frame(unix_us, GPS, boot_ms * 1000, *reported, 80, 120, 0, 65535, 3, 14)
         elif slot % 2:
             speed = (round(v[1] * 100), round(v[0] * 100), 0) if not wrong else (32767, -32768, 32767)
             hdg = 65535 if wrong else round(math.degrees(heading) * 100) % 36000
-            relative_mm = round(AGL_M * 1000) if part.place == 0 else 0
-            raw = voice.frame(unix_us, POSITION, boot_ms, *said, relative_mm, *speed, hdg)
+            relative_mm = round(AGL_M * 1000) if sender.place == 0 else 0
+            raw = encoder.frame(unix_us, POSITION, boot_ms, *reported, relative_mm, *speed, hdg)
         else:
             yaw = heading if wrong else (heading + math.pi) % (2 * math.pi) - math.pi
-            raw = voice.frame(unix_us, ATTITUDE, boot_ms, *((math.nan,) * 2 if wrong else (0.0, 0.0)), yaw, 0, 0, 0)
+            raw = encoder.frame(unix_us, ATTITUDE, boot_ms, *((math.nan,) * 2 if wrong else (0.0, 0.0)), yaw, 0, 0, 0)
         self._good = raw
-        if part.system_id in self._plan.replayed:
-            label = f"replayed {part.system_id}"
+        if sender.system_id in self._plan.replayed:
+            label = f"replayed {sender.system_id}"
             heapq.heappush(self._later, ScheduledDatagram(t + REPLAY_AFTER_S, next(self._order), -2 - k, label, raw))
-        return ScheduledDatagram(t, next(self._order), k, part.label or str(part.system_id), raw)
+        return ScheduledDatagram(t, next(self._order), k, sender.label or str(sender.system_id), raw)
 
     def _extras(self, from_s: float, until_s: float) -> list[ScheduledDatagram]:
         """Reboots, new ports, boot banners, floods and garbage."""
         due: list[ScheduledDatagram] = []
-        for k, part in enumerate(self._plan.cast.parts):
-            moves = (part.reboot_s, part.move_port_s)
+        for k, sender in enumerate(self._plan.fleet.senders):
+            moves = (sender.reboot_s, sender.move_port_s)
             due += [ScheduledDatagram(moment, -1, k, "", b"") for moment in moves if from_s <= moment < until_s]
-            if from_s <= part.reboot_s < until_s or (self._plan.banner and from_s == 0.0):
-                moment = part.reboot_s if from_s <= part.reboot_s < until_s else 0.0
+            if from_s <= sender.reboot_s < until_s or (self._plan.banner and from_s == 0.0):
+                moment = sender.reboot_s if from_s <= sender.reboot_s < until_s else 0.0
                 due += [
                     ScheduledDatagram(moment + 1e-3, next(self._order), k, "boot words", word) for word in BOOT_WORDS
                 ]
@@ -159,9 +156,9 @@ class _SenderCounters:
 
     def _text(self, t: float) -> ScheduledDatagram:
         number = next(self._texts)
-        at = min(1, len(self._voices) - 1)
+        at = min(1, len(self._encoders) - 1)
         words = HOSTILE_TEXTS[number % len(HOSTILE_TEXTS)].encode("utf-8", "replace")[:50]
-        raw = self._voices[at].frame(self._start_us + int(t * 1e6), TEXT, number % 8, words)
+        raw = self._encoders[at].frame(self._start_us + int(t * 1e6), TEXT, number % 8, words)
         return ScheduledDatagram(t, next(self._order), at, "texts", raw)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.world.earth import to_geodetic
 
-__all__ = ["LIES", "SimulatedSender", "SimulatedSenders", "places"]
+__all__ = ["LIES", "SimulatedFleet", "SimulatedSender", "places"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -29,7 +29,7 @@ SPACING_M = 30.0
 GO_S, REST_S = 8.0, 4.0
 SILENT_S = 1.3
 """A reboot takes so long."""
-_INT32_MAX, _UNKNOWN_HEADING = 2**31 - 1, 65535
+_INT32_MAX = 2**31 - 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,18 +58,18 @@ class SimulatedSender:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedSenders:
+class SimulatedFleet:
     """All senders of vehicle telemetry, and how they drive."""
 
-    parts: tuple[SimulatedSender, ...]
+    senders: tuple[SimulatedSender, ...]
     stop_and_go: bool = False
 
 
-def places(cast: SimulatedSenders, who: IntArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def places(fleet: SimulatedFleet, who: IntArray, t: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Reported positions of all senders.
 
     Args:
-        cast: the senders.
+        fleet: the senders.
         who: (k,) index of the sender.
         t: (k,) seconds.
 
@@ -77,19 +77,19 @@ def places(cast: SimulatedSenders, who: IntArray, t: FloatArray) -> tuple[IntArr
         (k, 3) latitude and longitude in 1e-7 degrees and altitude in mm; (k, 2) velocity east and north, m/s; (k,)
         heading clockwise from north.
     """
-    circle = np.array([part.place for part in cast.parts])[who]
-    lies = np.array([LIES.index(part.lie) if part.lie else -1 for part in cast.parts])[who]
+    circle = np.array([sender.place for sender in fleet.senders])[who]
+    lies = np.array([LIES.index(sender.lie) if sender.lie else -1 for sender in fleet.senders])[who]
     lies[t < LIE_AFTER_S] = -1
     circle = np.where(lies == LIES.index("other"), circle + 1, circle)
-    east, north, v_east, v_north, heading = _driven(circle, t, cast.stop_and_go)
+    east, north, v_east, v_north, heading = _driven(circle, t, fleet.stop_and_go)
     east = east + np.where((lies == LIES.index("jump")) & (t % 5.0 < 1.0), 500.0, 0.0)
     up = np.where(circle == 0, AGL_M, 0.0) + np.where(lies == LIES.index("altitude"), 600.0, 0.0)
     lat, lon, alt = to_geodetic(np.column_stack([east, north, up]), *ORIGIN_DEG, ALTITUDE_M)
-    said = np.rint(np.column_stack([lat * 1e7, lon * 1e7, alt * 1e3])).astype(np.int64)
-    said[lies == LIES.index("zero"), :2] = 0
-    said[lies == LIES.index("prefix"), :2] = (353, -129)
-    said[lies == LIES.index("nan")] = _INT32_MAX
-    return said, np.column_stack([v_east, v_north]), np.where(lies == LIES.index("nan"), np.nan, heading)
+    reported = np.rint(np.column_stack([lat * 1e7, lon * 1e7, alt * 1e3])).astype(np.int64)
+    reported[lies == LIES.index("zero"), :2] = 0
+    reported[lies == LIES.index("prefix"), :2] = (353, -129)
+    reported[lies == LIES.index("nan")] = _INT32_MAX
+    return reported, np.column_stack([v_east, v_north]), np.where(lies == LIES.index("nan"), np.nan, heading)
 
 
 def _driven(circle: IntArray, t: FloatArray, stop_and_go: bool) -> tuple[FloatArray, ...]:

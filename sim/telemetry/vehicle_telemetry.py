@@ -20,18 +20,18 @@ from sim.telemetry.sensors import Sensors
 from sim.world.scenario import UAV_ID, Scenario
 from sim.world.world import World, random_stream
 
-__all__ = ["TALK_AFTER_S", "TALK_FROM_S", "Spoken", "speak"]
+__all__ = ["TELEMETRY_AFTER_S", "TELEMETRY_FROM_S", "TelemetryPacket", "fleet_telemetry"]
 
 FloatArray = NDArray[np.float64]
 
-TALK_FROM_S, TALK_AFTER_S = -2.0, 1.0
+TELEMETRY_FROM_S, TELEMETRY_AFTER_S = -2.0, 1.0
 """Telemetry begins before the first frame and ends after the last."""
 
 UAV_ATTITUDE_HZ, UAV_POSITION_HZ, GIMBAL_HZ, FIX_HZ, TEXT_HZ = 20.0, 10.0, 10.0, 2.0, 1.0 / 15.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spoken:
+class TelemetryPacket:
     """One packet as it arrives."""
 
     t_us: int
@@ -41,7 +41,7 @@ class Spoken:
     """−1 the UAV, else the ground vehicle's index."""
 
 
-def speak(world: World, start_us: int | None = None) -> Iterator[Spoken]:
+def fleet_telemetry(world: World, start_us: int | None = None) -> Iterator[TelemetryPacket]:
     """All packets of the flight by time of arrival; lost ones are left out, their sequence numbers stay used.
 
     Args:
@@ -55,7 +55,7 @@ def speak(world: World, start_us: int | None = None) -> Iterator[Spoken]:
     return heapq.merge(*sent, key=lambda packet: packet.t_us)
 
 
-def _sent(scenario: Scenario, vehicle: int, stream: Stream) -> Iterator[Spoken]:
+def _sent(scenario: Scenario, vehicle: int, stream: Stream) -> Iterator[TelemetryPacket]:
     rng = random_stream(scenario, f"radio {vehicle}")
     system_id = UAV_ID if vehicle < 0 else scenario.ugv_ids[vehicle]
     mav = dialect.MAVLink(None, srcSystem=system_id, srcComponent=1)
@@ -67,7 +67,7 @@ def _sent(scenario: Scenario, vehicle: int, stream: Stream) -> Iterator[Spoken]:
         # one vehicle's packets share a radio and don't overtake each other
         last_us = max(last_us + 1, scenario.start_us + round((t + delay) * 1e6))
         if rng.random() >= scenario.timing.loss:
-            yield Spoken(t_us=last_us, raw=raw, vehicle=vehicle)
+            yield TelemetryPacket(t_us=last_us, raw=raw, vehicle=vehicle)
 
 
 def _uav(scenario: Scenario, sensors: Sensors) -> Stream:
@@ -130,5 +130,5 @@ def _every(rate_hz: float) -> int:
 def _times(scenario: Scenario, rate_hz: float, vehicle: int, what: str) -> FloatArray:
     """Sample times with a phase of the vehicle's own."""
     phase = random_stream(scenario, f"phase {vehicle} {what}").random()
-    count = int((scenario.duration_s + TALK_AFTER_S - TALK_FROM_S) * rate_hz)
-    return np.asarray(TALK_FROM_S + (np.arange(count) + phase) / rate_hz)
+    count = int((scenario.duration_s + TELEMETRY_AFTER_S - TELEMETRY_FROM_S) * rate_hz)
+    return np.asarray(TELEMETRY_FROM_S + (np.arange(count) + phase) / rate_hz)

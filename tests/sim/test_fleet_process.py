@@ -15,7 +15,7 @@ from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Packet
 from sim.faults.fault_traffic import STRANGER, Traffic, traffic
-from sim.fleet_process import _parser, cast_of, main, read_keys, system_ids
+from sim.fleet_process import _parser, fleet_of, main, read_keys, system_ids
 
 START_US = 1_795_170_792_000_000
 KEY = bytes(range(32))
@@ -24,7 +24,7 @@ KEY = bytes(range(32))
 def sent(seconds, *words, key=None):
     arguments = _parser().parse_args(["--to", "127.0.0.1:1", *words])
     plan = Traffic(
-        cast=cast_of(arguments),
+        fleet=fleet_of(arguments),
         rate_hz=arguments.rate,
         keys=dict.fromkeys(system_ids(245), key) if key else {},
         flood_hz=arguments.flood,
@@ -86,7 +86,7 @@ def test_signatures_are_right_wrong_or_missing_as_asked():
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "reported"),
     [
         (("--lie", "12:jump"), "position not used: farther than it can have driven"),
         (("--lie", "12:zero"), "position not used: no fix (0/0)"),
@@ -95,9 +95,9 @@ def test_signatures_are_right_wrong_or_missing_as_asked():
         (("--reboot", "12@6"), "system 12 has rebooted"),
     ],
 )
-def test_troubles_are_noticed(words, said):
+def test_troubles_are_noticed(words, reported):
     datagrams = sent(14.0, "--vehicles", "4", "--rate", "80", *words)
-    assert any(text.startswith(said) for text in folded(datagrams, (11, 12, 13))[1])
+    assert any(text.startswith(reported) for text in folded(datagrams, (11, 12, 13))[1])
 
 
 def test_a_rebooted_vehicle_is_silent_then_begins_at_zero_from_another_port():
@@ -140,9 +140,9 @@ def test_the_process_says_exactly_what_it_sent():
                 ports[str(raw[5])] = sender[1]
         except TimeoutError:
             pass
-    said = json.loads(done.stdout)
-    assert said["packets"] == heard and said["total"] == 400 and said["refused"] == 0
-    assert said["ports"] == ports and len(set(ports.values())) == 5
+    reported = json.loads(done.stdout)
+    assert reported["packets"] == heard and reported["total"] == 400 and reported["refused"] == 0
+    assert reported["ports"] == ports and len(set(ports.values())) == 5
 
 
 def test_keys_are_those_that_gcs_keys_makes(tmp_path):

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim import live
 from sim.errors import PlayError
 from sim.live import play
-from sim.telemetry.vehicle_telemetry import Spoken
+from sim.telemetry.vehicle_telemetry import TelemetryPacket
 from sim.world.presets import curved_road
 from sim.world.scenario import ScenarioCamera
 
@@ -122,7 +122,7 @@ def test_every_packet_goes_out_at_its_time_until_told_to_stop(monkeypatch):
     clock, ticks = Clock(1000.0, stop_s=1004.0), []
     monkeypatch.setattr(live, "time", clock)
     due_s = [999.0, 1000.7, 1000.7, 1001.0, 1003.5, 1004.5, 1005.0]
-    packets = [Spoken(t_us=round(t * 1e6), vehicle=0, raw=b"") for t in due_s]
+    packets = [TelemetryPacket(t_us=round(t * 1e6), vehicle=0, raw=b"") for t in due_s]
     sent_s = [clock.now_s for _ in live._on_time(packets, 1_002_000_000, clock, ticks.append)]
     assert sent_s == pytest.approx([1000.0, 1000.7, 1000.7, 1001.0, 1003.5])
     assert clock.now_s == 1004.0

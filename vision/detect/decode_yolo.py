@@ -69,7 +69,7 @@ def decode_raw(rows: NDArray[np.floating], rule: Rule) -> tuple[Detections, Drop
     wanted = np.isin(kind, rule.classes)
     chosen, kind = chosen[wanted], kind[wanted]
     table = np.vstack([rows[:4, chosen], rows[-1:, chosen], best[None, chosen]]).T.astype(np.float64)
-    found, dropped = _told(table, kind, rule, "same" if rule.per_class else "any")
+    found, dropped = _suppressed(table, kind, rule, "same" if rule.per_class else "any")
     return found, dropped + Dropped(damaged=damaged)
 
 
@@ -89,11 +89,11 @@ def decode_boxes(table: NDArray[np.floating], classes: int, rule: Rule) -> tuple
     chosen = chosen[real]
     chosen = chosen[np.isin(kind[chosen], rule.classes)]
     columns = table[chosen][:, [0, 1, 2, 3, 6, 4]].astype(np.float64)
-    found, dropped = _told(columns, kind[chosen].astype(np.intp), rule, "none" if rule.per_class else "other")
+    found, dropped = _suppressed(columns, kind[chosen].astype(np.intp), rule, "none" if rule.per_class else "other")
     return found, dropped + Dropped(damaged=damaged)
 
 
-def _told(
+def _suppressed(
     table: NDArray[np.float64], kind: NDArray[np.intp], rule: Rule, rivals: Rivals | Literal["none"]
 ) -> tuple[Detections, Dropped]:
     """Detections of candidates (m, 6) x y w h angle score and their classes (m,), those that ``rivals`` leaves."""

@@ -54,7 +54,7 @@ class FrontClassifier:
         self._session, self._where, self._sure = session, where, sure
         self._contract = read_contract(session, where)
 
-    def tell(self, image: Image, boxes: ArrayLike) -> Fronts:
+    def classify(self, image: Image, boxes: ArrayLike) -> Fronts:
         """Fronts of boxes in an image.
 
         Args:
@@ -121,7 +121,7 @@ class FrontedDetector:
         if not len(untold):
             return found
         heading = found.heading.copy()
-        heading[untold] = self._classifier.tell(image, found.boxes[untold]).heading
+        heading[untold] = self._classifier.classify(image, found.boxes[untold]).heading
         return _pointed(found, heading)
 
 
@@ -146,8 +146,8 @@ def open_front_classifier(
 
 def _pointed(found: Detections, heading: Floats) -> Detections:
     """Boxes whose width axis points to the heading where that is known: w and h change places if it lies across."""
-    told = np.isfinite(heading)
-    angle = np.where(told, wrap(heading - 0.5 * np.pi), found.angle)
-    across = told & (np.abs(np.sin(angle - found.angle)) > np.sqrt(0.5))
+    known = np.isfinite(heading)
+    angle = np.where(known, wrap(heading - 0.5 * np.pi), found.angle)
+    across = known & (np.abs(np.sin(angle - found.angle)) > np.sqrt(0.5))
     w, h = np.where(across, found.h, found.w), np.where(across, found.w, found.h)
     return replace(found, w=w, h=h, angle=angle, heading=heading)

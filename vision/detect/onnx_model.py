@@ -89,10 +89,10 @@ def table(text: str) -> dict[object, object]:
 def described(session: ort.InferenceSession) -> str:
     """Inputs and outputs, as ``images [1, 3, 640, 640] float → output0 [1, 20, 8400] float``."""
 
-    def told(values: Sequence[ort.NodeArg]) -> str:
+    def listed(values: Sequence[ort.NodeArg]) -> str:
         return ", ".join(f"{v.name} {shape_text(v.shape)} {v.type.removeprefix('tensor(').rstrip(')')}" for v in values)
 
-    return f"{told(session.get_inputs())} → {told(session.get_outputs())}"
+    return f"{listed(session.get_inputs())} → {listed(session.get_outputs())}"
 
 
 def shape_text(shape: Sequence[object]) -> str:

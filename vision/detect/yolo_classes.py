@@ -76,7 +76,9 @@ def vehicle_classes(names: Mapping[int, str], classes: int, wanted: Collection[s
     else:
         chosen = [k for k in range(classes) if _on_wheels(names.get(k, ""))]
     if not chosen:
-        raise ValueError(f"none of its classes sounds like a vehicle: {_told(names, classes)}; name those that count")
+        raise ValueError(
+            f"none of its classes sounds like a vehicle: {_class_list(names, classes)}; name those that count"
+        )
     return np.array(chosen, dtype=np.intp)
 
 
@@ -86,12 +88,12 @@ def _named(names: Mapping[int, str], classes: int, wanted: Collection[str]) -> l
         sought = name.strip().lower()
         found = [k for k in range(classes) if sought in (names.get(k, "").lower(), str(k))]
         if not found:
-            raise ValueError(f"none of its classes is called {name!r}: {_told(names, classes)}")
+            raise ValueError(f"none of its classes is called {name!r}: {_class_list(names, classes)}")
         chosen.update(found)
     return sorted(chosen)
 
 
-def _told(names: Mapping[int, str], classes: int) -> str:
+def _class_list(names: Mapping[int, str], classes: int) -> str:
     if len(names) > MOST_TOLD:
         return ", ".join([*list(names.values())[:MOST_TOLD], f"and {len(names) - MOST_TOLD} more"])
     return ", ".join(names.values()) if names else f"they have no names, only the numbers 0 to {classes - 1}"

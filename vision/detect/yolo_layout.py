@@ -170,10 +170,10 @@ def anchor_counts(height: int, width: int) -> frozenset[int]:
 
 def _misfit(shape: tuple[int, ...], classes: int) -> str:
     _, rows, columns = shape
-    told = f"its output {shape_text(shape)} does not fit its {classes} classes, which need {4 + classes + 1} rows"
+    text = f"its output {shape_text(shape)} does not fit its {classes} classes, which need {4 + classes + 1} rows"
     if columns == 6 or classes + 4 in (rows, columns):
-        return f"{told} with the angle; these look like upright boxes"
-    return told
+        return f"{text} with the angle; these look like upright boxes"
+    return text
 
 
 def _takes_images(image: ort.NodeArg) -> bool:

@@ -80,9 +80,9 @@ def open_folder(
     read = partial(_read, kind=kind, names=called, corners_tell_front=corners_tell_front)
     images = []
     for image, label in pairs:
-        said = read(image, label)
+        labels = read(image, label)
         name = str(image.relative_to(path))
-        images.append(LabelledImage(name=name, read=partial(_pixels, image), truth=said.truth, gsd_m=said.gsd_m))
+        images.append(LabelledImage(name=name, read=partial(_pixels, image), truth=labels.truth, gsd_m=labels.gsd_m))
     return Folder(format=kind, images=tuple(images), unlabelled=len(paths) - len(pairs))
 
 

@@ -151,8 +151,8 @@ def _rows(path: Path, row: Callable[[list[str], str], Row | None], separator: st
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: cannot be read as text: {error}") from error
-    told = ((i, line.strip().rstrip(",")) for i, line in enumerate(lines, 1))
-    made = (row(line.split(separator), f"{path}, line {i}") for i, line in told if line)
+    rows = ((i, line.strip().rstrip(",")) for i, line in enumerate(lines, 1))
+    made = (row(line.split(separator), f"{path}, line {i}") for i, line in rows if line)
     return [one for one in made if one is not None]
 
 

@@ -106,8 +106,8 @@ def choose_classes(
     try:
         chosen = vehicle_classes(dict(enumerate(real)), len(real), wanted)
     except ValueError as error:
-        told = ", ".join(real) or "none at all"
-        raise LabelError(f"classes of the labels: {told}; name those that count with --classes") from error
+        present = ", ".join(real) or "none at all"
+        raise LabelError(f"classes of the labels: {present}; name those that count with --classes") from error
     return Choice(counts=frozenset(real[k] for k in chosen) - spare, neither=spare)
 
 

@@ -41,8 +41,8 @@ def conceal_in(text: str, address: str) -> str:
     """Text of others, such as FFmpeg's messages, without the secrets of an address."""
     text = text.replace(address, concealed(address))
     parts = {part for secret in secrets_of(address) for part in (secret, secret.partition(":")[2])}
-    told = {form for part in parts for form in (part, unquote(part)) if len(form) >= _LONG_ENOUGH}
-    for secret in sorted(told, key=len, reverse=True):
+    secrets = {form for part in parts for form in (part, unquote(part)) if len(form) >= _LONG_ENOUGH}
+    for secret in sorted(secrets, key=len, reverse=True):
         text = text.replace(secret, _MARK)
     return text
 

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["correct", "initial", "jacobian", "mahalanobis", "map_points", "predict", "warp"]
+__all__ = ["correct", "initial", "jacobian", "mahalanobis", "predict", "warp"]
 
 Floats = NDArray[np.float64]
 
@@ -93,13 +93,8 @@ def correct(x: Floats, P: Floats, centre: Floats, noise: Floats) -> tuple[Floats
     return W[0].T, (0.5 * (P + P.transpose(1, 0, 2))).transpose(2, 0, 1)
 
 
-def map_points(H: Floats, points: Floats) -> Floats:
-    """Points (k, 2) through the homography H (3, 3)."""
-    return _mapped(H, points)[0]
-
-
 def jacobian(H: Floats, points: Floats) -> Floats:
-    """∂(map_points)/∂(points), (k, 2, 2)."""
+    """Derivative of points (k, 2) mapped through the homography H (3, 3) by the points, (k, 2, 2)."""
     return _mapped(H, points)[1]
 
 

@@ -183,8 +183,8 @@ def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
     trainer.save(out / "checkpoint.pt")
     quality = asdict(evaluate(trainer.averaged(), held_out.all()))
     _append(out / "quality.csv", {"step": trainer.step_count, "minutes": trainer.spent_s / 60.0, **quality})
-    told = " ".join(f"{name} {value:.4f}" for name, value in quality.items())
-    log.info("%.1f min, step %d, %d images: %s", trainer.spent_s / 60.0, trainer.step_count, images, told)
+    figures = " ".join(f"{name} {value:.4f}" for name, value in quality.items())
+    log.info("%.1f min, step %d, %d images: %s", trainer.spent_s / 60.0, trainer.step_count, images, figures)
 
 
 def _render_crops(out: Path, crops: int, seed: int) -> list[subprocess.Popen[bytes]]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim.telemetry.vehicle_telemetry import speak
+from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.camera import body_rotation
 from sim.world.presets import nominal
 from sim.world.scenario import Gnss, ScenarioAttitude, ScenarioCamera, ScenarioFault, ScenarioTiming
@@ -24,7 +24,7 @@ def parsed(world):
     """(packet, message) of every packet, parsed as any receiver would."""
     parser = dialect.MAVLink(None)
     out = []
-    for packet in speak(world):
+    for packet in fleet_telemetry(world):
         messages = parser.parse_buffer(packet.raw)
         assert len(messages) == 1
         out.append((packet, messages[0]))
@@ -150,5 +150,5 @@ def test_faults_reach_the_air():
 
 def test_the_unix_time_of_a_live_play_replaces_the_scenarios():
     world = flight()
-    first = next(speak(world, start_us=1_900_000_000_000_000))
+    first = next(fleet_telemetry(world, start_us=1_900_000_000_000_000))
     assert abs(first.t_us - 1_899_999_998_000_000) < 1_000_000

@@ -87,9 +87,9 @@ def test_a_square_vehicle_whose_box_lies_across_is_turned_to_its_front(tmp_path)
 def test_a_slim_box_never_has_its_front_at_a_longer_side(tmp_path):
     image = np.full((100, 100, 3), 40, np.uint8)
     image[30:50, 20:80] = 255  # the upper half of a box that lies along x is bright
-    told = opened(tmp_path, classes=4, sure=0.0).tell(image, [[50.0, 50.0, 60.0, 40.0, 0.0]])
+    told = opened(tmp_path, classes=4, sure=0.0).classify(image, [[50.0, 50.0, 60.0, 40.0, 0.0]])
     assert abs(np.sin(told.heading[0])) == pytest.approx(1.0)
-    told = opened(tmp_path, classes=4, sure=0.0).tell(image, [[50.0, 50.0, 44.0, 40.0, 0.0]])
+    told = opened(tmp_path, classes=4, sure=0.0).classify(image, [[50.0, 50.0, 44.0, 40.0, 0.0]])
     assert told.heading[0] == pytest.approx(0.0)
 
 
@@ -99,16 +99,16 @@ def test_a_front_in_doubt_is_not_told_and_the_box_stays_as_it_was(tmp_path):
     found = FrontedDetector(inner, opened(tmp_path)).detect(image)
     assert np.isnan(found.heading).all()
     np.testing.assert_array_equal(found.boxes, inner.found.boxes)
-    told = opened(tmp_path).tell(image, rows[:, [0, 1, 2, 3, 4]])
+    told = opened(tmp_path).classify(image, rows[:, [0, 1, 2, 3, 4]])
     np.testing.assert_allclose(told.confidence, 0.5, atol=1e-3)
 
 
 def test_confidence_decides(tmp_path):
     image, rows = parade(n=6)
     boxes = Axes(rows).found.boxes
-    confidence = opened(tmp_path, sure=0.0).tell(image, boxes).confidence
+    confidence = opened(tmp_path, sure=0.0).classify(image, boxes).confidence
     level = float(np.median(confidence))
-    told = opened(tmp_path, sure=level).tell(image, boxes)
+    told = opened(tmp_path, sure=level).classify(image, boxes)
     np.testing.assert_array_equal(np.isfinite(told.heading), told.confidence >= level)
 
 
@@ -116,7 +116,7 @@ def test_a_class_without_a_front_tells_none(tmp_path):
     weights = np.column_stack([GAIN * brightest_side(SIDE, 2), np.full(3 * SIDE * SIDE, 1.0)])
     path = classifier(tmp_path / "f.onnx", weights, SIDE, metadata={"front_deg": "0, 180, nan", "mean": "0 0 0"})
     image, rows = parade(n=3)
-    told = open_front_classifier(path).tell(image, rows)
+    told = open_front_classifier(path).classify(image, rows)
     assert np.isnan(told.heading).all()
     assert (told.confidence == 0.0).all()
 
@@ -125,7 +125,7 @@ def test_classes_in_another_order(tmp_path):
     weights = GAIN * brightest_side(SIDE, 2)[:, ::-1]
     path = classifier(tmp_path / "f.onnx", weights, SIDE, metadata={"front_deg": "[180, 0]"})
     image, rows = parade()
-    told = open_front_classifier(path).tell(image, Axes(rows).found.boxes)
+    told = open_front_classifier(path).classify(image, Axes(rows).found.boxes)
     np.testing.assert_allclose(wrap(told.heading - rows[:, 4]), 0.0, atol=1e-9)
 
 
@@ -139,7 +139,7 @@ def test_nothing_found_and_very_many_found(tmp_path):
     image, rows = parade()
     model = opened(tmp_path)
     assert len(FrontedDetector(Axes(rows[:0]), model).detect(image)) == 0
-    assert model.tell(image, np.empty((0, 5))).heading.shape == (0,)
+    assert model.classify(image, np.empty((0, 5))).heading.shape == (0,)
     many = np.tile(rows, (7, 1))
     found = FrontedDetector(Axes(many), model).detect(image)
     np.testing.assert_allclose(wrap(found.heading - many[:, 4]), 0.0, atol=1e-9)
@@ -147,7 +147,7 @@ def test_nothing_found_and_very_many_found(tmp_path):
 
 def test_damaged_numbers_tell_no_front(tmp_path):
     weights = np.full((3 * SIDE * SIDE, 2), np.nan)
-    told = open_front_classifier(classifier(tmp_path / "f.onnx", weights, SIDE)).tell(*parade())
+    told = open_front_classifier(classifier(tmp_path / "f.onnx", weights, SIDE)).classify(*parade())
     assert np.isnan(told.heading).all()
     assert (told.confidence == 0.0).all()
 
@@ -161,7 +161,7 @@ def test_margin_and_normalisation_are_as_the_model_says(tmp_path):
     image[20:40, 20:40, 2] = 204  # the box: 0.8
     said = {"mean": "0.5,0.5,0.5", "std": "0.1 0.1 0.1", "margin": "1.0"}
     told = open_front_classifier(classifier(tmp_path / "f.onnx", weights, SIDE, metadata=said), sure=0.0)
-    confidence = told.tell(image, [[30.0, 30.0, 20.0, 20.0, 0.0]]).confidence[0]
+    confidence = told.classify(image, [[30.0, 30.0, 20.0, 20.0, 0.0]]).confidence[0]
     # a quarter of the crop is the box: mean 0.35, logit (0.35 − 0.5) / 0.1 against 0
     assert confidence == pytest.approx(1.0 / (1.0 + np.exp(-1.5)), abs=2e-3)
 

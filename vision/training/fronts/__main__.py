@@ -73,8 +73,8 @@ def _run(args: argparse.Namespace) -> None:
         if not args.trust:
             log.info("now look at %s, correct %s and run this again", args.out / "sheets", table)
             return
-    said = read_corrections(table, len(crops), int(clusters.number.max()) + 1)
-    _train(args, crops, clusters, said, margin)
+    corrections = read_corrections(table, len(crops), int(clusters.number.max()) + 1)
+    _train(args, crops, clusters, corrections, margin)
 
 
 def _arguments() -> argparse.Namespace:
@@ -136,8 +136,8 @@ def _ask(out: Path, crops: Crops, clusters: Clusters) -> None:
     write_corrections(out / "corrections.csv", found)
 
 
-def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, said: Corrections, margin: float) -> None:
-    known, right = fronts(clusters, said)
+def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, corrections: Corrections, margin: float) -> None:
+    known, right = fronts(clusters, corrections)
     log.info("%d of %d crops have a front", len(known), len(crops))
     if len(known) < LEAST:
         raise LabelError(f"{args.out / 'corrections.csv'}: too few crops have a front; say right or left of a cluster")

@@ -52,12 +52,12 @@ def guesses(
 ) -> dict[int, str]:
     """Which way each cluster faces, by a classifier's votes: right, left, or ? where they disagree."""
     boxes = crops.vehicles(np.ones(len(crops), dtype=bool)).boxes
-    told = np.array([classifier.tell(i, b).heading[0] for i, b in zip(crops.images, boxes, strict=True)])
+    heading = np.array([classifier.classify(i, b).heading[0] for i, b in zip(crops.images, boxes, strict=True)])
     # on a crop a heading of 90°, clockwise from up, is the right
-    right = (np.sin(told) > 0.0) ^ turned
+    right = (np.sin(heading) > 0.0) ^ turned
     found = {}
     for cluster in range(int(number.max()) + 1):
-        votes = right[(number == cluster) & np.isfinite(told)]
+        votes = right[(number == cluster) & np.isfinite(heading)]
         share = float(votes.mean()) if len(votes) else 0.5
         found[cluster] = RIGHT if share >= AGREED else LEFT if share <= 1.0 - AGREED else UNDECIDED
         log.info(

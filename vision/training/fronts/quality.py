@@ -36,7 +36,7 @@ def quality(model: Path, held_out: Vehicles, length_px: NDArray[np.float64], see
     """
     classifier = open_front_classifier(model, sure=0.0)
     boxes = jittered(held_out.boxes, np.random.default_rng([seed, 2]))
-    told = [classifier.tell(image, box) for image, box in zip(held_out.images, boxes, strict=True)]
+    told = [classifier.classify(image, box) for image, box in zip(held_out.images, boxes, strict=True)]
     heading = np.array([t.heading[0] for t in told])
     confidence = np.array([t.confidence[0] for t in told])
     right = np.cos(heading - held_out.boxes[:, 4] - 0.5 * np.pi) > np.cos(np.radians(45.0))

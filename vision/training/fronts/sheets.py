@@ -85,7 +85,7 @@ def read_corrections(path: Path, crops: int, clusters: int) -> Corrections:
     Raises:
         LabelError: a row that cannot be understood.
     """
-    said: dict[str, dict[int, str]] = {"cluster": {}, "crop": {}}
+    corrections: dict[str, dict[int, str]] = {"cluster": {}, "crop": {}}
     choices = {"cluster": (RIGHT, LEFT, NONE, UNDECIDED), "crop": (RIGHT, LEFT, NONE, UNDECIDED)}
     most = {"cluster": clusters, "crop": crops}
     with path.open(newline="") as file:
@@ -95,20 +95,22 @@ def read_corrections(path: Path, crops: int, clusters: int) -> Corrections:
     for line, row in enumerate(rows[1:], start=2):
         if not any(row):
             continue
-        if len(row) != len(COLUMN_NAMES) or row[0] not in said:
+        if len(row) != len(COLUMN_NAMES) or row[0] not in corrections:
             raise LabelError(f"{path}, line {line}: must be cluster,<number>,<front> or crop,<number>,<front>")
         what, number, front = row
         if not number.isdecimal() or int(number) >= most[what]:
             raise LabelError(f"{path}, line {line}: no {what} {number!r}; there are 0 to {most[what] - 1}")
         if front not in choices[what]:
             raise LabelError(f"{path}, line {line}: front is {front!r}; write right, left, none or ?")
-        said[what][int(number)] = front
-    return Corrections(clusters=said["cluster"], crops=said["crop"])
+        corrections[what][int(number)] = front
+    return Corrections(clusters=corrections["cluster"], crops=corrections["crop"])
 
 
-def fronts(clusters: Clusters, said: Corrections) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def fronts(clusters: Clusters, corrections: Corrections) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Which crops have a known front, and whether that is at the right of the crop as it was cut: (m,), (m,)."""
-    faces = [said.crops.get(k, said.clusters.get(int(c), UNDECIDED)) for k, c in enumerate(clusters.number)]
+    faces = [
+        corrections.crops.get(k, corrections.clusters.get(int(c), UNDECIDED)) for k, c in enumerate(clusters.number)
+    ]
     known = np.flatnonzero([face in (RIGHT, LEFT) for face in faces])
     shown_right = np.array([faces[k] == RIGHT for k in known], dtype=bool)
     # what faces right on the sheet and was turned for it faces left as it was cut
