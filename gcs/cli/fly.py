@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
 import threading
-import traceback
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -40,6 +40,8 @@ from infra.wall_clock import now_us
 from vision.stream.secrets import secrets_of
 
 __all__ = ["fly"]
+
+_log = logging.getLogger(__name__)
 
 CONSOLE = "console.log"
 """In the session folder: what libraries say while the screens are up."""
@@ -192,8 +194,8 @@ def _screen(flight: Flight, graphics: Graphics, bell: bool) -> bool:
     with quiet_stderr(flight.folder / CONSOLE):
         try:
             return run(flight, graphics, bell=bell).left
-        except Exception:  # noqa: BLE001 - kept in the file; a screen may never end a flight
-            traceback.print_exc()
+        except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
+            _log.exception("the screens failed")
             return False
 
 
