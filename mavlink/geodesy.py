@@ -18,7 +18,6 @@ from mavlink.errors import GeodesyError
 __all__ = [
     "R_ENU_NED",
     "LocalFrame",
-    "enu_from_ned",
     "euler_from_quaternion",
     "quaternion_from_euler",
     "rotation_from_euler",
@@ -117,12 +116,6 @@ def separation_m(lat_a_deg: float, lon_a_deg: float, lat_b_deg: float, lon_b_deg
     across = math.sin(0.5 * math.radians(lon_b_deg - lon_a_deg))
     hav = math.sin(0.5 * (lat_b - lat_a)) ** 2 + math.cos(lat_a) * math.cos(lat_b) * across * across
     return 2.0 * _EARTH_RADIUS_M * math.asin(math.sqrt(min(hav, 1.0)))
-
-
-def enu_from_ned(v_ned: ArrayLike) -> Array:
-    """(..., 3) NED vectors to ENU."""
-    v = np.asarray(v_ned, dtype=np.float64)
-    return np.stack([v[..., 1], v[..., 0], -v[..., 2]], axis=-1)
 
 
 def wrap_pi(angle: float) -> float:

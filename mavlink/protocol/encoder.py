@@ -1,4 +1,4 @@
-"""Makes MAVLink frames, for the simulator and for tests: SI units in, bytes out."""
+"""Makes MAVLink frames: SI units in, bytes out."""
 
 from __future__ import annotations
 
@@ -73,10 +73,6 @@ class MavlinkEncoder:
         """ATTITUDE."""
         return self.pack(ardupilotmega.MAVLink_attitude_message(boot_ms, roll, pitch, yaw, *rates))
 
-    def attitude_quaternion(self, boot_ms: int, q: Sequence[float], rates: Sequence[float] = (0.0, 0.0, 0.0)) -> bytes:
-        """ATTITUDE_QUATERNION, q = w, x, y, z."""
-        return self.pack(ardupilotmega.MAVLink_attitude_quaternion_message(boot_ms, *q, *rates))
-
     def global_position_int(
         self,
         boot_ms: int,
@@ -130,36 +126,8 @@ class MavlinkEncoder:
             )
         )
 
-    def gimbal_attitude(self, boot_ms: int, q: Sequence[float], flags: int = 44) -> bytes:
-        """GIMBAL_DEVICE_ATTITUDE_STATUS, q = w, x, y, z; 44 is roll and pitch lock, yaw in the vehicle's frame."""
-        return self.pack(
-            ardupilotmega.MAVLink_gimbal_device_attitude_status_message(
-                0, 0, boot_ms, flags, list(q), math.nan, math.nan, math.nan, 0, gimbal_device_id=1
-            )
-        )
-
-    def mount_orientation(self, boot_ms: int, roll: float, pitch: float, yaw: float, yaw_absolute: float) -> bytes:
-        """MOUNT_ORIENTATION; yaw is relative to the nose, yaw_absolute to north."""
-        degrees = (math.degrees(angle) for angle in (roll, pitch, yaw, yaw_absolute))
-        return self.pack(ardupilotmega.MAVLink_mount_orientation_message(boot_ms, *degrees))
-
     def statustext(self, text: str, severity: int = 6, text_id: int = 0, chunk: int = 0) -> bytes:
         """STATUSTEXT of at most 50 bytes."""
         return self.pack(
             ardupilotmega.MAVLink_statustext_message(severity, text.encode()[:50], id=text_id, chunk_seq=chunk)
         )
-
-    def camera_information(
-        self, boot_ms: int, model: str, focal_length_mm: float, sensor_mm: Sequence[float], size_px: Sequence[int]
-    ) -> bytes:
-        """CAMERA_INFORMATION; sensor and image as (width, height)."""
-        name = list(model.encode()[:32].ljust(32, b"\0"))
-        return self.pack(
-            ardupilotmega.MAVLink_camera_information_message(
-                boot_ms, [0] * 32, name, 0, focal_length_mm, *sensor_mm, *size_px, 0, 0, 0, b""
-            )
-        )
-
-    def radio_status(self, rssi: int, remote_rssi: int, noise: int = 40, remote_noise: int = 40) -> bytes:
-        """RADIO_STATUS."""
-        return self.pack(ardupilotmega.MAVLink_radio_status_message(rssi, remote_rssi, 100, noise, remote_noise, 0, 0))

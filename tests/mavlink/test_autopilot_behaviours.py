@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
-from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
+from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER
 from mavlink.protocol.framing import Framer, checksum, split
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.keys import Key, KeyRing
@@ -24,6 +24,7 @@ from mavlink.signing.verifier import Verifier
 from mavlink.transmit.rate_requests import interval_answer
 from tests.support.link_reader import open_reader
 from tests.support.mavlink_flight import FIELD, T0, S
+from tests.support.message_encoder import MessageEncoder
 from tests.support.ports import free_port
 
 COPTER_ID, ROVER_ID = 1, 2
@@ -35,7 +36,7 @@ class Flight:
 
     def __init__(self, **options):
         self.fleet = Fleet(COPTER_ID, [ROVER_ID, 3], **options)
-        self.speakers = {i: MavlinkEncoder(i) for i in (COPTER_ID, ROVER_ID, 3)}
+        self.speakers = {i: MessageEncoder(i) for i in (COPTER_ID, ROVER_ID, 3)}
         self.notices = []
 
     def hear(self, data, t_us, peer=1, link=0, auth=Auth.OPEN):
@@ -84,7 +85,7 @@ def north(flight, t_us):
 def test_01_plain_text_at_boot_and_between_frames():
     port = free_port()
     link = open_reader(f"udpin:127.0.0.1:{port}")
-    speaker, rng, packets = MavlinkEncoder(ROVER_ID), random.Random(1), []
+    speaker, rng, packets = MessageEncoder(ROVER_ID), random.Random(1), []
     datagrams = BANNER * 4
     for k in range(60):
         datagrams += [speaker.heartbeat(ROVER)] + ([b"Init Gyro", b"*"] if k % 5 == 0 else [])
@@ -206,7 +207,7 @@ def test_09_the_gimbal_is_told_by_the_autopilot_itself(flight):
 
 
 def test_10_one_counter_for_each_link_and_two_vehicles_with_one_id(flight):
-    radio = MavlinkEncoder(ROVER_ID)
+    radio = MessageEncoder(ROVER_ID)
     radio._mav.seq = 120
     for k in range(60):
         t_us = T0 + k * 200_000
@@ -215,7 +216,7 @@ def test_10_one_counter_for_each_link_and_two_vehicles_with_one_id(flight):
     status = flight.status(t_us)
     assert [channel.loss for channel in status.channels] == [0.0, 0.0] and status.loss == 0.0
     assert not status.contested
-    other, began_us = MavlinkEncoder(ROVER_ID), t_us
+    other, began_us = MessageEncoder(ROVER_ID), t_us
     other._mav.seq = 60
     for k in range(15):  # another vehicle with the same id on the same port: another type, another boot clock
         t_us += 200_000
@@ -298,7 +299,7 @@ def test_16_a_reboot_comes_from_another_port(flight):
     end_us = flight.drive(T0, 8, peer=1)
     for data in BANNER:
         assert flight.hear(data, end_us + S, peer=2) == 0
-    flight.speakers[ROVER_ID] = MavlinkEncoder(ROVER_ID)
+    flight.speakers[ROVER_ID] = MessageEncoder(ROVER_ID)
     again_us = end_us + 1_300_000
     last_us = flight.drive(again_us, 5, booted_us=end_us, peer=2) - 200_000
     assert flight.texts("warning") == ["system 2 has rebooted"] and flight.texts("alarm") == []
@@ -307,7 +308,7 @@ def test_16_a_reboot_comes_from_another_port(flight):
 
 
 def test_17_what_vehicles_relay_makes_no_vehicle(flight):
-    station, synthetic = MavlinkEncoder(255, 230), MavlinkEncoder(COPTER_ID, 190)
+    station, synthetic = MessageEncoder(255, 230), MessageEncoder(COPTER_ID, 190)
     flight.drive(T0, 1, COPTER_ID, peer=9)
     for k in range(10):
         beat = station.heartbeat(GCS, autopilot=NO_AUTOPILOT)
@@ -322,9 +323,9 @@ def test_17_what_vehicles_relay_makes_no_vehicle(flight):
 
 
 def test_18_mavlink_1_and_2_from_the_same_vehicle(flight):
-    old = flight.speakers[ROVER_ID] = MavlinkEncoder(ROVER_ID, version=1)
+    old = flight.speakers[ROVER_ID] = MessageEncoder(ROVER_ID, version=1)
     end_us = flight.drive(T0, 3)
-    old._mav.seq, flight.speakers[ROVER_ID] = old._mav.seq, MavlinkEncoder(ROVER_ID)
+    old._mav.seq, flight.speakers[ROVER_ID] = old._mav.seq, MessageEncoder(ROVER_ID)
     flight.speakers[ROVER_ID]._mav.seq = old._mav.seq
     end_us = flight.drive(end_us, 3)
     zeros = [0] * 8
@@ -342,9 +343,9 @@ def test_18_mavlink_1_and_2_from_the_same_vehicle(flight):
 def test_19_signed_a_minute_ahead_and_nothing_else_is_believed(flight):
     secret = bytes(range(32))
     checker = Verifier(KeyRing(keys={ROVER_ID: Key(secret)}), steady_ns=lambda: 0)
-    ahead = MavlinkEncoder(ROVER_ID, key=secret)
+    ahead = MessageEncoder(ROVER_ID, key=secret)
     ahead._mav.signing.timestamp = ticks_of(T0) + 5_995_000
-    forged, unsigned = MavlinkEncoder(ROVER_ID, key=bytes(32)), MavlinkEncoder(ROVER_ID)
+    forged, unsigned = MessageEncoder(ROVER_ID, key=bytes(32)), MessageEncoder(ROVER_ID)
     forged._mav.signing.timestamp = ticks_of(T0)
     for k in range(20):
         for speaker in (ahead, forged, unsigned):

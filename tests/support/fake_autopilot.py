@@ -10,8 +10,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
+from mavlink.protocol.encoder import COPTER, ROVER
 from mavlink.protocol.packet import Packet
+from tests.support.message_encoder import MessageEncoder
 
 MOST_S = 60.0
 
@@ -32,7 +33,7 @@ class FakeVehicle:
         self.place = (47.3977, 8.5456, 520.0, 40.0)
         self.heard: list[Any] = []
         self.bytes_heard = 0
-        self._speaker = MavlinkEncoder(system_id)
+        self._speaker = MessageEncoder(system_id)
         self._parser = dialect.MAVLink(None)
         self._parser.robust_parsing = True
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -50,7 +51,7 @@ class FakeVehicle:
 
     def say(self, message: Any) -> None:
         """Any message of the dialect, as from this vehicle."""
-        self._send(MavlinkEncoder(self.system_id).pack(message))
+        self._send(MessageEncoder(self.system_id).pack(message))
 
     def close(self) -> None:
         self._stop.set()

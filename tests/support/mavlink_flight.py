@@ -4,8 +4,9 @@ import numpy as np
 
 from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
-from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
+from mavlink.protocol.encoder import COPTER, ROVER
 from mavlink.protocol.packet import Packet
+from tests.support.message_encoder import MessageEncoder
 
 T0 = 1_790_000_000_000_000
 S = 1_000_000
@@ -19,7 +20,7 @@ class World:
     def __init__(self, rovers=2, **options):
         self.ids = list(range(11, 11 + rovers))
         self.fleet = Fleet(1, self.ids, **options)
-        self.speakers = {i: MavlinkEncoder(i) for i in [1, *self.ids]}
+        self.speakers = {i: MessageEncoder(i) for i in [1, *self.ids]}
         self.booted_us = {i: T0 - (50 + i) * S for i in self.speakers}
         self.notices = []
 

@@ -12,11 +12,12 @@ from gcs.command.pointing import PointingMonitor
 from gcs.fold.pipeline import Pipeline
 from gcs.mission.mission import Camera, Mission, MissionVehicle
 from mavlink.geodesy import quaternion_from_euler
-from mavlink.protocol.encoder import COPTER, MavlinkEncoder
+from mavlink.protocol.encoder import COPTER
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit import message_rates as rates
 from tests.support.air_desk import PLACE, UAV, UGV, open_air
 from tests.support.fake_copter import FakeCopter
+from tests.support.message_encoder import MessageEncoder
 
 QUICK = CommandParams(point_s=0.1, lost_s=0.3, see_s=1.2, text_s=0.15)
 
@@ -138,7 +139,7 @@ MISSION = Mission(
 
 def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds=8):
     """How far east the camera looks at the end, metres on the ground, and what was told; an answer comes after 2 s."""
-    pipeline, speaker, t0 = Pipeline(mission), MavlinkEncoder(1), 1_790_000_000_000_000
+    pipeline, speaker, t0 = Pipeline(mission), MessageEncoder(1), 1_790_000_000_000_000
     told = []
     for k in range(10 * seconds):
         t_us, boot_ms = t0 + 100_000 * k, 1000 + 100 * k
@@ -153,7 +154,7 @@ def fold(mission, *, ack=None, gimbal=True, auth=Auth.OPEN, system_id=1, seconds
             pipeline.add_packet(Packet(t_us, raw, 0, 1))
         if ack is not None and k == 20:
             said = dialect.MAVLink_command_ack_message(*ack)
-            pipeline.add_packet(Packet(t_us, MavlinkEncoder(system_id).pack(said), 0, 1, auth))
+            pipeline.add_packet(Packet(t_us, MessageEncoder(system_id).pack(said), 0, 1, auth))
         snapshot = pipeline.add_frame(k, t_us)
         told += [event for event in snapshot.events if "an order turned the camera" in event.text]
     east_m = float(snapshot.footprint_enu[:, 0].mean() - snapshot.uav_enu[0])

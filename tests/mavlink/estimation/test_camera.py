@@ -9,9 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.estimation.camera_report import NARROWEST, WIDEST
 from mavlink.protocol.decode import CameraSettings, decode
-from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from tests.support.mavlink_flight import FIELD, T0, World
+from tests.support.message_encoder import MessageEncoder
 
 NOBODY = [math.nan] * 4
 
@@ -25,22 +25,22 @@ def fov(hfov_deg, vfov_deg=math.nan, component=1, device=0, q=NOBODY):
     message = ardupilotmega.MAVLink_camera_fov_status_message(
         1, *[2**31 - 1] * 6, list(q), hfov_deg, vfov_deg, camera_device_id=device
     )
-    return MavlinkEncoder(1, component).pack(message)
+    return MessageEncoder(1, component).pack(message)
 
 
 def stream(hfov_deg, size=(1280, 720), rotation=0, component=1, stream_id=1):
     message = ardupilotmega.MAVLink_video_stream_information_message(
         stream_id, 1, 0, 1, 30, *size, 0, rotation, hfov_deg, b"a", b"rtsp://x"
     )
-    return MavlinkEncoder(1, component).pack(message)
+    return MessageEncoder(1, component).pack(message)
 
 
 def information(focal_mm=8.0, sensor_mm=(6.4, 4.8), size=(1920, 1080), component=1):
-    return MavlinkEncoder(1, component).camera_information(1, "Nadir", focal_mm, sensor_mm, size)
+    return MessageEncoder(1, component).camera_information(1, "Nadir", focal_mm, sensor_mm, size)
 
 
 def settings_of(zoom):
-    return MavlinkEncoder(1).pack(ardupilotmega.MAVLink_camera_settings_message(1, 1, zoom, math.nan))
+    return MessageEncoder(1).pack(ardupilotmega.MAVLink_camera_settings_message(1, 1, zoom, math.nan))
 
 
 def report(world):
@@ -157,7 +157,7 @@ def test_chosen_camera_is_the_one_by_component_or_device_id():
 
 
 def test_camera_of_another_vehicle_is_none_of_ours(world):
-    world.feed(MavlinkEncoder(11).camera_information(1, "Rover", 8.0, (6.4, 4.8), (640, 480)), T0)
+    world.feed(MessageEncoder(11).camera_information(1, "Rover", 8.0, (6.4, 4.8), (640, 480)), T0)
     assert report(world) is None
 
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.decode import clean_text, decode
-from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
+from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER
 from mavlink.protocol.framing import split
 from mavlink.protocol.messages import (
     Attitude,
@@ -24,8 +24,9 @@ from mavlink.protocol.messages import (
     VideoStreamInformation,
 )
 from mavlink.protocol.packet import Packet
+from tests.support.message_encoder import MessageEncoder
 
-UAV = MavlinkEncoder(1)
+UAV = MessageEncoder(1)
 
 
 def decoded(frame, t_us=77):
@@ -36,7 +37,7 @@ def decoded(frame, t_us=77):
 def test_heartbeat():
     assert decoded(UAV.heartbeat(ROVER, custom_mode=4, armed=False)) == Heartbeat(77, 1, 1, 10, 3, 1, 4, 4)
     assert decoded(UAV.heartbeat(armed=True)).armed
-    assert decoded(MavlinkEncoder(255, 190, version=1).heartbeat(GCS, autopilot=NO_AUTOPILOT)).system_id == 255
+    assert decoded(MessageEncoder(255, 190, version=1).heartbeat(GCS, autopilot=NO_AUTOPILOT)).system_id == 255
 
 
 def test_times():
@@ -75,7 +76,7 @@ def test_short_payload_reads_as_zeros():
 
 @pytest.mark.parametrize("version", [1, 2])
 def test_attitude(version):
-    sample = decoded(MavlinkEncoder(3, version=version).attitude(500, 0.1, -0.2, 3.0, (0.4, 0.5, 0.6)))
+    sample = decoded(MessageEncoder(3, version=version).attitude(500, 0.1, -0.2, 3.0, (0.4, 0.5, 0.6)))
     assert isinstance(sample, Attitude)
     assert (sample.boot_ms, sample.system_id) == (500, 3)
     numbers = [sample.roll, sample.pitch, sample.yaw, sample.roll_rate, sample.pitch_rate, sample.yaw_rate]
@@ -92,7 +93,7 @@ def test_attitude_quaternion_is_an_attitude():
 def test_gps_accuracy_and_its_absence():
     full = decoded(UAV.gps_raw_int(0, 1.5, -2.5, 30.0, fix_type=6, satellites=17, hdop=0.7, h_acc_m=0.3))
     assert full == GpsRaw(77, 1, 1, 6, 1.5, -2.5, 30.0, pytest.approx(0.7), 17, 0.3, full.v_acc_m, full.fix_us)
-    bare = decoded(MavlinkEncoder(1, version=1).gps_raw_int(0, 0, 0, 0, satellites=255))
+    bare = decoded(MessageEncoder(1, version=1).gps_raw_int(0, 0, 0, 0, satellites=255))
     assert math.isnan(bare.hdop) and math.isnan(bare.h_acc_m) and math.isnan(bare.v_acc_m)
     assert bare.satellites == 0
 
