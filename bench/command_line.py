@@ -7,7 +7,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from gcs.cli.console import say_json
+from gcs.cli.console import print_json
 
 __all__ = ["count", "parser_of", "print_results"]
 
@@ -51,7 +51,7 @@ def print_results(text: str, rows: Path, *, as_json: bool) -> None:
         return
     with rows.open(newline="", encoding="utf-8") as file:
         found = [{name: _cell(cell) for name, cell in row.items()} for row in csv.DictReader(file)]
-    say_json({"folder": str(rows.parent), "rows": found})
+    print_json({"folder": str(rows.parent), "rows": found})
 
 
 def _cell(text: str) -> Any:  # noqa: ANN401  (a number or words)

@@ -2,7 +2,7 @@
 
 from bench.apriltag.suite import WORKERS, run
 from bench.command_line import count, parser_of, print_results
-from gcs.cli.console import note
+from gcs.cli.console import print_note
 from gcs.cli.progress import progress
 
 
@@ -11,7 +11,7 @@ def main() -> None:
     parser.add_argument("--workers", type=count, default=WORKERS)
     options = parser.parse_args()
     with progress("apriltag") as report:
-        text = run(options.out, options.quick, workers=options.workers, say=note, report=report)
+        text = run(options.out, options.quick, workers=options.workers, say=print_note, report=report)
     print_results(text, options.out / "apriltag.csv", as_json=options.json)
 
 

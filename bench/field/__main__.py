@@ -6,7 +6,7 @@ from bench.command_line import count, parser_of, print_results
 from bench.field.explain import explain
 from bench.field.families import FAMILIES
 from bench.field.suite import WORKERS, run
-from gcs.cli.console import note
+from gcs.cli.console import print_note
 from gcs.cli.progress import progress
 
 
@@ -34,7 +34,7 @@ def main() -> None:
             families=options.family,
             versions=versions,
             workers=options.workers,
-            say=note,
+            say=print_note,
             report=report,
         )
     print_results(text, options.out / "sessions.csv", as_json=options.json)

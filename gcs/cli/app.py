@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from gcs.cli.console import LogLevel, PlainStream, explained, say, start_log
+from gcs.cli.console import LogLevel, PlainStream, errors_as_exit_codes, print_lines, start_log
 
 __all__ = ["app", "main"]
 
@@ -72,16 +72,16 @@ app = typer.Typer(
 )
 
 
-def _say_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
-        say(f"rollcall-gcs {version('rollcall-gcs')}")
+        print_lines(f"rollcall-gcs {version('rollcall-gcs')}")
         raise typer.Exit
 
 
 @app.callback()
 def _root(
     show_version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_say_version, help="Print the version.")
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
     ] = False,
     log_level: Annotated[
         LogLevel | None, typer.Option("--log-level", help="Least level of what is logged.", show_default=False)
@@ -101,5 +101,5 @@ def main() -> None:
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
     sys.stderr = cast(TextIO, PlainStream(sys.stderr, sys.argv))
-    with explained():
+    with errors_as_exit_codes():
         app()

@@ -7,14 +7,14 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = ["blot_out"]
+__all__ = ["hide_in_process_list"]
 
 _STAT = Path("/proc/self/stat")
 _ARG_START, _ARG_END = 47, 48
 """Fields of proc_pid_stat(5), from 0: where the arguments lie in memory, which is what ps shows."""
 
 
-def blot_out(argument: str, secrets: Iterable[str]) -> None:
+def hide_in_process_list(argument: str, secrets: Iterable[str]) -> None:
     """Overwrite parts of an argument where the system keeps it, for ps and the like; Python's copies stay as they are.
 
     On systems without /proc nothing is done.

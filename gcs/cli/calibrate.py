@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, note, say, say_json
+from gcs.cli.console import AsJson, print_json, print_lines, print_note
 from gcs.cli.progress import progress
-from gcs.cli.tables import say_table
+from gcs.cli.tables import print_table
 from vision.camera.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
 from vision.camera.calibrate import calibrate as fit
 from vision.camera.calibrate_views import Board, chosen, find_views
@@ -38,18 +38,18 @@ def calibrate(
         found, looked = find_views(film, pattern, report)
         size = film.width, film.height
     views = chosen(found, MOST_VIEWS)
-    note(f"the board is whole and sharp in {len(found)} of {looked} frames, {len(views)} of them differ")
+    print_note(f"the board is whole and sharp in {len(found)} of {looked} frames, {len(views)} of them differ")
     calibration = fit(views, pattern, size)
     against = list(doubts(calibration))
     if as_json:
         size_px = {"width": size[0], "height": size[1]}
-        say_json({**size_px, **_values(calibration), **_facts(calibration, video, pattern), "doubts": against})
+        print_json({**size_px, **_values(calibration), **_facts(calibration, video, pattern), "doubts": against})
     else:
-        _say_figures(calibration)
+        _print_figures(calibration)
     if against:
         raise CameraError(f"{out} is not written: {'; '.join(against)}")
     _write(out, lens_text(calibration.intrinsics, _facts(calibration, video, pattern)))
-    note(f'wrote {out}; use it with [camera] lens = "{out.name}" in a mission file beside it')
+    print_note(f'wrote {out}; use it with [camera] lens = "{out.name}" in a mission file beside it')
 
 
 def _values(calibration: Calibration) -> dict[str, float]:
@@ -58,7 +58,7 @@ def _values(calibration: Calibration) -> dict[str, float]:
     return dict(zip(PARAMETERS, values, strict=True))
 
 
-def _say_figures(calibration: Calibration) -> None:
+def _print_figures(calibration: Calibration) -> None:
     camera = calibration.intrinsics
     rows = [
         (name, f"{value:.{digits}f}", f"± {std:.{digits}f}{unit}")
@@ -70,9 +70,11 @@ def _say_figures(calibration: Calibration) -> None:
             strict=True,
         )
     ]
-    say(f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS")
-    say(f"board seen in {calibration.coverage:.0%} of the image, ±{calibration.pixel_px:.2f} px in its corners")
-    say_table(("parameter", "value", "1σ"), rows, right=("value",), head=False)
+    print_lines(
+        f"{len(calibration.views)} views of {camera.width}×{camera.height}, error {calibration.rms_px:.3f} px RMS"
+    )
+    print_lines(f"board seen in {calibration.coverage:.0%} of the image, ±{calibration.pixel_px:.2f} px in its corners")
+    print_table(("parameter", "value", "1σ"), rows, right=("value",), head=False)
 
 
 def _board(text: str, square_m: float) -> Board:

@@ -41,15 +41,15 @@ __all__ = [
     "LogLevel",
     "PlainStream",
     "VideoStart",
-    "explained",
-    "frame_size_of",
-    "note",
-    "quiet_stderr",
-    "range_of",
-    "say",
-    "say_json",
+    "check_range",
+    "errors_as_exit_codes",
+    "parse_frame_size",
+    "print_json",
+    "print_lines",
+    "print_note",
+    "redirect_if_terminal_gone",
+    "redirect_stderr",
     "start_log",
-    "to_file_if_gone",
 ]
 
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES = 2, 3, 4
@@ -65,7 +65,7 @@ FAR_S = 1e9
 """Some thirty years: further from its log no video begins."""
 
 
-def range_of(least: float, most: float) -> Callable[[typer.CallbackParam, float | None], float | None]:
+def check_range(least: float, most: float) -> Callable[[typer.CallbackParam, float | None], float | None]:
     """A check for the number that an option is given: from least to most, and a number."""
 
     def checked(param: typer.CallbackParam, value: float | None) -> float | None:
@@ -79,13 +79,13 @@ def range_of(least: float, most: float) -> Callable[[typer.CallbackParam, float 
 VideoStart = Annotated[
     float,
     typer.Option(
-        callback=range_of(-FAR_S, FAR_S),
+        callback=check_range(-FAR_S, FAR_S),
         help="When a video without frames.csv begins, seconds after the log's first message.",
     ),
 ]
 
 
-def frame_size_of(text: str | None) -> tuple[int, int] | None:
+def parse_frame_size(text: str | None) -> tuple[int, int] | None:
     """Width and height in px from ``1280x720``.
 
     Raises:
@@ -99,15 +99,15 @@ def frame_size_of(text: str | None) -> tuple[int, int] | None:
     return int(width), int(height)
 
 
-def say(*lines: str) -> None:
+def print_lines(*lines: str) -> None:
     """Lines of the command's result, on stdout; one that holds the end of a line is still one."""
     sys.stdout.write("".join(plain(line) + "\n" for line in lines))
     sys.stdout.flush()
 
 
-def say_json(table: Mapping[str, object]) -> None:
+def print_json(table: Mapping[str, object]) -> None:
     """A result for programs: one JSON object, on one line; numbers that are unknown are null."""
-    say(json.dumps(_without_nan(table), allow_nan=False))
+    print_lines(json.dumps(_without_nan(table), allow_nan=False))
 
 
 def _without_nan(value: object) -> object:
@@ -118,7 +118,7 @@ def _without_nan(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def note(text: str) -> None:
+def print_note(text: str) -> None:
     """A line beside the result, on stderr."""
     sys.stderr.write(f"gcs: {plain(text)}\n")
     sys.stderr.flush()
@@ -171,15 +171,15 @@ class PlainStream:
 
 
 @contextlib.contextmanager
-def explained() -> Iterator[None]:
+def errors_as_exit_codes() -> Iterator[None]:
     """Turn what a user can mend into one line and an exit code."""
     try:
         yield
     except LinkError as error:
-        note(_one_line(error))
+        print_note(_one_line(error))
         raise SystemExit(NOT_AVAILABLE) from error
     except (GcsError, MavlinkError, VisionError, AssocError, SimError) as error:
-        note(_one_line(error))
+        print_note(_one_line(error))
         raise SystemExit(BAD_INPUT) from error
     except BrokenPipeError:
         # The reader of our output went away: there is nobody left to tell.
@@ -190,7 +190,7 @@ def explained() -> Iterator[None]:
     except OSError as error:
         if error.errno not in _OF_THE_DISK:
             raise
-        note(_one_line(f"{error.filename or 'the disk'}: {error.strerror}; free space or choose another place"))
+        print_note(_one_line(f"{error.filename or 'the disk'}: {error.strerror}; free space or choose another place"))
         raise SystemExit(NOT_AVAILABLE) from error
 
 
@@ -218,7 +218,7 @@ class _Terminal(io.TextIOWrapper):
             super().close()
 
 
-def to_file_if_gone(path: Path) -> None:
+def redirect_if_terminal_gone(path: Path) -> None:
     """Where the terminal is gone, what is said from now on goes to the end of a file; what is in a file stays there."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
@@ -232,7 +232,7 @@ def to_file_if_gone(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def quiet_stderr(path: Path | None) -> Iterator[None]:
+def redirect_stderr(path: Path | None) -> Iterator[None]:
     """Send file descriptor 2 to a file while a screen is up: libraries write to it past Python.
 
     Where it goes elsewhere than to the terminal already (``2>file``) it is left there, and the screen is on stdout's.

@@ -7,11 +7,11 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from gcs.cli.console import NO_NAMES, AsJson, say, say_json
+from gcs.cli.console import NO_NAMES, AsJson, print_json, print_lines
 from gcs.cli.identify import identify_into
 from gcs.cli.replay import show_replay
-from gcs.cli.rollcall import rollcall_table, say_rollcall
-from gcs.cli.score import say_score
+from gcs.cli.rollcall import print_rollcall, rollcall_json
+from gcs.cli.score import print_score
 from gcs.errors import SessionError
 from gcs.report.score import score_files
 from gcs.session.session import open_session
@@ -32,10 +32,10 @@ def demo(as_json: AsJson = False) -> None:
         calls = identify_into(session, Path(folder), detect=True)
         score = score_files(BUNDLED / "truth.csv", Path(folder) / "identity.csv")
     if as_json:
-        say_json({"identify": rollcall_table(calls), "score": asdict(score)})
+        print_json({"identify": rollcall_json(calls), "score": asdict(score)})
     else:
-        say_rollcall(calls)
-        say("")
-        say_score(score)
+        print_rollcall(calls)
+        print_lines("")
+        print_score(score)
     if not calls.named:
         raise SystemExit(NO_NAMES)

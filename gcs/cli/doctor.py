@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, say_json
-from gcs.cli.tables import say_table
+from gcs.cli.console import AsJson, print_json
+from gcs.cli.tables import print_table
 from gcs.health.machine import Check, checks
 
 __all__ = ["doctor"]
@@ -29,9 +29,9 @@ def doctor(
     """Say what this machine has: versions, detector speed, video, ports, disk, clock, terminal; and what to do."""
     found = [*checks(sessions), _terminal()]
     if as_json:
-        say_json({"checks": [asdict(check) for check in found]})
+        print_json({"checks": [asdict(check) for check in found]})
     else:
-        say_table(("verdict", "check", "found"), (row for check in found for row in _rows(check)), head=False)
+        print_table(("verdict", "check", "found"), (row for check in found for row in _rows(check)), head=False)
     if any(check.verdict == "bad" for check in found):
         raise SystemExit(NOT_READY)
 

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.cli.console import AsJson, note, range_of, say, say_json
+from gcs.cli.console import AsJson, check_range, print_json, print_lines, print_note
 from gcs.cli.progress import progress
-from gcs.cli.tables import say_table
+from gcs.cli.tables import print_table
 from gcs.errors import GcsError
 from infra.files.safe_open import create
 from infra.plain_text import plain
@@ -41,10 +41,10 @@ def eval_detector(
     front: Annotated[Path | None, typer.Option(help="ONNX classifier of fronts, for boxes without.")] = None,
     gsd: Annotated[
         float | None,
-        typer.Option(callback=range_of(*GSD_M), help="Metres on the ground per pixel; overrides the labels'."),
+        typer.Option(callback=check_range(*GSD_M), help="Metres on the ground per pixel; overrides the labels'."),
     ] = None,
     score: Annotated[
-        float, typer.Option(callback=range_of(FLOOR, 1.0), help="Operating score, of precision, recall and errors.")
+        float, typer.Option(callback=check_range(FLOOR, 1.0), help="Operating score, of precision, recall and errors.")
     ] = 0.3,
     form: Annotated[str | None, typer.Option("--format", help="yolo, dota, visdrone or shards; else told.")] = None,
     classes: Annotated[str | None, typer.Option(help="Labelled classes that count, by comma; else vehicles.")] = None,
@@ -63,7 +63,7 @@ def eval_detector(
 
     opened = open_folder(folder, _format(form), names=_split(names), corners_tell_front=corners_tell_front)
     if opened.unlabelled:
-        note(f"{opened.unlabelled} images have no label file and are not judged")
+        print_note(f"{opened.unlabelled} images have no label file and are not judged")
     images = _chosen(opened.images, _split(classes), _split(ignore))
     detector, native = _open(model, front)
     found, took = _look(images, detector, gsd, native)
@@ -80,12 +80,12 @@ def eval_detector(
     result = replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
     about = {what: plain(which) for what, which in about.items()}
     if as_json:
-        say_json(json.loads(to_json(result, about)))
+        print_json(json.loads(to_json(result, about)))
     else:
         for head, rows in tables(result, about):
-            say_table(head, rows, right=head[1:] if head[0] != "what" else ())
-            say("")
-        say(*WORDS.split("\n"))
+            print_table(head, rows, right=head[1:] if head[0] != "what" else ())
+            print_lines("")
+        print_lines(*WORDS.split("\n"))
     if out is not None:
         _write(out, to_json(result, about), as_markdown(result, about), images, found, score)
 
@@ -110,7 +110,7 @@ def _chosen(
 
     every = {str(name) for p in images for name in p.truth.name}
     choice = choose_classes(every, wanted, neither)
-    note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
+    print_note(f"classes that count: {', '.join(sorted(choice.counts)) or 'none'}")
     return [replace(p, truth=choose(p.truth, choice)) for p in images]
 
 
@@ -146,7 +146,7 @@ def _look(
             took += time.perf_counter() - began
             report(len(found), len(images))
     if blind and native is not None:
-        note(f"{blind} images of unknown ground resolution: the model sees them at half their size; give --gsd")
+        print_note(f"{blind} images of unknown ground resolution: the model sees them at half their size; give --gsd")
     return found, took
 
 
@@ -166,4 +166,4 @@ def _write(
                 file.write(data)
     except OSError as error:
         raise GcsError(f"{error.filename or out}: cannot be written: {error.strerror}; give another folder") from error
-    note(f"wrote {out}")
+    print_note(f"wrote {out}")

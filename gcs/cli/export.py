@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, VideoStart, frame_size_of, note
+from gcs.cli.console import FRAME_SIZE, VideoStart, parse_frame_size, print_note
 from gcs.cli.progress import progress
 from gcs.errors import GcsError
 from gcs.export import FORMATS, export_format
@@ -32,7 +32,7 @@ def export(
 ) -> None:
     """Write identities as csv, jsonl, or a film with the names drawn in (mp4)."""
     file_format = export_format(form or out.suffix.lstrip("."))
-    size = frame_size_of(frame_size)
+    size = parse_frame_size(frame_size)
     analysis = Analysis(open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size))
     written = 0
     try:
@@ -48,11 +48,11 @@ def export(
         sink.close()
     finally:
         analysis.close()
-    note(f"{written} frames written to {out}")
+    print_note(f"{written} frames written to {out}")
 
 
 def _snapshots(analysis: Analysis, identity: Path | None, images: bool) -> Iterator[Snapshot]:
     """What a log says, or else what the analysis finds."""
     if identity is not None:
-        return read_snapshots(identity, analysis.mission, analysis.video if images else None, note)
+        return read_snapshots(identity, analysis.mission, analysis.video if images else None, print_note)
     return analysis.snapshots(images=images)

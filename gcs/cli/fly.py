@@ -14,21 +14,21 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.arguments import blot_out
+from gcs.cli.arguments import hide_in_process_list
 from gcs.cli.console import (
     FAR_S,
     NO_NAMES,
     NOT_AVAILABLE,
     AsJson,
     Graphics,
-    note,
-    quiet_stderr,
-    range_of,
-    say,
-    say_json,
-    to_file_if_gone,
+    check_range,
+    print_json,
+    print_lines,
+    print_note,
+    redirect_if_terminal_gone,
+    redirect_stderr,
 )
-from gcs.cli.rollcall import rollcall_table, say_rollcall
+from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import Mission, load_mission
@@ -77,7 +77,7 @@ def fly(
     headless: Annotated[bool, typer.Option("--headless", help="No screen; roll call at the end.")] = False,
     duration: Annotated[
         float | None,
-        typer.Option(callback=range_of(0.1, FAR_S), help="Stop after so many seconds; without a screen."),
+        typer.Option(callback=check_range(0.1, FAR_S), help="Stop after so many seconds; without a screen."),
     ] = None,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
     bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
@@ -85,7 +85,7 @@ def fly(
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
     if video is not None:
-        _hide(video)
+        _hide_password(video)
     loaded = load_mission(mission)
     if model is not None:
         loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
@@ -101,27 +101,27 @@ def fly(
         sessions=sessions,
         forward=forward,
         command=command,
-        accept_late=_of_mission(accept_late or (), loaded),
+        accept_late=_check_vehicles(accept_late or (), loaded),
     )
     calls = RollCall(loaded)
     flight = Flight(plan, calls.add)
-    sealing = _look_around(flight, sessions, screen=screen)
+    sealing = _check_folders(flight, sessions, screen=screen)
     try:
         if not screen:
-            note(f"recording in {flight.folder}; stop with Ctrl-C")
+            print_note(f"recording in {flight.folder}; stop with Ctrl-C")
             _wait(flight, duration)
         elif not _screen(flight, graphics, bell):
-            _go_on(flight)
+            _fly_without_screen(flight)
     finally:
         sealing.close()
         flight.stop()
     if as_json:
-        say_json({**rollcall_table(calls), "packets": flight.packets, "folder": str(flight.folder)})
+        print_json({**rollcall_json(calls), "packets": flight.packets, "folder": str(flight.folder)})
     else:
-        say_rollcall(calls)
-        say(f"{flight.packets} packets received; recorded in {flight.folder}")
+        print_rollcall(calls)
+        print_lines(f"{flight.packets} packets received; recorded in {flight.folder}")
     for line in (*flight.lost, *flight.faults):
-        note(line)
+        print_note(line)
     if flight.error:
         raise flight.error
     if flight.lost:
@@ -130,29 +130,29 @@ def fly(
         raise SystemExit(NO_NAMES)
 
 
-def _hide(video: str) -> None:
+def _hide_password(video: str) -> None:
     """A password on the command line is taken from the list of processes, where it stood until now."""
     secrets = secrets_of(video)
     if secrets:
-        blot_out(video, secrets)
-        note("other users could see the password in --video for a moment; [links] video in a mission file is safer")
+        hide_in_process_list(video, secrets)
+        print_note("other users could see the password in --video for a moment; [links] video in a mission is safer")
 
 
-def _look_around(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
+def _check_folders(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
     """See to what stands where a flight is recorded; what there is to be told goes to the flight, and to stderr while
     that is no screen's."""
 
     def tell(text: str, level: Level = "info") -> None:
         flight.add_event(Event(t_us=now_us(), level=level, kind="recording", text=text))
         if not screen:
-            note(text)
+            print_note(text)
 
     for folder in filter(is_shared, (flight.folder, sessions)):
         tell(f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning")
     return Sealing(sessions, tell)
 
 
-def _of_mission(system_ids: Sequence[int], mission: Mission) -> tuple[int, ...]:
+def _check_vehicles(system_ids: Sequence[int], mission: Mission) -> tuple[int, ...]:
     """Vehicles of the mission.
 
     Raises:
@@ -176,7 +176,7 @@ def _wait(flight: Flight, duration: float | None = None) -> None:
     """Until the time is over or a signal to end comes; a flight outlives the terminal that it was begun on."""
     stop = threading.Event()
     before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
-    before[signal.SIGHUP] = signal.signal(signal.SIGHUP, lambda *_: to_file_if_gone(flight.folder / CONSOLE))
+    before[signal.SIGHUP] = signal.signal(signal.SIGHUP, lambda *_: redirect_if_terminal_gone(flight.folder / CONSOLE))
     waited = 0.0
     try:
         while not stop.wait(0.2) and (duration is None or waited < duration):
@@ -191,7 +191,7 @@ def _screen(flight: Flight, graphics: Graphics, bell: bool) -> bool:
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
-    with quiet_stderr(flight.folder / CONSOLE):
+    with redirect_stderr(flight.folder / CONSOLE):
         try:
             return run(flight, graphics, bell=bell).left
         except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
@@ -199,8 +199,8 @@ def _screen(flight: Flight, graphics: Graphics, bell: bool) -> bool:
             return False
 
 
-def _go_on(flight: Flight) -> None:
+def _fly_without_screen(flight: Flight) -> None:
     """A flight outlives its screen."""
-    to_file_if_gone(flight.folder / CONSOLE)
-    note(f"the screen is gone; still recording in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}")
+    redirect_if_terminal_gone(flight.folder / CONSOLE)
+    print_note(f"the screen is gone; still recording in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}")
     _wait(flight)

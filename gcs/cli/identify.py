@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, NO_NAMES, AsJson, VideoStart, frame_size_of, note, say_json
+from gcs.cli.console import FRAME_SIZE, NO_NAMES, AsJson, VideoStart, parse_frame_size, print_json, print_note
 from gcs.cli.progress import progress
-from gcs.cli.rollcall import rollcall_table, say_rollcall
+from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis
 from gcs.report.rollcall import RollCall
@@ -33,13 +33,13 @@ def identify(
     as_json: AsJson = False,
 ) -> None:
     """Name the boxes of a recording, faster than real time; same input, same bytes."""
-    size = frame_size_of(frame_size)
+    size = parse_frame_size(frame_size)
     opened = open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size)
     calls = identify_into(opened, out, detect=detect)
     if as_json:
-        say_json({**rollcall_table(calls), "folder": str(out)})
+        print_json({**rollcall_json(calls), "folder": str(out)})
     else:
-        say_rollcall(calls)
+        print_rollcall(calls)
     if not calls.named:
         raise SystemExit(NO_NAMES)
 
@@ -48,7 +48,7 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
     """Fold a session and write its identity log; warnings go to stderr."""
     analysis = Analysis(session, redetect=detect)
     for text in analysis.warnings:
-        note(text)
+        print_note(text)
     start = time.monotonic()
     calls = RollCall(analysis.mission)
     last: Snapshot | None = None
@@ -68,10 +68,10 @@ def identify_into(session: Session, out: Path, *, detect: bool = False) -> RollC
     if last is None:
         raise SessionError(f"{session.path}: not one frame in it")
     for text in _doubts(last, calls, blind=blind):
-        note(text)
+        print_note(text)
     took = time.monotonic() - start
     span = (int(analysis.times_us[-1]) - int(analysis.times_us[0])) * 1e-6
-    note(f"{calls.frames} frames in {took:.1f} s, {span / took:.1f} times real time; wrote {out}")
+    print_note(f"{calls.frames} frames in {took:.1f} s, {span / took:.1f} times real time; wrote {out}")
     return calls
 
 

@@ -13,8 +13,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, note, say, say_json
-from gcs.cli.tables import say_table
+from gcs.cli.console import AsJson, print_json, print_lines, print_note
+from gcs.cli.tables import print_table
 from gcs.errors import ConfigError
 from gcs.mission.mission import user_keys
 from gcs.session.log import SessionLog
@@ -51,14 +51,14 @@ def new(
     folder, system_id = keys or user_keys(), _system_id(who)
     # other ground stations take passphrases, not keys: a random one of 256 bits, letters and digits, makes the key
     passphrase = base64.b32encode(secrets.token_bytes(KEY_LENGTH)).decode().rstrip("=")
-    say(_put(folder, system_id, passphrase_secret(passphrase)))
+    print_lines(_write_key(folder, system_id, passphrase_secret(passphrase)))
     if show:
-        say(f"Passphrase: {passphrase}")
-        say("It is shown this once. Put it into the vehicle over a cable, never over the air, with MAVProxy:")
-        say("  signing setup PASSPHRASE")
-        say("or with Mission Planner. docs/signing.md says how.")
+        print_lines(f"Passphrase: {passphrase}")
+        print_lines("It is shown this once. Put it into the vehicle over a cable, never over the air, with MAVProxy:")
+        print_lines("  signing setup PASSPHRASE")
+        print_lines("or with Mission Planner. docs/signing.md says how.")
     else:
-        say("Put it into the vehicle over a cable, never over the air: docs/signing.md says how.")
+        print_lines("Put it into the vehicle over a cable, never over the air: docs/signing.md says how.")
 
 
 @app.command("add")
@@ -75,14 +75,14 @@ def add(
     folder, system_id = keys or user_keys(), _system_id(who)
     if key_path(folder, system_id).exists():
         raise SigningError(f"{key_path(folder, system_id)}: exists already, and keys are never overwritten")
-    text = _read_file(file) if file else _ask("Key: " if is_hex else "Passphrase: ")
+    text = _read_file(file) if file else _read_secret("Key: " if is_hex else "Passphrase: ")
     if not text:
         raise SigningError(f"nothing given{f' in {file}' if file else ''}; a passphrase cannot be empty")
     if not is_hex and len(text) < SHORT:
-        note(f"who records one frame can try passphrases; {SHORT} characters or more are hard to guess")
+        print_note(f"who records one frame can try passphrases; {SHORT} characters or more are hard to guess")
     secret = _from_hex(text) if is_hex else passphrase_secret(text)
     del text
-    say(_put(folder, system_id, secret))
+    print_lines(_write_key(folder, system_id, secret))
 
 
 @app.command("list")
@@ -91,11 +91,13 @@ def list_(keys: _Folder = None, as_json: AsJson = False) -> None:
     folder = keys or user_keys()
     ring = read_ring(folder)
     if as_json:
-        say_json({"folder": str(folder), "keys": [{"of": _name(i), "fingerprint": f} for i, f in _fingerprints(ring)]})
+        print_json(
+            {"folder": str(folder), "keys": [{"of": _name(i), "fingerprint": f} for i, f in _fingerprints(ring)]}
+        )
         return
-    say(f"{folder}: {_count(ring)}")
+    print_lines(f"{folder}: {_count(ring)}")
     if ring:
-        say_table(("key of", "fingerprint"), ((_name(i), fingerprint) for i, fingerprint in _fingerprints(ring)))
+        print_table(("key of", "fingerprint"), ((_name(i), fingerprint) for i, fingerprint in _fingerprints(ring)))
 
 
 @app.command("check")
@@ -114,18 +116,18 @@ def check(
         raise SigningError(f"{folder}: no key in it; make one with gcs keys new")
     shared = [[_name(system_id) for system_id in systems] for systems in _shared(ring)]
     for names in shared:
-        note(f"{' and '.join(names)} have the same key: one of them, stolen, can pose as the others")
+        print_note(f"{' and '.join(names)} have the same key: one of them, stolen, can pose as the others")
     checker = Verifier(ring, steady_ns=lambda: 0)
     judged = ((path, verdicts(checker, path)) for path in log or [])
     if as_json:
         logs = [{"path": str(path), "verdicts": verdict_rows(counts)} for path, counts in judged]
-        say_json({"folder": str(folder), "keys": len(_fingerprints(ring)), "shared": shared, "logs": logs})
+        print_json({"folder": str(folder), "keys": len(_fingerprints(ring)), "shared": shared, "logs": logs})
         return
-    say(f"{folder}: {_count(ring)}, readable by their owner only")
+    print_lines(f"{folder}: {_count(ring)}, readable by their owner only")
     for path, counts in judged:
-        say("")
-        _say_verdicts(path, counts)
-        say(*flight_lines(counts))
+        print_lines("")
+        _print_verdicts(path, counts)
+        print_lines(*flight_lines(counts))
 
 
 def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
@@ -161,18 +163,18 @@ def verdict_rows(judged: Counter[tuple[int, Auth, Auth]]) -> list[dict[str, obje
     ]
 
 
-def _say_verdicts(path: Path, judged: Counter[tuple[int, Auth, Auth]]) -> None:
+def _print_verdicts(path: Path, judged: Counter[tuple[int, Auth, Auth]]) -> None:
     counts: Counter[tuple[int, Auth]] = Counter()
     for (system_id, here, _), count in judged.items():
         counts[system_id, here] += count
     systems = sorted({system_id for system_id, _ in counts})
     good = sum(count for (_, verdict), count in counts.items() if verdict is Auth.GOOD)
-    say(f"{path}: {good} of {counts.total()} frames would be believed")
+    print_lines(f"{path}: {good} of {counts.total()} frames would be believed")
     shown = [verdict for verdict in Auth if verdict is not Auth.OPEN or any((s, Auth.OPEN) in counts for s in systems)]
     columns = ("system", *(verdict.name.lower() for verdict in shown))
-    say_table(columns, ((str(s), *(str(counts[s, verdict]) for verdict in shown)) for s in systems), right=columns)
+    print_table(columns, ((str(s), *(str(counts[s, verdict]) for verdict in shown)) for s in systems), right=columns)
     if Auth.OPEN in shown:
-        say(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
+        print_lines(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
 
 
 def _system_id(who: str) -> int:
@@ -183,12 +185,12 @@ def _system_id(who: str) -> int:
     raise ConfigError(f"whose key? {who!r} is neither a system id, 1 to 255, nor fleet")
 
 
-def _put(folder: Path, system_id: int, secret: bytes) -> str:
+def _write_key(folder: Path, system_id: int, secret: bytes) -> str:
     path, key = write_key(folder, system_id, secret)
     return f"Key of {_name(system_id)}, fingerprint {key.fingerprint}, in {path}"
 
 
-def _ask(prompt: str) -> str:
+def _read_secret(prompt: str) -> str:
     """A line from the terminal, unseen, or from standard input where there is none."""
     if not sys.stdin.isatty():
         return sys.stdin.buffer.readline().decode("utf-8", "surrogateescape").rstrip("\r\n")

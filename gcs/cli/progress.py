@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-from gcs.cli.console import note
+from gcs.cli.console import print_note
 
 __all__ = ["Report", "progress"]
 
@@ -75,6 +75,6 @@ def _lines(work: str, clock_s: Callable[[], float]) -> Report:
         percent = 100 * done // max(total, 1)
         if percent >= told_percent + LINE_STEP_PERCENT and clock_s() >= told_s + LINE_PAUSE_S:
             told_percent, told_s = percent - percent % LINE_STEP_PERCENT, clock_s()
-            note(f"{work}: {percent} % ({done} of {total})")
+            print_note(f"{work}: {percent} % ({done} of {total})")
 
     return report

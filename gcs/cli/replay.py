@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, Graphics, VideoStart, frame_size_of, note, quiet_stderr
+from gcs.cli.console import FRAME_SIZE, Graphics, VideoStart, parse_frame_size, print_note, redirect_stderr
 from gcs.playback.replay import Replay
 from gcs.session.metadata import seal
 from gcs.session.session import Session, open_session
@@ -26,8 +26,8 @@ def replay(
 ) -> None:
     """Play, seek and step through a recording."""
     if session.is_dir() and (interrupted := seal(session.resolve())):
-        note(interrupted.text)
-    size = frame_size_of(frame_size)
+        print_note(interrupted.text)
+    size = parse_frame_size(frame_size)
     raise SystemExit(
         show_replay(
             open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size),
@@ -44,7 +44,7 @@ def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = 
 
     station = Replay(session, redetect=detect)
     try:
-        with quiet_stderr(None):
+        with redirect_stderr(None):
             return run(station, graphics).code
     finally:
         station.stop()

@@ -5,25 +5,25 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from gcs.cli.console import say
-from gcs.cli.tables import say_table
+from gcs.cli.console import print_lines
+from gcs.cli.tables import print_table
 from gcs.report.rollcall import RollCall, RollCallRow
 
-__all__ = ["rollcall_table", "say_rollcall"]
+__all__ = ["print_rollcall", "rollcall_json"]
 
 _COLUMNS = ("id", "name", "first named", "boxes", "of frames in view", "confidence", "remark")
 
 
-def say_rollcall(calls: RollCall) -> None:
+def print_rollcall(calls: RollCall) -> None:
     """The roll call to read: one line a vehicle, and the sum."""
-    say_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]))
-    say(
+    print_table(_COLUMNS, map(_cells, calls.rows()), right=("id", *_COLUMNS[2:6]))
+    print_lines(
         f"{calls.named} of {len(calls.rows())} vehicles named; {calls.boxes} boxes in {calls.frames} frames, "
         f"{calls.unnamed} unnamed; {calls.span_s:.1f} s"
     )
 
 
-def rollcall_table(calls: RollCall) -> dict[str, Any]:
+def rollcall_json(calls: RollCall) -> dict[str, Any]:
     """The roll call for programs."""
     return {
         "named": calls.named,

@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, say, say_json
-from gcs.cli.tables import say_table
+from gcs.cli.console import AsJson, print_json, print_lines
+from gcs.cli.tables import print_table
 from gcs.errors import ScoreError
 from gcs.report.score import Score, score_files
 
-__all__ = ["say_score", "score"]
+__all__ = ["print_score", "score"]
 
 
 def score(
@@ -27,12 +27,12 @@ def score(
         raise ScoreError(f"{path}: no such file; only simulated or annotated sessions have a truth to compare with")
     result = score_files(path, identity)
     if as_json:
-        say_json(asdict(result))
+        print_json(asdict(result))
     else:
-        say_score(result)
+        print_score(result)
 
 
-def say_score(result: Score) -> None:
+def print_score(result: Score) -> None:
     """The figures to read, one a line."""
     rows = (
         ("precision", f"{result.precision:.2%}", "right names of names given"),
@@ -44,7 +44,7 @@ def say_score(result: Score) -> None:
         ("ECE", f"{result.ece:.4f}", "expected calibration error of the confidence"),
         ("wrong, sure", f"{result.wrong_sure_s:.1f} s", "vehicle-seconds wrong at confidence ≥ 0.9"),
     )
-    say(f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named")
-    say_table(("figure", "value", "what it is"), rows, right=("value",), head=False)
+    print_lines(f"{result.frames} frames, {result.ours} boxes of ours, {result.named} named")
+    print_table(("figure", "value", "what it is"), rows, right=("value",), head=False)
     if result.skipped:
-        say(f"{result.skipped} rows could not be used")
+        print_lines(f"{result.skipped} rows could not be used")

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, note, say, say_json
+from gcs.cli.console import AsJson, print_json, print_lines, print_note
 from gcs.cli.progress import progress
-from gcs.cli.tables import say_table
+from gcs.cli.tables import print_table
 from gcs.errors import GcsError
 from sim.live import play
 from sim.session import write_session
@@ -43,7 +43,7 @@ def sim(
         folder = out or Path(Path(scenario).stem)
         with progress("sim") as report:
             write_session(world, folder, video=video, report=report)
-        note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {folder}")
+        print_note(f"{world.duration_s:g} s with {len(world.ugv_ids)} vehicles written to {folder}")
         return
     if out is not None:
         raise GcsError("--live writes no folder; leave --out away, and record with gcs fly")
@@ -52,10 +52,14 @@ def sim(
             world, telemetry, stream or None, truth_path=truth, on_tick=lambda s: report(int(s), int(world.duration_s))
         )
     if as_json:
-        say_json(asdict(sent))
+        print_json(asdict(sent))
         return
-    say_table(("system", "packets sent"), ((str(i), str(n)) for i, n in sent.packets.items()), right=("packets sent",))
-    say(f"{sum(sent.packets.values())} packets and {sent.frames} frames sent, {sent.frames_skipped} frames skipped")
+    print_table(
+        ("system", "packets sent"), ((str(i), str(n)) for i, n in sent.packets.items()), right=("packets sent",)
+    )
+    print_lines(
+        f"{sum(sent.packets.values())} packets and {sent.frames} frames sent, {sent.frames_skipped} frames skipped"
+    )
 
 
 def _scenario(name: str, duration: float | None, seed: int | None) -> Scenario:

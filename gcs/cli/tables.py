@@ -12,13 +12,13 @@ from rich.text import Text
 
 from infra.plain_text import plain
 
-__all__ = ["say_table"]
+__all__ = ["print_table"]
 
 _UNLIMITED = 10_000_000
 """Columns of a line that no terminal limits: nothing is wrapped or cut in a file."""
 
 
-def say_table(
+def print_table(
     columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Collection[str] = (), head: bool = True
 ) -> None:
     """Print a table on stdout. Cells are text as it stands, never markup.

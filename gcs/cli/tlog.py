@@ -12,9 +12,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FAR_S, AsJson, range_of, say, say_json
-from gcs.cli.tables import say_table
-from gcs.cli.tlog_report import check_lines, check_table, repair_lines
+from gcs.cli.console import FAR_S, AsJson, check_range, print_json, print_lines
+from gcs.cli.tables import print_table
+from gcs.cli.tlog_report import check_json, check_lines, repair_lines
 from mavlink.errors import TlogError
 from mavlink.tlog.check import check as examine
 from mavlink.tlog.log import Tlog
@@ -31,7 +31,7 @@ app = typer.Typer(
 )
 # Damaged places listed one by one; a badly damaged log has thousands.
 MOST_DAMAGE = 20
-_OF_A_LOG = range_of(-FAR_S, FAR_S)
+_OF_A_LOG = check_range(-FAR_S, FAR_S)
 DAMAGED = 5
 """Exit code of a log that is not whole."""
 
@@ -41,19 +41,19 @@ def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")], as_json: A
     """Who speaks in a log, what, how often, and what is damaged."""
     found = summarise(Tlog.open(log))
     if as_json:
-        say_json({"path": str(log), **asdict(found), "span_s": found.span_s})
+        print_json({"path": str(log), **asdict(found), "span_s": found.span_s})
     else:
-        _say_info(log, found)
+        _print_info(log, found)
 
 
-def _say_info(path: Path, found: TlogInfo) -> None:
-    say(*_head_lines(path, found), "")
+def _print_info(path: Path, found: TlogInfo) -> None:
+    print_lines(*_head_lines(path, found), "")
     rows = (
         (str(m.system_id), str(m.component_id), m.name, str(m.count), f"{m.rate_hz:.2f}" if m.rate_hz else "-")
         for m in found.messages
     )
-    say_table(("system", "component", "message", "count", "Hz"), rows, right=("system", "component", "count", "Hz"))
-    say("", *_damage_lines(found))
+    print_table(("system", "component", "message", "count", "Hz"), rows, right=("system", "component", "count", "Hz"))
+    print_lines("", *_damage_lines(found))
 
 
 def _head_lines(path: Path, found: TlogInfo) -> list[str]:
@@ -92,9 +92,9 @@ def check(
     for log in logs:
         found = examine(Tlog.open(log, any_file=True))
         if as_json:
-            say_json(check_table(log, found))
+            print_json(check_json(log, found))
         else:
-            say(*check_lines(log, found, most))
+            print_lines(*check_lines(log, found, most))
         whole &= found.whole
     if not whole:
         raise typer.Exit(DAMAGED)
@@ -110,7 +110,7 @@ def repair(
     found = examine(opened)
     if opened.cut(out) != len(opened.index):
         raise TlogError(f"{out}: not all records were written")
-    say(*repair_lines(out, found))
+    print_lines(*repair_lines(out, found))
 
 
 @app.command("cut")
@@ -135,4 +135,4 @@ def cut(
     first = int(opened.index.t_us.min())
     limits = [None if s is None else first + round(s * 1e6) for s in (start, stop)]
     count = opened.cut(out, limits[0], limits[1], message or None, system or None)
-    say(f"{count} of {len(opened.index)} messages written to {out}")
+    print_lines(f"{count} of {len(opened.index)} messages written to {out}")

@@ -9,7 +9,7 @@ from typing import Any
 
 from mavlink.tlog.check import TlogCheck
 
-__all__ = ["check_lines", "check_table", "repair_lines"]
+__all__ = ["check_json", "check_lines", "repair_lines"]
 
 _MOST_STEPS = 5
 _SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
@@ -98,7 +98,7 @@ def _damage_lines(found: TlogCheck, most: int) -> list[str]:
     return lines
 
 
-def check_table(path: Path, found: TlogCheck) -> dict[str, Any]:
+def check_json(path: Path, found: TlogCheck) -> dict[str, Any]:
     """All of it, all damage listed."""
     verdict = {"path": str(path), "whole": found.whole, "several_writers": found.several_writers}
     clocks = [asdict(clock) | {"speed": clock.speed} for clock in found.clocks]

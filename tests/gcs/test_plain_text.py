@@ -8,7 +8,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from gcs.cli.rollcall import say_rollcall
+from gcs.cli.rollcall import print_rollcall
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, MissionVehicle
 from gcs.report.overlay import draw, label_of
@@ -106,7 +106,7 @@ def test_every_border_is_plain_whatever_a_vehicle_is_called(name, tmp_path, caps
     assert is_plain(toml)
     if "\ud800" not in name:
         assert tomllib.loads(toml)["uav"]["name"] == name
-    say_rollcall(RollCall(mission))
+    print_rollcall(RollCall(mission))
     printed = capsys.readouterr().out
     assert is_plain(printed)
     assert printed.count("\n") == 3

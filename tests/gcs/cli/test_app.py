@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gcs.cli.app import app
-from gcs.cli.console import say_json
+from gcs.cli.console import print_json
 
 HEAVY = ("numpy", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 
@@ -54,7 +54,7 @@ def test_shells_complete_commands(shell, words):
 
 
 def test_programs_get_json_without_unknown_numbers(capsys):
-    say_json({"speed": math.nan, "rows": [{"age_s": math.inf, "name": "Über\nall"}], "n": 3})
+    print_json({"speed": math.nan, "rows": [{"age_s": math.inf, "name": "Über\nall"}], "n": 3})
     line = capsys.readouterr().out
     assert line.count("\n") == 1
     assert json.loads(line) == {"speed": None, "rows": [{"age_s": None, "name": "Über\nall"}], "n": 3}

@@ -8,7 +8,7 @@ import socket
 
 import pytest
 
-from gcs.cli.console import explained
+from gcs.cli.console import errors_as_exit_codes
 from tests.support.bundled import SWARM, swarm_session
 from tests.support.command_line import run_gcs, run_gcs_process
 
@@ -238,7 +238,7 @@ def test_tlog_info_names_systems_and_messages():
 
 @pytest.mark.parametrize(("number", "code"), [(errno.ENOSPC, 3), (errno.EROFS, 3), (errno.EIO, 3)])
 def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
-    with pytest.raises(SystemExit) as left, explained():
+    with pytest.raises(SystemExit) as left, errors_as_exit_codes():
         raise OSError(number, os.strerror(number), "/out/identity.csv")
     assert left.value.code == code
     said = capsys.readouterr().err
@@ -246,7 +246,7 @@ def test_a_disk_that_does_not_take_it_is_one_line(number, code, capsys):
 
 
 def test_other_errors_of_the_system_are_faults_of_the_program():
-    with pytest.raises(OSError, match="no such device"), explained():
+    with pytest.raises(OSError, match="no such device"), errors_as_exit_codes():
         raise OSError(errno.ENODEV, "no such device")
 
 

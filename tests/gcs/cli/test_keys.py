@@ -14,7 +14,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from typer.main import get_command
 
-from gcs.cli.console import explained
+from gcs.cli.console import errors_as_exit_codes
 from gcs.cli.keys import SHORT, app
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import FLEET, Key, key_path, passphrase_secret, read_ring, write_key
@@ -39,7 +39,7 @@ def keys(monkeypatch, capsys):
         capsys.readouterr()
         code = 0
         try:
-            with explained():
+            with errors_as_exit_codes():
                 get_command(app)([*map(str, args)], standalone_mode=False)
         except SystemExit as end:
             code = end.code

@@ -10,17 +10,17 @@ import sys
 import pytest
 
 from gcs.cli.progress import LINE_PAUSE_S, progress
-from gcs.cli.tables import say_table
+from gcs.cli.tables import print_table
 
 HOSTILE = "[red]x[/] [link=http://a.b]:bomb:\x1b[31m"
 SHOWN = "[red]x[/] [link=http://a.b]:bomb:\N{REPLACEMENT CHARACTER}[31m"
 SCRIPT = f"""
 from gcs.cli.progress import progress
-from gcs.cli.tables import say_table
+from gcs.cli.tables import print_table
 with progress("[b]work[/b]") as report:
     for done in range(1, 1001):
         report(done, 1000)
-say_table(("name", "count"), [({HOSTILE!r}, "12")], right=("count",))
+print_table(("name", "count"), [({HOSTILE!r}, "12")], right=("count",))
 """
 
 
@@ -47,7 +47,7 @@ def on_a_terminal(script):
 
 
 def test_piped_tables_are_columns_of_plain_text(capsys):
-    say_table(("name", "count"), [(HOSTILE, "12"), ("Alpha " * 100, "3")], right=("count",))
+    print_table(("name", "count"), [(HOSTILE, "12"), ("Alpha " * 100, "3")], right=("count",))
     head, first, second = capsys.readouterr().out.splitlines()
     assert head.split() == ["name", "count"]
     assert first.startswith(SHOWN)

@@ -7,7 +7,7 @@ import av
 import numpy as np
 import pytest
 
-from gcs.cli.score import say_score
+from gcs.cli.score import print_score
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import load_mission
 from gcs.playback.analysis import TELEMETRY_PAUSE_US, Analysis
@@ -90,7 +90,7 @@ def test_bad_rows_cost_themselves_and_the_names_stay(tmp_path, capsys):
         assert f"{name}: {count} rows cannot be read and are left out" in stderr
     scored = score_files(folder / "truth.csv", tmp_path / "after" / "identity.csv")
     assert scored.skipped == len(ROWS["truth.csv"])
-    say_score(scored)
+    print_score(scored)
     assert f"{scored.skipped} rows could not be used" in capsys.readouterr().out
 
 

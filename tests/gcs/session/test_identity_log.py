@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from gcs.cli.rollcall import say_rollcall
+from gcs.cli.rollcall import print_rollcall
 from gcs.errors import GcsError, SessionError
 from gcs.export import export_format
 from gcs.report.rollcall import RollCall
@@ -97,7 +97,7 @@ def test_roll_call_counts_what_was_seen(capsys):
     for frame in range(4):
         calls.add(snapshot(frame, boxes=[box(1, 2 if frame else 0), box(2, 0)]))
     assert (calls.named, calls.boxes, calls.unnamed) == (1, 8, 5)
-    say_rollcall(calls)
+    print_rollcall(calls)
     text = capsys.readouterr().out
     assert "Alpha" in text
     assert "75.0%" in text
