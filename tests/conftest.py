@@ -6,8 +6,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from mavlink.ingest.ingest import Ingest
-from tests.support.ingest_runs import HOST
 from tests.support.ports import free_port
+from tests.support.receiving import HOST
 
 # A busy machine is slow, not wrong: no example is timed. Neither does luck decide: the examples are the same in every
 # run, and `--hypothesis-profile=search` looks for others.

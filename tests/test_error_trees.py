@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 PACKAGES = ("gcs", "mavlink", "vision", "assoc", "sim")
 

@@ -28,6 +28,7 @@ def test_association_imports_numpy_and_scipy_alone():
 def test_tests_stand_on_their_support_alone_and_only_those_of_benches_on_benches():
     files = list(Path("tests").rglob("*.py"))
     assert len(files) > 100
+    assert len(list(Path("tests/support").glob("*.py"))) <= 20
     for path in files:
         modules = set(imported_modules(path))
         others = {name for name in modules if name.startswith("tests.") and not name.startswith("tests.support.")}

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from bench.command_line import count, parser_of, print_results
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 
 def test_results_go_into_the_working_folder_and_nowhere_else(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 
 from bench.faults import main, read_faults
 from mavlink.protocol.packet import Packet
-from tests.support.mavlink_flight import T0, S, World
+from tests.support.flights import T0, S, World
 
 MISSION = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n[[ugv]]\nsystem_id = 12\n"
 

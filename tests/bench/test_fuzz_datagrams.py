@@ -10,7 +10,7 @@ from bench.fuzz.datagrams import Listener, draw_datagram, fuzz_datagrams, wild_f
 from bench.fuzz.frames import frame_pool
 from bench.fuzz.streams import INPUTS, lost, read_with_ours, read_with_pymavlink
 from mavlink.protocol.framing import Framer, split
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 CORPUS = sorted((ROOT / "tests" / "corpus" / "datagram").iterdir())
 KNOWN_V2 = [f for f in frame_pool(carried=False) if f[0] == 0xFD and not f[2] and f[7:10] != b"\x61\xea\0"][:1000]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bench.fuzz.missions import GOOD, MissionScore, fuzz_missions, read_mission
 from gcs.errors import ConfigError
 from gcs.mission.mission import Mission, load_mission, parse_mission
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 CORPUS = sorted((ROOT / "tests" / "corpus" / "mission").iterdir())
 TABLE = tomllib.loads(GOOD)

@@ -14,7 +14,7 @@ from bench.fuzz.report import logs_text, write_section
 from mavlink.tlog.check import check
 from mavlink.tlog.index import Damage, build_index
 from mavlink.tlog.log import Tlog
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 CORPUS = sorted((ROOT / "tests" / "corpus" / "tlog").iterdir())
 LOGS = 250

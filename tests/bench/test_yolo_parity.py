@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bench.yolo_parity import compared
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 from vision.detect.decode_yolo import Rule, decode_raw
 from vision.detect.letterbox import Letterbox, undo
 

@@ -22,10 +22,10 @@ from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.streams import ticks_of
 from mavlink.signing.verifier import Verifier
 from mavlink.transmit.rate_requests import interval_answer
-from tests.support.link_reader import open_reader
-from tests.support.mavlink_flight import FIELD, T0, S
+from tests.support.flights import FIELD, T0, S
 from tests.support.message_encoder import MessageEncoder
 from tests.support.ports import free_port
+from tests.support.receiving import open_reader
 
 COPTER_ID, ROVER_ID = 1, 2
 BANNER = [b"\n\nInit ArduCopter V4.6.0-dev (00000000)\n\nFree RAM: 131072\n", b"0 ", b"AP_Logger_File: open\n", b"*"]

@@ -12,7 +12,7 @@ from gcs.mission.mission import parse_mission
 from gcs.snapshot import Health
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from tests.support.mavlink_flight import FIELD, T0, S
+from tests.support.flights import FIELD, T0, S
 from vision.detect.detections import Detections
 
 UAV, UGV, OTHER = 1, 11, 12

@@ -12,7 +12,10 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog
-from tests.support.paths import ROOT
+
+ROOT = Path(__file__).parents[2]
+"""The repository's root."""
+
 
 SWARM = ROOT / "sitl_logs" / "ardupilot-swarm"
 """A minute of pictures, ten a second; its telemetry begins 15 s earlier."""

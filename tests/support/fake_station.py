@@ -1,9 +1,10 @@
-"""A station that stands still: synthetic snapshots with everything an operator may meet."""
+"""A station that stands still, with everything that an operator may meet, and the terminal application driven on it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import asynccontextmanager
 from dataclasses import replace
 
 import cv2
@@ -11,6 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.snapshot import Alarm, Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
+from gcs.tui import RollcallApp
+from gcs.tui.pane_area import PaneArea
+from gcs.tui.panes.pane import Pane
 
 START_US = 1_795_170_792_000_000  # 2026-11-20 10:33:12 UTC
 STOP_US = START_US + 754_000_000
@@ -274,3 +278,33 @@ def hostile_station(text: str) -> FakeStation:
     ]
     station.snapshot = replace(base, vehicles=rows, health=health, events=tuple(station.said), alarms=alarms)
     return station
+
+
+SMALL, WIDE = (80, 24), (160, 48)
+
+
+@asynccontextmanager
+async def running(station=None, size=SMALL):
+    station = FakeStation() if station is None else station
+    app = RollcallApp(station, graphics="blocks")
+    async with app.run_test(size=size) as pilot:
+        await pilot.pause()
+        yield app, pilot, station
+
+
+async def polled(app, pilot):
+    app._poll()
+    await pilot.pause()
+
+
+def text_of(widget) -> str:
+    return "\n".join(widget.render_line(y).text for y in range(widget.size.height))
+
+
+def screen_text(app) -> str:
+    return "\n".join("".join(segment.text for segment in row) for row in app.screen._compositor.render_strips())
+
+
+def on_screen(app) -> set[str]:
+    deck = app.query_one(PaneArea)
+    return {pane.id for pane in app.query(Pane) if pane.display and deck.has_room(pane.id)}

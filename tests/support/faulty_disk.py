@@ -1,11 +1,13 @@
-"""A disk that fails when it is told to, on top of the real one."""
+"""A disk that fails when it is told to, on top of the real one, and a recorder on it."""
 
 import errno
 import os
 import shutil
 import threading
 
-from infra.files.disk import Disk
+from gcs.session.recorder import Recorder
+from infra.files.disk import OS_DISK, Disk
+from mavlink.tlog.writer import TlogWriter
 
 
 class FaultyDisk(Disk):
@@ -73,3 +75,17 @@ def delete(folder):
 def fail(code):
     if code:
         raise OSError(code, os.strerror(code))
+
+
+class WholeRecorder(Recorder):
+    def __init__(self, parent, mission, *, video, disk=OS_DISK):
+        super().__init__(parent, mission, video=video, disk=disk)
+        self._tlog = TlogWriter(self.tlog_path, disk=disk)
+        self.packet = self._tlog.write
+
+    def states(self, telemetry=None):
+        return super().states(self._tlog.state)
+
+    def close(self, telemetry=None, **notes):
+        self._tlog.close()
+        return super().close(**notes)

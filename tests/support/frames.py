@@ -2,8 +2,10 @@
 
 import struct
 
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
 from mavlink.protocol.encoder import MavlinkEncoder
-from mavlink.protocol.packet import Packet
+from mavlink.protocol.packet import Auth, Packet
 
 T0 = 1_790_000_000_000_000
 """Unix µs of packet 0."""
@@ -50,3 +52,17 @@ def heartbeats(count):
 
 EVERY_VERSION = some_frames(40) + some_frames(40, version=1) + some_frames(40, key=b"k" * 32)
 """MAVLink 2, MAVLink 1, signed."""
+
+UAV, UGV = MavlinkEncoder(1), MavlinkEncoder(7)
+PARSER = dialect.MAVLink(None)
+
+
+def message(raw):
+    """A frame as pymavlink reads it."""
+    (parsed,) = PARSER.parse_buffer(raw)
+    return parsed
+
+
+def packet_of(raw, *, link=0, t_us=1_000_000, auth=Auth.OPEN, peer=1):
+    """A frame as it was received."""
+    return Packet(t_us, raw, link, peer, auth)

@@ -1,9 +1,12 @@
-"""Small fleets, and snapshots of them."""
+"""Small fleets, snapshots of them, and boxes for a tracker."""
+
+from __future__ import annotations
 
 import numpy as np
 
 from gcs.mission.mission import Mission, MissionVehicle
 from gcs.snapshot import Box, Health, Snapshot, VehicleRow
+from vision.detect.detections import Detections
 
 ONE_UGV = Mission(uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"),))
 TWO_UGVS = Mission(
@@ -34,4 +37,17 @@ def snapshot(frame=0, *, boxes=(), image=None, events=()):
         uav_heading=0.0,
         health=Health(),
         events=tuple(events),
+    )
+
+
+STEP = 100_000
+"""Microseconds between two frames."""
+
+
+def boxes(centre, angle=0.0, score=0.9, heading=np.nan, w=40.0, h=20.0):
+    """Detections at centres (n, 2) px; everything else one number, or one a box."""
+    centre = np.asarray(centre, dtype=float).reshape(-1, 2)
+    columns = {"w": w, "h": h, "angle": angle, "score": score, "heading": heading}
+    return Detections(
+        cx=centre[:, 0], cy=centre[:, 1], **{k: np.broadcast_to(v, len(centre)) for k, v in columns.items()}
     )

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import NEVER, bounded, fresh_state, run_filter
 from assoc.geometry.ground import THETA
-from tests.support.residuals import BIAS_STD_M, DECAY, blocks_of, noise
+from tests.support.assoc_scene import BIAS_STD_M, DECAY, blocks_of, noise
 
 WIDE_SHARE, WIDE = 0.15, 6.0
 """A part of the receivers wanders with six times the variance."""

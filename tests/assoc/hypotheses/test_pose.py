@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 from assoc.evidence.likelihood import bounded, fresh_state
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.pose import BiasModels, PosePrior, fit, log_evidence, misfit, whiten
-from tests.support.residuals import BIAS_STD_M, DECAY, WHITE_VAR, blocks_of, noise
+from tests.support.assoc_scene import BIAS_STD_M, DECAY, WHITE_VAR, blocks_of, noise
 
 BLOCKS, PAIRS, SAMPLES = 6, 3, 4
 PRIOR = PosePrior(std=np.array([0.05, 0.01, 0.02, 0.02, 2.0, 2.0, 1.0, 0.2]))

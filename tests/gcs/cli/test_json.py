@@ -11,9 +11,8 @@ from gcs.cli.identify import identify_into
 from sim.live import PlaybackCounts
 from tests.gcs.cli.test_numbers import pages
 from tests.support.board_video import BoardCamera, poses, write_video
-from tests.support.bundled import SWARM, swarm_session
+from tests.support.bundled import ROOT, SWARM, swarm_session
 from tests.support.command_line import run_gcs
-from tests.support.paths import ROOT
 from tests.support.ports import free_port
 from vision.evaluation import evaluate
 from vision.evaluation.report import as_json

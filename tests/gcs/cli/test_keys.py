@@ -21,7 +21,7 @@ from mavlink.signing.keys import FLEET, Key, key_path, passphrase_secret, read_r
 from mavlink.signing.store import StreamStore
 from mavlink.signing.verifier import without_secret
 from mavlink.tlog.log import TlogWriter
-from tests.support.signed_frames import NOW, T0, Sender, secret_of, shown_anywhere
+from tests.support.signed_vehicles import NOW, T0, Sender, secret_of, shown_anywhere
 
 PASSPHRASE = "the quick brown fox, sworn to secrecy"
 COMMAND = [sys.executable, "-c", "from gcs.cli.app import main; main()", "keys"]

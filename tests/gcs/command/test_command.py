@@ -11,8 +11,7 @@ from gcs.command import ORDERS, CommandParams, GeoPoint
 from gcs.command.ack import CommandAck
 from gcs.command.orders import orders_about
 from mavlink.protocol.packet import Auth, Packet
-from tests.support.air_desk import PLACE, UAV, UGV, open_air
-from tests.support.fake_autopilot import FakeVehicle
+from tests.support.fake_vehicles import PLACE, UAV, UGV, FakeVehicle, open_air
 
 QUICK = CommandParams(point_s=0.05, fly_s=0.05, lost_s=0.3, settle_s=0.3, see_s=0.4, text_s=0.15)
 

@@ -10,7 +10,7 @@ from gcs.mission.mission import Mission, MissionVehicle
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
 from mavlink.transmit.transmitter import Transmitter
-from tests.support.fake_autopilot import FakeVehicle, rover
+from tests.support.fake_vehicles import FakeVehicle, rover
 from tests.support.ports import free_port
 from tests.support.waiting import until
 

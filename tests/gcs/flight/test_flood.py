@@ -16,8 +16,7 @@ from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import Tlog, TlogWriter
 from sim.faults.fault_frames import HEARTBEAT, TEXT, SenderEncoder
 from sim.faults.fault_texts import HOSTILE_TEXTS
-from tests.support.fake_station import START_US, FakeStation
-from tests.support.tui_pilot import running, screen_text
+from tests.support.fake_station import START_US, FakeStation, running, screen_text
 
 TEXTS = 20_000
 MISSION = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n[[ugv]]\nsystem_id = 12\n"

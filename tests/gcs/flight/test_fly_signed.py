@@ -20,10 +20,9 @@ from mavlink.protocol.packet import Auth
 from mavlink.signing.journal import StreamJournal
 from mavlink.signing.keys import write_key
 from mavlink.tlog.log import Tlog
+from tests.support.command_line import Terminal
 from tests.support.ports import free_port
-from tests.support.signed_frames import secret_of
-from tests.support.signing_clocks import ArduPilot, S, Vehicle
-from tests.support.terminal_flight import Terminal
+from tests.support.signed_vehicles import ArduPilot, S, Vehicle, secret_of
 
 MISSION = """
 [uav]

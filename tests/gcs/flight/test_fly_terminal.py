@@ -9,8 +9,8 @@ import time
 import pytest
 
 from gcs.cli.fly import fly
+from tests.support.command_line import MISSION, Terminal
 from tests.support.ports import free_port
-from tests.support.terminal_flight import MISSION, Terminal
 from tests.support.waiting import until
 
 

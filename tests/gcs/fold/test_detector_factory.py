@@ -5,8 +5,8 @@ import pytest
 
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
+from tests.support.bundled import ROOT
 from tests.support.onnx_models import brightest_side, classifier, constant
-from tests.support.paths import ROOT
 from vision.errors import ModelError
 
 CURVED = ROOT / "sitl_logs" / "curved-road"

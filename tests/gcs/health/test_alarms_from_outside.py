@@ -27,14 +27,14 @@ from mavlink.signing.streams import ticks_of
 from mavlink.tlog.writer import TlogWriter
 from tests.support.alarm_scenes import MISSION, OTHER, UAV, UGV, Scene, Vehicle, filter_status
 from tests.support.faulty_disk import HangingDisk
+from tests.support.flights import T0, S
 from tests.support.frames import heartbeats
-from tests.support.ingest_runs import HOST, wait_for
-from tests.support.mavlink_flight import T0, S
-from tests.support.numbered_video import Sender as Camera
-from tests.support.numbered_video import coded
 from tests.support.ports import free_port
-from tests.support.signed_frames import Sender as Signed
-from tests.support.signed_frames import secret_of, verifier
+from tests.support.receiving import HOST, wait_for
+from tests.support.signed_vehicles import Sender as Signed
+from tests.support.signed_vehicles import secret_of, verifier
+from tests.support.video_senders import Sender as Camera
+from tests.support.video_senders import coded
 from tests.support.waiting import until
 from vision.detect.detections import Detections
 from vision.video.video import Frame

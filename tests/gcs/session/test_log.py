@@ -17,7 +17,7 @@ from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.writer import TlogWriter
-from tests.support.numbered_video import steady, write_clip
+from tests.support.video_senders import steady, write_clip
 
 T0 = 1_790_000_000_000_000
 HOUR_US = 3_600_000_000

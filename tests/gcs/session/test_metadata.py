@@ -12,15 +12,15 @@ import pytest
 from gcs.session.metadata import SessionFile, recorded_folders, seal
 from gcs.session.recorder import Recorder
 from gcs.session.session import open_session
+from tests.support.bundled import ROOT
 from tests.support.frames import records
-from tests.support.paths import ROOT
 from tests.support.snapshots import ONE_UGV
 
 FLIGHT = """
 import sys, time
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
-from tests.support.whole_recorder import WholeRecorder
+from tests.support.faulty_disk import WholeRecorder
 from tests.support.snapshots import ONE_UGV
 from tests.support.frames import packet
 recorder = WholeRecorder(Path(sys.argv[1]), ONE_UGV, video=True)

@@ -23,10 +23,9 @@ from infra.files.record_state import RecordState, overall
 from infra.files.segments import segments
 from infra.session_format import IDENTITY
 from mavlink.protocol.packet import Packet
-from tests.support.faulty_disk import FaultyDisk, HangingDisk, delete
+from tests.support.faulty_disk import FaultyDisk, HangingDisk, WholeRecorder, delete
 from tests.support.frames import FRAMES, T0, packet, records
 from tests.support.waiting import until
-from tests.support.whole_recorder import WholeRecorder
 from vision.detect.detections import Detections
 
 MISSION = Mission(

@@ -23,7 +23,7 @@ from mavlink.links.batch import Batch
 from mavlink.protocol.encoder import COPTER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.writer import TlogWriter
-from tests.support.ingest_runs import HOST, wait_for
+from tests.support.receiving import HOST, wait_for
 
 T0 = 1_790_000_000_000_000
 HEAD = "record,t_us,system_id,link,peer,address,name\n"

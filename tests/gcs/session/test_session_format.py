@@ -4,7 +4,7 @@ import re
 
 from infra import session_format
 from infra.session_format import TableFormat
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 
 def listing():

@@ -13,8 +13,17 @@ from gcs.tui.panes.event_log import EventPane, grouped
 from gcs.tui.panes.fleet import columns_for
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.status import StatusBar
-from tests.support.fake_station import START_US, FakeStation
-from tests.support.tui_pilot import SMALL, WIDE, on_screen, polled, running, screen_text, text_of
+from tests.support.fake_station import (
+    SMALL,
+    START_US,
+    WIDE,
+    FakeStation,
+    on_screen,
+    polled,
+    running,
+    screen_text,
+    text_of,
+)
 
 
 def alarm(key="vehicle 11", level="alarm", text="UGV-11: no heartbeat", system_id=11, after_s=240.0):

@@ -9,8 +9,7 @@ from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.prompts import Prompt
-from tests.support.fake_station import START_US, STOP_US
-from tests.support.tui_pilot import SMALL, WIDE, on_screen, polled, running, screen_text, text_of
+from tests.support.fake_station import SMALL, START_US, STOP_US, WIDE, on_screen, polled, running, screen_text, text_of
 
 
 async def test_seeking_keys():

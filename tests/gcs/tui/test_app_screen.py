@@ -12,8 +12,17 @@ from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.screens.prompts import Prompt
-from tests.support.fake_station import START_US, FakeStation, make_snapshot
-from tests.support.tui_pilot import WIDE, on_screen, polled, running, screen_text, text_of
+from tests.support.fake_station import (
+    START_US,
+    WIDE,
+    FakeStation,
+    make_snapshot,
+    on_screen,
+    polled,
+    running,
+    screen_text,
+    text_of,
+)
 
 
 async def test_small_screen_shows_video_fleet_identity_events_and_every_vehicle():

@@ -11,8 +11,7 @@ from gcs.tui.keys import BINDINGS
 from gcs.tui.panes.alarms import ALARM_KEYS
 from gcs.tui.screens.command import OrderList
 from gcs.tui.screens.prompts import Confirm
-from tests.support.fake_station import HOSTILE, FakeStation
-from tests.support.tui_pilot import SMALL, screen_text
+from tests.support.fake_station import HOSTILE, SMALL, FakeStation, screen_text
 
 
 class FakeCommands:

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from gcs.tui import RollcallApp
 from gcs.tui.screens.prompts import Confirm
-from tests.support.fake_station import FakeStation
-from tests.support.tui_pilot import SMALL, screen_text
+from tests.support.fake_station import SMALL, FakeStation, screen_text
 
 
 @asynccontextmanager

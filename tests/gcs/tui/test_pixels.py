@@ -17,8 +17,8 @@ from textual.widgets import Static
 from gcs.tui import RollcallApp
 from gcs.tui import app as app_module
 from gcs.tui.draw.pixels import Pixels, pixel_images
+from tests.support.bundled import ROOT
 from tests.support.fake_station import FakeStation
-from tests.support.paths import ROOT
 
 
 class ImageStandIn(Static):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.support.voices import SPEED, Hearing, Voice
+from tests.support.flights import SPEED, Hearing, Voice
 
 PROMISED_S = 2.0
 LATE_S = 12.0

@@ -10,8 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.encoder import COPTER, GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from tests.support.air import UAV, UGV, Air, Sender
-from tests.support.mavlink_flight import FIELD, T0, S
+from tests.support.flights import FIELD, T0, UAV, UGV, Air, S, Sender
 
 BEGIN = T0 + 5 * S
 

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.estimation.camera_report import NARROWEST, WIDEST
 from mavlink.protocol.decode import CameraSettings, decode
 from mavlink.protocol.packet import Packet
-from tests.support.mavlink_flight import FIELD, T0, World
+from tests.support.flights import FIELD, T0, World
 from tests.support.message_encoder import MessageEncoder
 
 NOBODY = [math.nan] * 4

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from mavlink.protocol.encoder import ROVER
-from tests.support.mavlink_flight import FIELD, T0, World
+from tests.support.flights import FIELD, T0, World
 
 GPS, AHRS = 1 << 5, 1 << 21
 GOOD, GLITCH, UNAIDED = 0x033F, 0x833F, 0x00A7

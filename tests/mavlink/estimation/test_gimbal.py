@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import quaternion_from_euler, rotation_from_euler
 from mavlink.protocol.encoder import MavlinkEncoder
-from tests.support.mavlink_flight import FIELD, T0, S, World
+from tests.support.flights import FIELD, T0, S, World
 
 NOSE = 0.5  # yaw of the copter in World.run
 DOWN = -math.pi / 2

@@ -7,7 +7,7 @@ import pytest
 
 from mavlink.estimation.origin import LOCAL_REACH_M, TOO_FAR
 from mavlink.geodesy import separation_m
-from tests.support.mavlink_flight import FIELD, SPEED, T0, S, World
+from tests.support.flights import FIELD, SPEED, T0, S, World
 
 FALSE = {
     "60 km away": (FIELD.lat_deg + 0.54, FIELD.lon_deg),

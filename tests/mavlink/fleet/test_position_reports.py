@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.estimation.origin import TOO_FAR
 from mavlink.protocol.packet import Packet
-from tests.support.mavlink_flight import FIELD, T0, S, World
+from tests.support.flights import FIELD, T0, S, World
 
 INT32_MAX, INT32_MIN, INT16_MAX = 2**31 - 1, -(2**31), 2**15 - 1
 WEEK_S = 7 * 86400

@@ -6,7 +6,7 @@ import pytest
 
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.encoder import MavlinkEncoder
-from tests.support.mavlink_flight import FIELD, SPEED, T0, S, World
+from tests.support.flights import FIELD, SPEED, T0, S, World
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.plan import Outputs
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Packet
-from tests.support.ingest_runs import HOST, recorded, wait_for
 from tests.support.ports import free_port
+from tests.support.receiving import HOST, recorded, wait_for
 from tests.support.waiting import until
 
 UAV, ROVER_ID, OTHER = 1, 11, 12

@@ -15,7 +15,7 @@ from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.writer import TlogWriter
 from tests.support.faulty_disk import FaultyDisk, HangingDisk
 from tests.support.frames import heartbeats
-from tests.support.ingest_runs import bearable, recorded, steady, wait_for
+from tests.support.receiving import bearable, recorded, steady, wait_for
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")

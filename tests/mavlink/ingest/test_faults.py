@@ -17,8 +17,8 @@ from mavlink.links.udp import LEAST_BUFFER_BYTES
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import write_key
 from tests.support.frames import heartbeats
-from tests.support.ingest_runs import HOST, bearable, is_free, recorded, send, steady, wait_for
 from tests.support.ports import free_port
+from tests.support.receiving import HOST, bearable, is_free, recorded, send, steady, wait_for
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")

@@ -15,8 +15,8 @@ from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import write_key
 from tests.support.frames import heartbeats
-from tests.support.ingest_runs import HOST, is_free, recorded, wait_for
 from tests.support.ports import free_port
+from tests.support.receiving import HOST, is_free, recorded, wait_for
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="sockets are lent to another process")

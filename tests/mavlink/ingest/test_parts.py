@@ -24,8 +24,8 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Auth
-from tests.support.link_reader import LinkReader
 from tests.support.ports import free_port
+from tests.support.receiving import LinkReader
 
 HOST = "127.0.0.1"
 LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")

@@ -11,7 +11,7 @@ from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import Key, write_key
 from mavlink.signing.signer import Signer
-from tests.support.ingest_runs import HOST, recorded, wait_for
+from tests.support.receiving import HOST, recorded, wait_for
 from tests.support.waiting import until
 
 FRAMES = {k: MavlinkEncoder(k).heartbeat() for k in (11, 12)}

@@ -18,9 +18,8 @@ from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.framing import Framer, checksum
 from tests.support.frames import EVERY_VERSION, some_frames
-from tests.support.ingest_runs import HOST, recorded, wait_for
-from tests.support.link_reader import open_reader
 from tests.support.ports import free_port
+from tests.support.receiving import HOST, open_reader, recorded, wait_for
 from tests.support.waiting import until
 
 NOISE = [

@@ -13,8 +13,8 @@ from mavlink.links.flood_limiter import TICK_S
 from mavlink.links.kinds import parse_url
 from mavlink.links.udp import UdpIn
 from mavlink.protocol.encoder import MavlinkEncoder
-from tests.support.ingest_runs import HOST
 from tests.support.ports import free_port, needs_socket_filters, udp_socket
+from tests.support.receiving import HOST
 
 FEW = 150
 """Datagrams that any system's receive buffer holds."""

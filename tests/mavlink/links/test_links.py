@@ -11,9 +11,8 @@ from mavlink.errors import LinkError
 from mavlink.links.kinds import parse_url
 from mavlink.links.url import LinkUrl
 from mavlink.protocol.encoder import MavlinkEncoder
-from tests.support.ingest_runs import HOST, wait_for
-from tests.support.link_reader import open_reader
 from tests.support.ports import free_port
+from tests.support.receiving import HOST, open_reader, wait_for
 
 
 @pytest.fixture

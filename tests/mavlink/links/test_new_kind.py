@@ -12,12 +12,11 @@ from mavlink.errors import LinkError
 from mavlink.ingest.plan import Outputs
 from mavlink.links.kinds import KINDS, parse_url
 from mavlink.protocol.encoder import MavlinkEncoder
-from tests.support.ingest_runs import recorded, wait_for
-from tests.support.unix_link import PEER, UnixLink
+from tests.support.receiving import PEER, UnixLink, recorded, wait_for
 from tests.support.waiting import until
 
 LINE = """from mavlink.links.kinds import KINDS
-from tests.support.unix_link import UnixLink
+from tests.support.receiving import UnixLink
 KINDS["unix"] = UnixLink
 """
 

@@ -11,8 +11,7 @@ import pytest
 from mavlink.protocol.packet import Auth
 from mavlink.signing.store import StreamStore
 from mavlink.signing.verifier import Verifier
-from tests.support.signed_frames import ring_of
-from tests.support.signing_clocks import ArduPilot, Px4, S, Vehicle
+from tests.support.signed_vehicles import ArduPilot, Px4, S, Vehicle, ring_of
 
 NOW = time.time_ns() // 1000 // S * S + 100 * S
 MINUTE, HOUR, DAY = 60 * S, 3600 * S, 86_400 * S

@@ -15,7 +15,7 @@ from mavlink.signing.keys import FLEET, Key, KeyRing, key_path, passphrase_secre
 from mavlink.signing.signer import Signer
 from mavlink.signing.store import StreamStore
 from mavlink.signing.verifier import Verifier
-from tests.support.signed_frames import T0, Sender, ring_of, secret_of, shown_anywhere
+from tests.support.signed_vehicles import T0, Sender, ring_of, secret_of, shown_anywhere
 
 SECRET = secret_of("hidden")
 

@@ -14,9 +14,9 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.plan import Signing
 from mavlink.signing.keys import write_key
 from mavlink.signing.streams import ticks_of
-from tests.support.ingest_runs import in_pieces, wait_for
 from tests.support.ports import free_port
-from tests.support.signed_frames import Sender, secret_of
+from tests.support.receiving import in_pieces, wait_for
+from tests.support.signed_vehicles import Sender, secret_of
 from tests.support.waiting import until
 
 SECRET = b"an open secret, for this test   "

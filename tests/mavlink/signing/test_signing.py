@@ -15,7 +15,7 @@ from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.signer import Signer
 from mavlink.signing.streams import AHEAD, BEHIND, MAX_STREAMS, SECOND, Streams
 from mavlink.signing.verifier import RADIO_STATUS, STATE_MESSAGES, Verifier, without_secret
-from tests.support.signed_frames import NOW, T0, Sender, Still, ring_of, secret_of, verifier
+from tests.support.signed_vehicles import NOW, T0, Sender, Still, ring_of, secret_of, verifier
 
 S = 1_000_000
 

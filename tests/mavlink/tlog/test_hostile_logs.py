@@ -15,7 +15,7 @@ from mavlink.tlog.index import build_index
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Frames, find_frames
 from mavlink.tlog.summary import info
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 SWARM = ROOT / "sitl_logs" / "ardupilot-swarm" / "telemetry.tlog"
 SWARM_INDEX = build_index(np.frombuffer(SWARM.read_bytes(), dtype=np.uint8))

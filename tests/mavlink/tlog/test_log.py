@@ -11,7 +11,7 @@ from mavlink.protocol.packet import Packet
 from mavlink.tlog.columns import message_dtype
 from mavlink.tlog.log import Tlog, TlogWriter
 from mavlink.tlog.summary import info
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 from tests.support.tlog_records import PACKETS, STEP_US, T0, index_of, record
 
 SITL_LOGS = sorted((ROOT / "sitl_logs").glob("*/telemetry.tlog"))

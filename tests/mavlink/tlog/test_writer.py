@@ -15,9 +15,9 @@ from infra.files.segments import segments
 from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth
 from mavlink.tlog.writer import TlogWriter
+from tests.support.bundled import ROOT
 from tests.support.faulty_disk import FaultyDisk, delete
 from tests.support.frames import T0, packet, record, records
-from tests.support.paths import ROOT
 from tests.support.waiting import until
 
 

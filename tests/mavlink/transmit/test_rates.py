@@ -13,7 +13,7 @@ from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit.heartbeat import HeartbeatTimer, TimeSyncTimer
 from mavlink.transmit.message_rates import TRIES, UAV_RATES, MessageRates, uav_rates
-from tests.support.spoken import UAV, UGV, message, packet
+from tests.support.frames import UAV, UGV, message, packet_of
 
 BEAT = (2, 3, 0, 0, 4, 3)
 
@@ -89,10 +89,10 @@ class Sky:
         while self.now_s < end_s:
             self.now_s += 0.01
             if round(self.now_s * 100) % 100 == 0:
-                self.keeper.add_packet(packet(UAV.heartbeat(2)), self.now_s)
+                self.keeper.add_packet(packet_of(UAV.heartbeat(2)), self.now_s)
             for message_id, hz in self.hz.items():
                 while hz and self.now_s >= self.due.setdefault(message_id, self.now_s):
-                    self.keeper.add_packet(packet(self.frame(message_id)), self.now_s)
+                    self.keeper.add_packet(packet_of(self.frame(message_id)), self.now_s)
                     self.due[message_id] += 1.0 / hz
             for link, raw in self.keeper.poll(self.now_s):
                 assert link == 0
@@ -112,7 +112,7 @@ class Sky:
         if self.result == 0:
             self.hz[int(said.param1)] = min(1e6 / said.param2, self.can[int(said.param1)])
         self.keeper.add_packet(
-            packet(UAV.pack(dialect.MAVLink_command_ack_message(511, self.result, 0, 0, 254, 190))), self.now_s
+            packet_of(UAV.pack(dialect.MAVLink_command_ack_message(511, self.result, 0, 0, 254, 190))), self.now_s
         )
 
 
@@ -200,7 +200,7 @@ def test_late_copies_are_no_reboot():
     for _ in range(60):
         sky.run(1.5)
         late_ms = round((sky.now_s - sky.boot_s - 10.0) * 1e3)
-        sky.keeper.add_packet(packet(UAV.attitude(late_ms, 0.0, 0.0, 0.0)), sky.now_s)
+        sky.keeper.add_packet(packet_of(UAV.attitude(late_ms, 0.0, 0.0, 0.0)), sky.now_s)
     assert sum(int(said.param1) == 33 for _, said in sky.asked) == TRIES
 
 
@@ -211,7 +211,7 @@ def test_answers_to_another_station_are_not_ours():
     assert len(sky.asked) >= 1
     before = len(sky.asked)
     raw = UAV.pack(dialect.MAVLink_command_ack_message(511, 3, 0, 0, 255, 190))
-    sky.keeper.add_packet(packet(raw), sky.now_s)
+    sky.keeper.add_packet(packet_of(raw), sky.now_s)
     sky.run(30.0)
     assert all(said.get_type() == "COMMAND_LONG" for _, said in sky.asked[before:])
 
@@ -220,11 +220,11 @@ def test_each_link_is_asked_and_ground_vehicles_never_are():
     made = keeper()
     for i in range(200):
         now_s = 100.0 + i * 0.1
-        made.add_packet(packet(UAV.heartbeat(2), link=0), now_s)
-        made.add_packet(packet(UAV.heartbeat(2), link=3), now_s)
-        made.add_packet(packet(UGV.heartbeat(), link=1), now_s)
-        made.add_packet(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s) if i % 10 == 0 else None
-        made.add_packet(packet(MavlinkEncoder(9).heartbeat(), link=1), now_s)
+        made.add_packet(packet_of(UAV.heartbeat(2), link=0), now_s)
+        made.add_packet(packet_of(UAV.heartbeat(2), link=3), now_s)
+        made.add_packet(packet_of(UGV.heartbeat(), link=1), now_s)
+        made.add_packet(packet_of(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s) if i % 10 == 0 else None
+        made.add_packet(packet_of(MavlinkEncoder(9).heartbeat(), link=1), now_s)
         for link, raw in made.poll(now_s):
             assert link in (0, 3)
             assert message(raw).target_system == 1
@@ -248,8 +248,8 @@ def test_a_link_that_is_lost_is_no_trouble_of_rates():
     for i in range(400):
         now_s = 100.0 + i * 0.1
         if not 10.0 < now_s - 100.0 < 25.0:
-            made.add_packet(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s)
-            made.add_packet(packet(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s + 0.05)
+            made.add_packet(packet_of(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s)
+            made.add_packet(packet_of(UGV.global_position_int(i, 47.0, 8.0, 500.0), link=1), now_s + 0.05)
         told += made.troubles(now_s)
     assert told == []
 
@@ -263,7 +263,7 @@ def lossy(seconds, kept, rate_hz=5.0):
         frames += [speaker.global_position_int(i, 47.0, 8.0, 500.0)] if i % int(10 / rate_hz) == 0 else []
         for raw in frames:
             if kept(i):
-                made.add_packet(packet(raw, link=1), now_s)
+                made.add_packet(packet_of(raw, link=1), now_s)
         told += made.troubles(now_s)
     return [rate.words for rate in told]
 
@@ -289,9 +289,9 @@ def test_a_message_that_ceases_is_told_though_it_was_slow_before():
     made, told = MessageRates(None, 1), []
     for i in range(400):
         now_s = 100.0 + i * 0.1
-        made.add_packet(packet(UAV.heartbeat(2)), now_s)
+        made.add_packet(packet_of(UAV.heartbeat(2)), now_s)
         if i < 200:
-            made.add_packet(packet(UAV.attitude(i, 0.0, 0.0, 0.0)), now_s)
+            made.add_packet(packet_of(UAV.attitude(i, 0.0, 0.0, 0.0)), now_s)
         told += [rate.words for rate in made.troubles(now_s) if rate.message == "ATTITUDE"]
     assert [text.partition(":")[0] for text in told] == ["ATTITUDE comes at 10.0 of 30 Hz", "ATTITUDE does not come"]
 
@@ -299,7 +299,7 @@ def test_a_message_that_ceases_is_told_though_it_was_slow_before():
 def test_a_silent_station_measures_and_asks_nothing():
     made = MessageRates(None, 1)
     for i in range(100):
-        made.add_packet(packet(UAV.heartbeat(2)), i * 0.1)
+        made.add_packet(packet_of(UAV.heartbeat(2)), i * 0.1)
         assert made.poll(i * 0.1) == []
     assert {rate.state for rate in made.rates(10.0)} == {"too slow"}
     hints = {rate.message: rate.hint for rate in made.rates(10.0)}
@@ -307,13 +307,13 @@ def test_a_silent_station_measures_and_asks_nothing():
     assert hints["GIMBAL_DEVICE_ATTITUDE_STATUS"] == hints["SYSTEM_TIME"] == "", "nobody knows that it has them"
     for i in range(100, 200):
         raw = dialect.MAVLink_system_time_message(1, i * 100) if i < 110 else dialect.MAVLink_heartbeat_message(*BEAT)
-        made.add_packet(packet(UAV.pack(raw)), i * 0.1)
+        made.add_packet(packet_of(UAV.pack(raw)), i * 0.1)
     assert "--command" in next(rate.hint for rate in made.rates(20.0) if rate.message == "SYSTEM_TIME")
 
 
 def test_refused_packets_measure_nothing():
     made = keeper()
-    made.add_packet(packet(UAV.heartbeat(2), auth=Auth.BAD), 0.0)
+    made.add_packet(packet_of(UAV.heartbeat(2), auth=Auth.BAD), 0.0)
     assert made.rates(10.0) == () and made.poll(10.0) == []
 
 
@@ -323,8 +323,8 @@ def test_a_slower_radio_whose_packets_are_refused_says_nothing_of_rates():
     for i in range(600):
         now_s, raw = 100.0 + i * 0.1, UGV.global_position_int(i, 47.0, 8.0, 500.0)
         if i % 2 == 0:
-            made.add_packet(packet(raw, link=0, auth=Auth.GOOD), now_s)
-            made.add_packet(packet(raw, link=1, auth=Auth.GOOD if i % 20 == 0 else Auth.REPLAYED), now_s)
+            made.add_packet(packet_of(raw, link=0, auth=Auth.GOOD), now_s)
+            made.add_packet(packet_of(raw, link=1, auth=Auth.GOOD if i % 20 == 0 else Auth.REPLAYED), now_s)
         told += made.troubles(now_s)
     assert told == []
 

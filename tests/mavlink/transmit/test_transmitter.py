@@ -11,7 +11,7 @@ from mavlink.errors import LinkError
 from mavlink.protocol.encoder import GCS, NO_AUTOPILOT, MavlinkEncoder
 from mavlink.protocol.packet import Auth
 from mavlink.transmit.transmitter import Transmitter, only_to_uav
-from tests.support.spoken import UAV, UGV, message, packet
+from tests.support.frames import UAV, UGV, message, packet_of
 
 
 def sent_by(uav: int = 1, **changes):
@@ -43,7 +43,7 @@ def test_only_what_is_for_the_uav_leaves(said, leaves):
     raw = GROUND.pack(said)
     assert only_to_uav(raw, 1) is leaves
     out, left = sent_by()
-    out.note_packet(packet(UAV.heartbeat(2), link=2, peer=4))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=2, peer=4))
     assert out.send(raw) is leaves
     assert len(left) == out.count == int(leaves)
     assert out.rejected == ({} if leaves else {said.get_type(): 1})
@@ -53,15 +53,15 @@ def test_a_uav_whose_packets_are_held_gets_heartbeats_and_nothing_else():
     beat = GROUND.pack(dialect.MAVLink_heartbeat_message(GCS, NO_AUTOPILOT, 0, 0, 0, 3))
     order = GROUND.pack(dialect.MAVLink_command_long_message(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0))
     out, left = sent_by()
-    out.note_packet(packet(UGV.heartbeat(), link=1, peer=2, auth=Auth.HELD))
-    out.note_packet(packet(UAV.heartbeat(2), link=1, peer=3, auth=Auth.BAD))
+    out.note_packet(packet_of(UGV.heartbeat(), link=1, peer=2, auth=Auth.HELD))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=1, peer=3, auth=Auth.BAD))
     assert out.broadcast(beat) == 0
-    out.note_packet(packet(UAV.heartbeat(2), link=2, peer=4, auth=Auth.HELD))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=2, peer=4, auth=Auth.HELD))
     assert out.broadcast(beat) == 1 and out.broadcast(order) == 0
     assert not out.send(order) and not out.send(order, 2) and out.links == []
     assert [(link, peer) for link, peer, _ in left] == [(2, 4)]
     # once it is believed, only where that is
-    out.note_packet(packet(UAV.heartbeat(2), link=2, peer=7))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=2, peer=7))
     assert out.broadcast(beat) == 1 and out.send(order)
     assert [(link, peer) for link, peer, _ in left] == [(2, 4), (2, 7), (2, 7)]
 
@@ -81,14 +81,14 @@ def test_nothing_addressed_to_a_ground_vehicle_ever_leaves(target, message_id, p
 )
 def test_what_is_no_plain_frame_does_not_leave(raw):
     out, left = sent_by()
-    out.note_packet(packet(UAV.heartbeat(2)))
+    out.note_packet(packet_of(UAV.heartbeat(2)))
     assert not out.send(raw) and left == []
 
 
 def test_one_row_of_numbers_signed_recorded_and_sent_to_the_peer():
     record: list[tuple[int, bytes]] = []
     out, left = sent_by(sign=lambda raw, link: raw + b"S", sent=lambda link, raw: record.append((link, raw)))
-    out.note_packet(packet(UAV.heartbeat(2), link=2, peer=4))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=2, peer=4))
     for _ in range(300):
         assert out.send(GROUND.heartbeat(GCS)) and out.send(MavlinkEncoder(254, 190).timesync(0, 1))
     assert [raw[:-1][4] for _, _, raw in left] == [i % 256 for i in range(600)]
@@ -101,15 +101,15 @@ def test_the_uav_is_spoken_to_where_it_was_heard_last():
     out, left = sent_by()
     beat = GROUND.heartbeat(GCS)
     assert not out.send(beat), "nobody was heard"
-    out.note_packet(packet(UGV.heartbeat(), link=1))
-    out.note_packet(packet(UAV.heartbeat(2), link=5, auth=Auth.UNSIGNED))
+    out.note_packet(packet_of(UGV.heartbeat(), link=1))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=5, auth=Auth.UNSIGNED))
     assert not out.send(beat)
-    out.note_packet(packet(UAV.heartbeat(2), link=0, t_us=10_000_000))
-    out.note_packet(packet(UAV.heartbeat(2), link=2, t_us=11_000_000))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=0, t_us=10_000_000))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=2, t_us=11_000_000))
     out.send(beat)
     assert [link for link, _, _ in left] == [2]
     assert out.broadcast(beat) == 2
-    out.note_packet(packet(UAV.heartbeat(2), link=2, t_us=25_000_000))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=2, t_us=25_000_000))
     assert out.links == [2], "not heard on the other for long"
 
 
@@ -118,19 +118,19 @@ def test_heartbeats_alone_announce_us_where_nobody_speaks_first_until_the_uav_is
     assert out.broadcast(GROUND.heartbeat(GCS)) == 1 and [(link, peer) for link, peer, _ in left] == [(3, 0)]
     assert out.broadcast(GROUND.timesync(0, 1)) == 0
     assert out.broadcast(GROUND.pack(dialect.MAVLink_command_long_message(1, 1, 400, *[0] * 8))) == 0
-    out.note_packet(packet(UAV.heartbeat(2), link=3, peer=1))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=3, peer=1))
     assert out.broadcast(GROUND.heartbeat(GCS)) == 1 and left[-1][:2] == (3, 1)
-    out.note_packet(packet(UAV.heartbeat(2), link=0, t_us=30_000_000))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=0, t_us=30_000_000))
     assert out.broadcast(GROUND.heartbeat(GCS)) == 2, "silent there, it is looked for again"
 
 
 def test_a_ground_vehicle_that_answers_is_announced_to_no_more():
     out, left = sent_by(announce_on=(3,))
-    out.note_packet(packet(UGV.heartbeat(), link=3, auth=Auth.UNSIGNED))
+    out.note_packet(packet_of(UGV.heartbeat(), link=3, auth=Auth.UNSIGNED))
     assert out.broadcast(GROUND.heartbeat(GCS)) == 1, "who is not believed has not answered"
-    out.note_packet(packet(UGV.heartbeat(), link=3))
+    out.note_packet(packet_of(UGV.heartbeat(), link=3))
     assert out.broadcast(GROUND.heartbeat(GCS)) == 0 and len(left) == 1
-    out.note_packet(packet(UAV.heartbeat(2), link=3, peer=1))
+    out.note_packet(packet_of(UAV.heartbeat(2), link=3, peer=1))
     assert out.broadcast(GROUND.heartbeat(GCS)) == 1, "a router with both behind it"
 
 
@@ -139,5 +139,5 @@ def test_a_link_that_cannot_send_is_no_error():
         raise LinkError("unplugged")
 
     out = Transmitter(1, fails)
-    out.note_packet(packet(UAV.heartbeat(2)))
+    out.note_packet(packet_of(UAV.heartbeat(2)))
     assert not out.send(GROUND.heartbeat(GCS)) and out.count == 0

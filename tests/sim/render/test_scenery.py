@@ -12,7 +12,7 @@ from sim.render.scenery import CLEAR_M, dress
 from sim.world.presets import curved_road
 from sim.world.view import OCCLUDER
 from sim.world.world import World
-from tests.support.paths import ROOT
+from tests.support.bundled import ROOT
 
 BUNDLED = ROOT / "sitl_logs"
 

@@ -9,8 +9,8 @@ import pytest
 from gcs.fold.pipeline import MOST_BOXES, Pipeline
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
+from tests.support.bundled import ROOT
 from tests.support.onnx_models import ANCHORS, ANY, FLOAT, NAMES, UINT8, black, classifier, model, raw, suppressed, yolo
-from tests.support.paths import ROOT
 from vision.detect import yolo_layout
 from vision.detect.boxes import prob_iou
 from vision.detect.decode_yolo import MOST_CANDIDATES

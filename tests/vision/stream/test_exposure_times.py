@@ -9,9 +9,8 @@ from fractions import Fraction
 import av
 import pytest
 
-from tests.support.numbered_video import FPS, PIECE, image
 from tests.support.ports import free_port
-from tests.support.rtp_streams import COUNT, pack
+from tests.support.video_senders import COUNT, FPS, PIECE, image, pack
 from vision.stream.exposure_times import EARLY_S, LATE_S, Exposures, klv_time_s, sei_time_s, sender_report
 from vision.stream.stream import VideoStream
 

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from infra.processes.child_process import ChildProcess
-from tests.support.numbered_video import FPS, GOP, Sender, coded, number_of, reconnects
 from tests.support.ports import free_port
+from tests.support.video_senders import FPS, GOP, Sender, coded, number_of, reconnects
 from tests.support.waiting import until
 from vision.stream.stream import VideoStream
 from vision.stream.stream_worker import WAITING_PATIENCE_S

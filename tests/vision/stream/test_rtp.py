@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from tests.support.rtp_streams import CODECS, COUNT, GOP, pack
+from tests.support.video_senders import CODECS, COUNT, KEY_EVERY, pack
 from vision.stream.rtp import Depacketizer, guess_codec, parse
 
 
@@ -45,7 +45,7 @@ def test_access_units_come_out_as_they_went_in(packed):
     assert len(datagrams) > 1.5 * COUNT  # large frames were cut in pieces
     assert len(units) == COUNT and all(unit.whole for unit in units)
     assert [nals(unit.data) for unit in units] == [nals(unit) for unit in encoded]
-    assert {k for k, unit in enumerate(units) if unit.key} >= set(range(0, COUNT, GOP))
+    assert {k for k, unit in enumerate(units) if unit.key} >= set(range(0, COUNT, KEY_EVERY))
     assert not units[1].key
     assert np.diff([unit.time for unit in units]).tolist() == [90_000 // 25] * (COUNT - 1)
 

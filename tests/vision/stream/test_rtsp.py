@@ -8,8 +8,7 @@ import random
 import numpy as np
 import pytest
 
-from tests.support.numbered_video import GOP, number_of, reconnects
-from tests.support.rtsp_server import RtspServer, packed
+from tests.support.video_senders import GOP, RtspServer, number_of, packed, reconnects
 from tests.support.waiting import until
 from vision.errors import VideoError
 from vision.stream import connection as stream_input

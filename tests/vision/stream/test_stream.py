@@ -14,8 +14,8 @@ import av
 import numpy as np
 import pytest
 
-from tests.support.numbered_video import FPS, image, number_of, reconnects
 from tests.support.ports import free_port
+from tests.support.video_senders import FPS, image, number_of, reconnects
 from tests.support.waiting import until
 from vision.errors import VideoError
 from vision.stream.frame_clock import CREEP, ArrivalClock

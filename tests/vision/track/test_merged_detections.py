@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.tracker_scene import STEP, boxes
+from tests.support.snapshots import STEP, boxes
 from vision.track.tracker import Tracker
 
 

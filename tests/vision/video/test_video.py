@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from infra.files import restorable_file as kept_file
-from tests.support.numbered_video import HEIGHT, WIDTH, number_of, steady, write_clip
+from tests.support.video_senders import HEIGHT, WIDTH, number_of, steady, write_clip
 from vision.errors import VideoError
 from vision.video.recording import Recording
 from vision.video.video import VideoFile

@@ -1,0 +1,277 @@
+"""Video whose frames show their number: in a file, sent as MPEG-TS datagrams, as RTP, or served over RTSP."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+from fractions import Fraction
+from functools import lru_cache
+
+import av
+import numpy as np
+
+from tests.support.ports import free_port
+from vision.stream.rtp import parse
+
+FPS, GOP, BITS = 25, 10, 10
+WIDTH, HEIGHT = 160, 96
+PIECE = 7 * 188
+
+
+def image(number):
+    """The number as ten bars, light for 1."""
+    image = np.zeros((HEIGHT, WIDTH, 3), dtype=np.uint8)
+    for bit in range(BITS):
+        if number >> bit & 1:
+            image[:, bit * 16 : bit * 16 + 16] = 255
+    return image
+
+
+def number_of(image):
+    return sum(1 << bit for bit in range(BITS) if image[HEIGHT // 2, bit * 16 + 8].mean() > 127)
+
+
+def steady(n):
+    """Times in ms of frames at 25 a second."""
+    return np.arange(n) * 1000 // FPS
+
+
+def write_clip(path, pts_ms, *, gop=12, bframes=2):
+    """A clip whose i-th frame is shown at ``pts_ms[i]`` and carries the number i."""
+    with av.open(str(path), "w") as container:
+        options = {"preset": "ultrafast", "x264-params": f"bframes={bframes}"}
+        stream = container.add_stream("libx264", rate=30, options=options)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.gop_size = gop
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for number, pts in enumerate(pts_ms):
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
+            frame.pts, frame.time_base = int(pts), Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+class _Sink:
+    def __init__(self):
+        self.data = b""
+
+    def write(self, data):
+        self.data += data
+        return len(data)
+
+
+@lru_cache
+def coded(n, times_ms=None):
+    """Datagrams of each of n frames; ``times_ms`` instead of an even pace."""
+    sink, frames = _Sink(), []
+    with av.open(sink, "w", format="mpegts", options={"flush_packets": "1", "pat_period": "0.1"}) as container:
+        options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
+        stream = container.add_stream("libx264", rate=FPS, options=options)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        stream.codec_context.gop_size = GOP
+        stream.codec_context.time_base = Fraction(1, 1000)
+        for number in range(n):
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
+            frame.pts = times_ms[number] if times_ms else number * 1000 // FPS
+            frame.time_base = Fraction(1, 1000)
+            container.mux(stream.encode(frame))
+            data, sink.data = sink.data, b""
+            frames.append([data[at : at + PIECE] for at in range(0, len(data), PIECE)])
+    return frames
+
+
+class Sender(threading.Thread):
+    """Sends frames to a port of this machine; ``spoil`` turns each datagram into those that arrive."""
+
+    def __init__(self, port, frames, *, times_ms=None, spoil=lambda data: [data]):
+        super().__init__(daemon=True)
+        self.sent = 0
+        self.stamps_s = []
+        self._port, self._frames, self._times_ms, self._spoil = port, frames, times_ms, spoil
+        self._halt = threading.Event()
+
+    def run(self):
+        begin = time.monotonic()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as outlet:
+            for number, datagrams in enumerate(self._frames):
+                due = self._times_ms[number] / 1000 if self._times_ms else number / FPS
+                if self._halt.wait(max(begin + due - time.monotonic(), 0)):
+                    return
+                for data in datagrams:
+                    for piece in self._spoil(data):
+                        outlet.sendto(piece, ("127.0.0.1", self._port))
+                self.stamps_s.append(time.time())
+                self.sent += 1
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *args):
+        self._halt.set()
+        self.join(5)
+
+
+def reconnects(stream):
+    """Connections of a video stream after the first."""
+    return max(stream._progress.connections - 1, 0)
+
+
+COUNT, KEY_EVERY = 40, 8
+CODECS = {
+    "h264": ("libx264", "x264-params", "repeat-headers=1"),
+    "hevc": ("libx265", "x265-params", "repeat-headers=1"),
+}
+
+
+def pack(codec):
+    """COUNT noisy frames: the encoder's access units, and the datagrams that FFmpeg sends them in."""
+    encoder, key, value = CODECS[codec]
+    rng = np.random.default_rng(1)
+    receiver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+    receiver.bind(("127.0.0.1", 0))
+    receiver.settimeout(0.3)
+    units, datagrams = [], []
+    with receiver, av.open(f"rtp://127.0.0.1:{receiver.getsockname()[1]}", "w", format="rtp") as container:
+        extra = ":log-level=none:bframes=0:pools=none" if codec == "hevc" else ":bframes=0"
+        options = {"preset": "ultrafast", "tune": "zerolatency", key: value + extra}
+        stream = container.add_stream(encoder, rate=25, options=options)
+        stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
+        stream.codec_context.gop_size = KEY_EVERY
+        for number in range(COUNT):
+            if number % 5 == 0:
+                picture = rng.integers(0, 255, (240, 320, 3), dtype=np.uint8)
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            frame.pts, frame.time_base = number, Fraction(1, 25)
+            for packet in stream.encode(frame):
+                units.append(bytes(packet))
+                container.mux(packet)
+        for packet in stream.encode(None):
+            units.append(bytes(packet))
+            container.mux(packet)
+        while True:
+            try:
+                datagrams.append(receiver.recv(65536))
+            except TimeoutError:
+                break
+    return units, [data for data in datagrams if parse(data) is not None]
+
+
+PATH = "/main"
+_SDP = (
+    "v=0\r\no=- 1 1 IN IP4 127.0.0.1\r\ns=camera\r\nt=0 0\r\na=control:*\r\nm=video 0 RTP/AVP 96\r\n"
+    "c=IN IP4 0.0.0.0\r\na=rtpmap:96 H264/90000\r\na=fmtp:96 packetization-mode=1\r\na=control:track1\r\n"
+)
+
+
+class _Datagrams(list):
+    def write(self, data):
+        self.append(bytes(data))
+        return len(data)
+
+
+@lru_cache
+def packed(n):
+    """RTP datagrams of each of n numbered frames; every key frame brings its parameters."""
+    sink, frames = _Datagrams(), []
+    with av.open(sink, "w", format="rtp", options={"packetsize": "1200"}) as container:
+        options = {"preset": "ultrafast", "tune": "zerolatency", "x264-params": "bframes=0:repeat-headers=1"}
+        stream = container.add_stream("libx264", rate=FPS, options=options)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        stream.codec_context.gop_size = GOP
+        for number in range(n):
+            frame = av.VideoFrame.from_ndarray(image(number), format="bgr24")
+            frame.pts, frame.time_base = number, Fraction(1, FPS)
+            container.mux(stream.encode(frame))
+            frames.append([data for data in sink if data[1] & 0x7F == 96])  # without the sender's reports
+            sink.clear()
+    return frames
+
+
+class RtspServer:
+    """Serves ``frames`` from its start on, over and over for whoever plays, until closed.
+
+    Args:
+        frames: datagrams by frame.
+        port: any free one unless given.
+
+    Attributes:
+        hold: while set, connections stay open and nothing is sent.
+        plays: how often PLAY was asked for.
+        sent: frames sent.
+    """
+
+    def __init__(self, frames, port=None):
+        self.frames = frames
+        self.hold = threading.Event()
+        self.plays = self.sent = 0
+        # one that nobody is handed while the server is down
+        self.port = port or free_port(socket.SOCK_STREAM)
+        self._listener = socket.create_server(("127.0.0.1", self.port))
+        self.url = f"rtsp://127.0.0.1:{self.port}{PATH}"
+        self._begin_s = time.monotonic()
+        self._clients = []
+        self._closed = False
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *args):
+        self.close()
+
+    def close(self):
+        """Drop every connection and the port, as a camera that loses its power."""
+        self._closed = True
+        for connection in (self._listener, *self._clients):
+            with contextlib.suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+            connection.close()
+
+    def _accept(self):
+        while not self._closed:
+            try:
+                client, _ = self._listener.accept()
+            except OSError:
+                return
+            self._clients.append(client)
+            threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+
+    def _serve(self, client):
+        with contextlib.suppress(OSError, ValueError), client, client.makefile("rb") as lines:
+            while request := lines.readline():
+                if request.startswith(b"$"):
+                    continue  # the client's reports
+                fields = dict(line.split(b": ", 1) for line in iter(lines.readline, b"\r\n") if line)
+                self._answer(client, request.split()[0].decode(), fields)
+
+    def _answer(self, client, method, fields):
+        body, extra = "", "Session: 1\r\n"
+        if method == "OPTIONS":
+            extra = "Public: OPTIONS, DESCRIBE, SETUP, PLAY, TEARDOWN\r\n"
+        elif method == "DESCRIBE":
+            body = _SDP
+            extra = f"Content-Type: application/sdp\r\nContent-Base: {self.url}/\r\nContent-Length: {len(body)}\r\n"
+        elif method == "SETUP":
+            extra += "Transport: RTP/AVP/TCP;unicast;interleaved=0-1\r\n"
+        head = f"RTSP/1.0 200 OK\r\nCSeq: {fields[b'CSeq'].strip().decode()}\r\n{extra}\r\n"
+        client.sendall((head + body).encode())
+        if method == "PLAY":
+            self.plays += 1
+            threading.Thread(target=self._play, args=(client,), daemon=True).start()
+
+    def _play(self, client):
+        first = round((time.monotonic() - self._begin_s) * FPS) // GOP * GOP  # a key frame
+        with contextlib.suppress(OSError):
+            for number in range(first, len(self.frames)):
+                time.sleep(max(self._begin_s + number / FPS - time.monotonic(), 0))
+                if self.hold.is_set() or self._closed:
+                    continue
+                for data in self.frames[number]:
+                    client.sendall(struct.pack("!cBH", b"$", 0, len(data)) + data)
+                self.sent = number + 1
