@@ -49,7 +49,8 @@ class _Mode(Enum):
     CLOSED = "nowhere: they are lost"
 
 
-_FAILING = (_Mode.RETRYING, _Mode.REPLACING)
+_WRITING, _RETRYING, _REPLACING, _CLOSED = _Mode
+_FAILING = (_RETRYING, _REPLACING)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ class AppendFile:
         self._disk = disk
         self._lock = threading.Lock()  # all that follows; never held while the disk syncs or repairs
         self._maintaining = threading.Lock()
-        self._mode = _Mode.WRITING
+        self._mode = _WRITING
         self._failures = _Failures()
         self._retry_s = self._synced_s = time.monotonic()
         self._segment: Segment | None = None
@@ -120,7 +121,7 @@ class AppendFile:
         with self._lock:
             first = self._accepted
             self._accepted += rows
-            if self._mode is not _Mode.WRITING or not self._put(data, rows):
+            if self._mode is not _WRITING or not self._put(data, rows):
                 self._waiting.append(data, rows)
         return first
 
@@ -143,18 +144,18 @@ class AppendFile:
             if self._mode in _FAILING:
                 self._repair()
             self._sync()
-        if self._mode is not _Mode.WRITING:
-            raise OSError(errno.EIO, "closed" if self._mode is _Mode.CLOSED else self._failures.reason)
+        if self._mode is not _WRITING:
+            raise OSError(errno.EIO, "closed" if self._mode is _CLOSED else self._failures.reason)
 
     def close(self) -> RecordState:
         """Try once more what failed, sync, and close; what waits then or comes later is lost. Twice does nothing."""
         if self._maintaining.acquire(timeout=HANG_S):
             try:
-                if self._mode is not _Mode.CLOSED:
+                if self._mode is not _CLOSED:
                     self._finish()
             finally:
                 self._maintaining.release()
-        self._mode = _Mode.CLOSED  # a disk that hangs is left alone: what the kernel has taken is not ours to save
+        self._mode = _CLOSED  # a disk that hangs is left alone: what the kernel has taken is not ours to save
         return self.state
 
     @property
@@ -173,7 +174,7 @@ class AppendFile:
         mode = self._mode  # before the failures, which are set before it
         failures, segment, waiting = self._failures, self._segment, self._waiting
         since_s, now_s = self._writing_since_s, time.monotonic()
-        closed = mode is _Mode.CLOSED
+        closed = mode is _CLOSED
         return RecordState(
             name=segment_path(self.path, max(self._next_number - 1, 0)).name,
             rows=self._accepted,
@@ -197,7 +198,8 @@ class AppendFile:
             self._synced_s = time.monotonic()
         self._writing_since_s = time.monotonic()
         try:
-            self._append(self._segment or self._begin_segment(), data)
+            segment = self._segment or self._begin_segment()
+            segment.append(data if segment.size else self._header + data)
         except OSError as error:
             self._fail(error)
             return False
@@ -206,26 +208,23 @@ class AppendFile:
         self._unsynced.append(data, rows)
         return True
 
-    def _append(self, segment: Segment, data: bytes) -> None:
-        segment.append(data if segment.size else self._header + data)
-
     def _fail(self, error: OSError, *, synced: bool = True) -> None:
         """Rows wait from now on; where the segment cannot be trusted any more, for the next one."""
-        now_s, before, began = time.monotonic(), self._failures, self._mode is _Mode.WRITING
+        now_s, before, began = time.monotonic(), self._failures, self._mode is _WRITING
         reason = error.strerror or str(error) or type(error).__name__
         self._failures = _Failures(before.count + began, reason, now_s if began else before.began_s, now_s)
         segment = self._segment
         has_rows = segment is not None and segment.size > len(self._header)
         untrusted = not synced or (has_rows and error.errno not in _SPACE_MAY_RETURN)
         if segment is not None and untrusted:
-            self._enter(_Mode.REPLACING)
+            self._enter(_REPLACING)
             self._retry_s = now_s
         else:
-            self._enter(_Mode.RETRYING)
+            self._enter(_RETRYING)
             self._retry_s = now_s + RETRY_S
 
     def _enter(self, mode: _Mode) -> None:
-        if self._mode is not _Mode.CLOSED:
+        if self._mode is not _CLOSED:
             self._mode = mode
 
     def _begin_segment(self) -> Segment:
@@ -272,13 +271,13 @@ class AppendFile:
                 if error.errno == errno.ENOENT and self._deleted is None:
                     self._deleted, self._segment = segment, None
                     self._next_number = segment.number  # the same name again
-                    self._enter(_Mode.RETRYING)
+                    self._enter(_RETRYING)
                     self._retry_s = time.monotonic()
 
     def _repair(self) -> None:
         """What failed once more: a new segment, the deleted file's content, the rows that wait; then all is well."""
         try:
-            if self._mode is _Mode.REPLACING:
+            if self._mode is _REPLACING:
                 self._end_segment()
             segment = self._segment
             if segment is None:
@@ -302,7 +301,7 @@ class AppendFile:
                 self._segment = None
                 self._earlier_bytes += segment.size
                 segment.close()
-            self._enter(_Mode.RETRYING)
+            self._enter(_RETRYING)
 
     def _restore(self, deleted: Segment, segment: Segment) -> None:
         """Copy what a deleted file held, its header too."""
@@ -319,12 +318,12 @@ class AppendFile:
         with self._lock:
             if self._waiting:
                 return self._waiting.pop()
-            self._enter(_Mode.WRITING)
+            self._enter(_WRITING)
             return None
 
     def _write_waiting(self, segment: Segment, chunk: Chunk) -> None:
         try:
-            self._append(segment, bytes(chunk.data))
+            segment.append(bytes(chunk.data) if segment.size else self._header + chunk.data)
         except OSError:
             with self._lock:
                 self._waiting.put_back(chunk)
@@ -340,7 +339,7 @@ class AppendFile:
                 self._repair()
             self._sync()
         with self._lock:
-            self._mode = _Mode.CLOSED
+            self._mode = _CLOSED
             open_segments = [segment for segment in (self._segment, self._deleted) if segment is not None]
             self._segment = self._deleted = None
         for segment in open_segments:

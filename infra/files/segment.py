@@ -42,14 +42,13 @@ class Segment:
         Raises:
             OSError: the disk does not take them.
         """
-        disk, fd = self._disk, self._fd
         if self._is_torn:
-            disk.ftruncate(fd, self.size)
+            self._disk.ftruncate(self._fd, self.size)
             self._is_torn = False
         try:
-            written = disk.write(fd, data)
+            written = self._disk.write(self._fd, data)
             while written < len(data):
-                more = disk.write(fd, data[written:])
+                more = self._disk.write(self._fd, data[written:])
                 if not more:
                     raise OSError(errno.EIO, os.strerror(errno.EIO))
                 written += more
