@@ -9,6 +9,7 @@ from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Snapshot
 from infra.wall_clock import now_us
 from mavlink.ingest.ingest import Ingest
+from mavlink.links.kinds import kind_of
 from mavlink.signing.keys import KeyRing
 from mavlink.signing.signer import Signer
 from mavlink.transmit.message_rates import uav_rates
@@ -48,7 +49,7 @@ def open_command_service(
         uav,
         lambda link, peer, raw: ingest.send(link, raw, peer),
         sign=sign if signer else None,
-        announce_on=[index for index, name in enumerate(ingest.names) if name.startswith("udpout:")],
+        announce_on=[index for index, name in enumerate(ingest.names) if kind_of(name).waits_to_be_contacted],
     )
     return CommandService(
         uav=uav,

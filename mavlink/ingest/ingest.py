@@ -26,7 +26,7 @@ from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, SendFrame
 from mavlink.ingest.plan import Outputs, Plan, Signing, check_links
-from mavlink.links.kinds import KINDS, parse_url
+from mavlink.links.kinds import kind_of, parse_url
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts
 from mavlink.links.udp import LEAST_BUFFER_BYTES
@@ -107,7 +107,7 @@ class Ingest:
         try:
             opened = []
             for link, url in zip(links, urls, strict=True):
-                prepared, sock = KINDS[link.scheme].prepare(link)
+                prepared, sock = kind_of(link).prepare(link)
                 self._sockets.append(sock)
                 opened.append(url if prepared == link else prepared.name)
             self._plan = Plan(

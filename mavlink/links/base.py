@@ -51,6 +51,9 @@ class Link(ABC):
     has_kernel_stamps: ClassVar[bool] = False
     """Whether the system notes when something arrived, so that it may lie a moment to be read with what follows."""
 
+    waits_to_be_contacted: ClassVar[bool] = False
+    """Whether the other end may send only once it has received a frame: it is to be sent heartbeats, where allowed."""
+
     def __init__(self, url: LinkUrl, options: LinkOptions) -> None:
         del options
         self.name = url.name

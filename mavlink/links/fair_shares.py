@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from mavlink.links.batch import Sender
 
-__all__ = ["HOLD_S", "Allowance", "Shares", "Traffic", "fair_level"]
+__all__ = ["HOLD_S", "Allowance", "PassedTraffic", "Shares", "fair_level"]
 
 LIKELY_PER_S, OTHER_PER_S = 5000.0, 200.0
 """Unknown datagrams allowed: those that look like a frame may be of a vehicle that has just rebooted."""
@@ -109,7 +109,7 @@ class Allowance:
 
 
 @dataclass(frozen=True, slots=True)
-class Traffic:
+class PassedTraffic:
     """What passed in a while."""
 
     likely: int
@@ -137,7 +137,7 @@ class Shares:
         """Datagrams of known senders that this machine can read, as measured."""
         self._slower_s = -math.inf
 
-    def adapt(self, traffic: Traffic, systems: Mapping[Sender, int], dt_s: float, now_s: float) -> None:
+    def adapt(self, traffic: PassedTraffic, systems: Mapping[Sender, int], dt_s: float, now_s: float) -> None:
         """Sets the shares from what came.
 
         Args:
@@ -162,7 +162,7 @@ class Shares:
             if sender in self.limited:
                 self.limited[sender].spend(used_s, dt_s, now_s, now=read_s > dt_s)
 
-    def _count(self, traffic: Traffic, dt_s: float, now_s: float) -> None:
+    def _count(self, traffic: PassedTraffic, dt_s: float, now_s: float) -> None:
         """Attributes the drops, which the kernel counts together, to senders as their shares would have it."""
         parts = [(self.likely, traffic.likely), (self.other, traffic.other)]
         parts += [(allowance, traffic.read.get(sender, 0)) for sender, allowance in self.limited.items()]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from mavlink.links.batch import Sender
 from mavlink.links.bpf import attach, detach, program
-from mavlink.links.fair_shares import ALL_PER_S, HOLD_S, SENDER_PER_S, Allowance, Shares, Traffic
+from mavlink.links.fair_shares import ALL_PER_S, HOLD_S, SENDER_PER_S, Allowance, PassedTraffic, Shares
 from mavlink.links.peers import Peers
 
 __all__ = ["STRANGERS", "TICK_S", "FloodLimit", "FloodLimiter"]
@@ -101,7 +101,7 @@ class FloodLimiter:
         """Time since the last :meth:`adapt`."""
         return min(max(now_s - self._since_s, TICK_S), _LONG_S)
 
-    def adapt(self, now_s: float, dt_s: float, traffic: Traffic, peers: Peers) -> None:
+    def adapt(self, now_s: float, dt_s: float, traffic: PassedTraffic, peers: Peers) -> None:
         """Sets the shares from what came since the last time, and the filter from the shares.
 
         Args:

@@ -10,9 +10,9 @@ from mavlink.links.serial_port import SerialLink
 from mavlink.links.tcp_client import TcpOut
 from mavlink.links.tcp_server import TcpIn
 from mavlink.links.udp import UdpIn, UdpOut
-from mavlink.links.url import LinkUrl
+from mavlink.links.url import BARE_DEVICE, LinkUrl
 
-__all__ = ["KINDS", "open_link", "parse_url"]
+__all__ = ["KINDS", "kind_of", "open_link", "parse_url"]
 
 KINDS: dict[str, type[Link]] = {
     "udpin": UdpIn,
@@ -25,7 +25,6 @@ KINDS: dict[str, type[Link]] = {
 }
 """Scheme of a link's URL → what opens it."""
 _BARE_PORT = re.compile(r"\d+")
-_BARE_DEVICE = re.compile(r"/dev/|com\d+", re.IGNORECASE)
 
 
 def parse_url(url: str) -> LinkUrl:
@@ -41,7 +40,7 @@ def parse_url(url: str) -> LinkUrl:
     text = url.strip()
     if _BARE_PORT.fullmatch(text):
         text = f"udpin:{text}"
-    elif _BARE_DEVICE.match(text):
+    elif BARE_DEVICE.match(text):
         text = f"serial:{text}"
     scheme, colon, rest = text.partition(":")
     kind = KINDS.get(scheme.lower()) if colon else None
@@ -51,6 +50,15 @@ def parse_url(url: str) -> LinkUrl:
         return kind.parse(rest)
     except LinkError as error:
         raise LinkError(f"{url!r}: {error}; {_how_to_write()}") from error
+
+
+def kind_of(url: str | LinkUrl) -> type[Link]:
+    """What opens a URL.
+
+    Raises:
+        LinkError: bad URL.
+    """
+    return KINDS[(parse_url(url) if isinstance(url, str) else url).scheme]
 
 
 def open_link(url: str | LinkUrl, options: LinkOptions | None = None) -> Link:
@@ -64,7 +72,7 @@ def open_link(url: str | LinkUrl, options: LinkOptions | None = None) -> Link:
         LinkError: bad URL, port in use, no such device or host; one line that says what to do.
     """
     parsed = parse_url(url) if isinstance(url, str) else url
-    return KINDS[parsed.scheme](parsed, options or LinkOptions())
+    return kind_of(parsed)(parsed, options or LinkOptions())
 
 
 def _how_to_write() -> str:

@@ -116,6 +116,7 @@ class UdpOut(UdpLink):
     """
 
     example = "udpout:host:port"
+    waits_to_be_contacted = True
 
     def __init__(self, url: LinkUrl, options: LinkOptions | None = None) -> None:
         options = options or LinkOptions()

@@ -14,7 +14,7 @@ from infra.stamped_udp import receive_stamped
 from infra.wall_clock import now_us
 from mavlink.links.base import Link, LinkOptions
 from mavlink.links.batch import MIXED, Batch, Claim, Sender, is_one_frame, looks_like_one_frame, system_of
-from mavlink.links.fair_shares import Traffic
+from mavlink.links.fair_shares import PassedTraffic
 from mavlink.links.flood_limiter import FloodLimit, FloodLimiter
 from mavlink.links.peers import Peers, address_of, key_of
 from mavlink.links.recvmmsg import BATCH, STRIDE, Datagrams, available
@@ -160,7 +160,7 @@ class UdpLink(Link):
         dt_s = max(self.limiter.elapsed_s(now_s), self._span_s())
         frames, read = self._traffic_of_known(dt_s)
         likely, other = self._unknown_counts
-        traffic = Traffic(likely=likely, other=other, frames=frames if self._trusts_checksums else {}, read=read)
+        traffic = PassedTraffic(likely=likely, other=other, frames=frames if self._trusts_checksums else {}, read=read)
         self._batches, self._unknown_counts = [], [0, 0]
         self._bad_datagrams.clear()
         self._unknown_addresses.clear()

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 
 from mavlink.errors import LinkError
 
-__all__ = ["DEFAULT_BAUD", "LinkUrl", "network_url", "serial_url"]
+__all__ = ["BARE_DEVICE", "DEFAULT_BAUD", "LinkUrl", "network_url", "serial_url"]
 
 DEFAULT_BAUD = 57600
 """Rate of the usual telemetry radios (SiK)."""
+BARE_DEVICE = re.compile(r"/dev/|com\d+", re.IGNORECASE)
+"""How devices begin that need no scheme."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +34,8 @@ class LinkUrl:
     def name(self) -> str:
         """The same link in one spelling."""
         if self.scheme == "serial":
-            return f"{self.device},{self.baud}"
+            bare = f"{self.device},{self.baud}"
+            return bare if BARE_DEVICE.match(bare) else f"serial:{self.device}:{self.baud}"
         return f"{self.scheme}:{self.device or f'{self.host}:{self.port}'}"
 
 

@@ -14,8 +14,8 @@ from mavlink.links.fair_shares import (
     OTHER_PER_S,
     READ_PER_S,
     SENDER_PER_S,
+    PassedTraffic,
     Shares,
-    Traffic,
     fair_level,
 )
 from mavlink.links.flood_limiter import STRANGERS, TICK_S, FloodLimiter
@@ -218,7 +218,7 @@ def settle(shares, offered, seconds=5.0, late=False):
             seen[who] = (round(rate * share * TICK_S), round(good * share * TICK_S))
             passed[who] += rate * share * TICK_S
         known = {who: counts for who, counts in seen.items() if not isinstance(who, str)}
-        traffic = Traffic(
+        traffic = PassedTraffic(
             likely=seen.get("likely", (0, 0))[0],
             other=seen.get("other", (0, 0))[0],
             frames={who: good for who, (_, good) in known.items() if good},
@@ -289,7 +289,7 @@ def test_a_gate_that_cannot_work_lets_everybody_in():
         limiter, peers = FloodLimiter(here), Peers()
         peers.systems = lambda: {(k, 1): 1 for k in range(5000)}  # more than the kernel takes
         peers.source = lambda sender: (sender[0], 1, 1)
-        limiter.adapt(0.1, 0.1, Traffic(100_000, 100_000, {}, {}), peers)
+        limiter.adapt(0.1, 0.1, PassedTraffic(100_000, 100_000, {}, {}), peers)
         assert limiter.is_unsupported and not list(limiter.limits(peers, ""))
         stranger.sendto(b"x", here.getsockname())
         assert arrived(here) == [b"x"]
@@ -299,10 +299,10 @@ def test_a_gate_that_cannot_work_lets_everybody_in():
 def test_what_is_turned_away_is_not_called_lost_and_is_counted():
     with udp_socket() as here, udp_socket() as stranger:
         limiter, peers = FloodLimiter(here), Peers()
-        limiter.adapt(0.1, 0.1, Traffic(0, 1_000_000, {}, {}), peers)
+        limiter.adapt(0.1, 0.1, PassedTraffic(0, 1_000_000, {}, {}), peers)
         for _ in range(500):
             stranger.sendto(b"junk", here.getsockname())
-        limiter.adapt(0.2, 0.1, Traffic(0, len(arrived(here)), {}, {}), peers)
+        limiter.adapt(0.2, 0.1, PassedTraffic(0, len(arrived(here)), {}, {}), peers)
         assert limiter.turned_away > 400 and limiter.dropped == 0
         (limit,) = limiter.limits(peers, "here")
         assert (limit.address, limit.system_id, limit.turned_away) == ("here", STRANGERS, limiter.turned_away)

@@ -48,6 +48,7 @@ def sender():
         ("/dev/ttyACM0", LinkUrl(scheme="serial", device="/dev/ttyACM0", baud=57600)),
         ("serial:///dev/ttyUSB0:115200", LinkUrl(scheme="serial", device="/dev/ttyUSB0", baud=115200)),
         ("serial:/dev/ttyUSB0:9600", LinkUrl(scheme="serial", device="/dev/ttyUSB0", baud=9600)),
+        ("serial:///tmp/radio:9600", LinkUrl(scheme="serial", device="/tmp/radio", baud=9600)),
         ("serial://COM3:9600", LinkUrl(scheme="serial", device="COM3", baud=9600)),
         ("COM7,115200", LinkUrl(scheme="serial", device="COM7", baud=115200)),
     ],
