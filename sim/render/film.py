@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.render.render import Renderer
-from sim.render.scenery import dress, joined
+from sim.render.scenery import joined, random_scenery
 from sim.world.world import World
 
 __all__ = ["Film", "write_video"]
@@ -25,15 +25,15 @@ class Film:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._dressing = dress(world) if world.scenario.scenery == "dressed" else None
-        style = self._dressing.style if self._dressing else None
+        self._scenery = random_scenery(world) if world.scenario.scenery == "dressed" else None
+        style = self._scenery.style if self._scenery else None
         self._renderer = Renderer(world.scene, style, seed=world.scenario.seed)
 
     def image(self, t: float, index: int) -> NDArray[np.uint8]:
         """The frame exposed at time t: (height, width, 3) BGR."""
         bodies = self._world.bodies(t)
-        if self._dressing:
-            bodies = joined(bodies, self._dressing.bodies)
+        if self._scenery:
+            bodies = joined(bodies, self._scenery.bodies)
         return self._renderer.draw(self._world.view(t), bodies, index)
 
 

@@ -28,7 +28,7 @@ __all__ = [
     "VEHICLES",
     "ObjectKind",
     "car_color",
-    "random_cast",
+    "random_catalogue",
     "random_leaf",
     "random_scene",
     "random_style",
@@ -134,7 +134,9 @@ SIZES: Mapping[int, tuple[Range, Range, Range]] = {
 """Ranges of length, width and height in metres."""
 
 
-def random_cast(rng: np.random.Generator, road: int = 8, rovers: int = 3, clutter: int = 10) -> tuple[ObjectKind, ...]:
+def random_catalogue(
+    rng: np.random.Generator, road: int = 8, rovers: int = 3, clutter: int = 10
+) -> tuple[ObjectKind, ...]:
     """So many kinds of each group, frequent ones more often."""
     groups = (("road", ROAD, road), ("rover", ROVERS, rovers), ("clutter", CLUTTER, clutter))
     return tuple(_sort(group, table, rng) for group, table, count in groups for _ in range(count))
@@ -161,12 +163,12 @@ def car_color(rng: np.random.Generator) -> NDArray[np.int64]:
     return np.asarray(np.clip(grey, 8, 252), dtype=np.int64)
 
 
-def random_style(rng: np.random.Generator, cast: tuple[ObjectKind, ...] | None = None) -> Style:
+def random_style(rng: np.random.Generator, catalogue: tuple[ObjectKind, ...] | None = None) -> Style:
     """Light and camera at random, for a set of kinds; without one, also a ground, and a model for each kind."""
-    if cast is None:
+    if catalogue is None:
         models = {kind: entry[5](rng) for kind, entry in _OF_KIND.items()}
         return replace(_random_light(rng), models=models, ground=random_ground(rng))
-    return replace(_random_light(rng), models={FIRST_KIND + k: sort.model for k, sort in enumerate(cast)})
+    return replace(_random_light(rng), models={FIRST_KIND + k: kind.model for k, kind in enumerate(catalogue)})
 
 
 def _random_light(rng: np.random.Generator) -> Style:

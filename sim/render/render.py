@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sim.render.exposure import Exposure, expose
 from sim.render.foliage import Tree, draw_tree, tree_shadow
 from sim.render.ground import Ground, GroundStyle, GroundWindow
-from sim.render.training_ground import Yard
+from sim.render.training_ground import TrainingGround
 from sim.world.bodies import Block, Model, car, person, rover
 from sim.world.view import PERSON, STRANGER, UGV, Bodies, CameraView, Scene, project, ray_ground
 
@@ -79,7 +79,7 @@ class Renderer:
     """Draws frames of one scene; the same arguments give the same pixels."""
 
     def __init__(
-        self, scene: Scene, style: Style | None = None, seed: int = 0, ground: Ground | Yard | None = None
+        self, scene: Scene, style: Style | None = None, seed: int = 0, ground: Ground | TrainingGround | None = None
     ) -> None:
         self.style = style or Style()
         self.seed = seed
@@ -102,7 +102,7 @@ class Renderer:
         return expose(image, exposure or self.style.exposure, np.random.default_rng([self.seed, 1, index]))
 
 
-def draw_ground(ground: Ground | Yard, view: CameraView) -> Image:
+def draw_ground(ground: Ground | TrainingGround, view: CameraView) -> Image:
     """The ground as the camera sees it, sky above the horizon: (height, width, 3)."""
     x, y, radius = _footprint(view)
     window: GroundWindow = ground.around(x, y, radius)
@@ -184,7 +184,7 @@ def _undistorted(width: int, height: int, lens: tuple[float, ...], step: int = 1
     return np.asarray(cv2.remap(xy, at[0], at[1], cv2.INTER_LINEAR), dtype=np.float32).reshape(-1, 1, 2)
 
 
-def _draw_sky(image: Image, view: CameraView, ground: Ground | Yard) -> None:
+def _draw_sky(image: Image, view: CameraView, ground: Ground | TrainingGround) -> None:
     """Cover what lies above, or too near below, the horizon."""
     v, u = np.mgrid[-1 : view.height + 8 : 8, -1 : view.width + 8 : 8].astype(np.float64)
     rays = np.stack([(u - view.cx) / view.fx, (v - view.cy) / view.fy, np.ones_like(u)], axis=-1)

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from sim.render.exposure import Exposure
 from sim.render.ground import GroundStyle
 from sim.render.ground_canvas import near
-from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_cast, random_leaf
+from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_catalogue, random_leaf
 from sim.render.render import DEFAULT_MODELS, Style
 from sim.world.view import OCCLUDER, Bodies, FloatArray, Scene
 from sim.world.world import World, random_stream
 
-__all__ = ["Dressing", "dress", "joined"]
+__all__ = ["Scenery", "joined", "random_scenery"]
 
 THINGS, TREES = 260, 160
 REACH_M = 45.0
@@ -28,7 +28,7 @@ CLEAR_M = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dressing:
+class Scenery:
     """Appearance of a flight."""
 
     style: Style
@@ -36,11 +36,11 @@ class Dressing:
     """Objects beside the road."""
 
 
-def dress(world: World) -> Dressing:
+def random_scenery(world: World) -> Scenery:
     """Scenery of a world; the same for equal scenarios."""
     rng = random_stream(world.scenario, "dressing")
-    cast = tuple(sort for sort in random_cast(rng, road=0, rovers=0, clutter=14) if sort.name != "pole")
-    return Dressing(style=_style(cast, rng), bodies=_beside(world, cast, rng))
+    catalogue = tuple(kind for kind in random_catalogue(rng, road=0, rovers=0, clutter=14) if kind.name != "pole")
+    return Scenery(style=_style(catalogue, rng), bodies=_beside(world, catalogue, rng))
 
 
 def joined(first: Bodies, second: Bodies) -> Bodies:
@@ -49,7 +49,7 @@ def joined(first: Bodies, second: Bodies) -> Bodies:
     return Bodies(**{name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in fields})
 
 
-def _style(cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Style:
+def _style(catalogue: tuple[ObjectKind, ...], rng: np.random.Generator) -> Style:
     """A clear or a dull day, never so dark that nothing could be seen."""
     dull = rng.random() < 0.4
     ground = GroundStyle()
@@ -75,11 +75,11 @@ def _style(cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Style:
             noise=2.0,
             softness_px=0.6,
         ),
-        models={**DEFAULT_MODELS, **{FIRST_KIND + k: sort.model for k, sort in enumerate(cast)}},
+        models={**DEFAULT_MODELS, **{FIRST_KIND + k: kind.model for k, kind in enumerate(catalogue)}},
     )
 
 
-def _beside(world: World, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
+def _beside(world: World, catalogue: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
     """Objects and trees at random places off the roads and off all paths."""
     times = np.arange(0.0, world.scenario.duration_s, 0.5)
     ways = np.concatenate([world.at(float(t)).xy for t in times])
@@ -91,8 +91,8 @@ def _beside(world: World, cast: tuple[ObjectKind, ...], rng: np.random.Generator
         x, y = rng.uniform(low, high)
         heading = float(rng.uniform(0.0, 2.0 * np.pi))
         if k < THINGS:
-            i = int(rng.integers(len(cast)))
-            kind, size, color = FIRST_KIND + i, cast[i].size, car_color(rng)
+            i = int(rng.integers(len(catalogue)))
+            kind, size, color = FIRST_KIND + i, catalogue[i].size, car_color(rng)
         else:
             wide = float(rng.uniform(1.5, 7.0))
             kind, color = OCCLUDER, np.array(random_leaf(rng))

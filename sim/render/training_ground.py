@@ -15,7 +15,7 @@ from sim.render.ground_canvas import Color, Sheet, near
 from sim.render.open_scene import random_ground, random_scene
 from sim.world.view import FloatArray
 
-__all__ = ["Slots", "Yard", "random_yard"]
+__all__ = ["Slots", "TrainingGround", "random_training_ground"]
 
 NONE = np.zeros(0)
 SIDE_PX = 2048
@@ -32,7 +32,7 @@ class Slots:
     """n places for vehicles."""
 
     x: FloatArray
-    """(n,) metres east of the yard's corner."""
+    """(n,) metres east of the ground's corner."""
     y: FloatArray
     """(n,) metres north of it, negative."""
     heading: FloatArray
@@ -42,7 +42,7 @@ class Slots:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Yard:
+class TrainingGround:
     """A painted ground, in place of ``sim.render.ground.Ground``."""
 
     window: GroundWindow
@@ -52,7 +52,7 @@ class Yard:
 
     @property
     def period_m(self) -> float:
-        """Side of the yard, after which it repeats."""
+        """Side of the ground, after which it repeats."""
         return float(self.window.levels[0].shape[0] * self.window.m_per_px)
 
     @property
@@ -65,23 +65,23 @@ class Yard:
         return self.window
 
 
-def random_yard(rng: np.random.Generator) -> Yard:
+def random_training_ground(rng: np.random.Generator) -> TrainingGround:
     """A random ground; four in ten are the open ground of sessions, some others have no streets either."""
     return _open_ground(rng) if rng.random() < 0.4 else _town(rng)
 
 
-def _open_ground(rng: np.random.Generator) -> Yard:
+def _open_ground(rng: np.random.Generator) -> TrainingGround:
     """A window of ``sim.render.ground``: roads over grass, soil and gravel, in its own colours or in others."""
     style = GroundStyle(side_px=SIDE_PX) if rng.random() < 0.4 else replace(random_ground(rng), side_px=SIDE_PX)
     window = Ground(random_scene(rng), style, rng).around(0.0, 0.0, 10.0)
-    return Yard(
+    return TrainingGround(
         window=replace(window, west=0.0, north=0.0),
         slots=Slots(x=NONE, y=NONE, heading=NONE, length=NONE),
         street=float(rng.uniform(0.0, np.pi)),
     )
 
 
-def _town(rng: np.random.Generator) -> Yard:
+def _town(rng: np.random.Generator) -> TrainingGround:
     """Lawns, fields, squares, streets and car parks."""
     sheet = Sheet(SIDE_PX, M_PER_PX, *_ground(rng))
     street = float(rng.uniform(0.0, np.pi))
@@ -101,7 +101,7 @@ def _town(rng: np.random.Generator) -> Yard:
     # sheet: u to the east, v to the south
     places = Slots(x=table[0], y=-table[1], heading=table[2], length=table[3])
     window = GroundWindow(levels=halvings(image), m_per_px=M_PER_PX, west=0.0, north=0.0)
-    return Yard(window=window, slots=places, street=street)
+    return TrainingGround(window=window, slots=places, street=street)
 
 
 def _ground(rng: np.random.Generator) -> tuple[Color, float]:

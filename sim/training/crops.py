@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from sim.render.foliage import Tree, draw_tree
 from sim.render.footage import as_footage
-from sim.render.randomise import FIRST_KIND, ObjectKind, random_cast, random_style
+from sim.render.randomise import FIRST_KIND, ObjectKind, random_catalogue, random_style
 from sim.render.render import Renderer, body_outline
-from sim.render.training_ground import Yard, random_yard
+from sim.render.training_ground import TrainingGround, random_training_ground
 from sim.training.placing import random_bodies
 from sim.training.shards import write_missing
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, Scene, project
@@ -30,7 +30,7 @@ SIDE = 384
 MAX_BOXES = 80
 OVER = (0.55, 0.75, 1.0, 1.25, 1.6)
 """Images are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
-PER_YARD, PER_CAST = 15, 5
+PER_GROUND, PER_CATALOGUE = 15, 5
 LEAST_PX = 8.0
 """Shorter vehicles count neither way."""
 log = logging.getLogger(__name__)
@@ -45,7 +45,7 @@ class Crop:
     boxes: FloatArray
     """(n, 6) cx, cy, length, width px, heading (rad, clockwise from image up), visible share (0 for the tiny)."""
     about: FloatArray
-    """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where the yard has
+    """(5,) tilt from straight down, rad; height, m; light lost in shadows, 0 to 1; exposure gain; 1 where there are
     streets or car parks, else 0."""
 
 
@@ -74,18 +74,20 @@ def labels(view: CameraView, bodies: Bodies) -> FloatArray:
     return np.column_stack([uv[:, 0], length, width, heading])
 
 
-def crop(yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Crop:
+def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.random.Generator) -> Crop:
     """One random image of a ground with objects of some kinds."""
     over = float(rng.choice(OVER))
-    view = _random_view(yard, rng, 2 * round(0.5 * SIDE * over))
-    bodies = random_bodies(view, yard, cast, rng)
-    style = random_style(rng, cast)
-    renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=yard)
+    view = _random_view(ground, rng, 2 * round(0.5 * SIDE * over))
+    bodies = random_bodies(view, ground, catalogue, rng)
+    style = random_style(rng, catalogue)
+    renderer = Renderer(Scene(), style, seed=int(rng.integers(1 << 30)), ground=ground)
     image = as_footage(renderer.draw(view, bodies), rng)
     boxes = labels(view, bodies)
     weight = _visible(view, bodies)
     boxes[:, :4] *= SIDE / view.width
-    vehicle = np.array([k >= FIRST_KIND and cast[k - FIRST_KIND].group != "clutter" for k in bodies.kind], dtype=bool)
+    vehicle = np.array(
+        [k >= FIRST_KIND and catalogue[k - FIRST_KIND].group != "clutter" for k in bodies.kind], dtype=bool
+    )
     with np.errstate(invalid="ignore"):
         inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1) & (boxes[:, 2] > 3.0)
         weight[~(boxes[:, 2] >= LEAST_PX)] = 0.0
@@ -98,7 +100,7 @@ def crop(yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> 
     return Crop(
         image=image,
         boxes=np.column_stack([boxes, weight])[keep],
-        about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(yard.slots.x) > 0]),
+        about=np.array([tilt, view.p_enu[2], style.shadow, style.exposure.gain, len(ground.slots.x) > 0]),
     )
 
 
@@ -110,11 +112,11 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
     boxes = np.zeros((count, MAX_BOXES, 6), np.float32)
     about = np.zeros((count, 5), np.float32)
     n = np.zeros(count, np.int64)
-    yard, cast = random_yard(rng), random_cast(rng)
+    ground, catalogue = random_training_ground(rng), random_catalogue(rng)
     for i in range(count):
-        yard = random_yard(rng) if i % PER_YARD == PER_YARD - 1 else yard
-        cast = random_cast(rng) if i % PER_CAST == PER_CAST - 1 else cast
-        made = crop(yard, cast, rng)
+        ground = random_training_ground(rng) if i % PER_GROUND == PER_GROUND - 1 else ground
+        catalogue = random_catalogue(rng) if i % PER_CATALOGUE == PER_CATALOGUE - 1 else catalogue
+        made = crop(ground, catalogue, rng)
         images[i], about[i], n[i] = made.image, made.about, len(made.boxes)
         boxes[i, : n[i]] = made.boxes
     folder.mkdir(parents=True, exist_ok=True)
@@ -126,7 +128,7 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
     return path
 
 
-def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
+def _random_view(ground: TrainingGround, rng: np.random.Generator, side: int) -> CameraView:
     """A camera whose image shows 2.5 m at 6 to 44 px per SIDE: straight down more often than oblique."""
     gsd = 2.5 / float(np.clip(np.exp(rng.normal(np.log(19.0), 0.5)), 6.0, 44.0)) * SIDE / side
     height = float(np.exp(rng.uniform(np.log(15.0), np.log(250.0))))
@@ -141,7 +143,7 @@ def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
     # the crop is a part of a wider image: its principal point lies off the crop by up to a frame
     cx, cy = 0.5 * side + rng.uniform(-1.0, 1.0, 2) * np.array([1.0, 0.6]) * 0.35 * focal
     aim = (0.5 * side - cx) / focal * right + (0.5 * side - cy) / focal * np.cross(forward, right) + forward
-    p_enu = _aim_point(yard, gsd * side, rng) - aim * (height / max(-aim[2], 0.3))
+    p_enu = _aim_point(ground, gsd * side, rng) - aim * (height / max(-aim[2], 0.3))
     p_enu[2] = height
     return CameraView(
         width=side,
@@ -156,13 +158,13 @@ def _random_view(yard: Yard, rng: np.random.Generator, side: int) -> CameraView:
     )
 
 
-def _aim_point(yard: Yard, reach_m: float, rng: np.random.Generator) -> FloatArray:
+def _aim_point(ground: TrainingGround, reach_m: float, rng: np.random.Generator) -> FloatArray:
     """A place on the ground, near a bay or a lane more often than not."""
-    if len(yard.slots.x) and rng.random() < 0.7:
-        k = int(rng.integers(len(yard.slots.x)))
-        x, y = np.array([yard.slots.x[k], yard.slots.y[k]]) + rng.uniform(-0.35, 0.35, 2) * reach_m
+    if len(ground.slots.x) and rng.random() < 0.7:
+        k = int(rng.integers(len(ground.slots.x)))
+        x, y = np.array([ground.slots.x[k], ground.slots.y[k]]) + rng.uniform(-0.35, 0.35, 2) * reach_m
     else:
-        x, y = rng.uniform(0.0, 1.0, 2) * yard.period_m
+        x, y = rng.uniform(0.0, 1.0, 2) * ground.period_m
     return np.array([x, y, 0.0])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_leaf
-from sim.render.training_ground import Yard
+from sim.render.training_ground import TrainingGround
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ray_ground
 
 __all__ = ["random_bodies"]
@@ -65,34 +65,36 @@ class _Placed:
         )
 
 
-def random_bodies(view: CameraView, yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator) -> Bodies:
+def random_bodies(
+    view: CameraView, ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.random.Generator
+) -> Bodies:
     """Vehicles and much else on what the camera sees."""
     placed = _Placed()
     mode = rng.choice(3, p=[0.6, 0.25, 0.15])  # traffic; a team of rovers; all kinds anywhere
     fleet = car_color(rng) if rng.random() < 0.3 else None
-    _buildings(placed, view, yard, cast, rng)
+    _buildings(placed, view, ground, catalogue, rng)
     if mode != 1 or rng.random() < 0.3:
-        _in_slots(placed, view, yard, cast, fleet, rng)
+        _in_slots(placed, view, ground, catalogue, fleet, rng)
     groups = ("road",) if mode == 0 else ("rover",) if mode == 1 else ("road", "rover")
     _anywhere(
         placed,
         view,
-        yard,
-        [k for k, s in enumerate(cast) if s.group in groups],
-        cast,
+        ground,
+        [k for k, s in enumerate(catalogue) if s.group in groups],
+        catalogue,
         rng,
         int(rng.poisson(2.0 if mode == 0 else 9.0)),
         team=mode == 1,
     )
-    small = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] < LARGE_M]
-    _anywhere(placed, view, yard, small, cast, rng, int(rng.poisson(rng.choice([2.0, 8.0, 16.0]))))
+    small = [k for k, s in enumerate(catalogue) if s.group == "clutter" and s.size[0] < LARGE_M]
+    _anywhere(placed, view, ground, small, catalogue, rng, int(rng.poisson(rng.choice([2.0, 8.0, 16.0]))))
     for _ in range(int(rng.poisson(rng.choice([0.5, 2.0, 6.0])))):
         _tree(placed, _ground_point(view, rng), float(rng.uniform(1.2, 8.0)), np.array(random_leaf(rng)), rng)
     if rng.random() < 0.4:
-        _thicket(placed, view, yard, rng)
-    crowd = [k for k, s in enumerate(cast) if s.name in ("person", "bicycle", "animal", "crate", "cooler", "tank")]
+        _thicket(placed, view, ground, rng)
+    crowd = [k for k, s in enumerate(catalogue) if s.name in ("person", "bicycle", "animal", "crate", "cooler", "tank")]
     if crowd and rng.random() < 0.2:
-        _crowd(placed, view, int(rng.choice(crowd)), cast, rng)
+        _crowd(placed, view, int(rng.choice(crowd)), catalogue, rng)
     return placed.bodies()
 
 
@@ -103,13 +105,13 @@ def _tree(
     placed.add(OCCLUDER, (*at, float(rng.uniform(0.0, 6.3))), size, leaf, solid=False)
 
 
-def _thicket(placed: _Placed, view: CameraView, yard: Yard, rng: np.random.Generator) -> None:
+def _thicket(placed: _Placed, view: CameraView, ground: TrainingGround, rng: np.random.Generator) -> None:
     """A hedge of bushes in a row, or a wood; it keeps off bays and lanes."""
     x, y = _ground_point(view, rng)
-    slots = _slots_in_view(view, yard)[:, :2]
+    slots = _slots_in_view(view, ground)[:, :2]
     leaf, count, hedge = np.array(random_leaf(rng)), int(rng.integers(8, 30)), bool(rng.random() < 0.6)
     wide = float(rng.uniform(0.7, 2.5) if hedge else rng.uniform(2.0, 6.0))
-    along = yard.street + 0.5 * np.pi * int(rng.integers(2)) + rng.normal(0.0, 0.1)
+    along = ground.street + 0.5 * np.pi * int(rng.integers(2)) + rng.normal(0.0, 0.1)
     for k in range(count):
         stray = rng.normal(0.0, 0.08 if hedge else 2.0, 2) * wide
         reach = rng.uniform(0.7, 1.0) * wide * (k - 0.5 * count) if hedge else 0.0
@@ -120,14 +122,14 @@ def _thicket(placed: _Placed, view: CameraView, yard: Yard, rng: np.random.Gener
 
 
 def _crowd(
-    placed: _Placed, view: CameraView, kind: int, cast: tuple[ObjectKind, ...], rng: np.random.Generator
+    placed: _Placed, view: CameraView, kind: int, catalogue: tuple[ObjectKind, ...], rng: np.random.Generator
 ) -> None:
     """Many small things of one sort close together: people, bicycles at a rack, goods."""
     x, y = _ground_point(view, rng)
-    reach = cast[kind].size[0] * rng.uniform(2.0, 8.0)
+    reach = catalogue[kind].size[0] * rng.uniform(2.0, 8.0)
     for _ in range(int(rng.integers(6, 30))):
         at = (x + float(rng.normal(0.0, reach)), y + float(rng.normal(0.0, reach)), float(rng.uniform(0.0, 6.3)))
-        placed.add(FIRST_KIND + kind, at, _jittered(cast[kind].size, rng), car_color(rng))
+        placed.add(FIRST_KIND + kind, at, _jittered(catalogue[kind].size, rng), car_color(rng))
 
 
 def _ground_point(view: CameraView, rng: np.random.Generator) -> tuple[float, float]:
@@ -139,28 +141,32 @@ def _ground_point(view: CameraView, rng: np.random.Generator) -> tuple[float, fl
 
 
 def _buildings(
-    placed: _Placed, view: CameraView, yard: Yard, cast: tuple[ObjectKind, ...], rng: np.random.Generator
+    placed: _Placed,
+    view: CameraView,
+    ground: TrainingGround,
+    catalogue: tuple[ObjectKind, ...],
+    rng: np.random.Generator,
 ) -> None:
-    large = [k for k, s in enumerate(cast) if s.group == "clutter" and s.size[0] >= LARGE_M]
+    large = [k for k, s in enumerate(catalogue) if s.group == "clutter" and s.size[0] >= LARGE_M]
     if not large or rng.random() < 0.4:
         return
-    near = _slots_in_view(view, yard)
+    near = _slots_in_view(view, ground)
     for _ in range(int(rng.integers(1, 5))):
         k, (x, y) = int(rng.choice(large)), _ground_point(view, rng)
-        size = cast[k].size
+        size = catalogue[k].size
         if len(near) and np.hypot(near[:, 0] - x, near[:, 1] - y).min() < 0.5 * np.hypot(*size[:2]) + 1.5:
             continue
         if view.p_enu[2] < size[2] + 8.0:
             continue
-        placed.add(FIRST_KIND + k, (x, y, yard.street + 0.5 * np.pi * int(rng.integers(4))), size, car_color(rng))
+        placed.add(FIRST_KIND + k, (x, y, ground.street + 0.5 * np.pi * int(rng.integers(4))), size, car_color(rng))
 
 
-def _slots_in_view(view: CameraView, yard: Yard) -> FloatArray:
+def _slots_in_view(view: CameraView, ground: TrainingGround) -> FloatArray:
     """(n, 4) x, y, heading, length of slots that the image shows, the ground repeating."""
-    step = yard.period_m
+    step = ground.period_m
     at = np.array([_corner(view, u, v) for u in (0.0, 0.5, 1.0) for v in (0.0, 0.5, 1.0)])
     low, high = np.floor(at.min(axis=0) / step), np.floor(at.max(axis=0) / step)
-    s = yard.slots
+    s = ground.slots
     base = np.stack([s.x, s.y, s.heading, s.length], axis=-1)
     tiles = [
         base + np.array([i * step, (j + 1) * step, 0.0, 0.0])
@@ -188,31 +194,31 @@ def _corner(view: CameraView, u: float, v: float) -> FloatArray:
 def _in_slots(
     placed: _Placed,
     view: CameraView,
-    yard: Yard,
-    cast: tuple[ObjectKind, ...],
+    ground: TrainingGround,
+    catalogue: tuple[ObjectKind, ...],
     fleet: NDArray[np.int64] | None,
     rng: np.random.Generator,
 ) -> None:
-    slots = _slots_in_view(view, yard)
-    road = [k for k, s in enumerate(cast) if s.group == "road"]
+    slots = _slots_in_view(view, ground)
+    road = [k for k, s in enumerate(catalogue) if s.group == "road"]
     share = float(rng.choice([0.2, 0.5, 0.9]))
     for x, y, heading, room in slots[rng.permutation(len(slots))]:
         if len(placed.rows) > MOST_IN_SLOTS:
             return
         k = int(rng.choice(road))
-        if rng.random() > share or cast[k].size[0] > room:
+        if rng.random() > share or catalogue[k].size[0] > room:
             continue
         at = (x + rng.normal(0.0, 0.1), y + rng.normal(0.0, 0.1), heading)
         color = fleet if fleet is not None and rng.random() < 0.6 else car_color(rng)
-        placed.add(FIRST_KIND + k, at, _jittered(cast[k].size, rng), color)
+        placed.add(FIRST_KIND + k, at, _jittered(catalogue[k].size, rng), color)
 
 
 def _anywhere(
     placed: _Placed,
     view: CameraView,
-    yard: Yard,
+    ground: TrainingGround,
     kinds: list[int],
-    cast: tuple[ObjectKind, ...],
+    catalogue: tuple[ObjectKind, ...],
     rng: np.random.Generator,
     count: int,
     team: bool = False,
@@ -223,12 +229,14 @@ def _anywhere(
     own, color = int(rng.choice(kinds)), rng.integers(10, 250, 3)
     for _ in range(count):
         k = own if team and rng.random() < 0.7 else int(rng.choice(kinds))
-        vehicle = cast[k].group != "clutter"
+        vehicle = catalogue[k].group != "clutter"
         paint = color if team and k == own else car_color(rng) if rng.random() < 0.6 else rng.integers(10, 250, 3)
         for _ in range(4):
-            along = yard.street + 0.5 * np.pi * int(rng.integers(4)) + rng.normal(0.0, 0.08)
+            along = ground.street + 0.5 * np.pi * int(rng.integers(4)) + rng.normal(0.0, 0.08)
             heading = float(along if rng.random() < (0.3 if vehicle else 0.6) else rng.uniform(0.0, 2.0 * np.pi))
-            if placed.add(FIRST_KIND + k, (*_ground_point(view, rng), heading), _jittered(cast[k].size, rng), paint):
+            if placed.add(
+                FIRST_KIND + k, (*_ground_point(view, rng), heading), _jittered(catalogue[k].size, rng), paint
+            ):
                 break
 
 

@@ -15,7 +15,7 @@ from sim.world.scenario import Scenario
 from sim.world.traffic import RoadAgents, drive_road
 from sim.world.view import PERSON, STRANGER, UGV, Road, Scene
 
-__all__ = ["Actors", "Roles", "cast_roles", "play"]
+__all__ = ["Actors", "Roles", "choose_roles", "simulate_actors"]
 
 FloatArray = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Actors:
     scene: Scene
 
 
-def cast_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
+def choose_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
     """Sizes and appearance of all bodies of a scenario."""
     ground, targets = scenario.ground, scenario.targets
     counts = {
@@ -77,9 +77,9 @@ def cast_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
     return Roles(role=role, system_id=system_id, kind=kind, size=size, color=color)
 
 
-def play(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Actors:
+def simulate_actors(scenario: Scenario, t: FloatArray, rng: np.random.Generator) -> Actors:
     """Move all bodies over the time grid t (T,), which begins no later than 0."""
-    roles = cast_roles(scenario, rng)
+    roles = choose_roles(scenario, rng)
     if scenario.ground.kind in ("open", "parked"):
         return Actors(roles=roles, motion=_on_open_ground(scenario, roles, t, rng), scene=Scene())
     path = _path(scenario, float(t[-1]), rng)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.world.actors import Actors, Roles, play
+from sim.world.actors import Actors, Roles, simulate_actors
 from sim.world.camera import view_from
 from sim.world.flight import UavMotion, UavTruth, fly
 from sim.world.motion import time_grid
@@ -47,7 +47,7 @@ class World:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         t = time_grid(-LEAD_S, scenario.duration_s + TAIL_S)
-        self._cast: Actors = play(scenario, t, random_stream(scenario, "cast"))
+        self._actors: Actors = simulate_actors(scenario, t, random_stream(scenario, "cast"))
         self._flight = self._fly(t)
         self._R_enu_ground = _sloping(scenario)
         self._canopies = self._place_canopies()
@@ -55,17 +55,17 @@ class World:
     @property
     def roles(self) -> Roles:
         """Who the n bodies are; the first ``scenario.fleet_size`` are ours."""
-        return self._cast.roles
+        return self._actors.roles
 
     @property
     def scene(self) -> Scene:
         """The roads."""
-        return self._cast.scene
+        return self._actors.scene
 
     def at(self, t: float) -> WorldState:
         """The truth t seconds after the first frame; held beyond the ends of the simulated time."""
-        xy, heading, speed = self._cast.motion.at(t)
-        before, after = self._cast.motion.at(t - 0.05)[0], self._cast.motion.at(t + 0.05)[0]
+        xy, heading, speed = self._actors.motion.at(t)
+        before, after = self._actors.motion.at(t - 0.05)[0], self._actors.motion.at(t + 0.05)[0]
         v = np.concatenate([(after - before) / 0.1, np.zeros((len(xy), 1))], axis=1)
         return WorldState(t=t, xy=xy, v_enu=v, heading=heading, speed=speed, uav=self._flight.at(t))
 
@@ -75,7 +75,7 @@ class World:
 
     def track_of(self, body: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """One body at times t (k,): position (k, 2), velocity (k, 2), heading (k,)."""
-        motion = self._cast.motion.only(body)
+        motion = self._actors.motion.only(body)
         xy, heading, _ = motion.at(t)
         v = (motion.at(t + 0.05)[0] - motion.at(t - 0.05)[0]) / 0.1
         return xy[:, 0], v[:, 0], heading[:, 0]
@@ -118,7 +118,7 @@ class World:
         if scenario.ground.kind in ("open", "parked"):
             filmed = np.zeros((len(t), 1, 2))
         else:
-            filmed = self._cast.motion.xy[:, : scenario.ground.vehicles]
+            filmed = self._actors.motion.xy[:, : scenario.ground.vehicles]
         return fly(t, filmed, scenario.flight, scenario.camera, random_stream(scenario, "flight"))
 
     def _place_canopies(self) -> FloatArray:

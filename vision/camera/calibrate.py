@@ -25,6 +25,7 @@ Floats = NDArray[np.float64]
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 FEWEST_VIEWS, MOST_VIEWS = 12, 60
+"""Views that a calibration needs, and most that it uses: more change little and take long."""
 OUTLIER = 2.5
 """A view whose error is so many times the middle one's was disturbed: the board bent, or moved while it was taken."""
 WORST_RMS = 1.0 / 1920
@@ -32,11 +33,13 @@ WORST_RMS = 1.0 / 1920
 WORST_PIXEL = 3.0 / 1920
 """1σ of the pixel of a ray, as the same share."""
 LEAST_COVERAGE = 0.6
+"""Share of the image in which the board must have been seen."""
 WORST_FOCAL = 0.005
 """1σ of a focal length, as a share of it."""
 LEAST_TILT = np.deg2rad(15.0)
 """That a quarter of the views reach; boards that face the camera cannot tell its focal length from their distance."""
 CELLS = (24, 18)
+"""Columns and rows in which coverage is counted."""
 PLACES = (
     ("upper left", "upper", "upper right"),
     ("left", "middle", "right"),

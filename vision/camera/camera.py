@@ -33,6 +33,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 
 R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""(3, 3) rotation from NED to ENU."""
 R_GIMBAL_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Camera z is the gimbal's x (optical axis), camera x its y (image right), camera y its z (image down)."""
 

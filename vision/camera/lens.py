@@ -17,6 +17,7 @@ __all__ = ["distort", "fold_radius", "undistort"]
 Floats = NDArray[np.float64]
 
 STEPS = 30
+"""Most Newton steps that undo a distortion."""
 CLOSE = 1e-10
 """Residual, in focal lengths, at which a point counts as found: far below 1e-6 px for any real camera."""
 

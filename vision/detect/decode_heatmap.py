@@ -16,7 +16,9 @@ from vision.detect.detections import Detections
 __all__ = ["CHANNELS", "decode"]
 
 CHANNELS = 9
+"""Of the model's map: score, offset x y, log length and width, front and axis as sine and cosine."""
 MAX_PEAKS = 600
+"""Most detections of one canvas, the best ones."""
 SURE_FRONT = 0.3
 """Shortest front vector from which the front is known; it is 2p − 1 for a front that is right with probability p."""
 

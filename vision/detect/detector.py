@@ -18,6 +18,7 @@ from vision.errors import ModelError
 __all__ = ["BUNDLED", "Detector", "HeatmapDetector", "YoloDetector", "open_detector"]
 
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
+"""Rollcall's own detector."""
 
 
 class Detector(Protocol):

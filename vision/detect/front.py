@@ -31,6 +31,7 @@ Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 
 BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.onnx"
+"""Rollcall's own classifier of fronts."""
 SQUARE = 1.3
 """Up to this ratio of its sides a box may have its front at a longer side."""
 MOST_CROPS = 64

@@ -25,6 +25,7 @@ from vision.errors import ModelError
 __all__ = ["ACCEPTED", "Contract", "read_contract"]
 
 FRONTS_DEG = {2: (0.0, 180.0), 4: (0.0, 90.0, 180.0, 270.0)}
+"""Default directions of the front, from the crop's +x, by number of classes."""
 ACCEPTED = (
     "accepted are image classifiers (one input [N, 3, S, S] float32 or float16 → one output [N, classes] of logits; "
     "metadata 'front_deg' unless there are 2 or 4 classes)"
@@ -34,7 +35,9 @@ MOST_BATCH, MOST_SIDE, MOST_CLASSES = 64, 1024, 360
 _DTYPES: dict[str, DTypeLike] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _DEFAULTS = {"margin": "0", "mean": "0.485 0.456 0.406", "std": "0.229 0.224 0.225", "size": "224"}
 _COUNTS = {"margin": 1, "mean": 3, "std": 3, "size": 1}
+"""Numbers in each entry of the metadata."""
 _RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MOST_SIDE)}
+"""Least and largest value of each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

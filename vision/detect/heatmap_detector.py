@@ -31,6 +31,7 @@ DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
 """How the model sees images of unknown ground resolution: scaled by so much, but not made narrower than so many px,
 nor enlarged."""
 SIDE_STEP = 32
+"""Sides of a canvas are multiples of this, px."""
 LEAST_SIDE, MOST_SIDE = 64, 4096
 """Of a canvas, px. Larger images are processed in tiles, which bounds the memory."""
 MOST_SCALE = 2.0

@@ -36,7 +36,9 @@ SIDE = 1024
 LEVELS = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64))
 """Strides of the grids of anchors: the plain heads, those with a finer and those with a coarser level."""
 BOX_COLUMNS = 7
+"""Columns of an output of boxes: x y w h, score, class, angle."""
 _DIGITS = 18
+"""Most digits of a number in the metadata."""
 MOST_SIDE = 8192
 """Of a canvas, px."""
 MOST_PIXELS = 1 << 25

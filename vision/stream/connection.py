@@ -30,10 +30,13 @@ from vision.video.frame_index import ONE_FILE, reason
 __all__ = ["OPEN_TIMEOUT_S", "READ_TIMEOUT_S", "Input", "datagrams", "listen", "open_input"]
 
 OPEN_TIMEOUT_S = 3.0
+"""Longest wait for a connection, seconds."""
 READ_TIMEOUT_S = 2.0
+"""Longest wait for the next packet, seconds."""
 SEARCH = {"analyzeduration": "10000000", "probesize": "50000000", "fpsprobesize": "0"}
 """Time to find out what a stream holds: key frames may be far apart. One whose size is known opens at once."""
 READ_BYTES = 32768
+"""Most bytes that FFmpeg asks for at once."""
 PATIENCE_S = 6.0
 """Wait for the first frame in RTP before it is reported that none can be decoded."""
 GUESS_S = 2.0

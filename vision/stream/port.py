@@ -22,11 +22,13 @@ __all__ = ["Port", "bind"]
 
 ANY = "0.0.0.0"
 BUFFER_BYTES = 4 << 20
+"""Receive buffer of the socket."""
 REPORT_BUFFER_BYTES = 1 << 16
 """Sender reports are some dozens of bytes, every few seconds."""
 SLICE_S = 0.2
 """Longest wait between two checks whether to stop."""
 TAKEOVER_S = 0.5
+"""Silence of the present sender after which another one may take its place, seconds."""
 MOST_REPORTS = 8
 """Taken at once: a sender reports every few seconds."""
 

@@ -30,6 +30,7 @@ WAITED_S = 0.003
 PROBED = 600
 """Most packets held back while those buffered at opening are drained."""
 READING_PATIENCE_S = READ_TIMEOUT_S + 1.5
+"""Time within which the next report is promised while a packet is read, seconds."""
 REMEMBERED = 256
 """Places of frames that may still come out of the decoder."""
 

@@ -15,12 +15,14 @@ from vision.stream.source import Codec
 __all__ = ["TICK_HZ", "Depacketizer", "RtpPacket", "Unit", "guess_codec", "parse"]
 
 TICK_HZ = 90_000
+"""Clock of video in RTP."""
 START = b"\0\0\0\1"
 MOST_WAITING = 64
 """Datagrams held back for one that is missing; two whole frames of them are enough, too."""
 AHEAD, BACK = 3000, 100
 """A sequence number this far off is a new sender's, once its next one follows (RFC 3550, appendix A.1)."""
 LARGEST_UNIT = 32 << 20
+"""Most bytes of a NAL unit that is put together from fragments."""
 MPEG_TS = 33
 """RTP payload type"""
 

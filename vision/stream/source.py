@@ -29,6 +29,7 @@ Codec = Literal["", "h264", "hevc", "mpegts"]
 """Of datagrams; empty: to be found out."""
 
 PORT = 5600
+"""UDP port where the address names none."""
 CODECS: Mapping[str, Codec] = {
     "": "",
     "auto": "",

@@ -39,6 +39,7 @@ __all__ = ["VideoStream"]
 _TOLD = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
 
 STALL_S = 1.0
+"""Without a frame for so long, seconds, the stream is stalled."""
 AWAKE = 2
 """Frames that end a stall."""
 START_PATIENCE_S = 20.0

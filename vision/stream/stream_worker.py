@@ -40,6 +40,7 @@ PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)
 OPENING_PATIENCE_S = 2 * OPEN_TIMEOUT_S + 2.0
 """FFmpeg takes its time twice: to connect, and to find out what comes."""
 WAITING_PATIENCE_S = 3.0
+"""Time within which the next report is promised while a connection is waited for, seconds."""
 MEMORY_BYTES = 6 << 30
 """Frames of a larger size are refused, before they take the machine's memory."""
 SEAL_S = 0.5

@@ -33,7 +33,9 @@ X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE = (
 )
 W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
 ROWS = 31
+"""Rows of the table."""
 BOX = np.array([0, 1, W, H, AXIS])
+"""Rows that make up a box."""
 # rows of a detections' table
 SEEN_SHAPE, SEEN_SCORE, SEEN_HEADING = slice(2, 5), 5, 6
 

@@ -31,6 +31,7 @@ TICK = Fraction(1, 1000)
 RETRY_S, LONGEST_RETRY_S = 2.0, 8.0
 """After a failed write, before a new file is tried; doubles with each further failure."""
 MOST_SEGMENTS = 10_000
+"""Files of one recording; a disk that fails each time must not fill a folder with names."""
 
 
 def require_new(path: Path) -> None:

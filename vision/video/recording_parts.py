@@ -20,6 +20,7 @@ __all__ = ["RecordingPart", "read_parts"]
 MOST_BETWEEN = 1_000_000
 """Frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
 _FAR_US = 1 << 60
+"""Bound of times in µs, so that a damaged time stamp does not overflow 64 bits."""
 _DIGITS = 18
 """Of a number that 64 bits hold."""
 

@@ -8,7 +8,7 @@ import pytest
 
 from sim.render.film import Film
 from sim.render.randomise import FIRST_KIND
-from sim.render.scenery import CLEAR_M, dress
+from sim.render.scenery import CLEAR_M, random_scenery
 from sim.world.presets import curved_road
 from sim.world.view import OCCLUDER
 from sim.world.world import World
@@ -23,7 +23,7 @@ def world():
 
 
 def test_nothing_stands_on_a_lane_or_in_anybodys_way(world):
-    bodies = dress(world).bodies
+    bodies = random_scenery(world).bodies
     places = np.column_stack([bodies.x, bodies.y])
     reach = 0.5 * np.hypot(bodies.length, bodies.width)
     assert len(places) > 30
@@ -36,7 +36,7 @@ def test_nothing_stands_on_a_lane_or_in_anybodys_way(world):
 
 
 def test_nothing_of_it_is_a_vehicle(world):
-    dressing = dress(world)
+    dressing = random_scenery(world)
     assert set(dressing.bodies.kind.tolist()) >= {OCCLUDER}
     assert all(kind == OCCLUDER or kind >= FIRST_KIND for kind in dressing.bodies.kind.tolist())
 

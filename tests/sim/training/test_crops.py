@@ -7,9 +7,9 @@ import pytest
 
 from sim.render.exposure import Exposure
 from sim.render.footage import as_footage
-from sim.render.randomise import FIRST_KIND, SIZES, VEHICLES, random_cast, random_scene, random_style
+from sim.render.randomise import FIRST_KIND, SIZES, VEHICLES, random_catalogue, random_scene, random_style
 from sim.render.render import Renderer
-from sim.render.training_ground import random_yard
+from sim.render.training_ground import random_training_ground
 from sim.training.crops import MAX_BOXES, SIDE, _random_view, crop, labels, write_shard
 from sim.training.placing import random_bodies
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView, Scene, ray_ground
@@ -36,14 +36,16 @@ EMPTY = Bodies(
 
 
 @pytest.fixture(scope="module")
-def yard():
+def ground():
     """The first of the seeds that has streets or car parks."""
-    return next(y for y in (random_yard(np.random.default_rng(seed)) for seed in range(20)) if len(y.slots.x) > 100)
+    return next(
+        y for y in (random_training_ground(np.random.default_rng(seed)) for seed in range(20)) if len(y.slots.x) > 100
+    )
 
 
 @pytest.fixture(scope="module")
-def cast():
-    return random_cast(np.random.default_rng(1))
+def catalogue():
+    return random_catalogue(np.random.default_rng(1))
 
 
 def test_labels_straight_down():
@@ -61,15 +63,15 @@ def test_labels_straight_down():
     np.testing.assert_allclose(label, [320 + 50, 180 + 30, 22, 14, 1.0], atol=1e-9)
 
 
-def test_one_seed_gives_one_image(yard, cast):
-    first, again, other = (crop(yard, cast, np.random.default_rng([5, k])) for k in (0, 0, 1))
+def test_one_seed_gives_one_image(ground, catalogue):
+    first, again, other = (crop(ground, catalogue, np.random.default_rng([5, k])) for k in (0, 0, 1))
     np.testing.assert_array_equal(first.image, again.image)
     np.testing.assert_array_equal(first.boxes, again.boxes)
     assert (first.image != other.image).any()
 
 
-def test_crops_hold_their_vehicles_and_nothing_else(yard, cast):
-    made = [crop(yard, cast, np.random.default_rng([5, k])) for k in range(6)]
+def test_crops_hold_their_vehicles_and_nothing_else(ground, catalogue):
+    made = [crop(ground, catalogue, np.random.default_rng([5, k])) for k in range(6)]
     boxes = np.concatenate([m.boxes for m in made])
     assert all(m.image.shape == (SIDE, SIDE, 3) for m in made)
     assert len(boxes) > 20
@@ -79,14 +81,14 @@ def test_crops_hold_their_vehicles_and_nothing_else(yard, cast):
     assert OCCLUDER not in VEHICLES
 
 
-def test_every_labelled_vehicle_is_drawn(yard, cast):
+def test_every_labelled_vehicle_is_drawn(ground, catalogue):
     """Seen from anywhere: without its bodies an image differs in the middle of every vehicle in sight."""
     rng = np.random.default_rng(8)
     for _ in range(5):
-        view = _random_view(yard, rng, SIDE)
-        things = random_bodies(view, yard, cast, rng)
-        style = replace(random_style(rng, cast), exposure=Exposure(noise=0.0, vignette=0.0), shadow=0.0)
-        renderer = Renderer(Scene(), style, ground=yard)
+        view = _random_view(ground, rng, SIDE)
+        things = random_bodies(view, ground, catalogue, rng)
+        style = replace(random_style(rng, catalogue), exposure=Exposure(noise=0.0, vignette=0.0), shadow=0.0)
+        renderer = Renderer(Scene(), style, ground=ground)
         drawn = (renderer.draw(view, things) != renderer.draw(view, EMPTY)).any(axis=-1)
         boxes = labels(view, things)
         for u, v in boxes[np.isfinite(boxes).all(axis=1) & (boxes[:, 2] > 10.0), :2].astype(int):
@@ -102,11 +104,11 @@ def test_a_shard_is_what_training_reads(tmp_path):
         assert (shard["n"] <= MAX_BOXES).all()
 
 
-def test_no_body_stands_in_another(yard, cast):
+def test_no_body_stands_in_another(ground, catalogue):
     """Vehicles of an image, as rectangles on the ground: the middle line of none runs through another."""
     view = camera(height=120.0)
     for seed in range(4):
-        things = random_bodies(view, yard, cast, np.random.default_rng(seed))
+        things = random_bodies(view, ground, catalogue, np.random.default_rng(seed))
         solid = np.flatnonzero(things.kind != OCCLUDER)
         forward = np.stack([np.sin(things.heading), np.cos(things.heading)], axis=-1)
         right = np.stack([forward[:, 1], -forward[:, 0]], axis=-1)
@@ -121,9 +123,9 @@ def test_no_body_stands_in_another(yard, cast):
                 assert not inside.any()
 
 
-def test_slots_lie_on_what_is_paved(yard):
+def test_slots_lie_on_what_is_paved(ground):
     """The yard shows asphalt or concrete, which is nearly grey, where vehicles are to stand."""
-    window, s = yard.window, yard.slots
+    window, s = ground.window, ground.slots
     u, v = (s.x / window.m_per_px).astype(int), (-s.y / window.m_per_px).astype(int)
     side = window.levels[0].shape[0]
     inside = (u > 4) & (v > 4) & (u < side - 4) & (v < side - 4)
@@ -136,11 +138,11 @@ def test_slots_lie_on_what_is_paved(yard):
     assert np.median(np.ptp(patches, axis=1)) < 45
 
 
-def test_a_cast_has_a_model_for_each_sort(cast):
-    style = random_style(np.random.default_rng(0), cast)
-    assert set(style.models) == {FIRST_KIND + k for k in range(len(cast))}
-    assert {s.group for s in cast} == {"road", "rover", "clutter"}
-    assert all(0.05 < s.size[0] < 40.0 for s in cast)
+def test_a_catalogue_has_a_model_for_each_kind(catalogue):
+    style = random_style(np.random.default_rng(0), catalogue)
+    assert set(style.models) == {FIRST_KIND + k for k in range(len(catalogue))}
+    assert {s.group for s in catalogue} == {"road", "rover", "clutter"}
+    assert all(0.05 < s.size[0] < 40.0 for s in catalogue)
 
 
 def test_every_kind_of_the_table_can_be_drawn():
