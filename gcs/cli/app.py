@@ -35,7 +35,7 @@ _COMMANDS: dict[str, str] = {
     "demo": "Replay the bundled recording.",
     "bench": "Run a benchmark.",
 }
-"""What ``--help`` says of each, so that it need not load them."""
+"""The line of ``--help`` for each: to print it no command is imported."""
 _GROUPS = ("tlog", "keys")
 _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 

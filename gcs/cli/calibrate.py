@@ -85,7 +85,7 @@ def _board(text: str, square_m: float) -> Board:
 
 
 def _facts(calibration: Calibration, video: Path, board: Board) -> dict[str, object]:
-    """What the file says of how it was made."""
+    """How the calibration was made, for the file."""
     std = {name: float(value) for name, value in zip(PARAMETERS, calibration.std, strict=True)}
     return {
         "video": video.name,

@@ -182,7 +182,7 @@ def errors_as_exit_codes() -> Iterator[None]:
         print_note(_one_line(error))
         raise SystemExit(BAD_INPUT) from error
     except BrokenPipeError:
-        # The reader of our output went away: there is nobody left to tell.
+        # whoever read our output is gone: no message would be seen
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(0) from None
     except KeyboardInterrupt:
@@ -194,8 +194,8 @@ def errors_as_exit_codes() -> Iterator[None]:
         raise SystemExit(NOT_AVAILABLE) from error
 
 
-def _one_line(said: object) -> str:
-    return " ".join(str(said).split())
+def _one_line(message: object) -> str:
+    return " ".join(str(message).split())
 
 
 class _Terminal(io.TextIOWrapper):
@@ -219,7 +219,7 @@ class _Terminal(io.TextIOWrapper):
 
 
 def redirect_if_terminal_gone(path: Path) -> None:
-    """Where the terminal is gone, what is said from now on goes to the end of a file; what is in a file stays there."""
+    """Append stdout and stderr to a file if their terminal is closed; streams that are files stay as they are."""
     with contextlib.suppress(OSError, ValueError):
         for stream in (sys.stdout, sys.stderr):
             if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):

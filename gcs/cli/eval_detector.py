@@ -46,7 +46,7 @@ def eval_detector(
     score: Annotated[
         float, typer.Option(callback=check_range(FLOOR, 1.0), help="Operating score, of precision, recall and errors.")
     ] = 0.3,
-    form: Annotated[str | None, typer.Option("--format", help="yolo, dota, visdrone or shards; else told.")] = None,
+    form: Annotated[str | None, typer.Option("--format", help="yolo, dota, visdrone or shards; else detected.")] = None,
     classes: Annotated[str | None, typer.Option(help="Labelled classes that count, by comma; else vehicles.")] = None,
     ignore: Annotated[str | None, typer.Option(help="Classes that count neither way, by comma.")] = None,
     names: Annotated[str | None, typer.Option(help="Names of YOLO class numbers, by comma.")] = None,
@@ -74,7 +74,7 @@ def eval_detector(
         "judged by": "upright boxes" if any(p.truth.upright for p in images) else "oriented boxes",
         "model": model.name if model else "bundled",
         "fronts": front.name if front else "the model's own",
-        "ground resolution": f"{gsd:g} m per px" if gsd else "as the labels tell",
+        "ground resolution": f"{gsd:g} m per px" if gsd else "from the labels",
         "time a picture, ms": f"{1e3 * took / max(len(images), 1):.0f}",
     }
     result = replace(result, classes=tuple(replace(share, name=plain(share.name)) for share in result.classes))
@@ -137,8 +137,8 @@ def _look(
     found, took, blind = [], 0.0, 0
     with progress("eval-detector") as report:
         for labelled in images:
-            told = labelled.gsd_m if math.isfinite(labelled.gsd_m) else (native if labelled.as_seen else None)
-            used = gsd or told
+            known = labelled.gsd_m if math.isfinite(labelled.gsd_m) else (native if labelled.as_seen else None)
+            used = gsd or known
             blind += used is None
             image: NDArray[np.uint8] = labelled.read()
             began = time.perf_counter()

@@ -52,7 +52,7 @@ def export(
 
 
 def _snapshots(analysis: Analysis, identity: Path | None, images: bool) -> Iterator[Snapshot]:
-    """What a log says, or else what the analysis finds."""
+    """Snapshots of an identity log, or else of the analysis."""
     if identity is not None:
         return read_snapshots(identity, analysis.mission, analysis.video if images else None, print_note)
     return analysis.snapshots(images=images)

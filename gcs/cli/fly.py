@@ -44,7 +44,7 @@ __all__ = ["fly"]
 _log = logging.getLogger(__name__)
 
 CONSOLE = "console.log"
-"""In the session folder: what libraries say while the screens are up."""
+"""In the session folder: output of libraries while the screens are up."""
 
 
 def fly(
@@ -139,17 +139,19 @@ def _hide_password(video: str) -> None:
 
 
 def _check_folders(flight: Flight, sessions: Path, *, screen: bool) -> Sealing:
-    """See to what stands where a flight is recorded; what there is to be told goes to the flight, and to stderr while
-    that is no screen's."""
+    """Seal interrupted recordings, and warn of folders that others may write to: in the flight's events, and on stderr
+    where there is no screen."""
 
-    def tell(text: str, level: Level = "info") -> None:
+    def report(text: str, level: Level = "info") -> None:
         flight.add_event(Event(t_us=now_us(), level=level, kind="recording", text=text))
         if not screen:
             print_note(text)
 
     for folder in filter(is_shared, (flight.folder, sessions)):
-        tell(f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning")
-    return Sealing(sessions, tell)
+        report(
+            f"{folder}: others may write to this folder, and change what is recorded; chmod go-w ends that", "warning"
+        )
+    return Sealing(sessions, report)
 
 
 def _check_vehicles(system_ids: Sequence[int], mission: Mission) -> tuple[int, ...]:
@@ -187,7 +189,7 @@ def _wait(flight: Flight, duration: float | None = None) -> None:
 
 
 def _screen(flight: Flight, graphics: Graphics, bell: bool) -> bool:
-    """Fly with the screens; False when they ended and nobody had asked for it."""
+    """Fly with the screens; False when they ended without being asked to."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 

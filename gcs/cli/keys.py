@@ -87,7 +87,7 @@ def add(
 
 @app.command("list")
 def list_(keys: _Folder = None, as_json: AsJson = False) -> None:
-    """Whose keys there are, and what tells them apart."""
+    """List the keys: whose they are, and their fingerprints."""
     folder = keys or user_keys()
     ring = read_ring(folder)
     if as_json:

@@ -189,8 +189,8 @@ def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArra
         _draw_box(canvas, box, STANDING_RGB[standing_of(snapshot, box)], scale, unit)
     for box, text, place in zip(boxes, labels, places, strict=True):
         colour = STANDING_RGB[standing_of(snapshot, box)]
-        stressed = bool(selected) and box.system_id == selected
-        _draw_label(canvas, text, place, unit, *((DARK, colour) if stressed else (colour, DARK)))
+        highlighted = bool(selected) and box.system_id == selected
+        _draw_label(canvas, text, place, unit, *((DARK, colour) if highlighted else (colour, DARK)))
     _draw_header(canvas, snapshot, unit)
     return canvas
 
