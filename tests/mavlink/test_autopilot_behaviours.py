@@ -23,7 +23,7 @@ from mavlink.signing.streams import ticks_of
 from mavlink.signing.verifier import Verifier
 from mavlink.transmit.rate_requests import interval_answer
 from tests.support.flights import FIELD, T0, S
-from tests.support.message_encoder import MessageEncoder
+from tests.support.frames import MessageEncoder
 from tests.support.ports import free_port
 from tests.support.receiving import open_reader
 

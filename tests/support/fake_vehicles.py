@@ -17,7 +17,7 @@ from mavlink.geodesy import LocalFrame, quaternion_from_euler, wrap_pi
 from mavlink.protocol.encoder import COPTER, ROVER
 from mavlink.protocol.packet import Packet
 from mavlink.transmit.transmitter import Transmitter
-from tests.support.message_encoder import MessageEncoder
+from tests.support.frames import MessageEncoder
 
 MOST_S = 60.0
 

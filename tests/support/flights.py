@@ -11,7 +11,7 @@ from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.encoder import ARDUPILOT, COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from tests.support.message_encoder import MessageEncoder
+from tests.support.frames import MessageEncoder
 
 T0 = 1_790_000_000_000_000
 S = 1_000_000

@@ -16,7 +16,7 @@ from mavlink.protocol.encoder import COPTER
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.transmit import message_rates as rates
 from tests.support.fake_vehicles import PLACE, UAV, UGV, FakeCopter, open_air
-from tests.support.message_encoder import MessageEncoder
+from tests.support.frames import MessageEncoder
 
 QUICK = CommandParams(point_s=0.1, lost_s=0.3, see_s=1.2, text_s=0.15)
 

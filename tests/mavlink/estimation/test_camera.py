@@ -11,7 +11,7 @@ from mavlink.estimation.camera_report import NARROWEST, WIDEST
 from mavlink.protocol.decode import CameraSettings, decode
 from mavlink.protocol.packet import Packet
 from tests.support.flights import FIELD, T0, World
-from tests.support.message_encoder import MessageEncoder
+from tests.support.frames import MessageEncoder
 
 NOBODY = [math.nan] * 4
 

@@ -24,7 +24,7 @@ from mavlink.protocol.messages import (
     VideoStreamInformation,
 )
 from mavlink.protocol.packet import Packet
-from tests.support.message_encoder import MessageEncoder
+from tests.support.frames import MessageEncoder
 
 UAV = MessageEncoder(1)
 
