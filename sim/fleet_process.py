@@ -24,7 +24,7 @@ from typing import Any
 
 from infra.wall_clock import now_us
 from sim.errors import PlayError
-from sim.faults.fault_traffic import Traffic, traffic
+from sim.faults.fault_traffic import FaultTraffic, traffic
 from sim.faults.fleet_faults import LIES, SimulatedFleet, SimulatedSender
 
 __all__ = ["SendCounts", "fleet_of", "main", "read_keys", "send", "system_ids"]
@@ -53,7 +53,9 @@ def system_ids(vehicles: int) -> list[int]:
     return [UAV_ID, *range(FIRST_UGV_ID, FIRST_UGV_ID + vehicles - 1)]
 
 
-def send(plan: Traffic, target: tuple[str, int], duration_s: float, stop: threading.Event | None = None) -> SendCounts:
+def send(
+    plan: FaultTraffic, target: tuple[str, int], duration_s: float, stop: threading.Event | None = None
+) -> SendCounts:
     """Send until the duration is over or ``stop`` is set; what is late is sent at once, nothing is left out."""
     stop = stop or threading.Event()
     outlets: dict[int, socket.socket] = {}
@@ -205,7 +207,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not 1 <= arguments.vehicles <= MOST:
             raise PlayError(f"--vehicles {arguments.vehicles}: 1 to {MOST}")
         keys = read_keys(arguments.sign, system_ids(arguments.vehicles)) if arguments.sign else {}
-        plan = Traffic(
+        plan = FaultTraffic(
             fleet=fleet_of(arguments),
             rate_hz=arguments.rate,
             keys=keys,

@@ -16,7 +16,7 @@ from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, Se
 from sim.faults.fault_texts import BOOT_WORDS, HOSTILE_TEXTS, poison
 from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, places
 
-__all__ = ["STRANGER", "ScheduledDatagram", "Traffic", "traffic"]
+__all__ = ["STRANGER", "FaultTraffic", "ScheduledDatagram", "traffic"]
 
 BATCH_S = 0.1
 REPLAY_AFTER_S = 10.0
@@ -37,7 +37,7 @@ class ScheduledDatagram:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Traffic:
+class FaultTraffic:
     """How much of what."""
 
     fleet: SimulatedFleet
@@ -54,7 +54,7 @@ class Traffic:
     seed: int = 1
 
 
-def traffic(plan: Traffic, start_us: int) -> Iterator[ScheduledDatagram]:
+def traffic(plan: FaultTraffic, start_us: int) -> Iterator[ScheduledDatagram]:
     """Everything, without end, by time since the start.
 
     Args:
@@ -69,7 +69,7 @@ def traffic(plan: Traffic, start_us: int) -> Iterator[ScheduledDatagram]:
 class _SenderCounters:
     """The senders' counters."""
 
-    def __init__(self, plan: Traffic, start_us: int) -> None:
+    def __init__(self, plan: FaultTraffic, start_us: int) -> None:
         self._plan, self._start_us = plan, start_us
         self._rng = random.Random(plan.seed)
         self._encoders = [self._encoder_of(sender) for sender in plan.fleet.senders]

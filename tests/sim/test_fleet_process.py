@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Packet
-from sim.faults.fault_traffic import STRANGER, Traffic, traffic
+from sim.faults.fault_traffic import STRANGER, FaultTraffic, traffic
 from sim.fleet_process import _parser, fleet_of, main, read_keys, system_ids
 
 START_US = 1_795_170_792_000_000
@@ -23,7 +23,7 @@ KEY = bytes(range(32))
 
 def sent(seconds, *words, key=None):
     arguments = _parser().parse_args(["--to", "127.0.0.1:1", *words])
-    plan = Traffic(
+    plan = FaultTraffic(
         fleet=fleet_of(arguments),
         rate_hz=arguments.rate,
         keys=dict.fromkeys(system_ids(245), key) if key else {},
