@@ -1,7 +1,6 @@
-"""Two senders of one system id, and all that only looks like it."""
+"""Two senders of one system id, and what only looks like it."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -66,7 +65,7 @@ def test_an_impostor_is_found_within_two_seconds_and_both_are_quarantined(name, 
         assert ("radio address 2" if impostor.link else "udp address 2") in air.alarms[0]
 
 
-def test_a_second_address_that_says_the_same_is_told_and_not_refused():
+def test_a_second_address_that_agrees_is_reported_and_not_rejected():
     air = Air(Sender(), Sender(peer=2, seq=140, phase_us=100_000, starts_us=BEGIN)).run(9)
     texts = [n.text for n in air.notices if n.level == "warning"]
     assert texts == ["system 11 sends from two addresses (udp address 1 and udp address 2)"] or texts == [
@@ -118,7 +117,7 @@ def test_another_hardware_id_is_found_at_once():
     assert not air.run(35).status().contested
 
 
-def test_another_board_after_a_reboot_is_told_and_believed():
+def test_another_board_after_a_reboot_is_reported_and_accepted():
     air = Air(Sender(ends_us=BEGIN), Sender(peer=2, booted_us=BEGIN, starts_us=BEGIN + 2 * S)).run(5)
     air.fleet.add_packet(Packet(air.now_us, version(MavlinkEncoder(UGV), uid=1), 0, 1))
     air.run(4)
@@ -187,7 +186,7 @@ HARMLESS = {
 
 
 @pytest.mark.parametrize("name", HARMLESS)
-def test_nobody_else_is_taken_for_an_impostor(name):
+def test_nothing_else_is_taken_for_an_impostor(name):
     senders = [Sender(**{k: v for k, v in vars(s).items() if k not in ("speaker", "rng")}) for s in HARMLESS[name]]
     air = Air(*senders).run(22)
     assert not air.contested_us
@@ -209,7 +208,7 @@ def test_a_silent_radio_leaves_the_mode_to_the_one_that_is_behind():
     assert air.status().mode == "HOLD" and air.status().heartbeat_age_s < 1.5
 
 
-def test_heartbeats_over_a_new_address_are_no_copies_of_those_whose_numbers_have_come_round():
+def test_heartbeats_over_a_new_address_are_no_duplicates_of_those_whose_numbers_have_come_round():
     fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV)
     for k in range(
         20 * 32
@@ -221,7 +220,7 @@ def test_heartbeats_over_a_new_address_are_no_copies_of_those_whose_numbers_have
     assert fleet.at(t_us).vehicles[1].copies <= 1
 
 
-def test_a_companion_that_tells_the_time_is_not_the_autopilot():
+def test_a_companion_that_sends_the_time_is_not_the_autopilot():
     air = Air(Sender(clocked=True)).run(1)
     companion = MavlinkEncoder(UGV, 191)
     for k in range(20):
@@ -231,7 +230,7 @@ def test_a_companion_that_tells_the_time_is_not_the_autopilot():
     assert not any("date" in notice.text for notice in air.notices)
 
 
-def test_an_operator_is_told_addresses_where_they_are_known():
+def test_addresses_are_reported_where_they_are_known():
     known = {(0, 1): "10.0.0.4:14550", (1, 2): "10.0.0.9:5000"}
     fleet = Fleet(
         UAV, [UGV], origin=FIELD, links=("udp", "radio"), address=lambda link, peer: known.get((link, peer), "")
@@ -240,16 +239,6 @@ def test_an_operator_is_told_addresses_where_they_are_known():
     air.fleet = fleet
     air.run(9)
     assert air.alarms[0].endswith(": 10.0.0.4:14550 on udp and 10.0.0.9:5000 on radio")
-
-
-def test_signatures_are_counted_and_forgeries_told():
-    air = Air(Sender(auth=Auth.GOOD), Sender(peer=2, shift=(-80.0, 0.0), auth=Auth.BAD, seq=9)).run(20)
-    status = air.status()
-    assert status.signed > 200 and status.unsigned == 0 and status.bad_signature > 200
-    assert air.alarms == ["system 11: 3 packets refused, bad signature (udp address 2)"]
-    air.run(12)
-    assert len(air.alarms) == 2
-    assert air.status(12).unsigned > 0 and air.status(12).signed == 0
 
 
 def test_clock_readings_of_two_senders_are_no_drift():
@@ -270,159 +259,7 @@ def test_clock_readings_of_two_senders_are_no_drift():
     assert not air.status().clock_fault
 
 
-def test_what_lasts_is_told_ever_more_rarely_and_again_when_it_comes_back():
-    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV).heartbeat()
-
-    def told(start_s, stop_s):
-        return sum(bool(fleet.add_packet(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))) for k in range(start_s, stop_s))
-
-    assert 5 <= told(0, 3600) <= 12
-    assert told(4000, 4010) == 1
-    air = Air(Sender(), Sender(peer=2, seq=140, phase_us=100_000)).run(100)
-    assert sum("two addresses" in notice.text for notice in air.notices) == 1
-
-
-def test_a_forger_is_told_at_once_though_unsigned_packets_were_refused_all_along():
-    fleet, raw = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV).heartbeat()
-    for k in range(3600):
-        fleet.add_packet(Packet(T0 + k * S, raw, 0, 1, Auth.UNSIGNED))
-    said = [n.text for k in range(5) for n in fleet.add_packet(Packet(T0 + 3600 * S + k, raw, 0, 2, Auth.BAD))]
-    assert said == ["system 11: 3 packets refused, bad signature (link 0 address 2)"]
-
-
-def test_the_second_copy_of_a_signed_packet_is_no_replay():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    for i in range(10):
-        raw = speaker.heartbeat()
-        fleet.add_packet(Packet(T0 + i * S, raw, 0, 1, Auth.GOOD))
-        assert fleet.add_packet(Packet(T0 + i * S + 5000, raw, 1, 1, Auth.REPLAYED)) == ()
-    status = fleet.at(T0 + 10 * S).vehicles[1]
-    assert (status.signed, status.bad_signature, status.copies) == (10, 0, 10)
-
-
-@pytest.mark.parametrize("believed", [Auth.GOOD, Auth.OPEN], ids=["in flight", "in a replay"])
-def test_signed_packets_that_were_overtaken_are_no_replay(believed):
-    """ArduPilot signs for all its radios with one counter: what comes over the slower one is older than the newest."""
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    frames = [speaker.attitude(i * 100, 0.0, 0.0, 0.1) for i in range(200)]
-    told = []
-    for i in range(0, 200, 2):
-        told += fleet.add_packet(Packet(T0 + i * S // 10, frames[i + 1], 0, 1, believed))
-        told += fleet.add_packet(Packet(T0 + i * S // 10 + 5000, frames[i], 1, 1, Auth.REPLAYED))
-    status = fleet.at(T0 + 20 * S).vehicles[1]
-    assert (status.signed + status.unsigned, status.bad_signature) == (100, 0)
-    (notice,) = [notice for notice in told if "refused" in notice.text]
-    assert notice.level == "warning" and "20 signed packets came after newer ones" in notice.text
-
-
-def test_a_recording_of_minutes_ago_is_a_replay_though_its_packets_were_never_heard():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    old = [speaker.attitude(i * 100, 0.0, 0.0, 0.1) for i in range(10)]
-    speaker._mav.signing.timestamp += 30 * 100_000
-    fleet.add_packet(Packet(T0, speaker.heartbeat(), 0, 1, Auth.GOOD))
-    told = [notice for raw in old for notice in fleet.add_packet(Packet(T0 + S, raw, 0, 2, Auth.REPLAYED))]
-    assert [notice.level for notice in told] == ["alarm"] and "replayed signature" in told[0].text
-    assert fleet.at(T0 + S).vehicles[1].bad_signature == 10
-
-
-@pytest.mark.parametrize("seconds", [13, 40, 300, 3000])
-@pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
-def test_a_recording_played_from_elsewhere_is_told_as_one_however_slowly_the_counter_runs(seconds, per_s):
-    """An armed ArduPilot's timestamps grow by 10 µs a packet: those of minutes ago are only milliseconds behind."""
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    frames = []
-    for k in range(seconds + 30):
-        speaker._mav.signing.timestamp = 10**12 + k * per_s
-        frames += [speaker.attitude(k * 1000 + part * 500, 0.0, 0.0, 0.1) for part in range(2)]
-        # half of them were lost on the way here, and the recording has them
-        fleet.add_packet(Packet(T0 + k * S, frames[-2], 0, 1, Auth.GOOD))
-    now = T0 + (seconds + 30) * S
-    told = [notice for raw in frames[1:20:2] for notice in fleet.add_packet(Packet(now, raw, 0, 2, Auth.REPLAYED))]
-    (notice,) = told
-    assert notice.level == "alarm"
-    said = re.search(r": a recording made at least (\d+) (s|min) ago is played \(link 0 address 2\)$", notice.text)
-    age_s = float(said[1]) * {"s": 1, "min": 60}[said[2]]
-    assert min(seconds, 120) <= age_s <= seconds + 60
-    status = fleet.at(now).vehicles[1]
-    assert (status.replayed, status.bad_signature, status.signs) == (10, 10, False)
-
-
-def test_a_recording_played_at_the_start_of_a_flight_is_told_by_the_vehicles_own_clock():
-    """What newer packets say is three seconds old, and the counter has hardly moved in twenty minutes."""
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    beats = [speaker.heartbeat() for _ in range(40)]
-    recording = [speaker.attitude(k * 500, 0.0, 0.0, 0.1) for k in range(40)]
-    for k in range(30):
-        fleet.add_packet(
-            Packet(T0 + k * S // 10, speaker.attitude(1_200_000 + k * 100, 0.0, 0.0, 0.1), 0, 1, Auth.GOOD)
-        )
-    played = [raw for pair in zip(recording, beats, strict=True) for raw in pair]
-    told = [
-        n for k, raw in enumerate(played) for n in fleet.add_packet(Packet(T0 + 3 * S + k, raw, 0, 2, Auth.REPLAYED))
-    ]
-    assert [notice.level for notice in told] == ["alarm"]
-    assert "a recording made at least 20 min ago is played (link 0 address 2)" in told[0].text
-    assert fleet.at(T0 + 3 * S).vehicles[1].replayed == 80
-
-
-@pytest.mark.parametrize(("late_s", "replayed"), [(10, 0), (13, 5), (20, 5), (23, 5), (60, 5)])
-def test_the_same_packets_again_are_copies_for_twelve_seconds_and_then_a_recording(late_s, replayed):
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    frames = [speaker.heartbeat() for _ in range(100)]
-    for k, raw in enumerate(frames):
-        fleet.add_packet(Packet(T0 + k * S, raw, 0, 1, Auth.GOOD))
-    now = T0 + 99 * S
-    told = [
-        n for k in range(5) for n in fleet.add_packet(Packet(now, frames[99 - late_s - k % 2], 0, 2, Auth.REPLAYED))
-    ]
-    status = fleet.at(now).vehicles[1]
-    assert (status.replayed, len(told)) == (replayed, min(replayed, 1))
-
-
-@pytest.mark.parametrize("late_s", [1, 5, 10])
-@pytest.mark.parametrize("per_s", [20, 100_000], ids=["counter that stands still", "time of day"])
-def test_a_slower_second_link_is_no_recording(late_s, per_s):
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    told, frames = [], []
-    for k in range(200):
-        speaker._mav.signing.timestamp = 10**12 + k * per_s
-        frames.append([speaker.attitude(k * 1000 + part * 500, 0.0, 0.0, 0.1) for part in range(2)])
-        fleet.add_packet(Packet(T0 + k * S, frames[k][1], 0, 1, Auth.GOOD))
-        if k >= late_s:
-            for raw in frames[k - late_s]:  # one of them was lost on the faster link
-                told += fleet.add_packet(Packet(T0 + k * S + 5000, raw, 1, 1, Auth.REPLAYED))
-    status = fleet.at(T0 + 200 * S).vehicles[1]
-    assert (status.replayed, status.bad_signature) == (0, 0)
-    assert {notice.level for notice in told} == {"warning"} and len(told) == 1
-
-
-def test_what_was_refused_is_over_ten_seconds_after_it_ended():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    for k in range(10):
-        fleet.add_packet(Packet(T0 + k * S, MavlinkEncoder(UGV).heartbeat(), 0, 1, Auth.UNSIGNED))
-    assert not fleet.at(T0 + 9 * S).vehicles[1].signs
-    for k in range(10, 30):
-        fleet.add_packet(Packet(T0 + k * S, speaker.heartbeat(), 0, 1, Auth.GOOD))
-        assert fleet.at(T0 + k * S).vehicles[1].signs == (k >= 19)
-    assert not fleet.at(T0 + 60 * S).vehicles[1].signs
-
-
-def test_held_is_said_with_how_far_and_from_where_and_is_over_with_the_first_that_is_believed():
-    fleet, speaker = Fleet(UAV, [UGV], origin=FIELD), MavlinkEncoder(UGV, key=bytes(32))
-    speaker._mav.signing.timestamp = (T0 - 1_420_070_400 * S) // 10 - 1800 * 100_000
-    told = []
-    for k in range(100):
-        told += fleet.add_packet(Packet(T0 + k * S // 10, speaker.heartbeat(), 0, 2, Auth.HELD))
-    assert [notice.text for notice in told] == [
-        "system 11: signatures 30 min behind, nothing proves that its packets are made now: held (link 0 address 2)"
-    ]
-    status = fleet.at(T0 + 10 * S).vehicles[1]
-    assert (status.held, round(status.held_s), status.bad_signature) == (100, 1810, 0)
-    fleet.add_packet(Packet(T0 + 10 * S, speaker.heartbeat(), 0, 2, Auth.GOOD))
-    assert math.isnan(fleet.at(T0 + 10 * S).vehicles[1].held_s)
-
-
-def test_loss_rate_and_freshness_are_told_for_each_link():
+def test_loss_rate_and_age_are_reported_for_each_link():
     air = Air(Sender(), Sender(link=1, peer=3, seq=140, phase_us=50_000, loss=0.5, rate_hz=1)).run(15)
     status = air.status()
     first, second = status.channels
@@ -436,7 +273,7 @@ def test_loss_rate_and_freshness_are_told_for_each_link():
     assert air.status().channels[0].rate_hz < 1.2
 
 
-def test_a_flood_of_forged_heartbeats_is_told_in_a_few_lines():
+def test_a_flood_of_forged_heartbeats_makes_few_notices():
     air = Air(Sender()).run(5)
     forger, rng, said = MavlinkEncoder(UGV), np.random.default_rng(3), []
     for k in range(5000):
