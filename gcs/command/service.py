@@ -41,7 +41,7 @@ class CommandService:
         uav_name: what operators call the UAV.
         transmitter: the way out, which lets nothing pass that is not for the UAV.
         where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
-        tell: given events, in the thread of the service or in the one that polls.
+        on_event: called with events, in the thread of the service or in the one that polls.
         own: system and component id that the station speaks as.
         params: how orders are carried out.
         rates: message id → Hz wanted of the UAV.
@@ -56,14 +56,14 @@ class CommandService:
         uav_name: str,
         transmitter: Transmitter,
         where: Callable[[int], GeoPoint | None],
-        tell: Callable[[Event], None],
+        on_event: Callable[[Event], None],
         own: tuple[int, int] = (SYSTEM_ID, COMPONENT_ID),
         params: CommandParams | None = None,
         rates: Mapping[int, float] = UAV_RATES,
         gimbal: int = 0,
     ) -> None:
         self._uav_id, self._uav_name, self._ground = uav, uav_name, dict(ground)
-        self._transmitter, self._tell = transmitter, tell
+        self._transmitter, self._on_event = transmitter, on_event
         encoder = MavlinkEncoder(*own)
         self._heartbeat, self._timesync = HeartbeatTimer(encoder), TimeSyncTimer(encoder)
         self._rates = MessageRates(encoder, uav, tuple(ground), own=own[0], uav_rates=rates)
@@ -169,7 +169,7 @@ class CommandService:
             tell("alarm", f"failed: {error}")
 
     def _note(self, level: Level, kind: str, text: str, system_id: int) -> None:
-        self._tell(Event(t_us=now_us(), level=level, kind=kind, text=text, system_id=system_id))
+        self._on_event(Event(t_us=now_us(), level=level, kind=kind, text=text, system_id=system_id))
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)

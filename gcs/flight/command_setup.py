@@ -26,7 +26,7 @@ def open_command_service(
     ingest: Ingest,
     ring: KeyRing,
     where: Callable[[int], GeoPoint | None],
-    tell: Callable[[Event], None],
+    on_event: Callable[[Event], None],
 ) -> CommandService:
     """The command service of a flight that may command.
 
@@ -35,7 +35,7 @@ def open_command_service(
         ingest: sends.
         ring: frames to a UAV that has a key are signed with it.
         where: the place of a ground vehicle, None when it is not known for sure and now.
-        tell: given what becomes of orders, in another thread.
+        on_event: given what becomes of orders, in another thread.
     """
     uav = mission.uav.system_id
     key = ring.key_of(uav)
@@ -57,7 +57,7 @@ def open_command_service(
         uav_name=mission.name_of(uav),
         transmitter=transmitter,
         where=where,
-        tell=tell,
+        on_event=on_event,
         rates=uav_rates(gimbal=mission.follows_gimbal),
         gimbal=mission.camera.gimbal if mission.camera else 0,
     )

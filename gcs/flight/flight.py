@@ -128,9 +128,9 @@ class Flight:
             self._video,
             None if self._commands else self._rates,
             keys=len(self._ring),
-            tell=self._loop.add_event,
+            on_event=self._loop.add_event,
         )
-        jobs = {"listening": self._listen, "naming": self._name, "looking after the flight": self._look_after}
+        jobs = {"listening": self._receive, "naming": self._process, "looking after the flight": self._check_health}
         self._threads = [
             threading.Thread(target=self._repeat, args=job, name=job[0], daemon=True) for job in jobs.items()
         ]
@@ -245,7 +245,7 @@ class Flight:
             self._ingest,
             self._ring,
             where=lambda system_id: place_of(system_id, self._loop.latest),
-            tell=self._loop.add_event,
+            on_event=self._loop.add_event,
         )
 
     def _repeat(self, job: str, turn: Callable[[], None]) -> None:
@@ -259,7 +259,7 @@ class Flight:
             else:
                 self._faults.turn_succeeded(job)
 
-    def _listen(self) -> None:
+    def _receive(self) -> None:
         packets = self._ingest.read(READ_S)
         self._loop.add_packets(packets, self._ingest.heard_us)
         if self._commands:
@@ -270,7 +270,7 @@ class Flight:
             for packet in packets:
                 self._rates.add_packet(packet, now_s)
 
-    def _name(self) -> None:
+    def _process(self) -> None:
         frame = self._video.latest(IDLE_S)
         if self._video.stream is None:
             self._stop.wait(IDLE_S)
@@ -278,7 +278,7 @@ class Flight:
             self._commands.poll()
         self._loop.run_once(frame)
 
-    def _look_after(self) -> None:
+    def _check_health(self) -> None:
         self._loop.health = self._monitor.check(self._loop.throughput, self._faults, self._pipeline.fleet.video_offer)
         self._stop.wait(CARE_S)
 

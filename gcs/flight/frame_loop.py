@@ -1,4 +1,4 @@
-"""The fold of a flight: packets that wait, the newest frame and what there is to be told become snapshots."""
+"""The main loop of a flight: queued packets, the newest frame and new events become one snapshot a turn."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ PACE_FRAMES, PACE_S = 20, 2.0
 
 
 class FrameLoop:
-    """Looks at one frame after the other; only ``turn`` works, the rest may be called from any thread.
+    """Folds one frame after the other. ``run_once`` belongs to one thread; the rest may be called from any.
 
     Args:
         pipeline: what packets and frames are folded in.
         detector: finds vehicles; None: without a camera.
         recorder: keeps what was found.
-        faults: told of what fails on the way.
-        on_snapshot: called with each frame that was looked at.
+        faults: records what fails on the way.
+        on_snapshot: called with the snapshot of each frame that the detector has seen.
         now_us: the wall clock, Unix µs.
 
     Attributes:
-        health: of the flight, put in by whoever looks after it.
+        health: of the flight, set by its monitor.
         latest: the newest snapshot, None before the first.
     """
 
@@ -56,9 +56,9 @@ class FrameLoop:
         self._faults, self._on_snapshot = faults, on_snapshot
         self._now_us = now_us
         self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
-        self._pushed_out = 0
+        self._packets_dropped = 0
         self._heard_us = 0
-        self._said: deque[Event] = deque()
+        self._new_events: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._frames = 0
         self._records = self._record_us = 0
@@ -68,19 +68,19 @@ class FrameLoop:
         self.latest: Snapshot | None = None
 
     def add_packets(self, packets: Sequence[Packet], heard_us: int) -> None:
-        """Packets that came; where too many wait, the oldest go, and are counted.
+        """Queue packets for the next turn; where too many wait, the oldest are dropped and counted.
 
         Args:
             packets: in order of arrival.
-            heard_us: with these, all that came before this Unix time is there.
+            heard_us: with these, everything received before this Unix time is queued.
         """
-        self._pushed_out += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
+        self._packets_dropped += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
         self._waiting.extend(packets)
         self._heard_us = heard_us
 
     def add_event(self, event: Event) -> None:
-        """Something of the surroundings, for the next snapshot."""
-        self._said.append(event)
+        """Queue an event of the links, the recording or the operator for the next snapshot."""
+        self._new_events.append(event)
 
     def events(self) -> Sequence[Event]:
         """What happened so far, oldest first, bounded in number."""
@@ -88,42 +88,46 @@ class FrameLoop:
 
     @property
     def throughput(self) -> Throughput:
-        """How it gets on."""
+        """How many frames it processes, and how fast."""
         ends = tuple(self._frame_ends)
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and time.monotonic() - ends[-1] < PACE_S else 0.0
-        return Throughput(frames=self._frames, fps=fps, pushed_out=self._pushed_out)
+        return Throughput(frames=self._frames, fps=fps, packets_dropped=self._packets_dropped)
 
     def run_once(self, frame: Frame | None) -> None:
-        """Fold in what waits and one frame, if there is a new one."""
+        """One turn: fold in the queued packets and events, and the frame.
+
+        Args:
+            frame: the newest, None if none came since the last turn.
+        """
         heard_us = self._heard_us
         while self._waiting:
-            self._feed(self._waiting.popleft())
-        while self._said:
-            self._pipeline.add_event(self._said.popleft())
-        snapshot = self._look(frame, heard_us) if frame else self._wait(heard_us)
+            self._process_packet(self._waiting.popleft())
+        while self._new_events:
+            self._pipeline.add_event(self._new_events.popleft())
+        snapshot = self._process_frame(frame, heard_us) if frame else self._process_without_frame(heard_us)
         self._events.extend(snapshot.events)
         self.latest = snapshot
 
     def close(self) -> None:
-        """Keep what was said since the last turn."""
-        self._recorder.events(tuple(self._said))
+        """Record the events since the last turn."""
+        self._recorder.events(tuple(self._new_events))
 
-    def _feed(self, packet: Packet) -> None:
+    def _process_packet(self, packet: Packet) -> None:
         if packet.record >= 0:
-            self._count(packet)
+            self._note_record(packet)
         try:
             self._pipeline.add_packet(packet)
         except Exception as error:  # noqa: BLE001 - one packet must not cost a frame
             self._faults.record(f"packet of system {packet.system_id}", error)
 
-    def _count(self, packet: Packet) -> None:
-        """Keep track of the log: what the fold passes over has to be passed over by a replay too."""
+    def _note_record(self, packet: Packet) -> None:
+        """Note its place in the log: what the fold skips has to be skipped by a replay too."""
         if packet.record > self._records:
             self._recorder.unfolded(self._records, packet.record - self._records)
         self._records, self._record_us = packet.record + 1, packet.t_us
 
-    def _look(self, frame: Frame, heard_us: int) -> Snapshot:
-        """A new frame: detect, fold, record."""
+    def _process_frame(self, frame: Frame, heard_us: int) -> Snapshot:
+        """Detect, fold and record a new frame."""
         boxes = self._detect(frame)
         self._frames += 1
         self._frame_ends.append(time.monotonic())
@@ -132,12 +136,12 @@ class FrameLoop:
         snapshot = self._pipeline.add_frame(
             frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
         )
-        self._record(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
+        self._record_turn(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
         self._recorder.snapshot(snapshot)
         self._on_snapshot(snapshot)
         return snapshot
 
-    def _record(
+    def _record_turn(
         self,
         frame: int,
         t_us: int,
@@ -145,7 +149,7 @@ class FrameLoop:
         boxes: Detections | None = None,
         size: tuple[int, int] | None = None,
     ) -> None:
-        """Keep what this turn was made of; size: width and height of the frame, px."""
+        """Record what this turn was made of; size: width and height of the frame, px."""
         turn = FoldTurn(
             t_us=t_us,
             records=self._records,
@@ -169,12 +173,12 @@ class FrameLoop:
         self._recorder.detections(frame.index, boxes)
         return boxes
 
-    def _wait(self, heard_us: int) -> Snapshot:
-        """No new frame: the fleet goes on, the last frame stays."""
+    def _process_without_frame(self, heard_us: int) -> Snapshot:
+        """Fold without a new frame: the fleet goes on, the last image stays on the screen."""
         t_us = self._now_us()
         health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
         snapshot = self._pipeline.add_frame(NO_FRAME, t_us, health=health, heard_us=heard_us)
-        self._record(NO_FRAME, t_us, heard_us)
+        self._record_turn(NO_FRAME, t_us, heard_us)
         self._recorder.events(snapshot.events)
         last = self.latest
         if last is None or last.image is None:

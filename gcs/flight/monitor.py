@@ -1,4 +1,4 @@
-"""Looks after a flight, twice a second: links, message rates, recording, disk and video, in one record.
+"""The health of a flight, twice a second: links, message rates, recording, disk and video, in one record.
 
 It has a thread of its own, so that neither a slow detector nor a busy fold makes an alarm late.
 """
@@ -26,26 +26,26 @@ __all__ = ["FlightMonitor", "Throughput"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Throughput:
-    """How the fold gets on."""
+    """How fast frames are processed."""
 
     frames: int
-    """Frames looked at so far."""
+    """Frames processed so far."""
     fps: float
-    """Frames looked at a second."""
-    pushed_out: int
-    """Packets that waited too long for it."""
+    """Frames processed a second."""
+    packets_dropped: int
+    """Packets that waited too long to be processed."""
 
 
 class FlightMonitor:
-    """Counts, compares and tells what is new.
+    """Collects the health of all parts of a flight, and reports what has changed.
 
     Args:
         ingest: how telemetry comes in.
-        recorder: where all goes.
+        recorder: writes the session.
         video: the camera, if there is one.
-        rates: message rates to compare; None where somebody else does.
+        rates: message rates to report; None where the command service does.
         keys: signing keys in use.
-        tell: given what is new.
+        on_event: called with each change.
     """
 
     def __init__(
@@ -56,13 +56,13 @@ class FlightMonitor:
         rates: MessageRates | None,
         *,
         keys: int,
-        tell: Callable[[Event], None],
+        on_event: Callable[[Event], None],
     ) -> None:
         self._ingest, self._recorder, self._video, self._rates = ingest, recorder, video, rates
-        self._keys, self._tell = keys, tell
+        self._keys, self._on_event = keys, on_event
 
     def check(self, throughput: Throughput, faults: Faults, offer: VideoStreamInformation | None) -> Health:
-        """The health of now; to be called once a second or more often.
+        """The health at this moment, and events for what has changed; to be called once a second or more often.
 
         Args:
             throughput: of the fold.
@@ -75,11 +75,11 @@ class FlightMonitor:
         for rate in self._rates.troubles(time.monotonic()) if self._rates else ():
             self._note(now_us(), "warning", rate.words, rate.system_id)
         for event in (*self._recorder.check(ingest.record), *self._video.check(offer)):
-            self._tell(event)
+            self._on_event(event)
         return self._health(ingest, throughput, faults)
 
     def _note(self, t_us: int, level: Level, text: str, system_id: int = 0) -> None:
-        self._tell(Event(t_us=t_us, level=level, kind="link", text=text, system_id=system_id))
+        self._on_event(Event(t_us=t_us, level=level, kind="link", text=text, system_id=system_id))
 
     def _health(self, ingest: IngestHealth, throughput: Throughput, faults: Faults) -> Health:
         recorder, stream = self._recorder, self._video.stream
@@ -103,7 +103,7 @@ class FlightMonitor:
             write_lost=sum(state.lost for state in states),
             keys=self._keys,
             ingest_restarts=ingest.restarts,
-            ring_dropped=ingest.overrun + throughput.pushed_out,
+            ring_dropped=ingest.overrun + throughput.packets_dropped,
             clock_step_s=ingest.record.clock_step_s,
             faults=faults.count,
             fault=faults.last,

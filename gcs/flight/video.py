@@ -47,8 +47,8 @@ class FlightVideo:
         self._wanted, self._recorder = wanted, recorder
         self._offered = ""
         self._state = "none"
-        self._told = ("", "", 0)
-        self._dated = ""
+        self._reported = ("", "", 0)
+        self._dated_by = ""
         if wanted not in ("", AUTO):
             self._open(wanted)
 
@@ -58,7 +58,7 @@ class FlightVideo:
 
     @property
     def state(self) -> str:
-        """A word for how it is doing."""
+        """``none``, ``waiting`` for the first frame, ``ok``, ``stalled`` or ``ended``."""
         if self.stream is None:
             return "none"
         if self.stream.ended:
@@ -68,19 +68,19 @@ class FlightVideo:
         return "stalled" if self.stream.stalled else "ok"
 
     def check(self, offer: VideoStreamInformation | None) -> Iterator[Event]:
-        """What is new; opens what the UAV offers where that was asked for.
+        """Events for what has changed; opens the stream that the UAV offers if that was asked for.
 
         Args:
             offer: the UAV's, None while it offers none.
         """
         if offer is not None and self.stream is None and offer.uri != self._offered:
-            yield self._take(offer)
+            yield self._handle_offer(offer)
         if (state := self.state) != self._state:
             self._state = state
             if state != "stalled":  # of that there is an alarm
                 yield _event("info", "video", f"video {state}")
         if self.stream is not None:
-            yield from self._troubles(self.stream)
+            yield from self._changes(self.stream)
 
     def close(self) -> None:
         """End the stream and its recording."""
@@ -90,7 +90,7 @@ class FlightVideo:
     def _open(self, url: str) -> None:
         self.stream = VideoStream(url, self._recorder.video_path, on_frame=self._recorder.frame_time)
 
-    def _take(self, offer: VideoStreamInformation) -> Event:
+    def _handle_offer(self, offer: VideoStreamInformation) -> Event:
         self._offered = offer.uri
         url = offered(offer.type, offer.uri, offer.encoding)
         if not url:
@@ -103,14 +103,14 @@ class FlightVideo:
             f"the UAV offers video at {concealed(url)}{'' if self._wanted else ', --video auto shows it'}",
         )
 
-    def _troubles(self, stream: VideoStream) -> Iterator[Event]:
-        """Each once."""
+    def _changes(self, stream: VideoStream) -> Iterator[Event]:
+        """Events for new errors and their ends, each once."""
         now = (stream.error, stream.recording_error, stream.restarts)
         how = stream.exposure
-        if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated:
-            self._dated = kind
+        if how and (kind := how.partition(",")[0].partition(":")[0]) != self._dated_by:
+            self._dated_by = kind
             yield _event("warning" if "not used" in how else "info", "video", f"frames are dated {how}")
-        before, self._told = self._told, now
+        before, self._reported = self._reported, now
         if now[0] and now[0] != before[0]:
             yield _event("warning", "video", f"video: {now[0]}")
         if now[1] and now[1] != before[1]:

@@ -234,7 +234,7 @@ def open_air(make_uav, params: CommandParams) -> SimpleNamespace:
         uav_name="UAV-1",
         transmitter=transmitter,
         where=places.get,
-        tell=events.append,
+        on_event=events.append,
         params=params,
     )
 

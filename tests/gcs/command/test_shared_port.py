@@ -27,7 +27,7 @@ def test_ground_vehicles_on_the_same_port_hear_nothing(tmp_path):
         uav_name="UAV-1",
         transmitter=transmitter,
         where=lambda system_id: None,
-        tell=events.append,
+        on_event=events.append,
     )
     try:
         end_s, ordered = time.monotonic() + 40.0, False
