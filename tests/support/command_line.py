@@ -6,6 +6,7 @@ import gc
 import io
 import os
 import pty
+import re
 import select
 import socket
 import subprocess
@@ -15,8 +16,9 @@ from pathlib import Path
 from unittest.mock import patch
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from typer.testing import CliRunner
 
-from gcs.cli.app import main
+from gcs.cli.app import app, main
 from mavlink.tlog.log import Tlog
 from tests.support.ports import free_port
 
@@ -39,6 +41,18 @@ def run_gcs(*arguments: object) -> tuple[int, str, str]:
             gc.set_threshold(*thresholds)
             gc.unfreeze()
     return code, *(stream.buffer.getvalue().decode() for stream in (out, err))
+
+
+def help_pages():
+    """Each command with its page of help."""
+    top = CliRunner().invoke(app, ["--help"]).output
+    for name in re.findall(r"^  ([a-z-]+) ", top.partition("Commands:")[2], re.MULTILINE):
+        if name == "bench":  # each benchmark has options of its own
+            continue
+        page = CliRunner().invoke(app, [name, "--help"]).output
+        subs = re.findall(r"^  ([a-z]+) ", page.partition("Commands:")[2], re.MULTILINE)
+        yield from ((f"{name} {sub}", CliRunner().invoke(app, [name, sub, "--help"]).output) for sub in subs)
+        yield name, page
 
 
 def run_gcs_process(*arguments: object) -> tuple[int, str, str]:

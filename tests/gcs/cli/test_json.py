@@ -9,10 +9,9 @@ import numpy as np
 
 from gcs.cli.identify import identify_into
 from sim.live import PlaybackCounts
-from tests.gcs.cli.test_numbers import pages
 from tests.support.board_video import BoardCamera, poses, write_video
 from tests.support.bundled import ROOT, SWARM, swarm_session
-from tests.support.command_line import run_gcs
+from tests.support.command_line import help_pages, run_gcs
 from tests.support.ports import free_port
 from vision.evaluation import evaluate
 from vision.evaluation.report import as_json
@@ -40,7 +39,7 @@ def printed(*words, code=0):
 
 
 def test_every_command_with_json_is_documented():
-    able = {command for command, page in pages() if "--json" in page}
+    able = {command for command, page in help_pages() if "--json" in page}
     assert able == {
         *("fly", "identify", "demo", "score", "tlog info", "tlog check", "keys list", "keys check"),
         *("doctor", "calibrate", "eval-detector", "sim"),

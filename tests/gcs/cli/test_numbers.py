@@ -5,11 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from typer.testing import CliRunner
 
-from gcs.cli.app import app
 from tests.support.bundled import SWARM
-from tests.support.command_line import run_gcs
+from tests.support.command_line import help_pages, run_gcs
 
 LOG = SWARM / "telemetry.tlog"
 FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--sessions", "sessions")
@@ -32,22 +30,10 @@ OPTIONS = [
 ]
 
 
-def pages():
-    """Each command with its page of help."""
-    top = CliRunner().invoke(app, ["--help"]).output
-    for name in re.findall(r"^  ([a-z-]+) ", top.partition("Commands:")[2], re.MULTILINE):
-        if name == "bench":  # each benchmark has options of its own
-            continue
-        page = CliRunner().invoke(app, [name, "--help"]).output
-        subs = re.findall(r"^  ([a-z]+) ", page.partition("Commands:")[2], re.MULTILINE)
-        yield from ((f"{name} {sub}", CliRunner().invoke(app, [name, sub, "--help"]).output) for sub in subs)
-        yield name, page
-
-
 def test_every_option_that_takes_a_number_is_tried_here():
     numeric = {
         (command, option)
-        for command, page in pages()
+        for command, page in help_pages()
         for option in re.findall(r"(--[a-z-]+)\s+(?:FLOAT|INTEGER|ID|<(?:list\[)?(?:float|int))\b", page)
     }
     assert numeric == {(command, option) for command, _, option in OPTIONS}
