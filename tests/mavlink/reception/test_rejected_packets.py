@@ -4,12 +4,11 @@ import math
 import re
 
 import pytest
-from tests.support.air import UAV, UGV, Air, Sender
-from tests.support.mavlink_flight import FIELD, T0, S
 
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
+from tests.support.flights import FIELD, T0, UAV, UGV, Air, S, Sender
 
 
 def test_signatures_are_counted_and_forgeries_reported():
