@@ -1,8 +1,8 @@
 """Other ground stations beside ours: do all of them see the whole fleet?
 
-A fleet speaks to our listener; the listener forwards to MAVProxy and to a MAVSDK client, each a program of its own.
-Some seconds after both have spoken up, each is asked whom it heard: MAVProxy by the log that it writes, MAVSDK by the
-systems that it lists. What they send stays here: the outputs are read-only.
+A fleet sends to our listener; the listener forwards to MAVProxy and to a MAVSDK client, each a program of its own.
+Some seconds after both have begun to send, it is counted which vehicles each received: MAVProxy by the log that it
+writes, MAVSDK by the systems that it lists. What they send stays here: the outputs are read-only.
 
     python -m bench.beside [--seconds 10] [--ground 5] [--mavproxy PATH]
 """

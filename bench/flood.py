@@ -1,4 +1,4 @@
-"""Telemetry of a hundred vehicles while the machine is busy and strangers flood the port: what arrives, at both ends.
+"""Telemetry of a hundred vehicles while the machine is busy and the port is flooded: what arrives, at both ends.
 
     python bench/flood.py --seconds 60 --markdown bench/results/flood.md
 

@@ -1,4 +1,4 @@
-"""A flight whose file system stands still for a while: what is recorded, what is counted, what is said.
+"""A flight whose file system stands still for a while: what is recorded, counted and reported.
 
     sudo .venv/bin/python -m bench.frozen_disk --write bench/results/frozen_disk.md
 
@@ -71,7 +71,7 @@ class FreezeResult:
     silences: int
     """Alarms that a vehicle was not heard; all spoke all the time."""
     told_after_s: float
-    """From the stop to the alarm of it; NaN: never told."""
+    """From the stop to the alarm of it; NaN: never raised."""
 
 
 @contextmanager

@@ -68,7 +68,7 @@ def steady(rate: float, vehicles: int = 100) -> tuple[float, float]:
 def quiet_moment() -> tuple[float, float]:
     """µs a packet of the quickest of many batches: socket to record and ring, and ring to packets.
 
-    The least, because on a shared machine most batches wait for somebody else's work.
+    The least, because on a shared machine most batches wait for other processes.
     """
     frames = fleet_frames(1)[:_BATCH]
     link = UdpIn(parse_url(f"udpin:127.0.0.1:{free_port()}"))

@@ -1,4 +1,4 @@
-"""Watches a telemetry log grow: what was recorded of whom, and how long nothing was."""
+"""Watches a telemetry log grow: records by system id, and the longest time without any."""
 
 from __future__ import annotations
 

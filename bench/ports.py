@@ -12,7 +12,7 @@ _PORTS = iter(random.sample(range(20_000, 32_000), 12_000))
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """A port of 127.0.0.1 that nobody has at the moment; never the same twice."""
+    """A port of 127.0.0.1 that is free at the moment; never the same twice."""
     for port in _PORTS:
         with socket.socket(socket.AF_INET, kind) as probe:
             try:

@@ -18,7 +18,7 @@ class Cost:
     rss_mb: float = 0.0
     """Memory held, shared pages counted once for each that maps them: a shared ring counts as it is first filled."""
     own_mb: float = 0.0
-    """Of it what nobody shares and no file holds: where leaks are."""
+    """Part of it that is neither shared nor backed by a file: where leaks are."""
     cpu_s: float = 0.0
     """Processor time since the start, of those that still run."""
     threads: int = 0

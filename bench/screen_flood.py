@@ -1,8 +1,8 @@
-"""How long the screen keeps its operator waiting while a stranger floods the port.
+"""How long the screen keeps its operator waiting while an unknown sender floods the port.
 
     python -m bench.screen_flood --seconds 30
 
-The station's app runs whole, on a screen of 160 × 45 that nobody sees, over a live flight with a hundred vehicles; a
+The station's app runs whole, on a screen of 160 × 45 in memory, over a live flight with a hundred vehicles; a
 task in the app's own loop asks to be woken every ten milliseconds and notes how late it was: that is how long a key
 pressed then would have waited. Writes ``screen_flood.md``.
 """

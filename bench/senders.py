@@ -1,4 +1,4 @@
-"""Processes that send telemetry to a UDP port: a fleet at a steady rate, and a stranger that floods."""
+"""Processes that send telemetry to a UDP port: a fleet at a steady rate, and an unknown sender that floods."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a look at a signature costs, in one run on one core.
+"""Cost of checking a signature, in one run on one core.
 
     python bench/signing_speed.py --frames 200000
 

@@ -48,9 +48,9 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
     """Fly, measure, and end everything.
 
     Args:
-        seconds: how long the fleet speaks.
+        seconds: how long the fleet sends.
         rate: its packets a second.
-        vehicles: how many speak.
+        vehicles: how many send.
         video: sent round and round, None for no camera.
         fleet_words: further arguments of ``sim.fleet_process``.
         out: the table, which is written as it grows.

@@ -7,7 +7,7 @@ models are of random weights (``bench.yolo_models``), the images are made here; 
 trained export and the boxes that the predictor gave for it are compared with ``--trained`` and ``--boxes``.
 
 Both sides run the same file on the same image. A pair counts as the same box when no number differs by more than half
-a pixel or a tenth of a degree. Left out on both sides are boxes that we never tell: those centred off the image and
+a pixel or a tenth of a degree. Left out on both sides are boxes that we never return: those centred off the image and
 those with a side of zero or less. In float16 many scores are equal, and which of two equal boxes stays is left to how
 each side sorts.
 """
@@ -105,7 +105,7 @@ def _differences(a: Floats, b: Floats) -> tuple[Floats, Floats]:
 
 
 def _told(boxes: Floats, image: Image) -> Floats:
-    """Of boxes (m, 5) those that we would tell."""
+    """Of boxes (m, 5) those that we would return."""
     cx, cy, w, h, _ = boxes.T
     inside = (cx >= 0) & (cx <= image.shape[1]) & (cy >= 0) & (cy <= image.shape[0])
     return np.asarray(boxes[inside & (w > 0) & (h > 0)])

@@ -1,1 +1,1 @@
-"""Flights with troubles, recorded and identified again: whether both say the same of every box."""
+"""Flights with faults, recorded and identified again: whether both give every box the same name."""

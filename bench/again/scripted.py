@@ -56,7 +56,7 @@ DESCRIBED = 3
 """The mission's camera is described for frames so many times as large."""
 IMPOSTOR_M = 120.0
 BOOTED_MS = 1500
-"""Of a vehicle that was just switched on, at its first word."""
+"""Of a vehicle that was just switched on, at its first message."""
 SECRET = bytes(range(32))
 
 
@@ -77,11 +77,11 @@ class Troubles:
     second_link_s: float = 0.0
     """A second link brings everything once more, so much later."""
     impostor: tuple[float, float] | None = None
-    """Somebody else uses the first ground vehicle's id."""
+    """A second sender uses the first ground vehicle's id."""
     resized_s: float | None = None
     """From here on the stream has half the size."""
     killed_s: tuple[float, ...] = ()
-    """The receiving process is killed and another goes on."""
+    """The receiving process is killed and replaced."""
     ring_bytes: int = 1 << 20
     """Of the memory between the processes."""
     held_up: tuple[float, float] | None = None
@@ -89,7 +89,7 @@ class Troubles:
     speaks: bool = False
     """The station sends something every second."""
     signed: bool = False
-    """The fleet signs, and somebody forges what it says."""
+    """The fleet signs, and another sender forges its messages."""
     empty: tuple[float, float] | None = None
     """The detector sees nothing."""
     broken: tuple[float, float] | None = None
@@ -162,7 +162,7 @@ class _ScriptedFlight:
         )
 
     def wall_us(self, t_us: int | None = None) -> int:
-        """What the wall clock says at a true time, now by default."""
+        """Reading of the wall clock at a true time, now by default."""
         t_us, step = self.t_us if t_us is None else t_us, self.troubles.step
         return t_us + (round(step[1] * S) if step and t_us >= self.start_us + step[0] * S else 0)
 
@@ -261,7 +261,7 @@ def _within(span: tuple[float, float] | None, since_us: float) -> bool:
 
 
 def _worlds(scenario: Scenario, troubles: Troubles) -> list[tuple[World, float, float]]:
-    """Who is there, from when to when, s; after a restart everything begins anew."""
+    """Who is there, from when to when, s; after a restart everything begins again."""
     if troubles.restart is None:
         return [(World(scenario), TELEMETRY_FROM_S, scenario.duration_s)]
     off_s, on_s = troubles.restart
@@ -297,7 +297,7 @@ def _told(
 
 
 def _forged(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
-    """Somebody else under the first ground vehicle's id, elsewhere; without its key."""
+    """A second sender under the first ground vehicle's id, elsewhere; without its key."""
     troubles, victim = flight.troubles, world.scenario.ugv_ids[0]
     speaker = MavlinkEncoder(victim, key=bytes(32) if troubles.signed else None)
     span = troubles.impostor or (TELEMETRY_FROM_S, world.scenario.duration_s)
@@ -311,7 +311,7 @@ def _forged(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
 
 
 class _Rebooted:
-    """Frames of a fleet whose boot clocks begin anew."""
+    """Frames of a fleet whose boot clocks begin again."""
 
     def __init__(self) -> None:
         self._parser: Any = ardupilotmega.MAVLink(None)

@@ -1,4 +1,4 @@
-"""One flight: what tags tell of its frames, and what the product names on the same ones."""
+"""One flight: the tags read in its frames, and the names that the product gives in the same ones."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class TagCount:
     read: int
     """With the right number, in a crop about the vehicle."""
     known: int
-    """The same, in this frame or an earlier one: with a tracker that never loses anybody."""
+    """The same, in this frame or an earlier one: with a tracker that never loses a vehicle."""
     wrong: int
     """With a number that is not on the vehicle."""
 

@@ -1,1 +1,1 @@
-"""Attacks on a running ``gcs fly``, played from outside, with what was recorded and believed of each."""
+"""Attacks on a running ``gcs fly``, run from outside, with what was recorded and accepted of each."""

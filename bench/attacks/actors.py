@@ -1,4 +1,4 @@
-"""Vehicles that drive in circles and report it, true ones and those that only say so."""
+"""Vehicles that drive in circles and report it, true ones and impostors."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ ROVERS = (11, 12)
 
 
 def video_password(options: Options) -> list[AttackRow]:
-    """A password in the video's address: in no file, no word and no process list but the command that has it."""
+    """A password in the video's address: in no file, no message and no process list but the command that has it."""
     url = f"rtsp://operator:{PASSWORD}@127.0.0.1:{free_port(socket.SOCK_STREAM)}/main"
     return [
         _password(options, "in the mission file", f'[links]\nvideo = "{url}"\n', (), "mission"),

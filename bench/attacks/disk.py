@@ -51,7 +51,7 @@ def _judge(flown: Flown, attack: str, case: str) -> AttackRow:
 
 
 def frozen_disk(options: Options) -> list[AttackRow]:
-    """A frozen file system under the recording (needs root): nothing is lost, nobody is said to be silent."""
+    """A frozen file system under the recording (needs root): nothing is lost, no vehicle is reported silent."""
     tools = [shutil.which(name) for name in ("mkfs.ext4", "mount", "umount", "fsfreeze")]
     if sys.platform != "linux" or os.geteuid() != 0 or None in tools:
         return [AttackRow(attack="frozen disk", case="ext4", held=True, note="not played: needs root and mkfs.ext4")]

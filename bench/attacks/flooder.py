@@ -1,4 +1,4 @@
-"""A flood in a process of its own: the same datagrams round and round, as fast as it is told.
+"""A flood in a process of its own: the same datagrams round and round, at a given rate.
 
     python -m bench.attacks.flooder PORT RATE_HZ SENDERS < datagrams, one a line in hexadecimal
 

@@ -1,4 +1,4 @@
-"""Floods: of strangers, with junk in a vehicle's name beside it, and of valid frames under a known id."""
+"""Floods: from unknown addresses, with junk in a vehicle's name beside it, and of valid frames under a known id."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ WITHOUT_END = 1 << 40
 FLEET = 20
 PORTS = 300
 FLOODED = r"flood|too many|limit|barred|turned away|more than"
-"""Words of what tells of a flood, or of an address that is limited."""
+"""Words in messages about a flood, or about an address that is limited."""
 TOLD_S = 5.0
 FAIR = 0.5
-"""A vehicle whose id is flooded keeps at least this share of its packets: it is one of two who speak."""
+"""A vehicle whose id is flooded keeps at least this share of its packets: it is one of two senders."""
 
 
 def _padding(voice: ComponentEncoder) -> Callable[[float], list[bytes]]:
@@ -46,7 +46,7 @@ def _words_of(size: int) -> Callable[[float], list[bytes]]:
 
 
 def _junk() -> list[bytes]:
-    """Mostly frames with a wrong checksum, which nobody can tell from good ones before they are read."""
+    """Mostly frames with a wrong checksum, which cannot be distinguished from good ones before they are read."""
     rng = random.Random(7)
     forged = bytearray(ComponentEncoder(201).heartbeat())
     forged[-1] ^= 1
@@ -86,7 +86,7 @@ def _flooded(
 
 
 def spoofed_junk(options: Options) -> list[AttackRow]:
-    """Junk of 8 bytes from a vehicle's own address and port, beside a flood of strangers; without and with keys."""
+    """Junk of 8 bytes from a vehicle's own address and port, beside a flood from elsewhere; without and with keys."""
     return [_spoofed(options, signed) for signed in (False, True)]
 
 

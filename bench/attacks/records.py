@@ -1,4 +1,4 @@
-"""What a flight left: packets recorded and refused, what was told, and what is believed of it."""
+"""What a flight left: packets recorded and refused, the alarms, and what is accepted of it."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def fly(
     keys: str = "none",
     during: Callable[[AttackedStation, Stage], None] | None = None,
 ) -> Flown:
-    """Fly while lines are played; the station ends before they do, so that nobody falls silent in flight.
+    """Fly while lines are played; the station ends before they do, so that no sender falls silent in flight.
 
     Args:
         options: what is attacked.

@@ -45,7 +45,7 @@ class StampClock:
     ahead_s: float
     """Of the time, when the station starts."""
     runs: bool
-    """With the time; else it takes one unit for each packet, as ArduPilot's does while it is armed and hears nobody."""
+    """With the time; else it takes one unit for each packet, as ArduPilot's does while armed and alone."""
     recorded: bool = False
     """It is no vehicle, but a recording of one that is switched off."""
     dated: bool = True
@@ -139,7 +139,7 @@ class Heard:
         return beliefs(self.python, self.folder, self.sent)
 
     def judge(self, system_id: int, since_s: float = 0.0, again: Set[bytes] = frozenset()) -> Judged:
-        """What became of a vehicle's packets since a time of the stage, without those that somebody sent again."""
+        """What became of a vehicle's packets since a time of the stage, without those that were sent again."""
         since_us = self.sent.start_us + since_s * 1e6
         its = [
             (number, t_us)

@@ -1,4 +1,4 @@
-"""Who sends what and when: lines of packets, played in real time from sockets of their own."""
+"""Scheduled senders: packets in real time, each sender from a socket of its own."""
 
 from __future__ import annotations
 
@@ -76,15 +76,15 @@ class StageCounts:
     late_s: float = 0.0
     """Of the latest bundle: how busy this machine was."""
     refused: int = 0
-    """Datagrams that nobody listened for; not among those counted."""
+    """Datagrams that the receiver's port refused; not among those counted."""
 
 
 class Stage:
-    """Plays lines until it is told to stop.
+    """Sends scheduled packets until asked to stop.
 
     Args:
         lines: what is sent.
-        tap: also told of every packet, with the time since the beginning.
+        tap: called with every packet and the time since the beginning.
     """
 
     def __init__(

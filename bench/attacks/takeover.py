@@ -1,4 +1,4 @@
-"""Who is believed when two say where a system is: another component, and a false first position of the UAV."""
+"""Which of two senders of one system is accepted: another component, and a false first position of the UAV."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, ComponentEncoder
 __all__ = ["CASES", "CONTEST", "components", "first_position", "judge"]
 
 CONTEST = r"senders? |two addresses|contest|another component|also (sent|reported)|imposs?tor"
-"""Words of the alarms that tell of a second sender."""
+"""Words in alarms about a second sender."""
 COMPANION_TYPE = 18  # MAV_TYPE_ONBOARD_CONTROLLER
 GIMBAL_TYPE = 26
 START_S = 3.0

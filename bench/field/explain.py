@@ -27,7 +27,7 @@ BRIDGE_S = 0.35
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _BoxEvidence:
-    """What the log says of one box besides the name."""
+    """Evidence of one box in the log, besides its name."""
 
     residual_m: float
     runner_up: int
@@ -127,7 +127,7 @@ def _setting(scenario: Scenario) -> Iterator[str]:
 
 
 def _tracks(m: Matched, scenario: Scenario) -> Iterator[str]:
-    """Which tracks followed each vehicle, and which of them followed somebody else too."""
+    """Which tracks followed each vehicle, and which of them followed another one too."""
     for vehicle in np.unique(m.truth[m.truth > 0]).tolist():
         mine = (m.truth == vehicle) & (m.track > 0)
         parts = []

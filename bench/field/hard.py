@@ -125,7 +125,7 @@ def occlusion(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def in_out(k: int, rng: np.random.Generator) -> Scenario:
-    """Twelve over a wide field; strangers of our own make who drive in the fleet's queue."""
+    """Twelve over a wide field; other vehicles of our make that drive in the fleet's queue."""
     if k == 1:
         queue = ScenarioGround(kind="curved", vehicles=7, lanes=2, spacing_m=8.0, bend_deg=35.0)
         errors = gnss(rng, bias=2.0)
@@ -161,7 +161,7 @@ def oblique(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def scale(k: int, rng: np.random.Generator) -> Scenario:
-    """Fifty close together and ten strangers of our make."""
+    """Fifty close together and ten others of our make."""
     kind = ("straight", "curved")[k % 2]
     ground = ScenarioGround(kind=kind, vehicles=50, lanes=5, spacing_m=7.0, bend_deg=30.0)  # type: ignore[arg-type]
     alike = Targets(lookalikes=10)
@@ -171,7 +171,7 @@ def scale(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def no_heading(k: int, rng: np.random.Generator) -> Scenario:
-    """A column with errors of 2 m, nobody's heading known."""
+    """A column with errors of 2 m, no heading known."""
     ground = ScenarioGround(kind="formation", formation="column", vehicles=6, spacing_m=(8.0, 9.0, 10.0)[k])
     return session(
         ground=ground,

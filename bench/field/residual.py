@@ -1,7 +1,7 @@
 """The simple competitor: the camera's pose at face value, and who has been nearest for the last two seconds.
 
 For each track i and vehicle j the mean of the residual vector over the frames of the last two seconds in which both
-are known; Hungarian on its length; nobody beyond six metres.
+are known; Hungarian on its length; none beyond six metres.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LIMIT_M = 6.0
 
 
 def mean_residual(scene: SessionFrames) -> list[IntArray]:
-    """Names of every frame's boxes: (m,) system ids, 0 nobody."""
+    """Names of every frame's boxes: (m,) system ids, 0 none."""
     memory: deque[SessionFrame] = deque(maxlen=max(1, round(MEMORY_S * scene.fps)))
     answers = []
     for look in scene.looks:

@@ -56,7 +56,7 @@ class _SessionWindow:
 
 
 def by_windows(scene: SessionFrames) -> dict[Method, list[IntArray]]:
-    """Names of every frame's boxes by each method: (m,) system ids, 0 nobody, −1 unanswered."""
+    """Names of every frame's boxes by each method: (m,) system ids, 0 none, −1 unanswered."""
     answers: dict[Method, list[IntArray]] = {method: [] for method in METHODS}
     length = HISTORY + FUTURE
     for start in range(0, len(scene.looks), length):
@@ -111,7 +111,7 @@ def _filled(y: FloatArray) -> FloatArray:
 
 
 def _ask(window: _SessionWindow, center_px: FloatArray) -> dict[Method, IntArray]:
-    """(m,) place in ``window.vehicle`` of each track, −1 nobody, by the methods that answer."""
+    """(m,) place in ``window.vehicle`` of each track, −1 none, by the methods that answer."""
     offset = (window.y[-1] - center_px) * (1.0, -1.0)
     image = topology_angles(offset, window.heading)
     cost = topology_cost(image, topology_angles(window.x[-1, :, :2], window.vehicle_heading, window.yaw))

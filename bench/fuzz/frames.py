@@ -13,12 +13,12 @@ from mavlink.protocol.framing import checksum
 __all__ = ["TUNNEL_ID", "UNKNOWN_EXTRA", "UNKNOWN_ID", "frame_pool", "is_signed", "unknown_frame"]
 
 UNKNOWN_ID, UNKNOWN_EXTRA = 60_001, 77
-"""A message of a dialect that nobody here has."""
+"""A message of a dialect that is not installed."""
 TUNNEL_ID = ardupilotmega.MAVLINK_MSG_ID_TUNNEL
 
 
 def unknown_frame(seq: int, payload: bytes, message_id: int = UNKNOWN_ID, extra: int = UNKNOWN_EXTRA) -> bytes:
-    """A whole frame of a message that the dialect lacks, right by an extra that nobody here knows."""
+    """A whole frame of a message that the dialect lacks, right by a CRC extra that is unknown here."""
     frame = bytes([0xFD, len(payload), 0, 0, seq, 9, 1]) + message_id.to_bytes(3, "little") + payload
     return frame + checksum(frame, extra).to_bytes(2, "little")
 

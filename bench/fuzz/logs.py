@@ -55,7 +55,7 @@ class LogScore:
     lonely: int = 0
     """The same where no record beside it has its clock: nothing tells such a stamp from a damaged one."""
     phantoms: int = 0
-    """Known messages that nobody wrote."""
+    """Known messages that were never written."""
     unknown_phantoms: int = 0
     """The same of unknown messages, which are never believed."""
     found_besides: int = 0

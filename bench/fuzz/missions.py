@@ -1,4 +1,4 @@
-"""Mission files nobody would write: whatever is in one, it is taken or refused with one line."""
+"""Absurd mission files: each is accepted or refused with one line."""
 
 from __future__ import annotations
 

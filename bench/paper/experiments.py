@@ -56,7 +56,7 @@ class Count:
     """Boxes of any kind that were given a vehicle."""
     right: int
     false: int
-    """Boxes on nobody of ours."""
+    """Boxes on none of our vehicles."""
     excluded: int
     """Of these, given no vehicle."""
 

@@ -64,7 +64,7 @@ class ConditionNoise:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MethodAnswer:
-    """What a method says of the last frame."""
+    """A method's answer for the last frame."""
 
     vehicle: IntArray
     """(m,) −1 none."""
@@ -152,7 +152,7 @@ def tts_pairs(window: Window, noise: ConditionNoise) -> MethodAnswer:
 
 
 def mean_residual(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """The plain way with a known pose: boxes on the ground, mean distance to the reports, everybody assigned."""
+    """The plain way with a known pose: boxes on the ground, mean distance to the reports, all assigned."""
     heard = np.arange(0, len(window.uv), noise.report_every)
     seen = np.stack([_on_ground(window, int(k)) for k in heard])
     away = seen[:, :, None] - window.positions(noise.position_m)[heard][:, None, :, :2]
@@ -160,7 +160,7 @@ def mean_residual(window: Window, noise: ConditionNoise) -> MethodAnswer:
 
 
 def bound(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """What positions can tell at most: true places against the noisy reports, least squares, everybody assigned."""
+    """What positions can tell at most: true places against the noisy reports, least squares, all assigned."""
     heard = np.arange(0, len(window.uv), noise.report_every)
     true = window.p_enu[heard][:, window.vehicle, :2]
     away = true[:, :, None] - window.positions(noise.position_m)[heard][:, None, :, :2]
@@ -168,7 +168,7 @@ def bound(window: Window, noise: ConditionNoise) -> MethodAnswer:
 
 
 def _on_ground(window: Window, k: int) -> FloatArray:
-    """(m, 2) where the boxes of frame k stand, at the UAV's word."""
+    """(m, 2) where the boxes of frame k stand, by the UAV's report."""
     camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]))
     pose = CameraPose(R_enu_cam=camera.R_enu_cam, p_enu=camera.p_enu)
     return np.asarray(ground(LENS, pose, window.uv[k], camera.ground_z)[:, :2])
@@ -224,8 +224,8 @@ def identify(
     Args:
         window: The window.
         noise: Of the reports.
-        yaw_known: False: the UAV's heading is not told.
-        headings: False: neither headings of vehicles nor fronts of boxes are told.
+        yaw_known: False: the UAV's heading is not given.
+        headings: False: neither headings of vehicles nor fronts of boxes are given.
         params: Of the identifier.
 
     Returns:

@@ -1,6 +1,6 @@
 """Windows of consecutive frames cut from a flight, with the noise of an experiment on the reports.
 
-T frames, m boxes, n vehicles. The boxes of a window are shuffled, so that their order says nothing. Unit noise depends
+T frames, m boxes, n vehicles. The boxes of a window are shuffled, so that their order is arbitrary. Unit noise depends
 on the window alone: every noise level and every method sees the same draws, scaled.
 """
 
@@ -79,7 +79,7 @@ def windows(
         span_m: Largest distance between two of the vehicles.
 
     Returns:
-        Windows in which nobody of the visible drives slower than 1 m/s (walking robots of ``wander`` may).
+        Windows in which no visible vehicle drives slower than 1 m/s (walking robots of ``wander`` may).
     """
     found = []
     for start in range(0, len(film.uv) - frames + 1, frames):

@@ -1,4 +1,4 @@
-"""Our tracker with identities fed in: tracks are named, and continued, where vehicles say they are.
+"""Our tracker with identities fed in: tracks are named, and continued, where vehicles report to be.
 
 A stand-in for the program's identifier that needs only pixels, so that crowds of two hundred stay quick.
 """
@@ -27,7 +27,7 @@ SURE = 5
 
 
 class Named:
-    """Tracker that is told who its tracks are."""
+    """Tracker with known identities of its tracks."""
 
     def __init__(self) -> None:
         self._tracker = Tracker()
@@ -42,7 +42,7 @@ class Named:
         )
 
     def learn(self, frame: SimulatedFrame, tracks: Tracks) -> None:
-        """Name the tracks anew."""
+        """Name the tracks again."""
         seen = tracks.detection >= 0
         centre = frame.boxes.centre[tracks.detection[seen]]
         squared = np.square(centre[:, None] - frame.reported).sum(axis=2)

@@ -1,4 +1,4 @@
-"""Traffic seen by a camera that drifts and yaws: what a detector reports of it, and what vehicles and camera tell.
+"""Traffic seen by a camera that drifts and yaws: what a detector reports of it, and what vehicles and camera report.
 
 Vehicles drive on a plane, turn now and then and turn back at its edges; they do not mind each other, so that paths
 cross and boxes overlap. The camera looks straight down on 1920 × 1080 pixels, 30 frames a second; more than fifty
@@ -51,7 +51,7 @@ class SimulatedFrame:
     warp: FloatArray
     """(3, 3) homography from the frame before, a little wrong."""
     reported: FloatArray
-    """(n, 2) px where each vehicle says it is."""
+    """(n, 2) px where each vehicle reports to be."""
 
 
 def film(n: int, seed: int, frames: int) -> list[SimulatedFrame]:
