@@ -5,7 +5,7 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOMS = ("gcs", "mavlink", "vision", "assoc", "sim", "infra", "bench")
-KNOWN = {"Camera", "Commands", "Notice", "Verdict"}
+KNOWN = {"Camera", "Commands", "Notice"}
 """Names that still stand in two places; none may be added."""
 
 

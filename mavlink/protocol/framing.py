@@ -55,7 +55,7 @@ class FrameCounts:
 _ONE_GOOD = FrameCounts(good=1)
 
 
-class _Verdict(IntEnum):
+class _FrameMatch(IntEnum):
     NOTHING = 0
     GOOD = 1
     BAD = 2
@@ -63,7 +63,7 @@ class _Verdict(IntEnum):
     MORE = 4
 
 
-_NOTHING, _GOOD, _BAD, _UNKNOWN, _MORE = _Verdict
+_NOTHING, _GOOD, _BAD, _UNKNOWN, _MORE = _FrameMatch
 
 
 class _Wait(Enum):
@@ -80,7 +80,7 @@ def checksum(frame: bytes, extra: int) -> int:
     return int(_mcrf4xx(frame[1:covered] + _EXTRA[extra]))
 
 
-def _look(data: bytes, pos: int) -> tuple[_Verdict, int]:
+def _look(data: bytes, pos: int) -> tuple[_FrameMatch, int]:
     """What begins at a magic byte, and its length (0 for nothing)."""
     left = len(data) - pos
     v2 = data[pos] == MAGIC_V2
@@ -107,7 +107,7 @@ def _look(data: bytes, pos: int) -> tuple[_Verdict, int]:
     return (_GOOD if _mcrf4xx(data[pos + 1 : end] + _EXTRA[definition[1]]) == sent else _BAD), length
 
 
-def _holds_good(data: bytes, start: int, stop: int) -> _Verdict:
+def _holds_good(data: bytes, start: int, stop: int) -> _FrameMatch:
     """Whether a good frame begins in [start, stop): GOOD, MORE (not known yet) or NOTHING."""
     found = _NOTHING
     for match in _MAGIC.finditer(data, start, stop):
@@ -131,7 +131,7 @@ def _cut_in_signature(data: bytes, pos: int, length: int) -> bool:
     return bool(signed) and _holds_good(data, end - SIGNATURE_LENGTH, end) is _GOOD
 
 
-def _fits(data: bytes, pos: int, length: int, in_step: bool, final: bool) -> _Verdict:
+def _fits(data: bytes, pos: int, length: int, in_step: bool, final: bool) -> _FrameMatch:
     """Whether an unknown frame is to be kept: UNKNOWN (keep), MORE (wait) or NOTHING."""
     inside = _holds_good(data, pos + 1, pos + length)
     if inside is _GOOD:
