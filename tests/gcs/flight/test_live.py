@@ -105,7 +105,7 @@ def records(session):
 
 
 def test_every_packet_and_frame_is_kept(field, tmp_path):
-    sent = field.fly(6.0)
+    sent = field.fly(5.0)
     time.sleep(1.0)
     field.process.send_signal(signal.SIGINT)
     stdout, stderr = field.process.communicate(timeout=30)
@@ -160,7 +160,7 @@ def oldest(flight, package):
 
 
 def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path):
-    player = threading.Thread(target=field.fly, args=(7.0,))
+    player = threading.Thread(target=field.fly, args=(6.0,))
     player.start()
     try:
         for package in ("mavlink.ingest", "vision.stream"):
@@ -176,7 +176,7 @@ def test_a_flight_whose_processes_were_killed_is_the_same_again(field, tmp_path)
     same_again(field.session, tmp_path / "again")
 
 
-@pytest.mark.parametrize("after_s", [5.0, 6.3])
+@pytest.mark.parametrize("after_s", [3.0, 4.3])
 def test_a_kill_loses_at_most_the_last_second(field, after_s):
     stop = threading.Event()
     sent = []
