@@ -33,7 +33,7 @@ class Finding:
 
 
 def findings(snapshot: Snapshot) -> Iterator[Finding]:
-    """All that is wrong now or worth keeping, and every counter."""
+    """All that is wrong now or worth keeping, and every counter that is not at zero."""
     for row in snapshot.vehicles:
         yield from _findings(VEHICLE_RULES, row, snapshot, f" {row.system_id}", f"{row.name}: ", row.system_id)
     for link in snapshot.health.links:
@@ -46,7 +46,7 @@ def _findings(
 ) -> Iterator[Finding]:
     for rule in rules:
         count = rule.counter(subject, now) if rule.counter else None
-        raises = count is not None or bool(rule.condition and rule.condition(subject, now))
+        raises = bool(count) or bool(rule.condition and rule.condition(subject, now))
         if raises or (rule.kept_while and rule.kept_while(subject, now)):
             detail = rule.detail(subject, now) if rule.detail else ""
             yield Finding(

@@ -90,7 +90,8 @@ class Alarms:
 
     def _grows(self, key: str, count: int, now_us: int) -> bool:
         """Notes a counter; whether it has grown lately."""
-        if count > self._counts.get(key, 0):
+        # a count that is lower has begun anew, with the process that counts
+        if count != self._counts.get(key, 0):
             self._grown_us[key] = now_us
         self._counts[key] = count
         return now_us - self._grown_us.get(key, -GROWING_US) < GROWING_US
