@@ -39,7 +39,7 @@ class MergedBoxes:
     """(h,) for how long they count as unseen, seconds."""
 
 
-def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apart: Floats) -> MergedBoxes:
+def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apart: Floats) -> MergedBoxes | None:
     """Find the boxes that are larger than each of two or more tracks inside them which have no box of their own.
 
     Such a box continues none of its tracks, which stay in sight and follow it together: which of them it would be
@@ -50,16 +50,20 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
         params: Which tracks count as followed, and within which distance a box is a track's own.
         boxes: Of this frame.
         apart: (k, m) squared distances of tracks and boxes, px².
+
+    Returns:
+        The boxes and their tracks, None where there are none.
     """
     settled = np.flatnonzero((state.hits >= params.confirm_hits) & (state.gap_s <= params.short_s))
-    size, merged = np.sqrt(boxes.w * boxes.h), np.zeros(len(boxes), dtype=bool)
+    size = np.sqrt(boxes.w * boxes.h)
     large = np.flatnonzero(size > LARGER * np.min(state.length[settled], initial=np.inf))
     place, length = state.x[settled, :2].copy(), state.length[settled]
     apart, half = apart[settled], 0.25 * (boxes.w[large] ** 2 + boxes.h[large] ** 2)
     large = large[np.count_nonzero(apart[:, large] < half, axis=0) > 1]
     if not len(large):
-        return MergedBoxes(merged, np.empty(0, np.intp), np.empty((0, 2)), np.empty(0))
-    moved, gap_s, inside_any = state.x[:, :2].copy(), state.gap_s.copy(), np.zeros(len(state), dtype=bool)
+        return None
+    moved, gap_s = state.x[:, :2].copy(), state.gap_s.copy()
+    merged, inside_any = np.zeros(len(boxes), dtype=bool), np.zeros(len(state), dtype=bool)
     alone = ~np.any((size < LARGER * length[:, None]) & (apart < (params.near * length[:, None]) ** 2), axis=1)
     for j in large:
         c, s = np.cos(boxes.angle[j]), np.sin(boxes.angle[j])
@@ -71,4 +75,4 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
             moved[settled[held]] -= PULL * away[held].mean(axis=0)
             gap_s[settled[held]] = np.minimum(gap_s[settled[held]], GAP_S)
     rows = np.flatnonzero(inside_any)
-    return MergedBoxes(merged, rows, moved[rows], gap_s[rows])
+    return MergedBoxes(merged, rows, moved[rows], gap_s[rows]) if len(rows) else None

@@ -103,7 +103,7 @@ class Tracker:
         params, state = self.params, self._state
         apart = state.apart(boxes)
         merged = find_merged(state, params, boxes, apart)
-        if len(merged.rows):
+        if merged is not None:
             free = free & ~merged.box
             state.move(merged.rows, merged.place, merged.gap_s)
             apart = state.apart(boxes)
