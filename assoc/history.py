@@ -84,7 +84,7 @@ class TrackHistory:
         self.front[:, old] = np.nan
         return old
 
-    def start(self, t: float) -> int:
+    def first_row_since(self, t: float) -> int:
         """First row that is not older than t."""
         return int(np.searchsorted(self.t[: self.n], t))
 

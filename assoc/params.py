@@ -59,7 +59,7 @@ class SearchParams:
     """Exchanges of two vehicles that are tried on the best hypothesis."""
     swaps_locked: int = 2
     """The same while the search is locked."""
-    first_look_s: float = 3.0
+    extrapolated_max_s: float = 3.0
     """Reports older than this, seconds, are not extrapolated to a pair's first comparison."""
     heading_std: float = float(np.deg2rad(9.0))
     """1σ of an image heading against a reported heading, radians: compass and detector together."""

@@ -14,7 +14,7 @@ from assoc.evidence.motion import Samples
 from assoc.geometry.ground import OFFSET, THETA, GroundTracks
 from assoc.params import MANY_PAIRS
 
-__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "make_blocks", "with_first_look"]
+__all__ = ["LEAP_M", "LEAP_MPS", "Blocks", "make_blocks", "with_extrapolated_block"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -239,7 +239,7 @@ def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int
     return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, _MOST_DISAGREEMENTS)))
 
 
-def with_first_look(
+def with_extrapolated_block(
     blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray, longest_s: float
 ) -> Blocks:
     """Add one block for pairs that no report has met yet: the newest frame against extrapolated reports.

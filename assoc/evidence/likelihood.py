@@ -18,19 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.blocks import Blocks
-from assoc.geometry.plane import axes, plane, square
+from assoc.geometry.plane import squared_magnitude, to_complex, to_east_north
 
 __all__ = [
     "NEVER",
     "Noise",
     "PairState",
-    "bounded",
-    "fresh_state",
-    "put",
-    "restarted",
+    "bound_variance",
+    "initial_state",
+    "replace_tracks",
+    "reset_tracks",
     "run_filter",
-    "taken",
-    "with_columns",
+    "select_tracks",
+    "widen_tracks",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -86,7 +86,7 @@ class PairState:
     """(T, n) whether any block was compared."""
 
 
-def fresh_state(n_tracks: int, n_vehicles: int) -> PairState:
+def initial_state(n_tracks: int, n_vehicles: int) -> PairState:
     """State before any evidence."""
     shape = (n_tracks, n_vehicles)
     return PairState(
@@ -97,7 +97,7 @@ def fresh_state(n_tracks: int, n_vehicles: int) -> PairState:
     )
 
 
-def bounded(state: PairState, bias_std: float) -> PairState:
+def bound_variance(state: PairState, bias_std: float) -> PairState:
     """The state with nothing known of a bias meaning the prior: variances at most σ_b²."""
     return replace(state, var=np.minimum(state.var, bias_std**2))
 
@@ -138,28 +138,28 @@ def run_filter(
     Returns:
         State after the last block, state after ``fold`` blocks.
     """
-    mean_r = plane(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
+    mean_r = to_complex(blocks.mean + (blocks.jacobian @ (theta - blocks.theta))[:, :, None, :])
     variance, constant = _constant(blocks, noise)
     has_all = blocks.count > 0
     decay, prior = noise.decay, noise.bias_std**2
     null, null_later = _first_null(blocks, noise), blocks.log_null - noise.in_view_bonus
     # each block as if it were the first of the pair
-    log_p_first = constant + _log_density(square(mean_r), prior + variance, np.asarray(prior))
+    log_p_first = constant + _log_density(squared_magnitude(mean_r), prior + variance, np.asarray(prior))
     restart = np.clip(log_p_first - null, _FIRST_LEAST, noise.increment_max)
     restart_gain = prior / (prior + variance)
     M_first, V_first = restart_gain * mean_r, prior - restart_gain * prior
     renewed = (1.0 - decay**2) * prior + blocks.jump_var
-    M, V, L, seen = plane(state.mean), state.var, state.score, state.seen
+    M, V, L, seen = to_complex(state.mean), state.var, state.score, state.seen
     folded = state
     for b in range(len(mean_r)):
         if b == fold:
-            folded = PairState(score=L, mean=axes(M), var=V, seen=seen)
+            folded = PairState(score=L, mean=to_east_north(M), var=V, seen=seen)
         has = has_all[b]
         # M⁻ = λM, V⁻ = λ²V + (1 − λ²)σ_b² + a jump of the vehicle's own reports
         M, V = decay * M, decay**2 * V + renewed[b]
         e = mean_r[b] - M
         s = V + variance[b]
-        log_p = constant[b] + _log_density(square(e), s, V)
+        log_p = constant[b] + _log_density(squared_magnitude(e), s, V)
         later = np.minimum(np.maximum(log_p - null_later[b], -noise.increment_max), noise.increment_max)
         first = np.maximum(log_p - null[b], _FIRST_LEAST)
         stay = np.where(seen, L + later, first)
@@ -174,30 +174,30 @@ def run_filter(
         no_report = np.where(seen, np.logaddexp(L, before[:, None] - _NO_REPORT), L)
         L = np.where(has, np.logaddexp(stay, switch), no_report)
         seen = seen | has
-    final = PairState(score=L, mean=axes(M), var=V, seen=seen)
+    final = PairState(score=L, mean=to_east_north(M), var=V, seen=seen)
     return final, final if fold >= len(mean_r) else folded
 
 
-def taken(state: PairState, columns: NDArray[np.int64]) -> PairState:
+def select_tracks(state: PairState, columns: NDArray[np.int64]) -> PairState:
     """The state of some tracks."""
     return PairState(
         score=state.score[columns], mean=state.mean[columns], var=state.var[columns], seen=state.seen[columns]
     )
 
 
-def put(state: PairState, columns: NDArray[np.int64], part: PairState) -> PairState:
+def replace_tracks(state: PairState, columns: NDArray[np.int64], part: PairState) -> PairState:
     """The state with some tracks replaced."""
     score, mean, var, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
     score[columns], mean[columns], var[columns], seen[columns] = part.score, part.mean, part.var, part.seen
     return PairState(score=score, mean=mean, var=var, seen=seen)
 
 
-def with_columns(state: PairState, n_tracks: int) -> PairState:
+def widen_tracks(state: PairState, n_tracks: int) -> PairState:
     """The state widened to more tracks."""
     extra = n_tracks - len(state.score)
     if extra <= 0:
         return state
-    more = fresh_state(extra, state.score.shape[1])
+    more = initial_state(extra, state.score.shape[1])
     return PairState(
         score=np.concatenate([state.score, more.score]),
         mean=np.concatenate([state.mean, more.mean]),
@@ -206,7 +206,7 @@ def with_columns(state: PairState, n_tracks: int) -> PairState:
     )
 
 
-def restarted(state: PairState, columns: NDArray[np.int64], mean: FloatArray, var: FloatArray) -> PairState:
+def reset_tracks(state: PairState, columns: NDArray[np.int64], mean: FloatArray, var: FloatArray) -> PairState:
     """The state with some tracks set back to the beginning, their bias filters started from (n, 2) and (n,)."""
     score, means, variances, seen = state.score.copy(), state.mean.copy(), state.var.copy(), state.seen.copy()
     score[columns], means[columns], variances[columns], seen[columns] = NEVER, mean, var, False

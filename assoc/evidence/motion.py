@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.geometry.plane import axes, plane, square
+from assoc.geometry.plane import squared_magnitude, to_complex, to_east_north
 from assoc.records import VehicleReports
 
 __all__ = ["WHITE_STD_M", "ReportLog", "Samples"]
@@ -98,7 +98,7 @@ class ReportLog:
         """(n,) the newest position was an exact repeat of a moving vehicle's."""
         self.too_uncertain: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest report was too uncertain for a comparison, by the 1σ that the vehicle states."""
-        self.doubted_since = np.full(n, np.inf)
+        self.rejected_since = np.full(n, np.inf)
         """(n,) reports of this time, seconds, and later ones are of another vehicle's place: they are not compared."""
         self._score = np.zeros((n, groups))
         self._place = np.zeros((n, groups), np.complex128)
@@ -147,7 +147,7 @@ class ReportLog:
     def samples(self, start: float, stop: float) -> Samples:
         """Reports of a stretch of time that may be compared, sorted by vehicle and time."""
         kept, white = self._joined(), self.white
-        inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.doubted_since[kept.vehicle])))
+        inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.rejected_since[kept.vehicle])))
         inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
         return Samples(
             t=kept.t[inside],
@@ -173,7 +173,7 @@ class ReportLog:
         step = np.clip(age, -longest_s, longest_s)
         step[~np.isfinite(step)] = 0.0
         return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
-            np.isfinite(self.doubted_since) | self.too_uncertain, np.inf, age
+            np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age
         )
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
@@ -191,7 +191,7 @@ class ReportLog:
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
         if not known.all():
-            reported = np.where(known[:, None], reported, axes(self._speed[vehicle, self.white]))
+            reported = np.where(known[:, None], reported, to_east_north(self._speed[vehicle, self.white]))
         self.last_v[vehicle] = reported
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
@@ -218,9 +218,9 @@ class ReportLog:
         pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION * dt**3 / 3
         pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION * dt**2 / 2
         vv = cov[..., 2] + _ACCELERATION * dt
-        at = plane(p)[:, None]
+        at = to_complex(p)[:, None]
         e, s = at - predicted, pp + _WHITE_VAR
-        e2 = square(e)
+        e2 = squared_magnitude(e)
         # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
         log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LEAST_LOG)
         gain_p, gain_v = pp / s, pv / s

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from assoc.geometry.ground import unturned
+from assoc.geometry.ground import ground_to_rays
 from assoc.records import CameraState
 
 __all__ = ["chance_in_view"]
@@ -37,7 +37,7 @@ def chance_in_view(
     Returns:
         (n,) chances; 0 where place or view are unknown.
     """
-    x, y, z = unturned(p, camera.R_enu_cam, camera.p_enu, camera.ground_z, theta).T
+    x, y, z = ground_to_rays(p, camera.R_enu_cam, camera.p_enu, camera.ground_z, theta).T
     across, along = camera.half_view
     inside = np.minimum(across * z - np.abs(x), along * z - np.abs(y))
     chance = ndtr(inside / np.hypot(std_m, _HALF_VEHICLE_M)) * np.exp(-np.maximum(np.abs(age_s), 0.0) / _FRESH_S)

@@ -25,10 +25,10 @@ __all__ = [
     "YAW",
     "YAW_RATE",
     "GroundTracks",
-    "ground_now",
+    "angles_to_places",
+    "ground_to_rays",
     "ground_tracks",
-    "off_axis",
-    "unturned",
+    "rays_to_ground",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -189,7 +189,7 @@ def _sight_lines(p: FloatArray, p_enu: FloatArray, ground_z: float, theta: Float
     return np.concatenate([p, np.full((len(p), 1), ground_z)], axis=1) - (p_enu + theta[[EAST, NORTH, HEIGHT]])
 
 
-def off_axis(
+def angles_to_places(
     rays: FloatArray, p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
 ) -> FloatArray:
     """Angles between rays and the lines of sight to places on the ground, under a correction.
@@ -213,7 +213,7 @@ def off_axis(
     return np.asarray(2.0 * np.arcsin(np.minimum(np.sqrt(np.sum(gap * gap, axis=2)) / 2.0, 1.0)))
 
 
-def ground_now(
+def rays_to_ground(
     rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
 ) -> FloatArray:
     """Rays of one frame on the corrected ground.
@@ -232,8 +232,10 @@ def ground_now(
     return np.asarray(_hit(d[None], (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0])
 
 
-def unturned(p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
-    """Places on the ground as the corrected camera has them: the way back of :func:`ground_now`.
+def ground_to_rays(
+    p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
+) -> FloatArray:
+    """Places on the ground as the corrected camera has them: the way back of :func:`rays_to_ground`.
 
     Args:
         p: (n, 2) east and north, metres.

@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["axes", "plane", "square"]
+__all__ = ["squared_magnitude", "to_complex", "to_east_north"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-def plane(p: FloatArray) -> ComplexArray:
+def to_complex(p: FloatArray) -> ComplexArray:
     """(..., 2) east, north as (...)."""
     return np.asarray(p[..., 0] + 1j * p[..., 1])
 
 
-def axes(z: ComplexArray) -> FloatArray:
+def to_east_north(z: ComplexArray) -> FloatArray:
     """(...) as (..., 2) east, north."""
     return np.stack([z.real, z.imag], axis=-1)
 
 
-def square(z: ComplexArray) -> FloatArray:
+def squared_magnitude(z: ComplexArray) -> FloatArray:
     """|z|²."""
     return np.asarray(z.real**2 + z.imag**2)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence.likelihood import PairState, taken
+from assoc.evidence.likelihood import PairState, select_tracks
 from assoc.hypotheses.pose import BiasModels, log_evidence
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
-__all__ = ["BIAS_STD_M", "BIAS_TAU_S", "learnt_bias"]
+__all__ = ["BIAS_STD_M", "BIAS_TAU_S", "learn_bias_noise"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,7 +27,7 @@ _KEEP = 0.6
 """Share of the old value that one step keeps: single steps are noisy."""
 
 
-def learnt_bias(
+def learn_bias_noise(
     context: UpdateContext,
     best: Hypothesis,
     tracks: IntArray,
@@ -54,7 +54,7 @@ def learnt_bias(
         return now
     std, tau = (grid.ravel() for grid in np.meshgrid(BIAS_STD_M, BIAS_TAU_S, indexing="ij"))
     models = BiasModels(std=std, decay=np.exp(-context.block_s / tau))
-    start = taken(state, context.columns)
+    start = select_tracks(state, context.columns)
     value = log_evidence(best.blocks, tracks, vehicles, best.theta, start, context.noise, models)
     value = value.reshape(len(BIAS_STD_M), len(BIAS_TAU_S))
     value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from assoc.hypotheses.marginals import best_assignment, marginals
 from assoc.hypotheses.search import Hypothesis
 
-__all__ = ["doubted", "mixed_marginals", "names", "weights"]
+__all__ = ["discount_lookalikes", "mixed_marginals", "most_probable_names", "posterior_weights"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -21,7 +21,7 @@ _SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
 
 
-def weights(hypotheses: list[Hypothesis]) -> FloatArray:
+def posterior_weights(hypotheses: list[Hypothesis]) -> FloatArray:
     """Posterior weights ∝ exp(value)."""
     value = np.array([h.value for h in hypotheses])
     w = np.exp(value - np.max(value))
@@ -34,7 +34,7 @@ def mixed_marginals(
     bias_std: float,
     chance: float,
     in_view: FloatArray,
-    log_free: FloatArray,
+    log_not_lost: FloatArray,
 ) -> FloatArray:
     """Marginals averaged over hypotheses.
 
@@ -44,7 +44,7 @@ def mixed_marginals(
         bias_std: σ_b, metres.
         chance: Prior chance that a track is a look-alike that moves like one of ours.
         in_view: (n,) part of the scores that a vehicle has because it should be in view.
-        log_free: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
+        log_not_lost: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
@@ -54,14 +54,16 @@ def mixed_marginals(
     for hypothesis, w in zip(hypotheses, share, strict=True):
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
-            score = doubted(hypothesis.score, bias, bias_std, chance, in_view)
+            score = discount_lookalikes(hypothesis.score, bias, bias_std, chance, in_view)
             # however well a track moves like a vehicle, it is not one that was seen beside it
-            total += w * marginals(score + log_free)
+            total += w * marginals(score + log_not_lost)
             used += w
     return np.asarray(total / used)
 
 
-def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float, in_view: FloatArray) -> FloatArray:
+def discount_lookalikes(
+    score: FloatArray, bias: FloatArray, bias_std: float, chance: float, in_view: FloatArray
+) -> FloatArray:
     """Scores with room for look-alikes that move like one of ours a few metres away.
 
     Clutter that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
@@ -87,7 +89,7 @@ def doubted(score: FloatArray, bias: FloatArray, bias_std: float, chance: float,
     return np.asarray(score - np.logaddexp(np.log1p(-chance), np.log(chance) + alike)[:, None])
 
 
-def names(p: FloatArray) -> IntArray:
+def most_probable_names(p: FloatArray) -> IntArray:
     """(m,) most probable one-to-one naming by the marginals, −1 for "none of ours"."""
     ours = np.log(np.maximum(p[:, :-1], 1e-300))
     none = np.log(np.maximum(p[:, -1:], 1e-300))

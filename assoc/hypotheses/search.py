@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence.blocks import Blocks, make_blocks, with_first_look
+from assoc.evidence.blocks import Blocks, make_blocks, with_extrapolated_block
 from assoc.evidence.likelihood import Noise, PairState, run_filter
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.ground import EAST, NORTH, OFFSET, THETA, YAW, ground_tracks
@@ -67,7 +67,7 @@ class UpdateContext:
     """Length of a block, seconds."""
     gap_max_s: float
     """Longest hole in a track that is bridged, seconds."""
-    first_look_s: float
+    extrapolated_max_s: float
     """Oldest report that is extrapolated to a pair's first comparison, seconds."""
     heading_std: float
     """1σ of an image heading against a reported heading, radians."""
@@ -112,7 +112,7 @@ class Hypothesis:
 
 def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
     """The residuals linearised at θ."""
-    start = context.history.start(context.first_block * context.block_s + theta[OFFSET] - context.gap_max_s)
+    start = context.history.first_row_since(context.first_block * context.block_s + theta[OFFSET] - context.gap_max_s)
     tracks = ground_tracks(context.history, start, theta, context.columns)
     samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     blocks = make_blocks(
@@ -126,7 +126,7 @@ def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
         heading_std=context.heading_std,
     )
     p, age = context.log.extrapolated(float(tracks.t[-1] - theta[OFFSET]))
-    return with_first_look(blocks, tracks, context.state.seen, p, age, context.first_look_s)
+    return with_extrapolated_block(blocks, tracks, context.state.seen, p, age, context.extrapolated_max_s)
 
 
 def scores(context: UpdateContext, blocks: Blocks, theta: FloatArray) -> tuple[FloatArray, tuple[PairState, PairState]]:

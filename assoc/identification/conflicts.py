@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.hypotheses.labels import names
+from assoc.hypotheses.labels import most_probable_names
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
-__all__ = ["ConflictReview", "ConflictWatch"]
+__all__ = ["ConflictMonitor", "ConflictReview"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -58,11 +58,11 @@ class ConflictReview:
     """(m, n + 1) marginals in which doubles share their track."""
     vehicles: tuple[int, ...]
     """Indices of the vehicles in conflict."""
-    doubted_since: FloatArray
+    rejected_since: FloatArray
     """(n,) reports of this time, seconds, and later ones are of another vehicle's place; inf none."""
 
 
-class ConflictWatch:
+class ConflictMonitor:
     """Remembers for how long contradictions have lasted.
 
     Two kinds: *double*, a vehicle reports the place of another, and has no track of its own there but fits the other's,
@@ -84,18 +84,18 @@ class ConflictWatch:
             best: Its best hypothesis.
             p: (m, n + 1) marginals.
         """
-        choice = names(p)
+        choice = most_probable_names(p)
         self._note_doubles(t, context, best, choice)
         lasting = {pair: d for pair, d in self._double.items() if t - d.since >= _LASTING_S}
-        doubted_since, p = np.full(p.shape[1] - 1, np.inf), p.copy()
+        rejected_since, p = np.full(p.shape[1] - 1, np.inf), p.copy()
         for pair, double in lasting.items():
             if double.jumper == _UNKNOWN:
                 p[double.row, pair] = 0.5 * np.sum(p[double.row, pair])
             else:
-                doubted_since[double.jumper] = double.since - _LAPSE_S
+                rejected_since[double.jumper] = double.since - _LAPSE_S
         gone = self._gone(t, context, choice, p)
         vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
-        return ConflictReview(p, vehicles, doubted_since)
+        return ConflictReview(p, vehicles, rejected_since)
 
     def _note_doubles(self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
         """Keep the pairs of vehicles that report one place, the track there, and who came there by a jump."""

@@ -7,23 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.evidence.likelihood import bounded, fresh_state, put, restarted, taken, with_columns
+from assoc.evidence.likelihood import (
+    bound_variance,
+    initial_state,
+    replace_tracks,
+    reset_tracks,
+    select_tracks,
+    widen_tracks,
+)
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import OFFSET, THETA, ground_now
+from assoc.geometry.ground import OFFSET, THETA, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory
-from assoc.hypotheses.bias_noise import learnt_bias
-from assoc.hypotheses.labels import mixed_marginals, weights
+from assoc.hypotheses.bias_noise import learn_bias_noise
+from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
-from assoc.identification.conflicts import ConflictWatch
+from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 from assoc.tracks.co_visibility import CoVisibility
 from assoc.tracks.swap_risk import SwapRisk
-from assoc.tracks.track_handover import replaced
+from assoc.tracks.track_handover import replaced_tracks
 
 __all__ = ["Estimator", "UpdateResult"]
 
@@ -54,7 +61,7 @@ class Estimator:
 
     def __init__(self, history: TrackHistory, log: ReportLog, params: IdentifierParams) -> None:
         self._history, self._log, self._params = history, log, params
-        self._state = fresh_state(0, log.n_vehicles)
+        self._state = initial_state(0, log.n_vehicles)
         self._first_block: int | None = None
         self._updates = 0
         self._thetas: list[FloatArray] = []
@@ -77,7 +84,7 @@ class Estimator:
         self._bias_learnt_s = self._clutter_s = -np.inf
         self._offset_std_s = params.time_offset_std_s
         self._offset_tense_since_s = np.inf
-        self._conflicts = ConflictWatch()
+        self._conflicts = ConflictMonitor()
 
     @property
     def theta(self) -> FloatArray:
@@ -97,17 +104,17 @@ class Estimator:
     def begin_tracks(self, t: float, columns: IntArray) -> None:
         """Start the evidence of tracks that are new in their columns, with the biases that are remembered."""
         self._lock.start(t)
-        self._state = with_columns(self._state, len(self._history.track_id))
+        self._state = widen_tracks(self._state, len(self._history.track_id))
         if len(columns):
             mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s)
-            self._state = restarted(self._state, columns, mean, var)
+            self._state = reset_tracks(self._state, columns, mean, var)
             width = len(self._history.track_id)
             self._co_visibility.begin(columns, width)
             self._handover = np.pad(self._handover, ((0, width - len(self._handover)), (0, 0)))
             before = self._history.before[columns]
-            self._handover[columns] = self._co_visibility.log_claims(before, self._params.switch_rate_leap)
+            self._handover[columns] = self._co_visibility.log_handover(before, self._params.switch_rate_leap)
             for column in columns.tolist():
-                self._swaps.forget(column)
+                self._swaps.reset(column)
                 self._anchors.pop(column, None)
                 self._confident.pop(column, None)
 
@@ -124,24 +131,24 @@ class Estimator:
             nothing = np.concatenate([np.zeros((len(live), n)), np.ones((len(live), 1))], axis=1)
             return UpdateResult(live, nothing, ())
         self._updates += 1
-        self._note_places(t, live, camera)
+        self._update_swap_risk(t, live, camera)
         context = self._context(t, live, camera)
         found = self._search(context, camera)
-        best, share = found[0], weights(found)
+        best, share = found[0], posterior_weights(found)
         self._thetas = [h.theta for h in found[: self._params.search.start_hypotheses]]
         self.theta_std = best.theta_std
         seen = context.gap_s <= 0.0
-        free = self._co_visibility.log_free(live, seen)
+        free = self._co_visibility.log_not_lost(live, seen)
         clutter = self._clutter_chance(t, context)
         p = mixed_marginals(found, share, self._bias_std, clutter, context.in_view, free)
-        self._co_visibility.note(live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
+        self._co_visibility.update(live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
         self._widen_offset_prior(t)
         score = np.max(best.score, axis=1)
         best_score = {int(c): float(s) for c, s, now in zip(live, score, seen, strict=True) if now}
         self._lock.update(t, np.max(p, axis=1), float(share[0]), best_score)
         review = self._conflicts.review(t, context, best, p)
-        self._log.doubted_since = review.doubted_since
+        self._log.rejected_since = review.rejected_since
         self._fold(context, best)
         return UpdateResult(live, review.p, review.vehicles)
 
@@ -159,7 +166,7 @@ class Estimator:
         """(m,) ground distance of each track to its vehicle's extrapolated report, and its age; NaN unnamed."""
         now = t - self.time_offset_s
         p, age = self._log.extrapolated(now)[0], now - self._log.last_t
-        g = ground_now(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
+        g = rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
         named = vehicle >= 0
         away = np.linalg.norm(g - p[np.maximum(vehicle, 0)], axis=1) if len(p) else np.full(len(vehicle), np.nan)
         old = age[np.maximum(vehicle, 0)] if len(p) else np.full(len(vehicle), np.nan)
@@ -189,16 +196,16 @@ class Estimator:
             columns=columns,
             live=len(live),
             gap_s=t - self._history.last_s[live],
-            replaced=replaced(t, self._history, live, self.theta),
+            replaced=replaced_tracks(t, self._history, live, self.theta),
             anchors=np.array([self._anchors[c] for c in ended], np.int64),
             log=self._log,
             first_block=self._first_block,
             last_block=last,
             block_s=q.block_s,
             gap_max_s=q.gap_max_s,
-            first_look_s=q.search.first_look_s,
+            extrapolated_max_s=q.search.extrapolated_max_s,
             heading_std=q.search.heading_std,
-            state=bounded(taken(self._state, columns), self._bias_std),
+            state=bound_variance(select_tracks(self._state, columns), self._bias_std),
             noise=noise,
             prior=prior_of(q, camera, self._offset_std_s),
             log_switch=self._swaps.log_chances(self._first_block, last - self._first_block + 1, columns),
@@ -224,18 +231,18 @@ class Estimator:
                 self._anchors[column] = vehicle
         self._anchors = {c: v for c, v in self._anchors.items() if self._history.last_s[c] > start}
 
-    def _note_places(self, t: float, live: IntArray, camera: CameraState) -> None:
+    def _update_swap_risk(self, t: float, live: IntArray, camera: CameraState) -> None:
         """Take the places of the tracks into account of which others they may be exchanged with."""
-        since = self._history.start(self._placed_s + 1e-6)
+        since = self._history.first_row_since(self._placed_s + 1e-6)
         missed = np.any(np.isnan(self._history.ray[since : self._history.n, live, 0]), axis=0)
-        risky = self._swaps.note(t, live, self._places(live, camera), missed, self._first_block)
-        self._co_visibility.forget(live[risky])
+        risky = self._swaps.update(t, live, self._places(live, camera), missed, self._first_block)
+        self._co_visibility.reset(live[risky])
         self._placed_s = t
 
     def _places(self, columns: IntArray, camera: CameraState) -> FloatArray:
         """(m, 2) where tracks are now, NaN unseen."""
         rays = self._history.ray[self._history.n - 1, columns]
-        return ground_now(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
+        return rays_to_ground(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
 
     def _chance_in_view(self, t: float, camera: CameraState) -> FloatArray:
         """(n,) how likely each vehicle is in view."""
@@ -309,7 +316,7 @@ class Estimator:
             return
         self._bias_learnt_s = t
         rows, now = np.flatnonzero(vehicle < self._log.n_vehicles), (self._bias_std, self._tau_s)
-        self._bias_std, self._tau_s = learnt_bias(context, best, rows, vehicle[rows], self._state, now)
+        self._bias_std, self._tau_s = learn_bias_noise(context, best, rows, vehicle[rows], self._state, now)
 
     def _note_clutter(self, t: float, context: UpdateContext, none_of_ours: BoolArray) -> None:
         """Remember when a track (m,) was certainly none of ours while more were seen than vehicles are expected."""
@@ -329,5 +336,5 @@ class Estimator:
         """Move evidence that leaves the window into the state."""
         assert self._first_block is not None
         if context.fold:
-            self._state = put(self._state, context.columns, best.folded)
+            self._state = replace_tracks(self._state, context.columns, best.folded)
             self._first_block += context.fold

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.geometry.ground import off_axis
+from assoc.geometry.ground import angles_to_places
 from assoc.methods.belief import fuse, masses
 from assoc.methods.topology import topology_angles, topology_cost
 from assoc.records import CameraState, Observation
@@ -40,7 +40,7 @@ def frame_masses(
     if not len(reported) or not shape[0]:
         return results[0], results[1], results[2]
     E = (
-        off_axis(observation.ray_cam, p[reported], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta)
+        angles_to_places(observation.ray_cam, p[reported], camera.R_enu_cam, camera.p_enu, camera.ground_z, theta)
         / camera.px_rad
     )
     C = _topology(observation, camera, p[reported], heading[reported])

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
-from assoc.geometry.ground import ground_now
+from assoc.geometry.ground import rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.estimate import Estimator
-from assoc.identification.output import Beliefs, MassCache, compose, no_beliefs
+from assoc.identification.output import Beliefs, MassCache, compose_identities, empty_beliefs
 from assoc.methods.reattach import reattach_gated
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Identities, Observation, VehicleReports
@@ -62,7 +62,7 @@ class Identifier:
         return self._estimator.theta_std.copy()
 
     @property
-    def sure(self) -> bool:
+    def locked(self) -> bool:
         """Whether the search is locked: as good as all tracks have had certain answers for seconds."""
         return self._estimator.locked
 
@@ -91,9 +91,11 @@ class Identifier:
             self.add_reports(reports)
         if t > self._t:
             self._add_frame(t, observation, camera)
-        beliefs = self._beliefs.of(observation.track_id)
+        beliefs = self._beliefs.for_tracks(observation.track_id)
         threshold, cache = self._params.threshold, self._masses
-        answer = compose(self._ids, beliefs, observation, camera, self._log, self._estimator, t, threshold, cache)
+        answer = compose_identities(
+            self._ids, beliefs, observation, camera, self._log, self._estimator, t, threshold, cache
+        )
         self._watch_residuals(t, answer)
         return answer
 
@@ -112,11 +114,11 @@ class Identifier:
         usable = _usable(camera)
         if self._origin_us is None or usable is None or not len(track_id) or not len(ray_cam):
             return np.empty((0, 2), np.int64)
-        p = self._beliefs.of(track_id).p[:, :-1]
+        p = self._beliefs.for_tracks(track_id).p[:, :-1]
         sure = np.max(p, axis=1, initial=0.0) > self._params.stitch_confidence
         vehicle = np.where(sure, np.argmax(p, axis=1) if p.shape[1] else -1, -1)
         place, variance = self._estimator.predicted((t_us - self._origin_us) / 1e6)
-        ground = ground_now(ray_cam, usable.R_enu_cam, usable.p_enu, usable.ground_z, self._estimator.theta)
+        ground = rays_to_ground(ray_cam, usable.R_enu_cam, usable.p_enu, usable.ground_z, self._estimator.theta)
         return reattach_gated(place, variance, vehicle, ground)
 
     def _seconds(self, t_us: IntArray) -> FloatArray:
@@ -142,7 +144,7 @@ class Identifier:
         ids = self._history.track_id[result.columns[seen]]
         # without any track nothing can contradict, and nothing is cleared up
         conflict = result.conflict if len(result.columns) else self._beliefs.conflict
-        self._beliefs = self._beliefs.renewed(ids, result.p[seen], conflict)
+        self._beliefs = self._beliefs.updated(ids, result.p[seen], conflict)
 
     def _watch_residuals(self, t: float, answer: Identities) -> None:
         """Make an update due when a named track is suddenly elsewhere than its vehicle reports to be."""
@@ -180,7 +182,7 @@ class Identifier:
         self._history = TrackHistory(q.window_s + _MARGIN_S, q.frame_step_s, q.gap_max_s)
         self._log = ReportLog(n, q.window_s + _MARGIN_S)
         self._estimator = Estimator(self._history, self._log, q)
-        self._beliefs = no_beliefs(n)
+        self._beliefs = empty_beliefs(n)
         self._residual_m = {}
         self._masses = MassCache()
 

@@ -8,23 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
-from assoc.hypotheses.labels import names
+from assoc.hypotheses.labels import most_probable_names
 from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
 from assoc.records import CameraState, Identities, Observation
 
-__all__ = ["Beliefs", "compose", "no_beliefs"]
+__all__ = ["Beliefs", "compose_identities", "empty_beliefs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_REMEMBERED = 200
+_MOST_REMEMBERED = 200
 """Tracks whose last beliefs are kept."""
 _CLAIMED = 0.5
 """Probability from which a track that is seen takes a vehicle's name from those that are only predicted."""
 _MASSES_EVERY_S = 0.5
 """Time between two computations of the masses, seconds: they change slowly, and cost more than a name."""
-_NEW = 0.5
+_NEW_TRACK_UNKNOWN = 0.5
 """Probability of "none of ours" of a track that no update has met."""
 
 
@@ -39,25 +39,25 @@ class Beliefs:
     conflict: tuple[int, ...]
     """Indices of vehicles that contradict."""
 
-    def of(self, track_id: IntArray) -> Beliefs:
+    def for_tracks(self, track_id: IntArray) -> Beliefs:
         """The beliefs in the order of other tracks; even odds for those not met yet."""
         n = self.p.shape[1] - 1
-        p = np.full((len(track_id), n + 1), (1.0 - _NEW) / max(n, 1))
-        p[:, n] = _NEW if n else 1.0
+        p = np.full((len(track_id), n + 1), (1.0 - _NEW_TRACK_UNKNOWN) / max(n, 1))
+        p[:, n] = _NEW_TRACK_UNKNOWN if n else 1.0
         known = {key: row for row, key in enumerate(self.track_id.tolist())}
         for row, key in enumerate(track_id.tolist()):
             if key in known:
                 p[row] = self.p[known[key]]
         return Beliefs(track_id, p, self.conflict)
 
-    def renewed(self, track_id: IntArray, p: FloatArray, conflict: tuple[int, ...]) -> Beliefs:
+    def updated(self, track_id: IntArray, p: FloatArray, conflict: tuple[int, ...]) -> Beliefs:
         """Newer beliefs on some tracks; the newest others are kept for when they are seen again."""
         other = ~np.isin(self.track_id, track_id)
-        ids = np.concatenate([track_id, self.track_id[other]])[:_REMEMBERED]
-        return Beliefs(ids, np.concatenate([p, self.p[other]])[:_REMEMBERED], conflict)
+        ids = np.concatenate([track_id, self.track_id[other]])[:_MOST_REMEMBERED]
+        return Beliefs(ids, np.concatenate([p, self.p[other]])[:_MOST_REMEMBERED], conflict)
 
 
-def no_beliefs(n: int) -> Beliefs:
+def empty_beliefs(n: int) -> Beliefs:
     """Before the first update."""
     return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
 
@@ -87,7 +87,7 @@ class MassCache:
         return np.array(rows).reshape(len(rows), 3).T
 
 
-def compose(
+def compose_identities(
     system_ids: IntArray,
     beliefs: Beliefs,
     observation: Observation,
@@ -117,7 +117,7 @@ def compose(
     m, n = len(observation.track_id), len(system_ids)
     rows = np.arange(m)
     p = _without_coasting_names(beliefs.p, observation.gap_s)
-    choice = names(p)
+    choice = most_probable_names(p)
     choice = np.where((choice >= 0) & (p[rows, choice] >= threshold), choice, -1)
     others = p[:, :n].copy()
     others[rows[choice >= 0], choice[choice >= 0]] = -1.0

@@ -38,11 +38,11 @@ class CoVisibility:
         self._belief[columns] = 0.0
         self._beside[columns] = self._beside[:, columns] = False
 
-    def forget(self, columns: IntArray) -> None:
+    def reset(self, columns: IntArray) -> None:
         """Clear what is known of tracks that may be another vehicle by now."""
         self._beside[columns] = False
 
-    def note(self, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
+    def update(self, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
         """Remember the tracks of a frame.
 
         Args:
@@ -55,7 +55,7 @@ class CoVisibility:
         self._beside[np.ix_(seen, seen)] = away >= reach_m
         self._belief[seen] = belief
 
-    def log_claims(self, before: IntArray, change: float) -> FloatArray:
+    def log_handover(self, before: IntArray, change: float) -> FloatArray:
         """Evidence of tracks that broke off for those that a tracker went on with: ln (p + (1 − p) c).
 
         Args:
@@ -68,7 +68,7 @@ class CoVisibility:
         claim = np.log(change + (1.0 - change) * self._belief[before])
         return np.asarray(np.where(before[:, None] >= 0, claim, 0.0))
 
-    def log_free(self, columns: IntArray, seen: BoolArray) -> FloatArray:
+    def log_not_lost(self, columns: IntArray, seen: BoolArray) -> FloatArray:
         """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).
 
         Args:

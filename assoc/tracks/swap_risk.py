@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_FIRST_LOOK = -50.0
+_LOG_CHANCE_AFTER_WINDOW = -50.0
 """ln chance of a change in the first comparison after the window: practically none."""
 
 
@@ -33,11 +33,11 @@ class SwapRisk:
         self._rates: dict[int, dict[int, float]] = {}
         self._place: dict[int, tuple[float, FloatArray]] = {}
 
-    def forget(self, column: int) -> None:
+    def reset(self, column: int) -> None:
         """Drop what is known of a column: a new track begins in it."""
         self._place.pop(column, None)
 
-    def note(
+    def update(
         self, t: float, columns: IntArray, ground: FloatArray, missed: BoolArray, first_block: int | None
     ) -> BoolArray:
         """Remember where tracks are now.
@@ -86,7 +86,7 @@ class SwapRisk:
             for k, column in enumerate(columns.tolist()):
                 if column in rates:
                     result[b, k] = np.log(rates[column] * q.block_s)
-        result[-1] = _FIRST_LOOK
+        result[-1] = _LOG_CHANCE_AFTER_WINDOW
         return result
 
     def _leapt(self, t: float, column: int, place: FloatArray) -> bool:

@@ -190,7 +190,7 @@ class Pipeline:
         if not state.uav.position_valid:
             return
         before = self._steps.shift_enu
-        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.sure)
+        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.locked)
         taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
         if anew_m:
             self._begin_anew()

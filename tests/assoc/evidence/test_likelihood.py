@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from assoc.evidence.blocks import Blocks
-from assoc.evidence.likelihood import NEVER, bounded, fresh_state, run_filter
+from assoc.evidence.likelihood import NEVER, bound_variance, initial_state, run_filter
 from assoc.geometry.ground import THETA
 from tests.support.assoc_scene import BIAS_STD_M, DECAY, blocks_of, noise
 
@@ -20,7 +20,7 @@ seeds = st.integers(0, 10_000)
 def followed(samples, levels=None, switch=NO_SWITCH, state=None):
     """The state after all blocks."""
     blocks, levels = blocks_of(samples), levels or noise(in_view_bonus=np.zeros(len(samples[0][0])))
-    state = state or bounded(fresh_state(*blocks.count.shape[1:]), levels.bias_std)
+    state = state or bound_variance(initial_state(*blocks.count.shape[1:]), levels.bias_std)
     return run_filter(blocks, np.zeros(THETA), state, levels, np.full(blocks.count.shape[:2], switch))[0]
 
 
@@ -69,7 +69,7 @@ def test_blocks_may_come_in_two_runs(seed, stop):
     for name in ("score", "mean", "var", "seen"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), atol=1e-9)
     log_switch = np.full((8, 3), -5.0)
-    start = bounded(fresh_state(3, 2), BIAS_STD_M)
+    start = bound_variance(initial_state(3, 2), BIAS_STD_M)
     _, folded = run_filter(blocks_of(samples), np.zeros(THETA), start, levels, log_switch, fold=stop)
     before = followed(samples[:stop], levels, -5.0) if stop else start
     np.testing.assert_allclose(folded.score, before.score, atol=1e-9)
@@ -111,7 +111,7 @@ def test_a_shift_of_the_camera_is_a_shift_of_the_residuals():
     jacobian[:, :, 0, 4] = jacobian[:, :, 1, 5] = 1.0
     moved = [[[r + theta[4:6] for r in row] for row in block] for block in samples]
     values = {name: getattr(blocks, name) for name in blocks.__slots__} | {"jacobian": jacobian}
-    start = bounded(fresh_state(1, 1), BIAS_STD_M)
+    start = bound_variance(initial_state(1, 1), BIAS_STD_M)
     shifted, _ = run_filter(Blocks(**values), theta, start, noise(), np.full((5, 1), NO_SWITCH))
     np.testing.assert_allclose(shifted.score, followed(moved).score)
     np.testing.assert_allclose(shifted.mean, followed(moved).mean)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import HEIGHT, NORTH, PITCH, ROLL, THETA, YAW, ground_now, unturned
+from assoc.geometry.ground import HEIGHT, NORTH, PITCH, ROLL, THETA, YAW, ground_to_rays, rays_to_ground
 from assoc.records import CameraState
 from tests.support.assoc_scene import camera
 
@@ -29,8 +29,8 @@ def test_places_and_rays_are_each_others_inverse(yaw, pitch, roll, north):
     view, theta = camera(yaw=0.4), np.zeros(THETA)
     theta[[YAW, PITCH, ROLL, NORTH, HEIGHT]] = yaw, pitch, roll, north, 0.7
     rays = np.array([[0.3, -0.2, 1.0], [-0.5, 0.1, 1.0]])
-    places = ground_now(rays, view.R_enu_cam, view.p_enu, view.ground_z, theta)
-    back = unturned(places, view.R_enu_cam, view.p_enu, view.ground_z, theta)
+    places = rays_to_ground(rays, view.R_enu_cam, view.p_enu, view.ground_z, theta)
+    back = ground_to_rays(places, view.R_enu_cam, view.p_enu, view.ground_z, theta)
     np.testing.assert_allclose(back[:, :2] / back[:, 2:], rays[:, :2], atol=2e-3)
 
 

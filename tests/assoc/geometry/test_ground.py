@@ -12,9 +12,9 @@ from assoc.geometry.ground import (
     ROLL,
     THETA,
     YAW,
-    ground_now,
+    angles_to_places,
     ground_tracks,
-    off_axis,
+    rays_to_ground,
 )
 from assoc.history import TrackHistory
 from tests.support.assoc_scene import Fleet, camera
@@ -55,24 +55,24 @@ def test_jacobian_is_the_derivative(parameter, at):
 
 def test_yaw_turns_clockwise():
     view = camera()
-    straight = ground_now(np.array([[0.0, -0.5, 1.0]]), view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
+    straight = rays_to_ground(np.array([[0.0, -0.5, 1.0]]), view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
     np.testing.assert_allclose(straight, [[0.0, 20.0]], atol=1e-9)
     theta = np.zeros(THETA)
     theta[YAW] = np.pi / 2
-    turned = ground_now(np.array([[0.0, -0.5, 1.0]]), view.R_enu_cam, view.p_enu, 0.0, theta)
+    turned = rays_to_ground(np.array([[0.0, -0.5, 1.0]]), view.R_enu_cam, view.p_enu, 0.0, theta)
     np.testing.assert_allclose(turned, [[20.0, 0.0]], atol=1e-9)
 
 
 def test_rays_to_the_sky_hit_nothing():
     view = camera()
     up = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
-    assert np.isnan(ground_now(up, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))).all()
+    assert np.isnan(rays_to_ground(up, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))).all()
 
 
 def test_off_axis_is_zero_on_the_ray():
     view, rays = camera(), np.array([[0.1, 0.2, 1.0], [-0.3, 0.0, 1.0]])
-    p = ground_now(rays, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
-    angles = off_axis(rays, p, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
+    p = rays_to_ground(rays, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
+    angles = angles_to_places(rays, p, view.R_enu_cam, view.p_enu, 0.0, np.zeros(THETA))
     np.testing.assert_allclose(np.diagonal(angles), 0.0, atol=1e-9)
     assert angles[0, 1] > 0.2
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assoc.hypotheses.labels import doubted, mixed_marginals, names, weights
+from assoc.hypotheses.labels import discount_lookalikes, mixed_marginals, most_probable_names, posterior_weights
 from assoc.hypotheses.marginals import exact_marginals
 
 BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
@@ -19,15 +19,15 @@ def hypothesis(score, value=0.0, bias=0.0):
     return SimpleNamespace(score=score, value=value, final=SimpleNamespace(mean=np.full((*score.shape, 2), bias)))
 
 
-def mixed(hypotheses, chance=1e-12, log_free=0.0):
+def mixed(hypotheses, chance=1e-12, log_not_lost=0.0):
     m, n = hypotheses[0].score.shape
-    free = np.broadcast_to(np.asarray(log_free), (m, n))
-    return mixed_marginals(hypotheses, weights(hypotheses), BIAS_STD_M, chance, np.zeros(n), free)
+    free = np.broadcast_to(np.asarray(log_not_lost), (m, n))
+    return mixed_marginals(hypotheses, posterior_weights(hypotheses), BIAS_STD_M, chance, np.zeros(n), free)
 
 
 def test_weights_are_the_shares_of_the_likelihoods_however_small_these_are():
     values = [-900.0, -900.0 + np.log(3.0), -2000.0]
-    np.testing.assert_allclose(weights([hypothesis(np.zeros((1, 1)), v) for v in values]), [0.25, 0.75, 0.0])
+    np.testing.assert_allclose(posterior_weights([hypothesis(np.zeros((1, 1)), v) for v in values]), [0.25, 0.75, 0.0])
 
 
 @settings(max_examples=25)
@@ -35,7 +35,7 @@ def test_weights_are_the_shares_of_the_likelihoods_however_small_these_are():
 def test_without_strangers_names_are_as_likely_as_the_hypotheses_that_give_them(seed, m, n):
     rng = np.random.default_rng(seed)
     several = [hypothesis(rng.normal(0.0, 4.0, (m, n)), value) for value in rng.normal(0.0, 1.0, 3)]
-    share = weights(several)
+    share = posterior_weights(several)
     expected = sum(w * exact_marginals(h.score) for w, h in zip(share, several, strict=True))
     np.testing.assert_allclose(mixed(several), expected, atol=1e-3)
 
@@ -46,7 +46,7 @@ def test_doubt_is_bayes_rule_with_a_stranger_beside_the_vehicle(seed, score, dis
     """One track, one vehicle: a stranger has the pair's likelihood, its offset spread evenly over some metres."""
     chance = np.random.default_rng(seed).uniform(1e-4, 0.2)
     bias = np.array([[[distance_m, 0.0]]])
-    got = doubted(np.array([[score]]), bias, BIAS_STD_M, chance, np.zeros(1))[0, 0]
+    got = discount_lookalikes(np.array([[score]]), bias, BIAS_STD_M, chance, np.zeros(1))[0, 0]
     pair = np.exp(score)
     offset_density = min(np.exp(-(distance_m**2) / (2.0 * BIAS_STD_M**2)), 1.0)
     offset_density = max(offset_density, np.exp(-5.0))  # receivers may be worse than their model
@@ -64,11 +64,11 @@ def test_however_well_it_fits_a_name_is_never_surer_than_strangers_allow():
 def test_a_vehicle_that_was_seen_beside_this_track_is_not_its_name():
     several = [hypothesis(np.array([[20.0, 18.0]]))]
     assert np.argmax(mixed(several)[0]) == 0
-    assert np.argmax(mixed(several, log_free=[[-30.0, 0.0]])[0]) == 1
+    assert np.argmax(mixed(several, log_not_lost=[[-30.0, 0.0]])[0]) == 1
 
 
 def test_each_vehicle_is_named_once_and_nobody_where_that_is_likelier():
     p = np.array([[0.6, 0.1, 0.3], [0.55, 0.35, 0.1], [0.1, 0.1, 0.8]])
-    assert names(p).tolist() == [0, 1, -1]
-    assert names(np.array([[0.0, 1.0]])).tolist() == [-1]
-    assert names(np.ones((2, 1))).tolist() == [-1, -1]
+    assert most_probable_names(p).tolist() == [0, 1, -1]
+    assert most_probable_names(np.array([[0.0, 1.0]])).tolist() == [-1]
+    assert most_probable_names(np.ones((2, 1))).tolist() == [-1, -1]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from assoc.evidence.likelihood import bounded, fresh_state
+from assoc.evidence.likelihood import bound_variance, initial_state
 from assoc.geometry.ground import THETA
 from assoc.hypotheses.pose import BiasModels, PosePrior, fit, log_evidence, misfit, whiten
 from tests.support.assoc_scene import BIAS_STD_M, DECAY, WHITE_VAR, blocks_of, noise
@@ -39,7 +39,7 @@ def covariance(std, decay):
 
 
 def start(std=BIAS_STD_M):
-    return bounded(fresh_state(PAIRS, PAIRS), std)
+    return bound_variance(initial_state(PAIRS, PAIRS), std)
 
 
 @settings(max_examples=25)
@@ -47,7 +47,7 @@ def start(std=BIAS_STD_M):
 def test_evidence_for_how_biases_wander_is_the_joint_density_of_all_block_means(seed):
     blocks, theta = scene(seed), np.random.default_rng(seed).normal(0.0, 0.1, THETA)
     models = BiasModels(std=np.array([0.8, 1.3, 2.5]), decay=np.array([0.5, 0.9, 0.99]))
-    found = log_evidence(blocks, OWN, OWN, theta, fresh_state(PAIRS, PAIRS), noise(), models)
+    found = log_evidence(blocks, OWN, OWN, theta, initial_state(PAIRS, PAIRS), noise(), models)
     means = blocks.mean[:, OWN, OWN] + blocks.jacobian @ theta
     expected = [
         sum(

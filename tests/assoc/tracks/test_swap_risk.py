@@ -18,9 +18,9 @@ GONE = (np.nan, np.nan)
 def chances(places, missed):
     """ln chance of a change of owner of two tracks in the second block, after a calm first."""
     risk = SwapRisk(PARAMS)
-    risk.note(0.5, COLUMNS, np.array([(0.0, 0.0), places[1]]), np.zeros(2, bool), 0)
+    risk.update(0.5, COLUMNS, np.array([(0.0, 0.0), places[1]]), np.zeros(2, bool), 0)
     now = np.array([GONE if away else place for place, away in zip(places, missed, strict=True)])
-    risk.note(1.5, COLUMNS, now, np.array(missed), 0)
+    risk.update(1.5, COLUMNS, now, np.array(missed), 0)
     return risk.log_chances(1, 1, COLUMNS)[0]
 
 
@@ -44,5 +44,5 @@ def test_missed_between_two_looks():
     risk = SwapRisk(PARAMS)
     places = np.array([(0.0, 0.0), (1.5, 0.0)])
     for t in (0.5, 1.5):
-        risk.note(t, COLUMNS, places, np.full(2, t > 1.0), 0)
+        risk.update(t, COLUMNS, places, np.full(2, t > 1.0), 0)
     np.testing.assert_allclose(risk.log_chances(1, 1, COLUMNS)[0], RISKY)
