@@ -1,5 +1,5 @@
 """Fleets that listen, and who speaks into them: a plain flight (``World``), senders step by step with impostors among
-them (``Air``), and senders of one system id with clocks and links of their own (``Hearing``)."""
+them (``Air``), and senders of one system id with clocks and links of their own (``Listener``)."""
 
 import math
 from dataclasses import dataclass
@@ -82,7 +82,7 @@ STEP_US = 50_000
 
 @dataclass
 class Sender:
-    """Somebody who speaks under a system id: the real one, or another."""
+    """A sender of a system id: the vehicle itself, or an impostor."""
 
     system_id: int = UGV
     link: int = 0
@@ -137,7 +137,7 @@ class Sender:
 
 
 class Air:
-    """Everybody on the air, and the fleet that listens."""
+    """All senders on the air, and the fleet that receives them."""
 
     def __init__(self, *senders):
         self.fleet = Fleet(UAV, [UGV, 12], origin=FIELD, links=("udp", "radio"))
@@ -182,8 +182,8 @@ LINKS = ("udp", "radio")
 
 
 @dataclass(frozen=True)
-class Voice:
-    """Somebody who says that he is vehicle 11; times in seconds of the flight."""
+class Claimant:
+    """A sender that claims to be vehicle 11, rightly or not; times in seconds of the flight."""
 
     component: int = 1
     link: int = 0
@@ -233,12 +233,12 @@ class Voice:
 
 
 @cache
-def frames(voice, until_s):
+def frames(sender, until_s):
     """What it sends: (seconds of arrival, frame), lost and held up as its link does."""
-    speaker, rng = MavlinkEncoder(UGV, voice.component), np.random.default_rng(voice.seq + 1)
-    speaker._mav.seq = voice.seq
+    speaker, rng = MavlinkEncoder(UGV, sender.component), np.random.default_rng(sender.seq + 1)
+    speaker._mav.seq = sender.seq
     sent, heard = [], []
-    period = 1.0 / voice.rate_hz
+    period = 1.0 / sender.rate_hz
     for kind, every, phase in (
         ("p", period, 0.0),
         ("a", period, 0.4),
@@ -247,24 +247,24 @@ def frames(voice, until_s):
         ("t", 0.5, 0.6),
     ):
         wanted = {"b": "bc", "g": "gn"}.get(kind, kind)
-        said = next((c for c in wanted if c in voice.says), None)
+        said = next((c for c in wanted if c in sender.says), None)
         if said:
-            stop = min(until_s, voice.ends_s)
-            count = max(0, math.ceil((stop - voice.begins_s) / every - phase))
-            sent += [(voice.begins_s + (k + phase) * every, said) for k in range(count)]
+            stop = min(until_s, sender.ends_s)
+            count = max(0, math.ceil((stop - sender.begins_s) / every - phase))
+            sent += [(sender.begins_s + (k + phase) * every, said) for k in range(count)]
     for t, said in sorted(sent):
-        raw = _frame(voice, speaker, rng, t, said)
-        lost = rng.random() < voice.loss or any(a <= t < b for a, b in voice.holes)
+        raw = _frame(sender, speaker, rng, t, said)
+        lost = rng.random() < sender.loss or any(a <= t < b for a, b in sender.holes)
         if not lost:
-            heard.append((t + voice.delay_s + rng.uniform(0.0, voice.jitter_s), raw))
+            heard.append((t + sender.delay_s + rng.uniform(0.0, sender.jitter_s), raw))
     return heard
 
 
-def _frame(voice, speaker, rng, t, said):
-    (east, north), (v_east, v_north) = voice.place(t)
-    east, north = east + rng.normal(0.0, voice.noise_m), north + rng.normal(0.0, voice.noise_m)
-    boot_ms = voice.boot_ms(t, rng)
-    heading = math.atan2(v_east, v_north) % (2 * math.pi) if not voice.parked else 0.0
+def _frame(sender, speaker, rng, t, said):
+    (east, north), (v_east, v_north) = sender.place(t)
+    east, north = east + rng.normal(0.0, sender.noise_m), north + rng.normal(0.0, sender.noise_m)
+    boot_ms = sender.boot_ms(t, rng)
+    heading = math.atan2(v_east, v_north) % (2 * math.pi) if not sender.parked else 0.0
     if said == "p":
         lat, lon, alt = (float(x) for x in FIELD.to_geodetic([east, north, 0.0]))
         return speaker.global_position_int(boot_ms, lat, lon, alt, 0.0, (v_north, v_east, 0.0), heading)
@@ -281,8 +281,8 @@ def _frame(voice, speaker, rng, t, said):
     return speaker.heartbeat(ROVER, autopilot=ARDUPILOT, custom_mode=10)
 
 
-class Hearing:
-    """A fleet that hears them."""
+class Listener:
+    """A fleet that receives what senders of one system id send."""
 
     def __init__(self):
         self.fleet = Fleet(UAV, [UGV], origin=FIELD, links=LINKS)
@@ -290,17 +290,17 @@ class Hearing:
         self.seen = []
         """(seconds, status, east and north) at each look."""
 
-    def hear(self, *voices, until_s, look_s=0.0):
+    def receive(self, *senders, until_s, look_s=0.0):
         packets = sorted(
-            ((t, raw, voice) for voice in voices for t, raw in frames(voice, until_s) if t < until_s),
+            ((t, raw, sender) for sender in senders for t, raw in frames(sender, until_s) if t < until_s),
             key=lambda row: row[0],
         )
         due = look_s
-        for t, raw, voice in packets:
+        for t, raw, sender in packets:
             while look_s and t > due:
                 self.look(due)
                 due += look_s
-            self.notices += self.fleet.add_packet(Packet(T0 + round(t * S), raw, voice.link, voice.peer))
+            self.notices += self.fleet.add_packet(Packet(T0 + round(t * S), raw, sender.link, sender.peer))
         return self
 
     def look(self, t):
@@ -310,7 +310,7 @@ class Hearing:
 
     @property
     def contested_s(self):
-        """When two senders were told first, infinite where they were not."""
+        """When two senders were first reported, seconds; infinite where they were not."""
         return min(((n.t_us - T0) * 1e-6 for n in self.notices if "two senders" in n.text), default=math.inf)
 
     def texts(self):
