@@ -7,7 +7,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from gcs.cli.console import print_json
+from gcs.cli.output.console import print_json
 
 __all__ = ["count", "parser_of", "print_results"]
 

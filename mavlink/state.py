@@ -37,10 +37,11 @@ class Notice:
     t_us: int
     level: Level
     kind: str
-    """``vehicle``, ``camera`` or ``text``."""
+    """``vehicle``, ``camera``, ``text`` or ``link``."""
     text: str
     """Plain text, control characters replaced; never markup."""
-    system_id: int
+    system_id: int = 0
+    """0 for what is about no vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

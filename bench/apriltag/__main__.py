@@ -2,8 +2,8 @@
 
 from bench.apriltag.suite import WORKERS, run
 from bench.command_line import count, parser_of, print_results
-from gcs.cli.console import print_note
-from gcs.cli.progress import progress
+from gcs.cli.output.console import print_note
+from gcs.cli.output.progress import progress
 
 
 def main() -> None:

@@ -6,8 +6,8 @@ from bench.command_line import count, parser_of, print_results
 from bench.field.explain import explain
 from bench.field.families import FAMILIES
 from bench.field.suite import WORKERS, run
-from gcs.cli.console import print_note
-from gcs.cli.progress import progress
+from gcs.cli.output.console import print_note
+from gcs.cli.output.progress import progress
 
 
 def main() -> None:

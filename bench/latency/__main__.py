@@ -4,7 +4,7 @@ import os
 import platform
 
 from bench.command_line import parser_of, print_results
-from gcs.cli.progress import progress
+from gcs.cli.output.progress import progress
 
 
 def main() -> None:

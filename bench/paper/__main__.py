@@ -2,7 +2,7 @@
 
 from bench.command_line import parser_of, print_results
 from bench.paper.suite import run
-from gcs.cli.progress import progress
+from gcs.cli.output.progress import progress
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from gcs.cli.console import LogLevel, PlainStream, errors_as_exit_codes, print_lines, start_log
+from gcs.cli.output.console import LogLevel, PlainStream, errors_as_exit_codes, print_lines, start_log
 
 __all__ = ["app", "main"]
 
@@ -40,7 +40,7 @@ _GROUPS = ("tlog", "keys")
 _PASSED_ON = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 
-class _Commands(TyperGroup):
+class _CommandTable(TyperGroup):
     """Module ``gcs.cli.NAME`` holds command NAME, with _ for -, as a function of that name, or a group as ``app``."""
 
     def list_commands(self, ctx: object) -> list[str]:
@@ -64,7 +64,7 @@ class _Commands(TyperGroup):
 
 app = typer.Typer(
     name="gcs",
-    cls=_Commands,
+    cls=_CommandTable,
     help="Rollcall: tells identical ground vehicles apart from the air.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, print_json, print_lines, print_note
-from gcs.cli.progress import progress
-from gcs.cli.tables import print_table
+from gcs.cli.output.console import AsJson, print_json, print_lines, print_note
+from gcs.cli.output.progress import progress
+from gcs.cli.output.tables import print_table
 from vision.camera.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
 from vision.camera.calibrate import calibrate as fit
 from vision.camera.calibrate_views import Board, chosen, find_views

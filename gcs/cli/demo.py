@@ -7,8 +7,8 @@ import tempfile
 from dataclasses import asdict
 from pathlib import Path
 
-from gcs.cli.console import NO_NAMES, AsJson, print_json, print_lines
 from gcs.cli.identify import identify_into
+from gcs.cli.output.console import NO_NAMES, AsJson, print_json, print_lines
 from gcs.cli.replay import show_replay
 from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.cli.score import print_score

@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, print_json
-from gcs.cli.tables import print_table
+from gcs.cli.output.console import AsJson, print_json
+from gcs.cli.output.tables import print_table
 from gcs.health.machine import Check, checks
 
 __all__ = ["doctor"]

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gcs.cli.console import AsJson, check_range, print_json, print_lines, print_note
-from gcs.cli.progress import progress
-from gcs.cli.tables import print_table
+from gcs.cli.output.console import AsJson, check_range, print_json, print_lines, print_note
+from gcs.cli.output.progress import progress
+from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from infra.files.safe_open import create
 from infra.plain_text import plain

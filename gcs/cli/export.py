@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, VideoStart, parse_frame_size, print_note
-from gcs.cli.progress import progress
+from gcs.cli.output.console import FRAME_SIZE, VideoStart, parse_frame_size, print_note
+from gcs.cli.output.progress import progress
 from gcs.errors import GcsError
 from gcs.export import FORMATS, export_format
 from gcs.playback.analysis import Analysis

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 
 from gcs.cli.arguments import hide_in_process_list
-from gcs.cli.console import (
+from gcs.cli.output.console import (
     FAR_S,
     NO_NAMES,
     NOT_AVAILABLE,

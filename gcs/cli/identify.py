@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, NO_NAMES, AsJson, VideoStart, parse_frame_size, print_json, print_note
-from gcs.cli.progress import progress
+from gcs.cli.output.console import FRAME_SIZE, NO_NAMES, AsJson, VideoStart, parse_frame_size, print_json, print_note
+from gcs.cli.output.progress import progress
 from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.errors import SessionError
 from gcs.playback.analysis import Analysis

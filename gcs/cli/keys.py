@@ -13,8 +13,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, print_json, print_lines, print_note
-from gcs.cli.tables import print_table
+from gcs.cli.output.console import AsJson, print_json, print_lines, print_note
+from gcs.cli.output.tables import print_table
 from gcs.errors import ConfigError
 from gcs.mission.mission import user_keys
 from gcs.session.log import SessionLog

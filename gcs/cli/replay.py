@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import FRAME_SIZE, Graphics, VideoStart, parse_frame_size, print_note, redirect_stderr
+from gcs.cli.output.console import FRAME_SIZE, Graphics, VideoStart, parse_frame_size, print_note, redirect_stderr
 from gcs.playback.replay import Replay
 from gcs.session.metadata import seal
 from gcs.session.session import Session, open_session

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from gcs.cli.console import print_lines
-from gcs.cli.tables import print_table
+from gcs.cli.output.console import print_lines
+from gcs.cli.output.tables import print_table
 from gcs.report.rollcall import RollCall, RollCallRow
 
 __all__ = ["print_rollcall", "rollcall_json"]

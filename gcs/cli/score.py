@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.console import AsJson, print_json, print_lines
-from gcs.cli.tables import print_table
+from gcs.cli.output.console import AsJson, print_json, print_lines
+from gcs.cli.output.tables import print_table
 from gcs.errors import ScoreError
 from gcs.report.score import Score, score_files
 

@@ -7,7 +7,7 @@ import sys
 __all__ = ["main"]
 
 NOT_AVAILABLE = 3
-"""As ``gcs.cli.console`` has it, which cannot be imported here."""
+"""As ``gcs.cli.output.console`` has it, which cannot be imported here."""
 
 
 def main() -> None:

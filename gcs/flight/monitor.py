@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
 
 from gcs.flight.video import FlightVideo
 from gcs.health.faults import Faults
@@ -71,7 +70,7 @@ class FlightMonitor:
         """
         ingest = self._ingest.health()
         for notice in self._ingest.notices():
-            self._note(notice.t_us, cast(Level, notice.level), notice.text)
+            self._note(notice.t_us, notice.level, notice.text)
         for rate in self._rates.troubles(time.monotonic()) if self._rates else ():
             self._note(now_us(), "warning", rate.words, rate.system_id)
         for event in (*self._recorder.check(ingest.record), *self._video.check(offer)):

@@ -45,7 +45,7 @@ class CameraReports:
     """
 
     def __init__(self, chosen: int = 0) -> None:
-        self._cameras: dict[int, _Camera] = {}
+        self._cameras: dict[int, _ReportedCamera] = {}
         self._used = chosen
         self._reports = ReportOnce()
         self.report: CameraReport | None = None
@@ -67,7 +67,7 @@ class CameraReports:
     def add(self, sample: CameraSample) -> list[str]:
         """Adds any of the four messages; returns what is rejected and why, and which camera is not used. Each once."""
         device = sample.device_id or sample.component_id
-        camera = self._cameras.setdefault(device, _Camera())
+        camera = self._cameras.setdefault(device, _ReportedCamera())
         texts = [f"{name} not used: {reason}" for name, reason in camera.add(sample)]
         if camera.report is not None and device != self._used:
             if self._used:
@@ -80,7 +80,7 @@ class CameraReports:
 
 
 @dataclass(slots=True)
-class _Camera:
+class _ReportedCamera:
     """What one camera reported; a rejected value leaves the one before in place."""
 
     information: CameraInformation | None = None

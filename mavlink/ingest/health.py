@@ -11,20 +11,10 @@ from infra.files.record_state import RecordState
 from mavlink.forwarding.outputs import OutputCounts
 from mavlink.links.report import LinkCounts, LinkReport
 
-__all__ = ["IngestHealth", "Notice"]
+__all__ = ["IngestHealth"]
 
 
 _NOTHING = RecordState(name="")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Notice:
-    """Something that an operator should know."""
-
-    t_us: int
-    level: str
-    """``info``, ``warning`` or ``alarm``."""
-    text: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

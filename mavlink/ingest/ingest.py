@@ -21,7 +21,7 @@ from infra.processes.child_process import ChildProcess
 from infra.processes.supervisor import Supervisor
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError, MavlinkError, SigningError, TlogError
-from mavlink.ingest.health import IngestHealth, Notice
+from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.health_events import HealthEvents
 from mavlink.ingest.ingest_memory import RING_BYTES, IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.messages import AcceptHeld, CannotOpen, IngestReport, SendFrame
@@ -31,6 +31,7 @@ from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts
 from mavlink.links.udp import LEAST_BUFFER_BYTES
 from mavlink.protocol.packet import Packet
+from mavlink.state import Level, Notice
 
 __all__ = ["Ingest"]
 
@@ -366,8 +367,8 @@ class Ingest:
                 text = f"{link.name}: the system grants only {size} of receive buffer, too little when it is busy"
                 self._notice("warning", f"{text}; raise net.core.rmem_max to {LEAST_BUFFER_BYTES}")
 
-    def _notice(self, level: str, text: str) -> None:
-        self._notices.append(Notice(t_us=now_us(), level=level, text=text))
+    def _notice(self, level: Level, text: str) -> None:
+        self._notices.append(Notice(t_us=now_us(), level=level, kind="link", text=text))
 
     def _release(self) -> None:
         if self._supervisor is not None:

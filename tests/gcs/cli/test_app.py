@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gcs.cli.app import app
-from gcs.cli.console import print_json
+from gcs.cli.output.console import print_json
 
 HEAVY = ("numpy", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 

@@ -8,7 +8,7 @@ import socket
 
 import pytest
 
-from gcs.cli.console import errors_as_exit_codes
+from gcs.cli.output.console import errors_as_exit_codes
 from tests.support.bundled import SWARM, swarm_session
 from tests.support.command_line import run_gcs, run_gcs_process
 

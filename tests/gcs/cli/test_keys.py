@@ -14,8 +14,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega
 from typer.main import get_command
 
-from gcs.cli.console import errors_as_exit_codes
 from gcs.cli.keys import SHORT, app
+from gcs.cli.output.console import errors_as_exit_codes
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import FLEET, Key, key_path, passphrase_secret, read_ring, write_key
 from mavlink.signing.store import StreamStore

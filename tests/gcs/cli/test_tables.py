@@ -9,14 +9,14 @@ import sys
 
 import pytest
 
-from gcs.cli.progress import LINE_PAUSE_S, progress
-from gcs.cli.tables import print_table
+from gcs.cli.output.progress import LINE_PAUSE_S, progress
+from gcs.cli.output.tables import print_table
 
 HOSTILE = "[red]x[/] [link=http://a.b]:bomb:\x1b[31m"
 SHOWN = "[red]x[/] [link=http://a.b]:bomb:\N{REPLACEMENT CHARACTER}[31m"
 SCRIPT = f"""
-from gcs.cli.progress import progress
-from gcs.cli.tables import print_table
+from gcs.cli.output.progress import progress
+from gcs.cli.output.tables import print_table
 with progress("[b]work[/b]") as report:
     for done in range(1, 1001):
         report(done, 1000)

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-from gcs.cli.console import print_note
+from gcs.cli.output.console import print_note
 
 __all__ = ["Report", "progress"]
 
