@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mavlink.geodesy import LocalFrame
+from mavlink.state import Level
 
 __all__ = ["Alarm", "Box", "Event", "Health", "Level", "LinkHealth", "Snapshot", "Standing", "VehicleRow"]
 
 NAN = float("nan")
 NEVER = float("inf")
 
-Level = Literal["info", "warning", "alarm"]
 Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position"]
 
 

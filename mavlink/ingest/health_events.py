@@ -12,10 +12,11 @@ from mavlink.ingest.health import IngestHealth
 from mavlink.links.batch import MIXED
 from mavlink.links.flood_limiter import STRANGERS, FloodLimit
 from mavlink.links.report import LinkReport
+from mavlink.state import Level
 
 __all__ = ["HealthEvents"]
 
-_Event = tuple[str, str]
+_Event = tuple[Level, str]
 """Level and text."""
 PATIENCE = 10
 """A connection that is being made is not missed for so many looks, twice a second."""
@@ -92,7 +93,7 @@ class HealthEvents:
         if not frames.message:
             goes = f"goes nowhere: {refusal}" if refusal else "was sent on"
             return [("info", f"{output}: what {sender} said {goes}{times}")]
-        level = "info" if frames.message in HARMLESS else "warning"
+        level: Level = "info" if frames.message in HARMLESS else "warning"
         if refusal:
             return [(level, f"{output}: {frames.message} of {sender} for {target} was stopped: {refusal}{times}")]
         return [(level, f"{output}: {sender} sent {frames.message} to {target} through this station{times}")]
@@ -101,7 +102,7 @@ class HealthEvents:
         return [("alarm", text.format(f"{count:,}"))] if self._losses[name].due(count) else []
 
 
-def _few(level: str, texts: list[str]) -> list[_Event]:
+def _few(level: Level, texts: list[str]) -> list[_Event]:
     """The first of them, and how many more there are."""
     more = len(texts) - MOST
     return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)
