@@ -1,4 +1,4 @@
-"""The observations of the last seconds, kept raw so that they can be reprojected under any pose correction.
+"""Rays and camera poses of the last seconds, kept unprojected so that any pose correction can be applied to them.
 
 Rows are frames (thinned), columns are tracks. Times are float seconds since the identifier's first frame.
 """
@@ -16,9 +16,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _SPARE_COLUMNS = 8
-"""Columns by which the buffers are widened at once."""
+"""Columns added when all are in use."""
 _MISSED_FRAMES = 2.0
-"""A track may be unseen for so many times the step between the last frames, where frames are far apart."""
+"""Where frames are far apart: a gap longer than this many times the last frame interval ends a track."""
 
 
 class TrackHistory:
@@ -35,16 +35,23 @@ class TrackHistory:
         self.n = 0
         """Rows in use."""
         self.t = np.zeros(rows)
+        """(R,) time of each row, seconds."""
         self.R = np.zeros((rows, 3, 3))
+        """(R, 3, 3) rotation from the camera frame to ENU."""
         self.p = np.zeros((rows, 3))
+        """(R, 3) camera position, ENU, metres."""
         self.z = np.zeros(rows)
+        """(R,) height of the ground, metres."""
         self.px_rad = np.zeros(rows)
+        """(R,) angle of one pixel, radians."""
         self.ray = np.full((rows, 0, 3), np.nan)
+        """(R, T, 3) ray through each box's centre, camera frame, NaN unseen."""
         self.front = np.full((rows, 0, 3), np.nan)
+        """(R, T, 3) ray through a point ahead of the centre on each box's axis, camera frame, NaN unseen or unknown."""
         self.track_id = np.zeros(0, np.int64)
-        """(T,) track of each column, 0 = free; below 0: broke off, and perhaps goes on in another column."""
+        """(T,) track id of each column, 0 free, −id where the track ended at a gap and may go on in another column."""
         self.before = np.zeros(0, np.int64)
-        """(T,) column in which each track broke off before it went on here, −1 none."""
+        """(T,) column that held the same track id before a gap, −1 none."""
         self.first_s = np.zeros(0)
         self.last_s = np.zeros(0)
         """(T,) when each track was seen first and last, seconds."""
@@ -59,14 +66,14 @@ class TrackHistory:
             camera: The camera's state.
 
         Returns:
-            The columns that began with this frame.
+            Columns of the tracks that are new in this frame.
         """
         self._make_row()
         row = self.n - 1
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
         seen = observation.gap_s <= 0.0
-        broken = self._broken_off(observation.track_id[seen], t)
+        broken = self._end_at_gaps(observation.track_id[seen], t)
         columns, fresh = self._columns_of(observation.track_id, t)
         self.before[fresh] = [broken.get(key, -1) for key in self.track_id[fresh].tolist()]
         self.ray[row, columns[seen]] = observation.ray_cam[seen]
@@ -75,7 +82,7 @@ class TrackHistory:
         return fresh
 
     def release(self, before_s: float) -> IntArray:
-        """Free the columns of tracks not seen since; returns them."""
+        """Free the columns of tracks last seen before ``before_s``, seconds, and return them."""
         old = np.flatnonzero((self.track_id != 0) & (self.last_s < before_s))
         for column in old:
             self._column.pop(int(self.track_id[column]), None)
@@ -89,37 +96,37 @@ class TrackHistory:
         return int(np.searchsorted(self.t[: self.n], t))
 
     def last_rows(self, columns: IntArray) -> IntArray:
-        """(m,) the row in which each track was seen last; the newest for one that was seen in none."""
+        """(m,) the row in which each track was seen last; the newest row for a track seen in none."""
         unseen = np.isnan(self.ray[: self.n, columns, 0])[::-1]
         return np.asarray(self.n - 1 - np.argmin(unseen, axis=0))
 
     def _make_row(self) -> None:
-        """Open the row of this frame, over the newest one while that is too close to the one before it."""
+        """Open this frame's row; a newest row less than ``step_s`` after the one before is overwritten (thinning)."""
         if self.n >= 2 and self.t[self.n - 1] - self.t[self.n - 2] < self._step_s:
             self.ray[self.n - 1] = np.nan
             self.front[self.n - 1] = np.nan
             return
         if self.n == len(self.t):
-            self._move()
+            self._compact()
         self.n += 1
         self.ray[self.n - 1] = np.nan
         self.front[self.n - 1] = np.nan
 
-    def _move(self) -> None:
-        """Bring the newest half to the front."""
+    def _compact(self) -> None:
+        """Move the newest rows to the front of the buffers."""
         source = slice(self.n - self._keep, self.n)
         for name in ("t", "R", "p", "z", "px_rad", "ray", "front"):
             array = getattr(self, name)
             array[: self._keep] = array[source].copy()
         self.n = self._keep
 
-    def _broken_off(self, track_id: IntArray, t: float) -> dict[int, int]:
-        """End the columns of tracks that reappear after a hole: the tracker may have continued with another vehicle.
+    def _end_at_gaps(self, track_id: IntArray, t: float) -> dict[int, int]:
+        """End the columns of tracks that reappear after a gap: the tracker may have continued with another vehicle.
 
-        A hole is longer than what is bridged, and longer than the time between frames.
+        Only gaps longer than interpolation bridges, and longer than the frame interval, count.
 
         Returns:
-            The columns that ended, by track.
+            Ended column by track id.
         """
         broken: dict[int, int] = {}
         step = self.t[self.n - 2] - self.t[self.n - 3] if self.n > 2 else np.inf

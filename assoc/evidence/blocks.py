@@ -1,6 +1,6 @@
 """Residuals track − report, summarised per block of time for every pair of track and vehicle.
 
-The track is interpolated to the report's sample time; reports are never interpolated, their noise would be mixed.
+The track is interpolated to the report's sample time; interpolated reports would have correlated noise.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ BoolArray = NDArray[np.bool_]
 _REACH_M = 25.0
 """Among more pairs than ``MANY_PAIRS``, those that were never this close, metres, are not compared."""
 LEAP_M, LEAP_MPS = 2.0, 15.0
-"""A track that moves further than the first, metres, and the second for each second has jumped to something else."""
+"""A track that moves further than the first, metres, plus the second per second has leapt to another object."""
 _HEADING_MEMORY_S = 3.0
 """Time constant with which past headings lose weight, seconds."""
 _HEADING_REACH_S = 12.0
-"""Older headings, seconds, are not used at all: their weight is below 2 %."""
-_FRONT, _REAR, _ANY = 0.88, 0.07, 0.05
-"""How often a detector's front is the front, the rear, or anything; a detector that knows no fronts gives none."""
+"""Headings older than this, seconds, are not used: their weight would be below 2 %."""
+_FRONT, _REAR, _RANDOM = 0.88, 0.07, 0.05
+"""Probability that the front a detector reports is the front, the rear, or random; some detectors report none."""
 _MOST_DISAGREEMENTS = 4.0
-"""As so many independent samples a lasting disagreement of headings counts at most; agreement counts as one."""
+"""Lasting disagreement of headings counts as at most this many independent samples; agreement counts as one."""
 _SPEED_STD_MPS, _ACCELERATION_STD_MPS2 = 0.5, 1.0
 """1σ of the speed and of the acceleration of a vehicle whose report is extrapolated."""
 _LEAST_SPREAD_S2 = 1e-3
@@ -53,7 +53,7 @@ class Blocks:
     log_null: FloatArray
     """(B, T, n) Σ ln p₀ of the samples."""
     extra_var: FloatArray
-    """(B, T, n) variance of the block mean beyond bias and noise, m²: reports that had to be extrapolated."""
+    """(B, T, n) further variance of the block mean, m²: motion over which a report had to be extrapolated."""
     jump_var: FloatArray
     """(B, n) squared jump of the vehicle's own reports, m²."""
     pixel_var: FloatArray
@@ -79,7 +79,7 @@ def _heading_ratio(error: FloatArray, std: float) -> FloatArray:
     kappa = 1.0 / std**2
     scale = np.sqrt(2 * np.pi * kappa)
     c = np.cos(error)
-    ratio = _FRONT * scale * np.exp(kappa * (c - 1)) + _REAR * scale * np.exp(-kappa * (c + 1)) + _ANY
+    ratio = _FRONT * scale * np.exp(kappa * (c - 1)) + _REAR * scale * np.exp(-kappa * (c + 1)) + _RANDOM
     return np.asarray(np.log(ratio))
 
 
@@ -88,7 +88,7 @@ def _interpolated(
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Points (N, 2) and headings (N,) of tracks (N,) at video times t (N,), and where they are valid.
 
-    What lies between two frames is worked out once per interval, F − 1 of them; times of one interval share it.
+    Positions and velocities are computed once per interval between frames, F − 1 of them, and looked up for each time.
     """
     last = len(tracks.t) - 1
     if last < 1:
@@ -102,7 +102,7 @@ def _interpolated(
     span, p0 = tracks.t[b] - tracks.t[a], tracks.p[a, every]
     step = tracks.p[b, every] - p0
     whole &= span <= gap_max_s
-    # nothing lies between two places that no vehicle joins in that time
+    # a step that no vehicle can drive in that time is not interpolated
     whole &= np.nan_to_num(np.hypot(step[..., 0], step[..., 1])) <= LEAP_M + LEAP_MPS * span
     rate, from_t = 1.0 / np.where(span > 0, span, np.inf), tracks.t[a]
     heading0, heading1 = tracks.heading[a, every], tracks.heading[b, every]
@@ -114,7 +114,7 @@ def _interpolated(
 
 
 def _near(place: FloatArray, samples: Samples, block: IntArray, n: int) -> BoolArray:
-    """(T, n) pairs that came within reach in some block, all while they are few; place: the tracks' means (B, T, 2)."""
+    """(T, n) pairs that came within reach in some block, or all if they are few; place: mean position (B, T, 2)."""
     n_blocks, n_tracks = place.shape[:2]
     if n_tracks * n <= MANY_PAIRS:
         return np.ones((n_tracks, n), np.bool_)
@@ -242,14 +242,14 @@ def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int
 def with_extrapolated_block(
     blocks: Blocks, tracks: GroundTracks, seen: BoolArray, p: FloatArray, age_s: FloatArray, longest_s: float
 ) -> Blocks:
-    """Add one block for pairs that no report has met yet: the newest frame against extrapolated reports.
+    """Append a block for pairs not compared yet: the newest frame against extrapolated reports.
 
     Args:
         blocks: The blocks so far.
         tracks: Their tracks.
         seen: (T, n) pairs compared before the first block.
         p: (n, 2) reports extrapolated to the newest frame.
-        age_s: (n,) by how much, seconds.
+        age_s: (n,) time over which each was extrapolated, seconds.
         longest_s: Older reports are not used.
 
     Returns:

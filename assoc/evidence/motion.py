@@ -1,4 +1,4 @@
-"""The vehicles' position reports: how well a vehicle's past predicts the next one, and how noisy they are.
+"""The vehicles' position reports: how well each is predicted by the earlier ones, and how noisy they are.
 
 "The track is not this vehicle" means that the vehicle's reports are explained by its own past alone. That null model is
 a constant-velocity Kalman filter per vehicle and per candidate white noise σ; its one-step likelihoods are kept with
@@ -24,25 +24,31 @@ BoolArray = NDArray[np.bool_]
 WHITE_STD_M = np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.0, 4.5, 7.0])
 """(G,) candidates of the reports' white noise, metres."""
 
-_ACCELERATION = 1.0
-"""Power of the null model's white acceleration, m²/s³."""
-_SPEED_STD = 5.0
+_ACCELERATION_PSD = 1.0
+"""Power spectral density of the null model's white acceleration, m²/s³."""
+_SPEED_STD_MPS = 5.0
 """Prior 1σ of a vehicle's speed per axis, m/s."""
-_LEAST_LOG = -12.0
+_SAME_TIME_S = 1e-4
+"""A report that is newer than the last one by no more than this, seconds, is the same or an older one."""
+_STANDING_REPEAT_S = 1.0
+"""A standing vehicle's repeated position counts again after this, seconds."""
+_KEPT_WINDOWS = 1.2
+"""Reports are kept for this many times the window."""
+_LOG_NULL_MIN = -12.0
 """Floor of one sample's null likelihood, so that one jump does not decide everything."""
-_JUMP = 36.0
-"""Squared innovation, in variances, from which a report has jumped."""
+_JUMP_NIS = 36.0
+"""Normalised innovation squared above which a report has jumped: 6 σ."""
 _STANDING_MPS = 0.3
 """Speed below which a vehicle may report the same position twice, m/s."""
 _UNCERTAIN_M = 30.0
 """A report whose vehicle states a larger 1σ than this, metres, fits any box in view and is not compared."""
 _FORGET_S = 60.0
-"""Time constant with which the likelihoods that choose σ forget, seconds."""
+"""Time constant of the exponential forgetting of the likelihoods that choose σ, seconds."""
 _PARTS = 500
-"""Reports are kept as they come, in so many parts at most, until they are joined."""
+"""New reports are appended as separate parts; beyond this number the parts are concatenated."""
 _WHITE_VAR = WHITE_STD_M**2 + 0.01
-"""(G,) variance of a report about its vehicle's motion, m²: with 0.1 m on top for what is rounded."""
-_FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD**2)], axis=1)
+"""(G,) variance of a report about its vehicle's motion, m²: 0.1 m of rounding is added."""
+_FRESH_COV = np.stack([_WHITE_VAR, np.zeros_like(_WHITE_VAR), np.full_like(_WHITE_VAR, _SPEED_STD_MPS**2)], axis=1)
 """(G, 3) covariance pp, pv, vv after a vehicle's first report."""
 _LOG_PRIOR_STD = -0.5 * (np.log(WHITE_STD_M / 0.4) / 1.0) ** 2
 """(G,) log prior of the candidates: log-normal about 0.4 m."""
@@ -63,7 +69,7 @@ class Samples:
     log_null: FloatArray
     """(S,) or (S, G) ln density of the report under the vehicle's own past."""
     jump_var: FloatArray
-    """(S,) or (S, G) squared jump from that past, m², where it is no motion and no noise; else 0."""
+    """(S,) or (S, G) squared innovation, m², of a report that jumped further than motion and noise explain; else 0."""
 
 
 class ReportLog:
@@ -99,7 +105,7 @@ class ReportLog:
         self.too_uncertain: BoolArray = np.zeros(n, np.bool_)
         """(n,) the newest report was too uncertain for a comparison, by the 1σ that the vehicle states."""
         self.rejected_since = np.full(n, np.inf)
-        """(n,) reports of this time, seconds, and later ones are of another vehicle's place: they are not compared."""
+        """(n,) time, seconds, from which a vehicle's reports are rejected because they give another vehicle's place."""
         self._score = np.zeros((n, groups))
         self._place = np.zeros((n, groups), np.complex128)
         self._speed = np.zeros((n, groups), np.complex128)
@@ -108,10 +114,10 @@ class ReportLog:
         """(n, G, 3) pp, pv, vv: the axes share one covariance."""
 
     @property
-    def white(self) -> int:
+    def white_index(self) -> int:
         """Index in ``WHITE_STD_M`` nearest to the mean variance of the white noise, given all reports: √E[σ²].
 
-        Few reports tell little of σ, and a value that is too small makes the first names too certain.
+        Few reports determine σ poorly, and a value that is too small makes the first names too certain.
         """
         log_p = np.sum(self._score, axis=0) + _LOG_PRIOR_STD
         p = np.exp(log_p - np.max(log_p))
@@ -120,7 +126,7 @@ class ReportLog:
     @property
     def white_std_m(self) -> float:
         """1σ of the white noise that is used now, metres."""
-        return float(WHITE_STD_M[self.white])
+        return float(WHITE_STD_M[self.white_index])
 
     def add(self, t: FloatArray, reports: VehicleReports) -> None:
         """Accept reports.
@@ -129,24 +135,24 @@ class ReportLog:
             t: (k,) sample times in the identifier's seconds.
             reports: The reports; those not finite, older or repeated are left out.
         """
-        # the filters of all vehicles run together: the k-th report of each vehicle is in the k-th turn
-        turns: list[list[int]] = []
+        # the filters of all vehicles run together: round k filters the k-th report of each vehicle
+        rounds: list[list[int]] = []
         counted: dict[int, int] = {}
         for row in np.argsort(t, kind="stable").tolist():
             vehicle = int(reports.vehicle[row])
-            turn = counted[vehicle] = counted.get(vehicle, -1) + 1
-            if turn == len(turns):
-                turns.append([])
-            turns[turn].append(row)
-        for rows in turns:
+            k = counted[vehicle] = counted.get(vehicle, -1) + 1
+            if k == len(rounds):
+                rounds.append([])
+            rounds[k].append(row)
+        for rows in rounds:
             chosen = np.array(rows)
             self._accept(reports.vehicle[chosen], t[chosen], reports, chosen)
         if len(self._kept) > _PARTS:
             self._joined()
 
     def samples(self, start: float, stop: float) -> Samples:
-        """Reports of a stretch of time that may be compared, sorted by vehicle and time."""
-        kept, white = self._joined(), self.white
+        """Reports with start ≤ t < stop, seconds, that are not rejected, sorted by vehicle and time."""
+        kept, white = self._joined(), self.white_index
         inside = np.flatnonzero((kept.t >= start) & (kept.t < np.minimum(stop, self.rejected_since[kept.vehicle])))
         inside = inside[np.lexsort((kept.t[inside], kept.vehicle[inside]))]
         return Samples(
@@ -159,15 +165,15 @@ class ReportLog:
         )
 
     def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
-        """Newest positions moved on with their velocity.
+        """Newest positions extrapolated with their velocity.
 
         Args:
             t: Wanted time, seconds.
             longest_s: Beyond this age the position is not moved further.
 
         Returns:
-            (n, 2) positions, NaN where no report was received; (n,) ages, inf likewise, and where they are another's or
-            too uncertain.
+            (n, 2) positions, metres, NaN where no report was received; (n,) ages, seconds, inf likewise and where the
+            reports are rejected or too uncertain.
         """
         age = t - self.last_t
         step = np.clip(age, -longest_s, longest_s)
@@ -179,7 +185,7 @@ class ReportLog:
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Accept at most one report per vehicle."""
         p = reports.p_enu[rows, :2]
-        good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + 1e-4))
+        good: BoolArray = np.asarray(np.all(np.isfinite(p), axis=1) & (t > self.last_t[vehicle] + _SAME_TIME_S))
         uncertain = reports.std_m[rows] > _UNCERTAIN_M
         self.too_uncertain[vehicle[good]] = uncertain[good]
         good = np.asarray(good & ~uncertain)
@@ -191,7 +197,7 @@ class ReportLog:
         reported = reports.v_enu[rows, :2]
         known: BoolArray = np.asarray(np.all(np.isfinite(reported), axis=1))
         if not known.all():
-            reported = np.where(known[:, None], reported, to_east_north(self._speed[vehicle, self.white]))
+            reported = np.where(known[:, None], reported, to_east_north(self._speed[vehicle, self.white_index]))
         self.last_v[vehicle] = reported
         self.last_t[vehicle], self.last_p[vehicle] = t, p
         self.last_heading[vehicle] = reports.heading[rows]
@@ -200,13 +206,13 @@ class ReportLog:
         self._kept.append(Samples(t=t, vehicle=vehicle, p=p, heading=heading, log_null=log_null, jump_var=jump))
 
     def _repeats(self, vehicle: IntArray, t: FloatArray, p: FloatArray, v: FloatArray) -> BoolArray:
-        """Exact repeats that carry no news: of a moving vehicle (frozen), or within a second of a standing one."""
+        """Repeats without information: of a moving vehicle (frozen receiver), or within a second of a standing one."""
         same = np.all(p == self.last_p[vehicle], axis=1)
         before = self.last_v[vehicle]
         # no speed known: not moving
         moving = (np.hypot(*v.T) > _STANDING_MPS) | (np.hypot(*before.T) > _STANDING_MPS)
         self.frozen[vehicle] = same & (moving | self.frozen[vehicle])
-        return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < 1.0)))
+        return np.asarray(same & (self.frozen[vehicle] | (t - self.last_t[vehicle] < _STANDING_REPEAT_S)))
 
     def _filter(self, vehicle: IntArray, t: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
         """One step of the null model: (k, G) ln densities and squared jumps, 0 for a vehicle's first report."""
@@ -215,14 +221,14 @@ class ReportLog:
         place, speed, cov = self._place[vehicle], self._speed[vehicle], self._cov[vehicle]
         # x⁻ = x + v dt;  P⁻ = F P Fᵀ + q [dt³/3, dt²/2; dt²/2, dt]
         predicted = place + speed * dt
-        pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION * dt**3 / 3
-        pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION * dt**2 / 2
-        vv = cov[..., 2] + _ACCELERATION * dt
+        pp = cov[..., 0] + 2 * dt * cov[..., 1] + dt**2 * cov[..., 2] + _ACCELERATION_PSD * dt**3 / 3
+        pv = cov[..., 1] + dt * cov[..., 2] + _ACCELERATION_PSD * dt**2 / 2
+        vv = cov[..., 2] + _ACCELERATION_PSD * dt
         at = to_complex(p)[:, None]
         e, s = at - predicted, pp + _WHITE_VAR
         e2 = squared_magnitude(e)
         # ln N(e; 0, s I₂) = −ln 2πs − |e|²/2s
-        log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LEAST_LOG)
+        log_density = np.maximum(-np.log(2 * np.pi * s) - e2 / (2 * s), _LOG_NULL_MIN)
         gain_p, gain_v = pp / s, pv / s
         place, speed = predicted + gain_p * e, speed + gain_v * e
         cov = np.stack([pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv], axis=2)
@@ -230,15 +236,15 @@ class ReportLog:
             place[fresh], speed[fresh], cov[fresh], log_density[fresh] = at[fresh], 0.0, _FRESH_COV, 0.0
         self._place[vehicle], self._speed[vehicle], self._cov[vehicle] = place, speed, cov
         self._score[vehicle] = self._score[vehicle] * np.exp(-dt / _FORGET_S) + log_density
-        jump = np.where((e2 > _JUMP * s) & ~fresh[:, None], e2, 0.0)
+        jump = np.where((e2 > _JUMP_NIS * s) & ~fresh[:, None], e2, 0.0)
         # a jump is as likely for the unrelated as for a pair: the same widening by e²
         log_density = np.where(jump > 0.0, -np.log(2 * np.pi * (s + e2)) - 0.5, log_density)
         return np.asarray(log_density), jump
 
     def _joined(self) -> Samples:
-        """All reports of the window as one; the others are forgotten."""
+        """All reports of the window, concatenated; older ones are dropped."""
         if len(self._kept) > 1:
             whole = {f.name: np.concatenate([getattr(part, f.name) for part in self._kept]) for f in fields(Samples)}
-            keep = whole["t"] >= np.max(whole["t"]) - 1.2 * self._window_s
+            keep = whole["t"] >= np.max(whole["t"]) - _KEPT_WINDOWS * self._window_s
             self._kept = [Samples(**{name: array[keep] for name, array in whole.items()})]
         return self._kept[0]

@@ -1,4 +1,4 @@
-"""Rays on the ground under a correction of the camera's pose.
+"""Projection between image rays and the ground plane under a correction of the camera's pose.
 
 The correction θ = (yaw, yaw rate, pitch, roll, E, N, H, δ): radians, rad/s, radians, radians, metres ×3, seconds.
 Yaw is clockwise, about the vertical; its rate counts from the newest frame; pitch turns about the image's horizontal
@@ -38,8 +38,8 @@ THETA = 8
 """Length of θ."""
 YAW, YAW_RATE, PITCH, ROLL, EAST, NORTH, HEIGHT, OFFSET = range(THETA)
 
-_LEAST_FALL = 0.05
-"""Rays flatter than this (sine of the angle below the horizon) do not meet the ground usefully."""
+_DEPRESSION_SIN_MIN = 0.05
+"""Rays flatter than this (sine of the angle below the horizon) are not projected: they hit the ground too far away."""
 _DELTA_S = 0.02
 """Step of the numerical derivative by δ, seconds: about half a frame."""
 
@@ -62,7 +62,7 @@ class GroundTracks:
     """(8,) the correction that was applied."""
 
 
-def _at(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     """Index of the row before each query and the weight of the row after; extrapolates one step at the ends."""
     if len(times) < 2:
         return np.zeros(len(query), np.int64), np.zeros(len(query))
@@ -71,14 +71,14 @@ def _at(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int64], FloatA
 
 
 def _camera_at(history: TrackHistory, rows: slice, delta_s: float) -> tuple[FloatArray, FloatArray]:
-    """Camera rotation (F, 3, 3) and position (F, 3) of the rows, taken δ earlier in telemetry.
+    """Camera rotation (F, 3, 3) and position (F, 3) of the rows, interpolated at telemetry time t − δ.
 
     Rotations are blended linearly: between neighbouring rows they differ by a few degrees at most.
     """
     if delta_s == 0.0:
         return history.R[rows], history.p[rows]
     times = history.t[: history.n]
-    k, w = _at(times, history.t[rows] - delta_s)
+    k, w = _interpolation(times, history.t[rows] - delta_s)
     after = np.minimum(k + 1, history.n - 1)
     R = history.R[k] * (1.0 - w)[:, None, None] + history.R[after] * w[:, None, None]
     return R, history.p[k] * (1.0 - w)[:, None] + history.p[after] * w[:, None]
@@ -93,8 +93,8 @@ def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     return right, forward
 
 
-def _turn(R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArray:
-    """(F, 3, 3) Rz(−yaw) (I + [pitch·right + roll·forward]×), per frame."""
+def _rotations(R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArray:
+    """(F, 3, 3) rotation of the correction, Rz(−yaw) (I + [pitch·right + roll·forward]×): first order in the tilts."""
     right, forward = _level_axes(R)
     x, y = (pitch * right + roll * forward).T[:2]
     c, s = np.cos(yaw), np.sin(yaw)
@@ -106,10 +106,10 @@ def _turn(R: FloatArray, yaw: FloatArray, pitch: float, roll: float) -> FloatArr
     return turn
 
 
-def _hit(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray:
-    """p_xy + d_xy (z − p_z)/d_z of rays d (F, K, 3) from p (F, 3); NaN where the ray does not fall."""
+def _intersect_ground(d: FloatArray, p: FloatArray, z: FloatArray) -> FloatArray:
+    """Ground points p_xy + d_xy (z − p_z)/d_z of rays d (F, K, 3) from p (F, 3); NaN where a ray does not descend."""
     norm = np.sqrt(np.einsum("...i,...i->...", d, d))
-    falls = d[..., 2] < -_LEAST_FALL * norm
+    falls = d[..., 2] < -_DEPRESSION_SIN_MIN * norm
     scale = np.where(falls, (z - p[:, 2])[:, None] / np.where(falls, d[..., 2], -1.0), np.nan)
     return np.asarray(p[:, None, :2] + d[..., :2] * scale[..., None])
 
@@ -119,9 +119,9 @@ def _points(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Ground points (F, K, 2) of rays (F, K, 3), camera rotations (F, 3, 3) and corrected camera positions (F, 3)."""
     R, p = _camera_at(history, rows, delta_s)
-    turned = np.matmul(_turn(R, _yaw(history, rows, theta), theta[PITCH], theta[ROLL]), R)
+    turned = np.matmul(_rotations(R, _yaw(history, rows, theta), theta[PITCH], theta[ROLL]), R)
     p = p + theta[[EAST, NORTH, HEIGHT]]
-    return _hit(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
+    return _intersect_ground(np.matmul(rays, turned.transpose(0, 2, 1)), p, history.z[rows]), R, p
 
 
 def _yaw(history: TrackHistory, rows: slice, theta: FloatArray) -> FloatArray:
@@ -130,7 +130,7 @@ def _yaw(history: TrackHistory, rows: slice, theta: FloatArray) -> FloatArray:
 
 
 def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns: IntArray) -> GroundTracks:
-    """Project the history from row ``start`` on onto the ground.
+    """Project the history, from row ``start`` to the newest, to the ground under a correction.
 
     Args:
         history: Frames and rays.
@@ -157,7 +157,7 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     jacobian[..., YAW_RATE] = jacobian[..., YAW] * (history.t[rows] - history.t[history.n - 1])[:, None, None]
     yaw = _yaw(history, rows, theta)
     for k, axis in zip((PITCH, ROLL), _level_axes(R), strict=True):
-        x, y, _ = np.matmul(_turn(R, yaw, 0.0, 0.0), axis[..., None])[:, :, 0].T[:, :, None]
+        x, y, _ = np.matmul(_rotations(R, yaw, 0.0, 0.0), axis[..., None])[:, :, 0].T[:, :, None]
         # the ray turns by a × d, a = (x, y, 0): ∂g = fall ((y, −x) − u (x u_n − y u_e))
         spin = x * u[..., 1] - y * u[..., 0]
         jacobian[..., 0, k], jacobian[..., 1, k] = fall * (y - u[..., 0] * spin), fall * (-x - u[..., 1] * spin)
@@ -166,7 +166,7 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     # H lifts the camera: ∂fall/∂H = −1
     jacobian[..., HEIGHT] = -u
     jacobian[..., OFFSET] = (_points(history, rows, theta, rays, delta + _DELTA_S)[0] - g) / _DELTA_S
-    # a pixel is range · px_rad across, and 1/sin of the ray's fall longer along it
+    # a pixel covers range · px_rad across, and 1/sin(depression) times as much along the ray
     pixel = history.px_rad[rows][:, None] * np.abs(fall) * (1.0 + u[..., 0] ** 2 + u[..., 1] ** 2)
     return GroundTracks(
         t=history.t[rows],
@@ -181,7 +181,7 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
 def _corrected(R_enu_cam: FloatArray, theta: FloatArray) -> FloatArray:
     """(3, 3) rotation of one frame's camera under a correction."""
     R = R_enu_cam[None]
-    return np.asarray((_turn(R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL])) @ R)[0])
+    return np.asarray((_rotations(R, theta[[YAW]], float(theta[PITCH]), float(theta[ROLL])) @ R)[0])
 
 
 def _sight_lines(p: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray) -> FloatArray:
@@ -216,7 +216,7 @@ def angles_to_places(
 def rays_to_ground(
     rays: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
 ) -> FloatArray:
-    """Rays of one frame on the corrected ground.
+    """Project the rays of one frame to the ground under a correction.
 
     Args:
         rays: (m, 3) camera frame.
@@ -226,16 +226,16 @@ def rays_to_ground(
         theta: (8,) correction; its δ is left out.
 
     Returns:
-        (m, 2) east and north, NaN where a ray does not fall.
+        (m, 2) east and north, metres, NaN where a ray does not descend.
     """
     d = rays @ _corrected(R_enu_cam, theta).T
-    return np.asarray(_hit(d[None], (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0])
+    return np.asarray(_intersect_ground(d[None], (p_enu + theta[[EAST, NORTH, HEIGHT]])[None], np.array([ground_z]))[0])
 
 
 def ground_to_rays(
     p: FloatArray, R_enu_cam: FloatArray, p_enu: FloatArray, ground_z: float, theta: FloatArray
 ) -> FloatArray:
-    """Places on the ground as the corrected camera has them: the way back of :func:`rays_to_ground`.
+    """Rays from the corrected camera to places on the ground: the inverse of :func:`rays_to_ground`.
 
     Args:
         p: (n, 2) east and north, metres.
@@ -249,5 +249,5 @@ def ground_to_rays(
     """
     d = _sight_lines(p, p_enu, ground_z, theta)
     R, level = R_enu_cam[None], np.zeros(1)
-    back = _turn(R, level, -float(theta[PITCH]), -float(theta[ROLL])) @ _turn(R, -theta[[YAW]], 0.0, 0.0)
+    back = _rotations(R, level, -float(theta[PITCH]), -float(theta[ROLL])) @ _rotations(R, -theta[[YAW]], 0.0, 0.0)
     return np.asarray(d @ back[0].T @ R_enu_cam)

@@ -1,4 +1,4 @@
-"""Vectors in the ground plane as complex numbers, east + i north: one operation instead of two."""
+"""Vectors in the ground plane as complex numbers, east + i north, so that one array operation does both axes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ ComplexArray = NDArray[np.complex128]
 
 
 def to_complex(p: FloatArray) -> ComplexArray:
-    """(..., 2) east, north as (...)."""
+    """(...) complex numbers of (..., 2) east, north."""
     return np.asarray(p[..., 0] + 1j * p[..., 1])
 
 
 def to_east_north(z: ComplexArray) -> FloatArray:
-    """(...) as (..., 2) east, north."""
+    """(..., 2) east, north of (...) complex numbers."""
     return np.stack([z.real, z.imag], axis=-1)
 
 
 def squared_magnitude(z: ComplexArray) -> FloatArray:
-    """|z|²."""
+    """|z|², without the square root of ``abs``."""
     return np.asarray(z.real**2 + z.imag**2)

@@ -1,4 +1,4 @@
-"""How large the vehicles' wandering biases are, learnt from pairs that are already certain."""
+"""Size σ_b and correlation time τ of the vehicles' position biases, learnt from pairs that are already certain."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _MEDIAN_M, _SPREAD, _WEIGHT = 1.2, 0.7, 2.0
 """Prior of σ_b: log-normal, median in metres, 1σ of its log, and its weight in samples."""
 _MEDIAN_TAU_S, _TAU_SPREAD = 60.0, 1.0
 """Prior of τ: log-normal, median in seconds and 1σ of its log."""
-_KEEP = 0.6
-"""Share of the old value that one step keeps: single steps are noisy."""
+_SMOOTHING = 0.6
+"""Weight of the previous value in exponential smoothing: single steps are noisy."""
 
 
 def learn_bias_noise(
@@ -33,9 +33,9 @@ def learn_bias_noise(
     tracks: IntArray,
     vehicles: IntArray,
     state: PairState,
-    now: tuple[float, float],
+    current: tuple[float, float],
 ) -> tuple[float, float]:
-    """One step of σ_b and τ towards the likeliest candidates.
+    """Move σ_b and τ one smoothed step towards the candidates of largest posterior probability.
 
     ln p(σ, τ) = −Σ ln s − ½ Σ e² over the pairs' innovations − ½ w (ln σ/1.2)² / 0.7² − ½ w (ln τ/60)²
 
@@ -44,14 +44,14 @@ def learn_bias_noise(
         best: Its best hypothesis.
         tracks: (p,) rows of certain pairs.
         vehicles: (p,) their vehicles.
-        state: Evidence of all columns before the first block, variances as they are known.
-        now: Present σ_b, metres, and τ, seconds.
+        state: Evidence of all columns before the first block; variances not yet limited to the prior's.
+        current: Present σ_b, metres, and τ, seconds.
 
     Returns:
         σ_b, metres, and τ, seconds.
     """
     if not len(tracks):
-        return now
+        return current
     std, tau = (grid.ravel() for grid in np.meshgrid(BIAS_STD_M, BIAS_TAU_S, indexing="ij"))
     models = BiasModels(std=std, decay=np.exp(-context.block_s / tau))
     start = select_tracks(state, context.columns)
@@ -60,5 +60,5 @@ def learn_bias_noise(
     value -= 0.5 * _WEIGHT * (np.log(BIAS_STD_M / _MEDIAN_M) / _SPREAD)[:, None] ** 2
     value -= 0.5 * _WEIGHT * (np.log(BIAS_TAU_S / _MEDIAN_TAU_S) / _TAU_SPREAD)[None, :] ** 2
     best_std, best_tau = np.unravel_index(int(np.argmax(value)), value.shape)
-    new_std = _KEEP * now[0] + (1.0 - _KEEP) * float(BIAS_STD_M[best_std])
-    return new_std, float(now[1] ** _KEEP * BIAS_TAU_S[best_tau] ** (1.0 - _KEEP))
+    new_std = _SMOOTHING * current[0] + (1.0 - _SMOOTHING) * float(BIAS_STD_M[best_std])
+    return new_std, float(current[1] ** _SMOOTHING * BIAS_TAU_S[best_tau] ** (1.0 - _SMOOTHING))

@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 _LEAST_WEIGHT = 1e-4
 """Hypotheses with less than this share of the best one's weight are left out."""
 _MOST_BIAS_GAP = 5.0
-"""Most that a large bias may count for a look-alike, nats."""
+"""Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
 _SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
 
@@ -44,7 +44,8 @@ def mixed_marginals(
         bias_std: σ_b, metres.
         chance: Prior chance that a track is a look-alike that moves like one of ours.
         in_view: (n,) part of the scores that a vehicle has because it should be in view.
-        log_not_lost: (m, n) ln chance that a vehicle is no track that was lost and had been seen beside this one.
+        log_not_lost: (m, n) ln chance that a vehicle is not one of the lost tracks that were once in view together with
+                this track.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
@@ -55,7 +56,7 @@ def mixed_marginals(
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
             score = discount_lookalikes(hypothesis.score, bias, bias_std, chance, in_view)
-            # however well a track moves like a vehicle, it is not one that was seen beside it
+            # two tracks in view at once are two vehicles, however well one moves like the other's
             total += w * marginals(score + log_not_lost)
             used += w
     return np.asarray(total / used)
@@ -64,7 +65,7 @@ def mixed_marginals(
 def discount_lookalikes(
     score: FloatArray, bias: FloatArray, bias_std: float, chance: float, in_view: FloatArray
 ) -> FloatArray:
-    """Scores with room for look-alikes that move like one of ours a few metres away.
+    """Reduce scores by the chance that a track is a look-alike moving like one of our vehicles a few metres away.
 
     Clutter that follows vehicle j at a distance fits j's motion with a bias that is no bias. Its likelihood is that
     of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one over about 12 m:
@@ -78,7 +79,7 @@ def discount_lookalikes(
         in_view: (n,) part of the scores that a look-alike of the vehicle does not have.
 
     Returns:
-        (m, n) scores against "unrelated or such a look-alike".
+        (m, n) ln ratios of "is the vehicle" to "unrelated or such a look-alike".
     """
     if score.shape[1] == 0:
         return score

@@ -1,7 +1,8 @@
 """Joint hypotheses of camera pose and assignment.
 
-One hypothesis is refined by turns: scores at θ → assignment → θ of that assignment, until the assignment stays.
-Starts are spread where that has local optima: the prior's mean, turned, shifted and swapped versions.
+A hypothesis is refined by coordinate ascent: scores at θ → best assignment → best θ for it, until the assignment no
+longer changes. Against local optima it starts from several poses: the prior's mean, and turned, shifted or swapped
+versions.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_TURNS = 4
-"""Rounds of assignment and pose; two or three are the rule, and the assignment may also alternate."""
+_ITERATIONS = 4
+"""Most iterations of assignment and pose: two or three usually suffice, and the assignment may alternate for ever."""
 _SWAP_LOSS = 40.0
 """Swaps that lose more than this at the present θ, nats, are not tried."""
-_ABSENT, _ABSENT_PER_S = 8.0, 20.0
-"""Largest score of a track that is not seen any more while another began in its place, nats, and what a track that is
-not seen loses per second."""
+_UNSEEN_SCORE_MAX, _UNSEEN_LOSS_PER_S = 8.0, 20.0
+"""Upper limit of the score of an unseen track that another one replaced, nats, and what the score of any unseen track
+loses per second, nats/s."""
 _SHIFT_STD, _LEAST_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
-"""Shifts up to so many prior σ are tried, from so many metres on, and so far apart from one another."""
+"""Shifts are tried up to this many prior σ, from this many metres on, and at this distance from one another, metres."""
 _TURN_DEG, _SIDE_DEG = 20.0, 12.0
-"""Headings to start from: all round in steps of the first where none is known, else this far to both sides."""
+"""Starting headings: all round in steps of the first where none is known, else the second to both sides."""
 _WIDE_OFFSET_S, _OFFSET_START_S = 0.2, 0.35
-"""Where the prior 1σ of the clock offset is above the first, seconds, offsets of the second are tried too."""
+"""Where the prior 1σ of the clock offset exceeds the first, seconds, ± the second are starting offsets too."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
-_FAR = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
-"""Linearisation is renewed when θ moved further than this; east and north move all places alike."""
+_RELINEARISE = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1])
+"""Residuals are linearised again when θ moved further than this (as θ); they are linear in east and north."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,13 +57,14 @@ class UpdateContext:
     gap_s: FloatArray
     """(m,) seconds since each live track was seen."""
     replaced: BoolArray
-    """(m,) whether a track began since near enough to be the same vehicle's."""
+    """(m,) whether another track began since, near enough to be the same vehicle."""
     anchors: IntArray
     """(T − m,) vehicle of each track that ended."""
     log: ReportLog
     first_block: int
+    """Number of the first block of the window."""
     last_block: int
-    """Numbers of the first and the last block of the window."""
+    """Number of the last block of the window."""
     block_s: float
     """Length of a block, seconds."""
     gap_max_s: float
@@ -78,20 +80,20 @@ class UpdateContext:
     log_switch: FloatArray
     """(B + 1, T) ln chance of a change of owner in each block."""
     log_odds: float
-    """ln odds, before any evidence, that a track close enough is the vehicle."""
+    """Prior ln odds that a track close enough to a vehicle's report is that vehicle."""
     handover: FloatArray
-    """(m, n) what is added to them for tracks that go on after a break: who they were before it, nats."""
+    """(m, n) addition to ``log_odds`` for tracks that continue another one: the evidence of that one, nats."""
     view: FloatArray
-    """(n,) how likely each vehicle is in view."""
+    """(n,) probability of each vehicle to be in view."""
     in_view: FloatArray
-    """(n,) what is added to them because the vehicle should be in view."""
+    """(n,) addition to ``log_odds`` because the vehicle should be in view, nats."""
     fold: int
     """Blocks that leave the window with this update."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hypothesis:
-    """One answer to both questions: which track is which vehicle, and by how much the pose is wrong."""
+    """A joint estimate of the assignment of tracks to vehicles and of the pose correction."""
 
     theta: FloatArray
     """(8,)."""
@@ -135,13 +137,13 @@ def scores(context: UpdateContext, blocks: Blocks, theta: FloatArray) -> tuple[F
     odds = context.log_odds + context.handover + context.in_view
     score = final.score[: context.live] + blocks.heading[: context.live] + odds
     gap = context.gap_s[:, None]
-    # a track that is not seen gives way to a new one in its place
-    most = np.where(context.replaced[:, None], _ABSENT, np.inf)
-    return np.where(gap > 0.0, np.minimum(score, most) - _ABSENT_PER_S * gap, score), (final, folded)
+    # an unseen track loses its vehicle to the track that replaced it
+    most = np.where(context.replaced[:, None], _UNSEEN_SCORE_MAX, np.inf)
+    return np.where(gap > 0.0, np.minimum(score, most) - _UNSEEN_LOSS_PER_S * gap, score), (final, folded)
 
 
 def _pairs(context: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArray]:
-    """Rows and vehicles that carry the pose: the assigned live tracks and the anchors."""
+    """Rows and vehicles of the pairs that constrain the pose: the assigned live tracks and the anchors."""
     rows = np.flatnonzero(vehicle >= 0)
     ended = np.arange(context.live, len(context.columns))
     return np.concatenate([rows, ended]), np.concatenate([vehicle[rows], context.anchors])
@@ -150,7 +152,7 @@ def _pairs(context: UpdateContext, vehicle: IntArray) -> tuple[IntArray, IntArra
 def refine(
     context: UpdateContext, theta: FloatArray, vehicle: IntArray | None = None, blocks: Blocks | None = None
 ) -> Hypothesis:
-    """Assignment and pose in turn, from a start to a joint optimum.
+    """Alternate assignment and pose from a starting point to a joint optimum.
 
     Args:
         context: What the update works on.
@@ -161,19 +163,19 @@ def refine(
     blocks = blocks or residual_blocks(context, theta)
     if vehicle is None:
         vehicle = best_assignment(scores(context, blocks, theta)[0])
-    for turn in range(_TURNS):
+    for iteration in range(_ITERATIONS):
         fitted = fit(whiten(blocks, *_pairs(context, vehicle), context.state, context.noise), context.prior)
         theta = fitted.theta
-        if np.any(np.abs(theta - blocks.theta) > _FAR) and turn < _TURNS - 1:
+        if np.any(np.abs(theta - blocks.theta) > _RELINEARISE) and iteration < _ITERATIONS - 1:
             blocks = residual_blocks(context, theta)
         score, states = scores(context, blocks, theta)
         before, vehicle = vehicle, best_assignment(score)
         if np.array_equal(before, vehicle):
             break
-    return _weighed(context, fitted, vehicle, score, states, blocks)
+    return _evaluated(context, fitted, vehicle, score, states, blocks)
 
 
-def _weighed(
+def _evaluated(
     context: UpdateContext,
     fitted: Fitted,
     vehicle: IntArray,
@@ -197,7 +199,7 @@ def _weighed(
 
 
 def swaps(context: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesis]:
-    """Neighbours of a hypothesis: two tracks exchange their vehicles and θ follows."""
+    """Variants of a hypothesis in which two tracks exchange their vehicles and θ is fitted again."""
     rows = np.flatnonzero(best.vehicle >= 0)
     if len(rows) < 2:
         return []
@@ -212,14 +214,14 @@ def swaps(context: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesi
             break
         vehicle = best.vehicle.copy()
         vehicle[rows[[a, b]]] = vehicle[rows[[b, a]]]
-        hypothesis = _forced(context, best, vehicle)
+        hypothesis = _with_assignment(context, best, vehicle)
         if hypothesis is not None:
             found.append(hypothesis)
     return found
 
 
-def _forced(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
-    """The hypothesis with a given assignment and its best θ; None when that gains too little."""
+def _with_assignment(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
+    """The hypothesis with a given assignment and its best θ; None when its value is negligible against the best."""
     white = whiten(best.blocks, *_pairs(context, vehicle), context.state, context.noise)
     fitted = fit(white, context.prior)
     theta = fitted.theta
@@ -230,11 +232,11 @@ def _forced(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypo
     if value < best.value - _NEGLIGIBLE:
         return None
     score, states = scores(context, best.blocks, theta)
-    return _weighed(context, fitted, vehicle, score, states, best.blocks)
+    return _evaluated(context, fitted, vehicle, score, states, best.blocks)
 
 
 def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:
-    """Starts that move the whole image so that one track falls on another vehicle: formations 'shifted by one'."""
+    """Starting poses shifted so that one track falls on another vehicle, against formations matched one place off."""
     residual = (
         best.blocks.mean[:, : context.live].sum(axis=0)
         / np.maximum((best.blocks.count[:, : context.live] > 0).sum(axis=0), 1)[..., None]
@@ -273,7 +275,7 @@ def turns(prior: PosePrior, pose_free: bool) -> list[FloatArray]:
 
 
 def keep_best(found: list[Hypothesis], most: int) -> list[Hypothesis]:
-    """Best value per distinct assignment, in falling order."""
+    """The best hypothesis of each distinct assignment, highest value first."""
     kept: dict[bytes, Hypothesis] = {}
     for hypothesis in sorted(found, key=lambda h: -h.value):
         kept.setdefault(hypothesis.vehicle.tobytes(), hypothesis)

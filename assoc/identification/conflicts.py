@@ -17,16 +17,16 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _LASTING_S = 2.0
-"""A contradiction counts once it has lasted so long, seconds: neighbours are taken for doubles for a moment."""
-_LAPSE_S = 1.0
-"""For how long a double of which one jumped may be unseen before it is over, seconds."""
-_REACH_STD, _HOLD = 2.5, 2.0
-"""Two vehicles report one place within so many σ of the bias and one of the white noise; while one of them is known to
-have jumped there, within so many times as much."""
-_CLAIM = 12.0
-"""Score, nats, with which a vehicle without a track fits another's track so well that it is a double."""
+"""A contradiction is reported once it has lasted this long, seconds: neighbours look like doubles for a moment."""
+_JUMPED_TIMEOUT_S = 1.0
+"""How long a double in which one vehicle jumped stays valid without being observed again, seconds."""
+_REACH_STD, _HYSTERESIS = 2.5, 2.0
+"""Two vehicles count as reporting one place if closer than the first times σ of the bias plus one σ of the white noise;
+once one is known to have jumped there, the second times as far is allowed."""
+_DOUBLE_SCORE = 12.0
+"""Score, nats, above which a vehicle without a track of its own fits another's track well enough to be a double."""
 _CONFIDENT = 0.9
-"""Probability from which a track was surely a vehicle, or is surely none of ours."""
+"""Probability above which a track counts as certainly one vehicle, or as certainly none of ours."""
 _REPORTING_S = 3.0
 """Age of the newest report, seconds, up to which a vehicle counts as reporting."""
 _UNKNOWN = -1
@@ -39,44 +39,45 @@ class _Double:
     row: int
     """Row of the track there."""
     since: float
+    """When this was observed first, seconds."""
     last: float
-    """When this was seen first and last, seconds."""
+    """When this was observed last, seconds."""
     jumper: int = _UNKNOWN
-    """The one of them that jumped there, as no vehicle can."""
+    """Index of the vehicle whose reports jumped there, further than a vehicle can move; −1 none."""
 
     @property
-    def lapse_s(self) -> float:
-        """For how long it may be unseen before it is over: without a jump, two neighbours are easily taken for it."""
-        return 0.0 if self.jumper == _UNKNOWN else _LAPSE_S
+    def timeout_s(self) -> float:
+        """How long it stays valid without being observed again: 0 without a jump, as two neighbours look like it."""
+        return 0.0 if self.jumper == _UNKNOWN else _JUMPED_TIMEOUT_S
 
 
 @dataclass(frozen=True, slots=True)
 class ConflictReview:
-    """What contradictions mean for the answers of an update."""
+    """Effect of the contradictions on the results of an update."""
 
     p: FloatArray
     """(m, n + 1) marginals in which doubles share their track."""
     vehicles: tuple[int, ...]
     """Indices of the vehicles in conflict."""
     rejected_since: FloatArray
-    """(n,) reports of this time, seconds, and later ones are of another vehicle's place; inf none."""
+    """(n,) time, seconds, from which a vehicle's reports are rejected because they give another's place; inf none."""
 
 
 class ConflictMonitor:
-    """Remembers for how long contradictions have lasted.
+    """Finds contradictions between reports and video, and measures how long they last.
 
-    Two kinds: *double*, a vehicle reports the place of another, and has no track of its own there but fits the other's,
-    or has jumped there as no vehicle can (a copy, or one of the two is spoofed); *gone*, a track that surely was a
-    vehicle is surely none of ours now while the vehicle still reports.
+    Two kinds: *double*, a vehicle reports the place of another, and either has no track of its own but fits the
+    other's, or jumped there faster than a vehicle can move (a copy, or one of the two is spoofed); *gone*, a track that
+    was certainly a vehicle is now certainly none of ours while the vehicle still reports.
     """
 
     def __init__(self) -> None:
         self._double: dict[tuple[int, int], _Double] = {}
-        self._was: dict[int, int] = {}
+        self._last_vehicle: dict[int, int] = {}
         self._gone_since: dict[int, float] = {}
 
     def review(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> ConflictReview:
-        """Look for contradictions in the answers of an update.
+        """Look for contradictions in the results of an update.
 
         Args:
             t: Time, seconds.
@@ -85,23 +86,23 @@ class ConflictMonitor:
             p: (m, n + 1) marginals.
         """
         choice = most_probable_names(p)
-        self._note_doubles(t, context, best, choice)
+        self._update_doubles(t, context, best, choice)
         lasting = {pair: d for pair, d in self._double.items() if t - d.since >= _LASTING_S}
         rejected_since, p = np.full(p.shape[1] - 1, np.inf), p.copy()
         for pair, double in lasting.items():
             if double.jumper == _UNKNOWN:
                 p[double.row, pair] = 0.5 * np.sum(p[double.row, pair])
             else:
-                rejected_since[double.jumper] = double.since - _LAPSE_S
-        gone = self._gone(t, context, choice, p)
+                rejected_since[double.jumper] = double.since - _JUMPED_TIMEOUT_S
+        gone = self._gone_vehicles(t, context, choice, p)
         vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
         return ConflictReview(p, vehicles, rejected_since)
 
-    def _note_doubles(self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
-        """Keep the pairs of vehicles that report one place, the track there, and who came there by a jump."""
+    def _update_doubles(self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
+        """Update the pairs of vehicles that report one place: the track there, and which of them jumped there."""
         place, reporting = context.log.extrapolated(t)[0], t - context.log.last_t < _REPORTING_S
         reach = _REACH_STD * context.noise.bias_std + float(np.sqrt(context.noise.white_var))
-        # a shorter jump leads from one neighbour to the next
+        # shorter jumps are not counted: they are within the distance between neighbours
         jumped = reporting & np.any(best.blocks.jump_var > reach**2, axis=0)
         away = np.hypot(best.final.mean[: context.live, :, 0], best.final.mean[: context.live, :, 1])
         free = reporting.copy()
@@ -111,15 +112,15 @@ class ConflictMonitor:
             if not reporting[own] or away[row, own] > reach:
                 continue
             apart = np.hypot(*(place - place[own]).T)
-            known = self._copies(own, len(place)) & reporting & (apart < _HOLD * reach)
-            claims = known | ((apart < reach) & (jumped | (free & (best.score[row] > _CLAIM))))
+            known = self._copies(own, len(place)) & reporting & (apart < _HYSTERESIS * reach)
+            claims = known | ((apart < reach) & (jumped | (free & (best.score[row] > _DOUBLE_SCORE))))
             claims[own] = False
             for other in np.flatnonzero(claims).tolist():
                 double = self._double.setdefault((min(own, other), max(own, other)), _Double(row, t, t))
                 double.row, double.last = row, t
                 if double.jumper == _UNKNOWN and jumped[own] != jumped[other]:
                     double.jumper = own if jumped[own] else other
-        self._double = {pair: d for pair, d in self._double.items() if t - d.last <= d.lapse_s}
+        self._double = {pair: d for pair, d in self._double.items() if t - d.last <= d.timeout_s}
 
     def _copies(self, own: int, n: int) -> BoolArray:
         """(n,) vehicles of which one jumped to where the other was, ``own`` among the two."""
@@ -129,22 +130,22 @@ class ConflictMonitor:
                 found[list(pair)] = True
         return found
 
-    def _gone(self, t: float, context: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
-        """Vehicles whose track, still seen, has long been surely not theirs any more, and who have no other."""
+    def _gone_vehicles(self, t: float, context: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
+        """Vehicles without a track whose former track is still seen but has for ``_LASTING_S`` been none of ours."""
         age = t - context.log.last_t
         ids = context.history.track_id[context.columns[: context.live]].tolist()
         found: set[int] = set()
         for row, key in enumerate(ids):
             if choice[row] >= 0 and p[row, choice[row]] > _CONFIDENT:
-                self._was[key] = int(choice[row])
+                self._last_vehicle[key] = int(choice[row])
             elif (
-                key in self._was
+                key in self._last_vehicle
                 and p[row, -1] > _CONFIDENT
-                and age[self._was[key]] < _REPORTING_S
+                and age[self._last_vehicle[key]] < _REPORTING_S
                 and context.gap_s[row] <= 0.0
             ):
-                found.add(self._was[key])
-        self._was = {key: vehicle for key, vehicle in self._was.items() if key in ids}
-        # occluded or out of the image is no contradiction, and a moment of doubt none either
+                found.add(self._last_vehicle[key])
+        self._last_vehicle = {key: vehicle for key, vehicle in self._last_vehicle.items() if key in ids}
+        # a vehicle that is occluded or out of the image does not contradict, nor does a moment of doubt
         self._gone_since = {v: self._gone_since.get(v, t) for v in found - set(choice.tolist())}
         return {v for v, since in self._gone_since.items() if t - since >= _LASTING_S}

@@ -1,4 +1,4 @@
-"""One update of the estimate: pairs weighed, hypotheses searched, what is certain learnt, old evidence folded in."""
+"""The estimator: each update searches joint hypotheses of pose and assignment and learns noise and biases from them."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _UNKNOWN_VIEW = 0.5
-"""Chance that a vehicle is in view whose reports are too uncertain: even odds."""
+"""Chance of being in view of a vehicle whose reports are too uncertain to tell: even odds."""
 _LONGEST_AGE_S = 1e3
-"""Ages of reports are cut here, seconds, so that those never received give a finite variance."""
+"""Upper limit of a report's age, seconds, so that a report never received gives a finite variance."""
 
 
 @dataclass(frozen=True, slots=True)
 class UpdateResult:
-    """The answers of one update for the tracks that are seen, or were a moment ago."""
+    """The results of one update for the tracks that are seen or were ``recent_s`` ago."""
 
     columns: IntArray
     """(m,) columns of the history."""
@@ -69,15 +69,15 @@ class Estimator:
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
-        # names that are certain, by column of the history: of live tracks, and of ended ones that carry the pose
+        # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
         self._anchors: dict[int, int] = {}
-        # tracks beside one another, exchanged by the tracker, or continued after a break
+        # which tracks the tracker may have exchanged, were in view together, or continue a track that ended at a gap
         self._swaps = SwapRisk(params)
         self._placed_s = -np.inf
         self._co_visibility = CoVisibility(log.n_vehicles)
         self._handover = np.zeros((0, log.n_vehicles))
-        """(T, n) ln odds from before a track broke off."""
+        """(T, n) ln odds of a track's vehicles, taken over from the track it continues."""
         # learnt from certain names
         self._bias_memory = BiasMemory(log.n_vehicles)
         self._bias_std, self._tau_s = params.bias_m, params.bias_tau_s
@@ -102,7 +102,7 @@ class Estimator:
         return self._lock.state is SearchState.LOCKED
 
     def begin_tracks(self, t: float, columns: IntArray) -> None:
-        """Start the evidence of tracks that are new in their columns, with the biases that are remembered."""
+        """Reset the evidence of columns in which a new track begins; their bias filters start from the bias memory."""
         self._lock.start(t)
         self._state = widen_tracks(self._state, len(self._history.track_id))
         if len(columns):
@@ -119,7 +119,7 @@ class Estimator:
                 self._confident.pop(column, None)
 
     def update(self, t: float, camera: CameraState) -> UpdateResult:
-        """Weigh all that was observed and reported up to the newest frame.
+        """Estimate pose and assignment from all frames and reports up to the newest frame.
 
         Args:
             t: Time of the newest frame, seconds.
@@ -153,7 +153,7 @@ class Estimator:
         return UpdateResult(live, review.p, review.vehicles)
 
     def predicted(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Where the vehicles should be seen on the corrected ground: (n, 2) metres and (n,) variance per axis."""
+        """Where the vehicles' tracks are expected under the correction: (n, 2) metres, (n,) variance per axis, m²."""
         q = self._params
         p, age = self._log.extrapolated(t - self.time_offset_s)
         mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s)
@@ -163,7 +163,7 @@ class Estimator:
     def residuals(
         self, t: float, observation: Observation, camera: CameraState, vehicle: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """(m,) ground distance of each track to its vehicle's extrapolated report, and its age; NaN unnamed."""
+        """(m,) metres from each track to its vehicle's extrapolated report, and its age, seconds; NaN unnamed."""
         now = t - self.time_offset_s
         p, age = self._log.extrapolated(now)[0], now - self._log.last_t
         g = rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
@@ -173,12 +173,12 @@ class Estimator:
         return np.where(named, away, np.nan), np.where(named, old, np.nan)
 
     def _context(self, t: float, live: IntArray, camera: CameraState) -> UpdateContext:
-        """What this update works on."""
+        """The inputs of this update."""
         q = self._params
         last = int(np.floor(t / q.block_s)) + 1
         if self._first_block is None:
             self._first_block = int(np.floor(t / q.block_s)) - 1
-        self._retire(t, live)
+        self._update_anchors(live)
         ended = sorted(self._anchors)
         columns = np.concatenate([live, np.array(ended, np.int64)])
         view = self._chance_in_view(t, camera)
@@ -216,8 +216,8 @@ class Estimator:
             fold=max(last - self._first_block - round(window_s / q.block_s), 0),
         )
 
-    def _retire(self, t: float, live: IntArray) -> None:
-        """Confident tracks that ended keep carrying the pose while they are in the window."""
+    def _update_anchors(self, live: IntArray) -> None:
+        """Confidently named tracks that ended go on constraining the pose while they are in the window."""
         assert self._first_block is not None
         start = self._first_block * self._params.block_s
         for column in self._history.release(start - 1.0).tolist():
@@ -232,7 +232,7 @@ class Estimator:
         self._anchors = {c: v for c, v in self._anchors.items() if self._history.last_s[c] > start}
 
     def _update_swap_risk(self, t: float, live: IntArray, camera: CameraState) -> None:
-        """Take the places of the tracks into account of which others they may be exchanged with."""
+        """Update from the tracks' places which of them the tracker may have exchanged."""
         since = self._history.first_row_since(self._placed_s + 1e-6)
         missed = np.any(np.isnan(self._history.ray[since : self._history.n, live, 0]), axis=0)
         risky = self._swaps.update(t, live, self._places(live, camera), missed, self._first_block)
@@ -240,18 +240,18 @@ class Estimator:
         self._placed_s = t
 
     def _places(self, columns: IntArray, camera: CameraState) -> FloatArray:
-        """(m, 2) where tracks are now, NaN unseen."""
+        """(m, 2) ground positions of tracks in the newest frame, metres, NaN unseen."""
         rays = self._history.ray[self._history.n - 1, columns]
         return rays_to_ground(rays, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
 
     def _chance_in_view(self, t: float, camera: CameraState) -> FloatArray:
-        """(n,) how likely each vehicle is in view."""
+        """(n,) probability of each vehicle to be in view."""
         p, age = self._log.extrapolated(t - self.time_offset_s)
         chance = chance_in_view(p, age, self._bias_std + self._log.white_std_m, camera, self.theta)
         return np.where(self._log.too_uncertain, _UNKNOWN_VIEW, chance)
 
     def _search(self, context: UpdateContext, camera: CameraState) -> list[Hypothesis]:
-        """Best joint hypotheses, from few starts when locked and from many when not."""
+        """Best joint hypotheses: from the last pose alone when locked, else from several starting poses."""
         q = self._params.search
         if self.locked:
             found = [refine(context, self._thetas[0].copy(), self._last_vehicles(context))]
@@ -259,26 +259,26 @@ class Estimator:
             starts = self._starts(context, not camera.attitude_known)
             found = keep_best([refine(context, theta) for theta in starts], q.hypotheses)
             if self._updates % q.shift_every == 1:
-                most = q.shifts_many if self._many(context) else q.shifts
+                most = q.shifts_many if self._is_large(context) else q.shifts
                 found += [refine(context, theta, blocks=found[0].blocks) for theta in shifts(context, found[0], most)]
                 found = keep_best(found, q.hypotheses)
         found += swaps(context, found[0], q.swaps_locked if self.locked else q.swaps)
         return keep_best(found, q.hypotheses)
 
     def _starts(self, context: UpdateContext, free: bool) -> list[FloatArray]:
-        """Corrections to start from: those of the last update and the prior's; of many tracks mostly the best alone."""
-        q, turn = self._params.search, self._updates
+        """Starting poses: those of the last update and of the prior; with many pairs mostly the last best alone."""
+        q, count = self._params.search, self._updates
         everywhere = turns(context.prior, free)
-        if not self._thetas or (turn % q.spread_every == 1 and not self._many(context)):
+        if not self._thetas or (count % q.spread_every == 1 and not self._is_large(context)):
             return [*self._thetas, *everywhere]
         others = [*self._thetas[1:], everywhere[0]]
-        if not self._many(context):
+        if not self._is_large(context):
             return [self._thetas[0], *others]
         others += everywhere
-        alone, k = turn % q.shift_every, turn // q.shift_every
+        alone, k = count % q.shift_every, count // q.shift_every
         return [self._thetas[0]] if alone else [self._thetas[0], others[k % len(others)]]
 
-    def _many(self, context: UpdateContext) -> bool:
+    def _is_large(self, context: UpdateContext) -> bool:
         """Whether there are so many pairs that an update must do less."""
         return context.live * self._log.n_vehicles > MANY_PAIRS
 
@@ -298,7 +298,7 @@ class Estimator:
         return q.clutter + (q.clutter_seen - q.clutter) * surplus
 
     def _learn(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> None:
-        """Learn from certain answers: noise, biases, clutter, and which tracks may carry the pose."""
+        """Learn from certain answers: noise, biases, clutter, and which tracks may constrain the pose once ended."""
         q, n, live = self._params.learning, p.shape[1] - 1, context.columns[: context.live]
         age, top, certainty = t - self._history.first_s[live], np.argmax(p, axis=1), np.max(p, axis=1)
         certain = (certainty > q.confidence) & (age > q.least_age_s)
@@ -319,13 +319,13 @@ class Estimator:
         self._bias_std, self._tau_s = learn_bias_noise(context, best, rows, vehicle[rows], self._state, now)
 
     def _note_clutter(self, t: float, context: UpdateContext, none_of_ours: BoolArray) -> None:
-        """Remember when a track (m,) was certainly none of ours while more were seen than vehicles are expected."""
+        """Note when a track (m,) was certainly none of ours while more were seen than vehicles expected in view."""
         seen, expected = np.sum(context.gap_s <= 0.0), np.sum(context.view)
         if seen > expected + self._params.learning.spare_tracks and np.any(none_of_ours):
             self._clutter_s = t
 
     def _widen_offset_prior(self, t: float) -> None:
-        """Take the offset of the clocks for unknown once it has long been farther off than its prior allows."""
+        """Widen the prior of the clock offset once the estimate has long been outside it."""
         q, limit = self._params, self._params.learning.offset_tension * self._params.time_offset_std_s
         tense = self.locked and abs(self.time_offset_s) > limit
         self._offset_tense_since_s = min(self._offset_tense_since_s, t) if tense else np.inf
@@ -333,7 +333,7 @@ class Estimator:
             self._offset_std_s = max(self._offset_std_s, q.unknown_offset_std_s)
 
     def _fold(self, context: UpdateContext, best: Hypothesis) -> None:
-        """Move evidence that leaves the window into the state."""
+        """Absorb the evidence of blocks that leave the window into the state."""
         assert self._first_block is not None
         if context.fold:
             self._state = replace_tracks(self._state, context.columns, best.folded)

@@ -1,4 +1,4 @@
-"""The paper's masses of one frame, with the camera's pose known: the evidence of that frame alone."""
+"""Projection and topology masses (``assoc.methods``) of a single frame, computed with the known camera pose."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ FloatArray = NDArray[np.float64]
 def frame_masses(
     observation: Observation, camera: CameraState, p: FloatArray, heading: FloatArray, theta: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Projection, topology and fused masses.
+    """Masses of one frame: of the projection errors E, of the topology costs C, and both fused.
 
     E is the distance in pixels (angle over pixel angle) between each box and each report reprojected through the
-    corrected pose; C is the topology cost, as printed, about the image centre, so it loses its meaning away from
-    straight down.
+    corrected pose; C is the topology cost as published, about the image centre, meaningful only for a camera that looks
+    about straight down.
 
     Args:
         observation: m tracks.

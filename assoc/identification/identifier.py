@@ -1,7 +1,8 @@
-"""The stateful identifier: frames and reports in, names with probabilities out.
+"""The stateful identifier: camera frames and position reports in, vehicle ids with probabilities out.
 
-Per update: rays → ground under several pose corrections, residuals against reports, evidence per pair, joint
-hypotheses of pose and assignment, matching marginals. See ``docs/identity.md``.
+Per update: rays are projected to the ground under several pose corrections and compared with the reports; the
+residuals give the evidence of each pair, joint hypotheses of pose and assignment, and from these marginals.
+See ``docs/identity.md``.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _MARGIN_S = 2.0
-"""Frames and reports are kept this much longer than the window, seconds: clocks differ, and blocks are whole."""
+"""Frames and reports are kept this much longer than the window, seconds: clocks differ, and only whole blocks count."""
 _ROUNDING_S = 1e-6
-"""Times are whole microseconds: an update that is due within one is due."""
+"""Tolerance of due times, seconds: time stamps are whole microseconds."""
 
 
 class Identifier:
-    """Names the tracks of a video by the vehicles' reports, frame by frame and causally.
+    """Identifies the tracks of a video with the reporting vehicles, frame by frame, from past data only.
 
     Args:
         system_ids: System ids of the vehicles; reports refer to them by index.
@@ -63,11 +64,11 @@ class Identifier:
 
     @property
     def locked(self) -> bool:
-        """Whether the search is locked: as good as all tracks have had certain answers for seconds."""
+        """Whether the search is locked: nearly all tracks have had certain answers for seconds."""
         return self._estimator.locked
 
     def add_reports(self, reports: VehicleReports) -> None:
-        """Keep the positions that arrived since the last call; before :meth:`stitch`, which goes by the newest ones."""
+        """Add the positions that arrived since the last call; to be called before :meth:`stitch`, which uses them."""
         if len(reports.t_us):
             self._log.add(self._seconds(reports.t_us), reports)
 
@@ -100,18 +101,18 @@ class Identifier:
         return answer
 
     def stitch(self, t_us: int, track_id: IntArray, ray_cam: FloatArray, camera: CameraState) -> IntArray:
-        """Lost tracks that leftover detections continue, by where their vehicles report to be.
+        """Match lost tracks with unmatched detections by the reported positions of the tracks' vehicles.
 
         Args:
             t_us: Time of the frame, Unix µs.
             track_id: (a,) lost tracks.
-            ray_cam: (b, 3) rays of the detections that no track took, camera frame.
+            ray_cam: (b, 3) rays of the unmatched detections, camera frame.
             camera: The camera at that time.
 
         Returns:
-            (p, 2) rows of ``track_id`` and of ``ray_cam`` that belong together.
+            (p, 2) matched rows of ``track_id`` and ``ray_cam``.
         """
-        usable = _usable(camera)
+        usable = _complete_state(camera)
         if self._origin_us is None or usable is None or not len(track_id) or not len(ray_cam):
             return np.empty((0, 2), np.int64)
         p = self._beliefs.for_tracks(track_id).p[:, :-1]
@@ -129,7 +130,7 @@ class Identifier:
 
     def _add_frame(self, t: float, observation: Observation, camera: CameraState) -> None:
         """Store the frame and, when one is due, update the estimate."""
-        usable = _usable(camera)
+        usable = _complete_state(camera)
         if usable is None:
             return
         begun = self._history.append(t, observation, usable)
@@ -139,15 +140,15 @@ class Identifier:
             return
         self._last_update_s = t
         result = self._estimator.update(t, usable)
-        # what is believed of a track is not worse for its box being missed
+        # a missed box does not change the probabilities of its track
         seen = np.flatnonzero(self._history.last_s[result.columns] >= t)
         ids = self._history.track_id[result.columns[seen]]
-        # without any track nothing can contradict, and nothing is cleared up
+        # without tracks no contradiction can appear or be resolved
         conflict = result.conflict if len(result.columns) else self._beliefs.conflict
         self._beliefs = self._beliefs.updated(ids, result.p[seen], conflict)
 
     def _watch_residuals(self, t: float, answer: Identities) -> None:
-        """Make an update due when a named track is suddenly elsewhere than its vehicle reports to be."""
+        """Make an update due when the distance of a named track to its vehicle's report jumps."""
         named = np.flatnonzero(np.isfinite(answer.residual_m))
         tracks, away_m = answer.track_id[named].tolist(), answer.residual_m[named].tolist()
         now: dict[int, float] = dict(zip(tracks, away_m, strict=True))
@@ -157,7 +158,7 @@ class Identifier:
         self._residual_m = now
 
     def _interval_s(self, t: float, begun: bool) -> float:
-        """Seconds between this update and the last: longer for many pairs, so that frames keep their pace.
+        """Seconds between two updates: longer for many pairs, so that the frame rate is kept.
 
         Args:
             t: Time of the frame, seconds.
@@ -176,7 +177,7 @@ class Identifier:
         return interval_s
 
     def _reset(self) -> None:
-        """Forget everything but the origin of time."""
+        """Reset all state except the origin of time."""
         n, q = len(self._ids), self._params
         self._t = self._last_update_s = self._residual_jump_s = -np.inf
         self._history = TrackHistory(q.window_s + _MARGIN_S, q.frame_step_s, q.gap_max_s)
@@ -187,8 +188,8 @@ class Identifier:
         self._masses = MassCache()
 
 
-def _usable(camera: CameraState) -> CameraState | None:
-    """The camera state, straight down where the attitude is missing; None without a position."""
+def _complete_state(camera: CameraState) -> CameraState | None:
+    """The camera state, looking straight down where the attitude is unknown; None without a position."""
     if not (np.isfinite(camera.p_enu).all() and np.isfinite(camera.ground_z)):
         return None
     if np.isfinite(camera.R_enu_cam).all():

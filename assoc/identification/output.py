@@ -1,4 +1,4 @@
-"""The answers of one frame: names, their probabilities and the evidence for them."""
+"""The identities of one frame: vehicle ids, their probabilities and the evidence for them."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
 from assoc.records import CameraState, Identities, Observation
 
-__all__ = ["Beliefs", "compose_identities", "empty_beliefs"]
+__all__ = ["Beliefs", "MassCache", "compose_identities", "empty_beliefs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _MOST_REMEMBERED = 200
-"""Tracks whose last beliefs are kept."""
+"""Tracks whose last marginals are kept."""
 _CLAIMED = 0.5
-"""Probability from which a track that is seen takes a vehicle's name from those that are only predicted."""
+"""Probability above which a detected track takes a vehicle's name from tracks that are only predicted."""
 _MASSES_EVERY_S = 0.5
-"""Time between two computations of the masses, seconds: they change slowly, and cost more than a name."""
+"""Time between two computations of the masses, seconds."""
 _NEW_TRACK_UNKNOWN = 0.5
-"""Probability of "none of ours" of a track that no update has met."""
+"""Probability of "none of ours" of a track that has been in no update yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class Beliefs:
     p: FloatArray
     """(m, n + 1), the last column "none of ours"."""
     conflict: tuple[int, ...]
-    """Indices of vehicles that contradict."""
+    """Indices of vehicles whose reports contradict the video or one another."""
 
     def for_tracks(self, track_id: IntArray) -> Beliefs:
-        """The beliefs in the order of other tracks; even odds for those not met yet."""
+        """Beliefs on the given tracks, in their order; even odds for those not in any update yet."""
         n = self.p.shape[1] - 1
         p = np.full((len(track_id), n + 1), (1.0 - _NEW_TRACK_UNKNOWN) / max(n, 1))
         p[:, n] = _NEW_TRACK_UNKNOWN if n else 1.0
@@ -51,19 +51,19 @@ class Beliefs:
         return Beliefs(track_id, p, self.conflict)
 
     def updated(self, track_id: IntArray, p: FloatArray, conflict: tuple[int, ...]) -> Beliefs:
-        """Newer beliefs on some tracks; the newest others are kept for when they are seen again."""
+        """Replace the beliefs on some tracks; of the others the newest are kept for when they are seen again."""
         other = ~np.isin(self.track_id, track_id)
         ids = np.concatenate([track_id, self.track_id[other]])[:_MOST_REMEMBERED]
         return Beliefs(ids, np.concatenate([p, self.p[other]])[:_MOST_REMEMBERED], conflict)
 
 
 def empty_beliefs(n: int) -> Beliefs:
-    """Before the first update."""
+    """Beliefs before the first update, on no track."""
     return Beliefs(np.empty(0, np.int64), np.empty((0, n + 1)), ())
 
 
 class MassCache:
-    """The last masses of the named vehicles."""
+    """The last masses of the named tracks: they change slowly, and computing them costs more than a name."""
 
     def __init__(self) -> None:
         self._t = -np.inf
@@ -79,8 +79,8 @@ class MassCache:
         self._t = t
         self._rows = dict(zip(zip(track_id.tolist(), choice.tolist(), strict=True), masses.T, strict=True))
 
-    def of(self, track_id: IntArray, choice: IntArray) -> FloatArray:
-        """(3, m), NaN unnamed."""
+    def masses_of(self, track_id: IntArray, choice: IntArray) -> FloatArray:
+        """(3, m) projection, topology and fused mass of each track's vehicle, NaN unnamed."""
         unnamed = np.full(3, np.nan)
         named = zip(track_id.tolist(), choice.tolist(), strict=True)
         rows = [self._rows[track, k] if k >= 0 else unnamed for track, k in named]
@@ -98,7 +98,7 @@ def compose_identities(
     threshold: float,
     cache: MassCache,
 ) -> Identities:
-    """Names, runners-up and evidence of one frame.
+    """Assemble names, runners-up and evidence of one frame.
 
     Args:
         system_ids: (n,).
@@ -126,7 +126,7 @@ def compose_identities(
     ids = np.append(system_ids, 0)
     if cache.stale(t, observation.track_id, choice):
         cache.store(t, observation.track_id, choice, np.stack(_masses(t, observation, camera, log, estimator, choice)))
-    projection, topology, fused = cache.of(observation.track_id, choice)
+    projection, topology, fused = cache.masses_of(observation.track_id, choice)
     residual, age = estimator.residuals(t, observation, camera, choice)
     return Identities(
         track_id=observation.track_id.copy(),
@@ -144,7 +144,7 @@ def compose_identities(
 
 
 def _without_coasting_names(p: FloatArray, gap_s: FloatArray) -> FloatArray:
-    """Marginals in which a track that is only predicted gives its name up to one that is seen."""
+    """Marginals in which a track that is only predicted loses its name to one that is detected."""
     seen = gap_s <= 0.0
     claimed = np.max(p[seen, :-1], axis=0, initial=0.0)
     p = p.copy()

@@ -1,4 +1,4 @@
-"""Whether the search over poses and assignments is still open, or locked on one answer."""
+"""Whether an update searches many poses and assignments, or only refines the last solution."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class SearchState(Enum):
     """What an update does."""
 
     SEARCHING = "searching"
-    """Many starts: the answer may still be another one."""
+    """Many starting points: another solution may still turn out to be the right one."""
     LOCKED = "locked"
-    """The last answer is refined, a few exchanges are tried and nothing else."""
+    """The last solution is refined and a few exchanges of vehicles are tried."""
 
 
 class SearchLock:
-    """Locks the search once enough tracks have certain answers, and opens it when one of them becomes doubtful."""
+    """Locks the search once enough tracks have certain answers, and unlocks it when one of them becomes doubtful."""
 
     def __init__(self, params: LockParams) -> None:
         self._params = params
@@ -34,11 +34,11 @@ class SearchLock:
         self._last_best_score: dict[int, float] = {}
 
     def start(self, t: float) -> None:
-        """Begin to count at the first frame; later calls change nothing."""
+        """Note the time of the first frame; later calls change nothing."""
         self._started_s = min(self._started_s, t)
 
     def update(self, t: float, certainty: FloatArray, share: float, best_score: dict[int, float]) -> None:
-        """Go by the answers of an update.
+        """Lock or unlock by the results of an update.
 
         Args:
             t: Time, seconds.
@@ -52,6 +52,6 @@ class SearchLock:
             self._last_drop_s = t
         self._last_best_score = best_score
         certain = certainty > q.confidence
-        most = certain.sum() >= max(q.least_tracks, q.share * len(certain)) and share > q.hypothesis_share
+        enough = certain.sum() >= max(q.least_tracks, q.share * len(certain)) and share > q.hypothesis_share
         lasting = min(t - self._started_s, t - self._last_drop_s) > q.after_s
-        self.state = SearchState.LOCKED if lasting and (certain.all() or most) else SearchState.SEARCHING
+        self.state = SearchState.LOCKED if lasting and (certain.all() or enough) else SearchState.SEARCHING

@@ -1,4 +1,4 @@
-"""Costs turned into masses and fused by Dempster's rule.
+"""Association costs turned into Dempster–Shafer mass functions and fused by Dempster's rule.
 
 Reference: Chen, Du, Wu, Drones 2025, 9(9), 612, section 3.4, doi:10.3390/drones9090612. Masses lie on singletons only:
 row j of a mass matrix holds the support for each vehicle being track j.
@@ -37,7 +37,7 @@ def row_norm(x: FloatArray) -> FloatArray:
 
 
 def masses(cost: FloatArray) -> FloatArray:
-    """M = RowNorm(1 − MinMaxNorm(cost)).
+    """Masses of a cost matrix: M = RowNorm(1 − MinMaxNorm(cost)).
 
     Args:
         cost: (m, n) finite, smaller is better: pixel errors E or topology costs C.
@@ -49,7 +49,7 @@ def masses(cost: FloatArray) -> FloatArray:
 
 
 def conflict(first: FloatArray, second: FloatArray) -> FloatArray:
-    """K_i = Σ_{k≠j} m¹_ik m²_ij.
+    """Conflict of the two masses of every track: K_i = Σ_{k≠j} m¹_ik m²_ij.
 
     Args:
         first: (m, n) masses.
@@ -58,8 +58,8 @@ def conflict(first: FloatArray, second: FloatArray) -> FloatArray:
     Returns:
         (m,) in [0, 1].
     """
-    everything = np.sum(first, axis=1) * np.sum(second, axis=1)
-    return np.asarray(np.clip(everything - np.sum(first * second, axis=1), 0.0, 1.0))
+    total = np.sum(first, axis=1) * np.sum(second, axis=1)
+    return np.asarray(np.clip(total - np.sum(first * second, axis=1), 0.0, 1.0))
 
 
 def fuse(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -75,7 +75,9 @@ def fuse(first: FloatArray, second: FloatArray) -> FloatArray:
     Returns:
         (m, n) rows sum to 1.
     """
-    top = np.max(first, axis=1, keepdims=True, initial=0.0), np.max(second, axis=1, keepdims=True, initial=0.0)
+    largest = np.max(first, axis=1, keepdims=True, initial=0.0), np.max(second, axis=1, keepdims=True, initial=0.0)
     # scaled rows, so that products of small masses do not vanish
-    a, b = (np.where(t > 0.0, x / np.where(t > 0.0, t, 1.0), 0.0) for x, t in zip((first, second), top, strict=True))
+    a, b = (
+        np.where(t > 0.0, x / np.where(t > 0.0, t, 1.0), 0.0) for x, t in zip((first, second), largest, strict=True)
+    )
     return row_norm(a * b)

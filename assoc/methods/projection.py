@@ -10,7 +10,7 @@ to the more is a hypothesis. Its normal equations are sums of per-vehicle and pe
 
 so the frames are summed once and not once per hypothesis. XᵀX depends on the set of vehicles alone: it is solved once
 per set, for all pairs, and the θ of all hypotheses of the set are one product Θ = B A, B the solved pairs and A the 0/1
-matrix of which vehicle meets which track. Hypotheses are the last axis of every array.
+matrix of which vehicle is paired with which track. Hypotheses are the last axis of every array.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _RANK_TOLERANCE = 1e-9
-"""Least over largest eigenvalue of XᵀX from which θ is determined."""
+"""Smallest ratio of the least to the largest eigenvalue of XᵀX at which θ counts as determined."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ class Projection:
     theta: FloatArray
     """(3, 2) its projection matrix, pixels per metre."""
     votes: int
-    """Future frames that it won."""
+    """Future frames in which its error is the least."""
     error_px: float
     """Its pixel error summed over tracks and future frames."""
     hypotheses: int
@@ -54,13 +54,18 @@ class Projection:
 
 @dataclass(slots=True)
 class _Best:
-    """Least error of every future frame so far."""
+    """The best hypothesis of each of F future frames so far; s pairs."""
 
     error: FloatArray
+    """(F,) its pixel error in that frame, summed over pairs."""
     track: IntArray
+    """(F, s) its tracks."""
     vehicle: IntArray
+    """(F, s) their vehicles."""
     theta: FloatArray
+    """(F, 3, 2) its projection matrix, pixels per metre."""
     per_frame: FloatArray
+    """(F, F) its pixel error in every future frame."""
 
 
 def associate_by_projection(x: FloatArray, y: FloatArray, *, history: int = 10, most: int = 3_000_000) -> Projection:
@@ -150,7 +155,7 @@ def _enumerate(G: FloatArray, H: FloatArray, x: FloatArray, y: FloatArray) -> tu
 def _full_rank(gram: FloatArray) -> BoolArray:
     """(g,) whether XᵀX determines θ, from (g, 3, 3)."""
     values = np.linalg.eigvalsh(gram)
-    return np.asarray(values[:, 0] > _RANK_TOLERANCE * np.maximum(values[:, -1], 1e-300), np.bool_)
+    return np.asarray(values[:, 0] > _RANK_TOLERANCE * values[:, -1], np.bool_)
 
 
 def _solved(gram: FloatArray, H: FloatArray) -> FloatArray:
@@ -185,7 +190,7 @@ def _errors(X: FloatArray, y: FloatArray, theta: FloatArray, track: IntArray) ->
 
 
 def _better(best: _Best | None, error: FloatArray, vehicles: IntArray, track: IntArray, theta: FloatArray) -> _Best:
-    """The better of what is known and a block of hypotheses, per future frame; the earlier of equals."""
+    """Best of the hypotheses so far and a further block, per future frame; the earlier of equals."""
     F, h = error.shape[1:]
     flat = error.transpose(1, 0, 2).reshape(F, -1)
     k = np.argmin(flat, axis=1)
@@ -207,7 +212,7 @@ def _better(best: _Best | None, error: FloatArray, vehicles: IntArray, track: In
 
 
 def _elect(best: _Best, n_im: int, total: int, degenerate: int) -> Projection:
-    """The winner of most future frames."""
+    """The hypothesis with the most votes of future frames."""
     answers = np.full((len(best.error), n_im), -1, np.int64)
     np.put_along_axis(answers, best.track, best.vehicle, axis=1)
     votes = np.array([np.sum(np.all(answers == one, axis=1)) for one in answers])

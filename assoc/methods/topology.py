@@ -77,13 +77,13 @@ def topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
 
 
 def signed_topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
-    """The same for signed angles: differences are taken the short way round."""
+    """As :func:`topology_cost` for signed angles: differences are wrapped into (−π, π]."""
     d = np.nan_to_num(_wrap(image[:, None, :] - world[None, :, :]))
     return np.asarray(np.sqrt(np.sum(d * d, axis=2)))
 
 
 def associate_by_topology(cost: FloatArray) -> IntArray:
-    """Least total cost (Hungarian algorithm).
+    """Assignment of least total cost (Hungarian algorithm).
 
     Args:
         cost: (m, n) tracks × vehicles.

@@ -13,10 +13,10 @@ two triangles' angles, x a triangle of target a, y one of target b and φ the an
 
 A sequence begins where the turn to the next triangle is widest: at the opening of a fan on the rim.
 
-Where the source leaves room, both readings are named. Which pairs (x, y) are summed: ``"sequence"``, the best cyclic
-alignment of the shorter sequence with the longer one, bounded by 1, or ``"pairs"``, all of them. The second step: one
-affine map is fitted to the better half of the first step's pairs, and all targets are assigned again by their distance
-under it.
+Where the paper is ambiguous, both readings are implemented. Which pairs (x, y) are summed: ``"sequence"``, the best
+cyclic alignment of the shorter sequence with the longer one, bounded by 1, or ``"pairs"``, all of them. The second
+step: one affine map is fitted to the better half of the first step's pairs, and all targets are assigned again by their
+distance under it.
 
 Angles do not change under rotation, translation and scale, but a mirrored view has its sequences the wrong way round:
 points are therefore (right, forward) as for :mod:`assoc.methods.topology`, +u and −v in the image.
@@ -43,11 +43,11 @@ IntArray = NDArray[np.int64]
 Reading = Literal["sequence", "pairs"]
 
 _SCALE = 1.72
-"""Of the similarity w, see above."""
-_FLAT = 1e-9
-"""Second over first singular value below which points lie on a line."""
-_AFFINE = 3
-"""Pairs that an affine map needs."""
+"""Factor of the similarity w, see above."""
+_COLLINEAR = 1e-9
+"""Ratio of the second to the first singular value below which points count as collinear."""
+_AFFINE_PAIRS = 3
+"""Pairs needed to determine an affine map."""
 
 
 def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:
@@ -68,7 +68,7 @@ def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:
     corners = _triangles(points)
     if corners is None:
         return None
-    # every triangle is seen from each of its corners, next corner anticlockwise second
+    # each triangle once for each of its corners, the next corner anticlockwise second
     turned = np.concatenate([corners, corners[:, [1, 2, 0]], corners[:, [2, 0, 1]]])
     p = points[turned]
     middle = np.sum(p, axis=1) / 3.0 - p[:, 0]
@@ -76,11 +76,11 @@ def triangle_sequences(points: FloatArray) -> list[FloatArray] | None:
     order = np.lexsort((bearing, turned[:, 0]))
     ends = np.cumsum(np.bincount(turned[:, 0], minlength=len(points)))[:-1]
     pieces = zip(np.split(_angles(p[order]), ends), np.split(bearing[order], ends), strict=True)
-    return [np.concatenate([angle[k:], angle[:k]]) for angle, k in ((a, _start(b)) for a, b in pieces)]
+    return [np.concatenate([angle[k:], angle[:k]]) for angle, k in ((a, _after_widest_gap(b)) for a, b in pieces)]
 
 
 def tts_similarity(image: FloatArray, world: FloatArray, reading: Reading = "sequence") -> FloatArray:
-    """S of every track and vehicle.
+    """Similarity S of every track and vehicle.
 
     Args:
         image: (m, 2) tracks as (right, forward): +u, −v.
@@ -122,7 +122,7 @@ def associate_by_tts_once(similarity: FloatArray) -> IntArray:
 
 
 def associate_by_tts(image: FloatArray, world: FloatArray, reading: Reading = "sequence") -> IntArray:
-    """Both steps.
+    """Associate in both steps: by similarity, then by distance under the affine map fitted to the best pairs.
 
     Args:
         image: (m, 2) tracks as (right, forward).
@@ -135,14 +135,14 @@ def associate_by_tts(image: FloatArray, world: FloatArray, reading: Reading = "s
     similarity = tts_similarity(image, world, reading)
     first = associate_by_tts_once(similarity)
     tracks = np.flatnonzero(first >= 0)
-    if len(tracks) < _AFFINE:
+    if len(tracks) < _AFFINE_PAIRS:
         return first
     trusted = tracks[np.argsort(-similarity[tracks, first[tracks]], kind="stable")]
-    trusted = trusted[: max(_AFFINE, (len(tracks) + 1) // 2)]
+    trusted = trusted[: max(_AFFINE_PAIRS, (len(tracks) + 1) // 2)]
     # y ≈ A x + t, least squares over the trusted pairs
     x = np.concatenate([world, np.ones((len(world), 1))], axis=1)
     chosen = x[first[trusted]]
-    if np.linalg.matrix_rank(chosen) < _AFFINE:
+    if np.linalg.matrix_rank(chosen) < _AFFINE_PAIRS:
         return first
     affine = np.linalg.lstsq(chosen, image[trusted], rcond=None)[0]
     away = np.linalg.norm(image[:, None, :] - (x @ affine)[None, :, :], axis=2)
@@ -157,7 +157,7 @@ def _triangles(points: FloatArray) -> IntArray | None:
     if len(points) < 3 or not np.isfinite(points).all():
         return None
     spread = np.linalg.svd(points - np.mean(points, axis=0), compute_uv=False)
-    if spread[1] <= _FLAT * max(spread[0], 1e-300):
+    if spread[1] <= _COLLINEAR * spread[0]:
         return None
     try:
         corners = np.asarray(Delaunay(points).simplices, np.int64)
@@ -169,8 +169,8 @@ def _triangles(points: FloatArray) -> IntArray | None:
     return np.where(clockwise[:, None], corners[:, ::-1], corners)
 
 
-def _start(bearing: FloatArray) -> int:
-    """Which of the directions in ascending order comes after the widest gap."""
+def _after_widest_gap(bearing: FloatArray) -> int:
+    """Index of the direction, in ascending order, that follows the widest gap."""
     if len(bearing) < 2:
         return 0
     gap = bearing - np.concatenate([bearing[-1:] - 2.0 * np.pi, bearing[:-1]])
@@ -198,8 +198,8 @@ def _aligned(term: FloatArray, k: IntArray, h: IntArray) -> FloatArray:
     short, long = (f(k[:, None], h[None, :]) for f in (np.minimum, np.maximum))
     first = (k[:, None] <= h[None, :])[..., None, None]
     at, shift = np.arange(min(width, depth)), np.arange(max(width, depth))[:, None]
-    # triangle i of the shorter sequence meets triangle i + shift of the longer
-    met = (at + shift) % np.maximum(long, 1)[..., None, None]
-    cell = np.where(first, at * depth + met, met * depth + at)
+    # triangle i of the shorter sequence is compared with triangle i + shift of the longer
+    partner = (at + shift) % np.maximum(long, 1)[..., None, None]
+    cell = np.where(first, at * depth + partner, partner * depth + at)
     value = np.take_along_axis(term.reshape(m, n, -1), cell.reshape(m, n, -1), axis=2).reshape(cell.shape)
     return np.asarray(np.max(np.sum(value * (at < short[..., None, None]), axis=3), axis=2))

@@ -1,4 +1,4 @@
-"""Which tracks may be going on for others that broke off."""
+"""Which lost tracks were probably continued by the tracker under a new id."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_BREAK_M, _BREAK_MPS = 2.0, 6.0
-"""A track that goes on for another begins this near to where that was seen last, and this much farther per second."""
+_REACH_M, _REACH_MPS = 2.0, 6.0
+"""A continuation starts within the first distance of where the lost track was seen last, plus the second per second."""
 
 
 def replaced_tracks(t: float, history: TrackHistory, columns: IntArray, theta: FloatArray) -> BoolArray:
-    """Tracks in whose place another began since they were seen.
+    """Tracks near whose last place another track began after they were last seen.
 
     Args:
         t: Time of the newest frame, seconds.
-        history: What was seen.
-        columns: (m,) tracks.
+        history: Rays and camera poses.
+        columns: (m,) columns of the tracks.
         theta: (8,) pose correction.
 
     Returns:
-        (m,).
+        (m,) whether each was replaced.
     """
     first, last = history.first_s[columns], history.last_s[columns]
     if np.all(first <= np.min(last)):
@@ -38,5 +38,5 @@ def replaced_tracks(t: float, history: TrackHistory, columns: IntArray, theta: F
         camera = history.R[row], history.p[row], float(history.z[row])
         seen[k], place[k] = history.t[row], rays_to_ground(history.ray[row, columns[[k]]], *camera, theta)[0]
     away = np.linalg.norm(place[:, None] - place[None], axis=2)
-    near = away < (_BREAK_M + _BREAK_MPS * (t - seen))[:, None]
+    near = away < (_REACH_M + _REACH_MPS * (t - seen))[:, None]
     return np.asarray(np.any((first[None] > last[:, None]) & near, axis=1))

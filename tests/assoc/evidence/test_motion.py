@@ -38,7 +38,7 @@ def test_white_noise_is_recognised(std):
     log = ReportLog(3, 20.0)
     log.add(*drive(std))
     k = int(np.argmin(np.abs(WHITE_STD_M - std)))
-    assert abs(log.white - k) <= 1
+    assert abs(log.white_index - k) <= 1
 
 
 def test_a_jump_is_noticed_and_normal_driving_is_not():
