@@ -192,7 +192,6 @@ class Health:
     """``waiting`` for the first frame, ``ok``, ``stalled``, ``ended``, ``none``."""
     links: tuple[LinkHealth, ...] = ()
     recorded_bytes: int = 0
-    recording: bool = False
     free_bytes: int = 0
     time_offset_s: float = 0.0
     """Video time minus telemetry time, declared and estimated."""

@@ -92,7 +92,6 @@ class FlightMonitor:
             undecoded=stream.undecoded if stream else 0,
             links=tuple(map(_link, ingest.links)),
             recorded_bytes=recorder.bytes,
-            recording=True,
             free_bytes=recorder.free_bytes,
             full_in_s=recorder.full_in_s,
             write_failing_s=worst.failing_s,

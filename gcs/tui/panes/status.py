@@ -91,7 +91,7 @@ class StatusBar(Widget):
     def _recording(self, health: Health) -> Item:
         assert self.snapshot is not None
         since = duration((self.snapshot.t_us - self._first_us) / 1e6)
-        if not health.recording:
+        if health.write_failing_s > 0:
             return _item(0, f"NOT RECORDING {since}", WARN)
         return Item(rank=0, parts=(("● REC ", ink(ALARM, HEAD, bold=True)), (since, ink(INK, HEAD))))
 

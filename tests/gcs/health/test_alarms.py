@@ -12,7 +12,7 @@ from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
 from tests.support.fake_station import START_US, make_snapshot
 
 LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bytes=4000, bad=0, dropped=0, silent_s=0.0)
-WELL = Health(video="ok", links=(LINK,), recording=True, free_bytes=50_000_000_000, keys=1)
+WELL = Health(video="ok", links=(LINK,), free_bytes=50_000_000_000, keys=1)
 ROWS = tuple(
     VehicleRow(system_id=i, name=name, role=role, heartbeat_age_s=0.3, position_age_s=0.2, position_state="ok")
     for i, name, role in ((1, "UAV", "uav"), (11, "UGV-11", "ugv"), (12, "UGV-12", "ugv"))

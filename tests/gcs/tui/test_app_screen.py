@@ -63,12 +63,16 @@ async def test_live_has_no_replay_keys_and_no_timeline():
 async def test_live_status_counts_time_and_warns_when_nothing_is_recorded():
     async with running(FakeStation(live=True), WIDE) as (app, pilot, station):
         old = station.snapshot
-        health = replace(old.health, recording=False, free_bytes=900_000_000, video="stalled", links=())
+        health = replace(old.health, write_failing_s=12.0, free_bytes=900_000_000, video="stalled", links=())
         station.snapshot = replace(old, t_us=old.t_us + 65_000_000, health=health)
         await polled(app, pilot)
         said = screen_text(app)
-        for word in ("NOT RECORDING 01:05", "disk LOW 900 MB", "video stalled", "no link"):
+        for word in ("NOT RECORDING 01:05", "DISK FAILS 12", "video stalled", "no link"):
             assert word in said, word
+        station.snapshot = replace(station.snapshot, health=replace(health, write_failing_s=0.0))
+        await polled(app, pilot)
+        said = screen_text(app)
+        assert "● REC 01:05" in said and "disk LOW 900 MB" in said
 
 
 async def test_a_replay_log_ends_at_the_frame():
