@@ -16,7 +16,7 @@ def test_every_named_test_and_command_exists():
     assert named <= written, named - written
     for path in re.findall(r"`(tests/[\w/]+\.py)`", page):
         assert Path(path).is_file(), path
-    for module in re.findall(r"python -m (bench\.\w+|sim\.\w+)", page):
+    for module in re.findall(r"python -m (bench[.\w]+\w|sim\.\w+)", page):
         path = Path(module.replace(".", "/"))
         assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), module
     for result in re.findall(r"`(\w+\.md)`", page):

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.log_watch import LogWatch
 from bench.process_tree import cost_of, family
-from bench.soak import mission
-from bench.soak_report import Run, report
+from bench.receiving.log_watch import LogWatch
+from bench.soak.__main__ import mission
+from bench.soak.report import Run, report
 from gcs.mission.mission import load_mission
 from mavlink.protocol.packet import Packet
 from mavlink.tlog.log import TlogWriter

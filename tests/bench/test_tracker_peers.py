@@ -9,7 +9,7 @@ from bench.tracker.entrants import OURS, WITH_IDENTITIES, WITH_WARP
 from bench.tracker.scene import film
 from bench.tracker.scores import TrackingScore
 from bench.tracker.sort import OcSort, Sort
-from bench.tracker_speed import compare, verdict
+from bench.video.tracker_speed import compare, verdict
 from vision.detect.detections import Detections
 
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from bench.yolo_parity import compared
+from bench.video.yolo_parity import compared
 from tests.support.bundled import ROOT
 from vision.detect.decode_yolo import Rule, decode_raw
 from vision.detect.letterbox import Letterbox, undo

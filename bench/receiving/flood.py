@@ -1,6 +1,6 @@
 """Telemetry of a hundred vehicles while the machine is busy and the port is flooded: what arrives, at both ends.
 
-    python bench/flood.py --seconds 60 --markdown bench/results/flood.md
+    python bench/receiving/flood.py --seconds 60 --markdown bench/results/flood.md
 
 Sender, flood and station are processes of one machine and share its cores. In the station two threads can be kept busy
 in Python, as detection and screens would keep it.
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.ports import free_port
-from bench.senders import FLOODER, send_fleet, send_flood
+from bench.receiving.senders import FLOODER, send_fleet, send_flood
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog

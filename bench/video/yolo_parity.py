@@ -1,9 +1,9 @@
 """Our boxes beside those of Ultralytics' own predictor, for every layout in which YOLO-OBB models are exported.
 
-    python -m bench.yolo_parity [--out FILE] [--pictures FOLDER] [--trained MODEL.onnx --boxes REFERENCE.json]
+    python -m bench.video.yolo_parity [--out FILE] [--pictures FOLDER] [--trained MODEL.onnx --boxes REFERENCE.json]
 
 Needs ``pip install ultralytics torch torchvision onnx onnxslim`` beside the project, in an environment of its own. The
-models are of random weights (``bench.yolo_models``), the images are made here; ``--pictures`` adds a folder's. A
+models are of random weights (``bench.video.yolo_models``), the images are made here; ``--pictures`` adds a folder's. A
 trained export and the boxes that the predictor gave for it are compared with ``--trained`` and ``--boxes``.
 
 Both sides run the same file on the same image. A pair counts as the same box when no number differs by more than half
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from bench.yolo_models import DOTA, LAYOUTS, Layout, export, random_model
+from bench.video.yolo_models import DOTA, LAYOUTS, Layout, export, random_model
 from vision.detect.detector import open_detector
 from vision.detect.letterbox import letterbox
 

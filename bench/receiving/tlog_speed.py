@@ -1,6 +1,6 @@
 """How fast a telemetry log is opened, checked and counted, against pymavlink's own reader, in one run.
 
-    python bench/tlog_speed.py --messages 1000000
+    python bench/receiving/tlog_speed.py --messages 1000000
 
 Ours is read in a process of its own each time, so that its CPU time and its greatest memory are its own; then the log
 is entered at many times, as a replay does that jumps. The log is made first, in a temporary folder: eight vehicles,
@@ -91,7 +91,7 @@ def best_of_ours(path: Path, repeat: int) -> dict[str, float]:
     """The least of everything over some fresh processes; of memory and the worst seek the greatest."""
     runs = []
     for _ in range(repeat):
-        command = [sys.executable, "-m", "bench.tlog_speed", "--read", str(path)]
+        command = [sys.executable, "-m", "bench.receiving.tlog_speed", "--read", str(path)]
         runs.append(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
     best = {key: min(run[key] for run in runs) for key in runs[0]}
     return best | {key: max(run[key] for run in runs) for key in ("rss_mb", "seek_worst_ms")}

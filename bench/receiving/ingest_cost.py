@@ -1,6 +1,6 @@
 """What one packet costs the ingest process, from its socket to the shared ring, and what decoding one costs.
 
-    python -m bench.ingest_cost
+    python -m bench.receiving.ingest_cost
 
 First the quickest of many batches in this process, then, at steady rates, the CPU time (user and system, as the kernel
 accounts it) of the ingest process over the packets it has recorded. Nothing else should run meanwhile.
@@ -19,7 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from bench.ports import free_port
-from bench.senders import fleet_frames, send_fleet
+from bench.receiving.senders import fleet_frames, send_fleet
 from infra.files.journal import Journal, make_journal
 from mavlink.ingest.ingest import Ingest
 from mavlink.ingest.ingest_memory import IngestMemory, make_ingest_memory

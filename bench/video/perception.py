@@ -1,4 +1,6 @@
-"""What perception costs, stage by stage, on a recorded video: ``python -m bench.perception [VIDEO] [--model M.onnx]``.
+"""What perception costs, stage by stage, on a recorded video.
+
+    python -m bench.video.perception [VIDEO] [--model M.onnx]
 
 First one frame after the other on one thread, each stage timed; then decoding and looking ahead on as many threads as
 ``gcs identify`` uses, frames a second and the share of the cores. The default video is the bundled one, 1920 × 1080.

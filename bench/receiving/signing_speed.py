@@ -1,6 +1,6 @@
 """Cost of checking a signature, in one run on one core.
 
-    python bench/signing_speed.py --frames 200000
+    python bench/receiving/signing_speed.py --frames 200000
 
 A hundred vehicles with a key each and 4,096 streams. pymavlink's own check, of one stream with one key, stands beside.
 """

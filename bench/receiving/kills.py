@@ -1,6 +1,6 @@
 """What survives when the recording process is killed at random moments, and what recording costs.
 
-    python bench/kills.py --kills 1000 --write bench/results/kills.md
+    python bench/receiving/kills.py --kills 1000 --write bench/results/kills.md
 
 Each child writes telemetry at full rate, alone or in batches, and notes in shared memory what was accepted as soon as
 ``write`` has returned. SIGKILL comes at a random moment. Then the log must hold every accepted record, whole and in

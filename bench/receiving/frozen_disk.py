@@ -1,6 +1,6 @@
 """A flight whose file system stands still for a while: what is recorded, counted and reported.
 
-    sudo .venv/bin/python -m bench.frozen_disk --write bench/results/frozen_disk.md
+    sudo .venv/bin/python -m bench.receiving.frozen_disk --write bench/results/frozen_disk.md
 
 ``gcs fly --headless`` records into an ext4 file system of its own, in a file, which ``fsfreeze`` stops in the middle of
 the flight: every write waits in the kernel, as on a network disk that is away, and a process that waits there cannot
@@ -28,7 +28,7 @@ from pathlib import Path
 
 from bench.ports import free_port
 from bench.process_tree import family
-from bench.senders import send_fleet
+from bench.receiving.senders import send_fleet
 from gcs.session.log import SessionLog
 
 FLY = (sys.executable, "-c", "from gcs.cli.app import main; main()", "fly")
@@ -164,7 +164,9 @@ def _result(session: Path, sent: int, frozen_us: int) -> FreezeResult:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.frozen_disk", description=(__doc__ or "").split("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.receiving.frozen_disk", description=(__doc__ or "").split("\n")[0]
+    )
     parser.add_argument("--rate", type=float, default=1000.0, help="packets a second of all vehicles")
     parser.add_argument("--vehicles", type=int, default=10)
     parser.add_argument(
@@ -187,7 +189,7 @@ def main() -> None:
         print(lines[-1], flush=True)
     about = f"{chosen.vehicles} vehicles, {chosen.rate:,.0f} packets a second."
     title = "# A file system that stands still in flight"
-    text = "\n".join([title, "", f"`python -m bench.frozen_disk`: {about}", "", *lines])
+    text = "\n".join([title, "", f"`python -m bench.receiving.frozen_disk`: {about}", "", *lines])
     print(text)
     if chosen.write:
         chosen.write.write_text(text + "\n", encoding="utf-8")

@@ -1,6 +1,6 @@
 """Many datagrams with one system call (recvmmsg) beside one datagram a call: processor time of the ingest process.
 
-    python -m bench.receive_calls [--rounds 4]
+    python -m bench.receiving.receive_calls [--rounds 4]
 
 Both ways in turn, in one run, at steady rates; a line in its ``sitecustomize`` tells the process that receives to do
 without the batch call. Written as a table to standard output; ``bench/results/receive_calls.md`` is one that was kept.
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import mavlink
-from bench.ingest_cost import steady
+from bench.receiving.ingest_cost import steady
 
 RATES = (5000.0, 20_000.0)
 ROUNDS = 4

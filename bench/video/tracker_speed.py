@@ -1,6 +1,6 @@
 """Our tracker beside its peers on the same frames: time of an update, switched ids, fragments, IDF1.
 
-    python -m bench.tracker_speed
+    python -m bench.video.tracker_speed
 
 Peers written from their papers always run; published packages run when they are installed. The trackers take turns, so
 that whatever else the machine does slows all alike. Times are processor time of one thread; no matrix is large enough

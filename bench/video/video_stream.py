@@ -1,6 +1,6 @@
 """What live video costs in a process of its own, against the same reader on a thread of the station.
 
-    python -m bench.video_stream [seconds per case]
+    python -m bench.video.video_stream [seconds per case]
 
 1080p30 H.264 at 6 Mb/s as MPEG-TS over UDP on the loopback, sent by another process, recorded and decoded. The consumer
 takes every frame, or one every 100 ms as a detector does; "busy" is a station whose Python is busy besides. Processor
@@ -160,7 +160,8 @@ def main() -> None:
     lines = [
         "# Live video in a process of its own",
         "",
-        f"`python -m bench.video_stream {seconds:g}`: {len(frames)} frames of {WIDTH}×{HEIGHT} at {FPS} a second,",
+        f"`python -m bench.video.video_stream {seconds:g}`: {len(frames)} frames of {WIDTH}×{HEIGHT} at {FPS} a "
+        "second,",
         f"{rate:.1f} Mb/s, MPEG-TS over UDP on the loopback; {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}.",
         "Processor time is that of the station and of its video process. In the busy case the thread that is busy",
         "is part of it, so there is no ratio. Recorded with every case; a slow consumer sees the newest frame.",

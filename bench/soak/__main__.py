@@ -21,11 +21,11 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from bench.log_watch import LogWatch
 from bench.ports import free_port
 from bench.process_tree import cost_of
-from bench.soak_report import COLUMNS, Run, draw, report
-from bench.video_loop import VideoLoop
+from bench.receiving.log_watch import LogWatch
+from bench.soak.report import COLUMNS, Run, draw, report
+from bench.video.video_loop import VideoLoop
 from sim.fleet_process import system_ids
 
 __all__ = ["main", "soak"]

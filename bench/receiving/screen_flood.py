@@ -1,6 +1,6 @@
 """How long the screen keeps its operator waiting while an unknown sender floods the port.
 
-    python -m bench.screen_flood --seconds 30
+    python -m bench.receiving.screen_flood --seconds 30
 
 The station's app runs whole, on a screen of 160 × 45 in memory, over a live flight with a hundred vehicles; a
 task in the app's own loop asks to be woken every ten milliseconds and notes how late it was: that is how long a key
@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.ports import free_port
-from bench.senders import send_fleet, send_flood
+from bench.receiving.senders import send_fleet, send_flood
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import parse_mission
 from gcs.tui import RollcallApp
@@ -89,8 +89,8 @@ def main() -> None:
     rows = [run(args.seconds, flood_hz) for flood_hz in (0.0, 100_000.0)]
     text = (
         "# The screen beside a flood\n\n"
-        f"`python -m bench.screen_flood --seconds {args.seconds:g}`: {VEHICLES} vehicles at {RATE:,.0f} packets "
-        "a second, the app\nat 160 × 45, no video; load average at the end "
+        f"`python -m bench.receiving.screen_flood --seconds {args.seconds:g}`: {VEHICLES} vehicles at {RATE:,.0f} "
+        "packets a second, the app\nat 160 × 45, no video; load average at the end "
         f"{os.getloadavg()[0]:.1f} on {os.cpu_count()} cores, which sender, flood and station share.\n\n"
         "| flood asked for, 1/s | flood sent, 1/s | fleet's packets sent | recorded in all | wait, median ms | p99 ms "
         "| longest ms |\n"

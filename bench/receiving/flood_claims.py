@@ -1,6 +1,6 @@
 """Floods that claim to be a vehicle of the fleet, by its system id, its address or both, against ``gcs fly``.
 
-    python -m bench.flood_claims --seconds 30 [--only "300 ports"] [--markdown bench/results/flood_claims.md]
+    python -m bench.receiving.flood_claims --seconds 30 [--only "300 ports"] [--markdown bench/results/flood_claims.md]
 
 Twenty vehicles send from ports of their own; one of them, system 11, is imitated. The flight is the command that a user
 gives; what was recorded is read from its session, and told apart by the bytes of the frames.
@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench.ports import free_port
-from bench.senders import fleet_frames, send_fleet, send_flood
+from bench.receiving.senders import fleet_frames, send_fleet, send_flood
 from infra.files.segments import segments
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import Key, write_key
@@ -195,7 +195,9 @@ def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.flood_claims", description=(__doc__ or "").split("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.receiving.flood_claims", description=(__doc__ or "").split("\n")[0]
+    )
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--only", default="", help="attacks whose name has this")
     parser.add_argument("--markdown", type=Path)
