@@ -1,8 +1,8 @@
 """A flight in simulated time through the classes of a real one, from the datagrams' bytes to the session folder.
 
 The receiver with its log, the memory between the processes, the fold, the tracker, the identifier and the recorder are
-the flight's own; sockets, the decoder and the network are not there, and the script is the clock. So every trouble
-comes at its moment, and a minute of flight takes seconds.
+the flight's own; sockets, the decoder and the network are left out, and time is simulated. So every fault occurs at an
+exact time, and a minute of flight takes seconds.
 """
 
 from __future__ import annotations
@@ -44,60 +44,61 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["Troubles", "fly"]
+__all__ = ["InjectedFaults", "fly"]
 
 S = 1_000_000
-TOGETHER_US = 4_000
-"""Datagrams so close are one batch."""
+BATCH_US = 4_000
+"""Datagrams of one link that arrive within this time are received as one batch."""
 IDLE_US = 200_000
-"""Without a frame for so long the fold looks at the fleet alone."""
+"""After this time without a frame the fold runs on telemetry alone."""
 CAMERA = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=180.0)
-DESCRIBED = 3
-"""The mission's camera is described for frames so many times as large."""
+MISSION_CAMERA_SCALE = 3
+"""The mission describes the camera at this many times the frames' size, so that intrinsics must be scaled."""
 IMPOSTOR_M = 120.0
-BOOTED_MS = 1500
+"""Distance of the forged positions, north of the scenario's origin."""
+FIRST_BOOT_MS = 1500
 """Of a vehicle that was just switched on, at its first message."""
 SECRET = bytes(range(32))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Troubles:
-    """What goes wrong, and when, in seconds since the first frame; None or 0: never."""
+class InjectedFaults:
+    """Faults to inject, with their times in seconds since the first frame; None or 0: never."""
 
     restart: tuple[float, float] | None = None
     """The fleet is switched off and on again at these times."""
-    blind: tuple[float, float] | None = None
-    """No frame comes."""
-    deaf: tuple[float, float] | None = None
-    """No telemetry comes."""
+    no_video: tuple[float, float] | None = None
+    """No frame arrives between these times."""
+    no_telemetry: tuple[float, float] | None = None
+    """No telemetry arrives between these times."""
     late_stamp_s: float = 0.0
-    """Frames are stamped so much later than they are taken."""
+    """Delay of the frames' time stamps after their exposure."""
     step: tuple[float, float] | None = None
-    """When the wall clock is set, and by how much."""
+    """When the wall clock is set, and by how much, seconds."""
     second_link_s: float = 0.0
-    """A second link brings everything once more, so much later."""
+    """Delay of a second link that repeats all telemetry."""
     impostor: tuple[float, float] | None = None
     """A second sender uses the first ground vehicle's id."""
     resized_s: float | None = None
-    """From here on the stream has half the size."""
+    """From this time on frames have half the size."""
     killed_s: tuple[float, ...] = ()
     """The receiving process is killed and replaced."""
     ring_bytes: int = 1 << 20
-    """Of the memory between the processes."""
-    held_up: tuple[float, float] | None = None
-    """The fold stands still."""
-    speaks: bool = False
-    """The station sends something every second."""
+    """Size of the shared memory between the processes."""
+    fold_stalled: tuple[float, float] | None = None
+    """The fold does not run between these times."""
+    station_sends: bool = False
+    """The station sends a heartbeat every second."""
     signed: bool = False
     """The fleet signs, and another sender forges its messages."""
-    empty: tuple[float, float] | None = None
-    """The detector sees nothing."""
-    broken: tuple[float, float] | None = None
-    """The detector fails."""
+    no_detections: tuple[float, float] | None = None
+    """The detector finds nothing."""
+    detector_fails: tuple[float, float] | None = None
+    """The detector raises an error."""
 
 
-class _ScriptedLinks:
-    """Two links of which only the names matter."""
+class _ScriptedLink:
+    """A link that only has a name and addresses."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -112,8 +113,8 @@ class _ScriptedLinks:
         pass
 
 
-class _Scripted:
-    """Sees what the script has it see."""
+class _ScriptedDetector:
+    """Returns the boxes that the script sets."""
 
     def __init__(self) -> None:
         self.boxes = Detections.empty()
@@ -135,39 +136,39 @@ class _Datagram:
 
 
 class _ScriptedFlight:
-    """The classes of a flight, and the script's clock."""
+    """The flight's own objects, run on simulated time."""
 
-    def __init__(self, folder: Path, scenario: Scenario, troubles: Troubles, start_us: int) -> None:
-        self.scenario, self.troubles, self.start_us = scenario, troubles, start_us
+    def __init__(self, folder: Path, scenario: Scenario, faults: InjectedFaults, start_us: int) -> None:
+        self.scenario, self.faults, self.start_us = scenario, faults, start_us
         self.t_us = start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.mission = _mission(scenario)
         keys = folder / "keys"
-        if troubles.signed:
+        if faults.signed:
             keys.mkdir(mode=0o700, parents=True)
             for system_id in (UAV_ID, *scenario.ugv_ids):
                 write_key(keys, system_id, SECRET)
-        self.signing = Signing(keys=str(keys) if troubles.signed else "")
-        notes = {"keys": key_notes(read_ring(keys))} if troubles.signed else {}
+        self.signing = Signing(keys=str(keys) if faults.signed else "")
+        notes = {"keys": key_notes(read_ring(keys))} if faults.signed else {}
         self.recorder = Recorder(folder / "sessions", self.mission, video=True, notes=notes)
-        self.memory_fd = make_ingest_memory(troubles.ring_bytes)
+        self.memory_fd = make_ingest_memory(faults.ring_bytes)
         self.memory = IngestMemory(self.memory_fd)
-        self.links = [_ScriptedLinks("first"), _ScriptedLinks("second")]
+        self.links = [_ScriptedLink("first"), _ScriptedLink("second")]
         self.log, self.receiver = self._receive(None)
-        self.detector = _Scripted()
+        self.detector = _ScriptedDetector()
         pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
-        faults = Faults(self.recorder.folder / "faults.txt")
+        fault_log = Faults(self.recorder.folder / "faults.txt")
         self.fold = FrameLoop(
-            pipeline, self.detector, self.recorder, faults, lambda snapshot: None, now_us=self.wall_us
+            pipeline, self.detector, self.recorder, fault_log, lambda snapshot: None, now_us=self.wall_us
         )
 
     def wall_us(self, t_us: int | None = None) -> int:
         """Reading of the wall clock at a true time, now by default."""
-        t_us, step = self.t_us if t_us is None else t_us, self.troubles.step
+        t_us, step = self.t_us if t_us is None else t_us, self.faults.step
         return t_us + (round(step[1] * S) if step and t_us >= self.start_us + step[0] * S else 0)
 
     def receive(self, datagrams: list[_Datagram]) -> None:
-        """One batch of a link."""
+        """Receive one batch of a link."""
         self.t_us = max(self.t_us, datagrams[-1].t_us)
         batch = Batch(
             times_us=[self.wall_us(each.t_us) for each in datagrams],
@@ -177,13 +178,13 @@ class _ScriptedFlight:
         self.receiver.receive_batch(datagrams[0].link, batch)
 
     def kill_receiver(self) -> None:
-        """Another goes on in the next segment."""
+        """Replace the receiver; the new one continues in the next segment of the log."""
         records = self.log.records
         self.log.close()
         self.log, self.receiver = self._receive(records)
 
-    def turn(self, frame: Frame | None) -> None:
-        """One of the fold."""
+    def run_fold(self, frame: Frame | None) -> None:
+        """Run the fold once, with the newest frame or None."""
         self.fold.add_packets(self.memory.take_packets(), self.wall_us())
         self.fold.run_once(frame)
 
@@ -201,30 +202,30 @@ class _ScriptedFlight:
         return log, Receiver(self.links, log, self.memory, signatures, None)  # type: ignore[arg-type]
 
 
-def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
-    """Fly a scenario with troubles; returns the session folder.
+def fly(folder: Path, scenario: Scenario, faults: InjectedFaults) -> Path:
+    """Fly a scenario with injected faults; returns the session folder.
 
     Args:
         folder: where to record.
         scenario: what is flown; its camera is replaced by a small one.
-        troubles: what goes wrong.
+        faults: what goes wrong.
     """
     scenario = replace(scenario, camera=CAMERA)
-    flight = _ScriptedFlight(folder, scenario, troubles, scenario.start_us)
+    flight = _ScriptedFlight(folder, scenario, faults, scenario.start_us)
     rng = np.random.default_rng(scenario.seed)
-    worlds = _worlds(scenario, troubles)
-    datagrams = heapq.merge(*(_spoken(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
+    worlds = _worlds(scenario, faults)
+    datagrams = heapq.merge(*(_fleet_datagrams(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
     batches = _batches(datagrams)
     waiting = next(batches, None)
     stop_us = scenario.start_us + round(scenario.duration_s * S)
     frames = _frames(worlds, flight, rng)
     coming = next(frames, None)
-    said_us, kills = 0, sorted(troubles.killed_s)
+    sent_us, kills = 0, sorted(faults.killed_s)
     while flight.t_us < stop_us:
         newest: Frame | None = None
         idle_us = flight.t_us + IDLE_US
         while coming is not None and coming[0] <= idle_us and newest is None:
-            # the newest frame that is there when the fold asks, the earlier ones are only listed
+            # the newest frame that has arrived when the fold runs; of earlier ones only the times are recorded
             ready_us = max(coming[0], flight.t_us)
             while coming is not None and coming[0] <= ready_us:
                 newest, flight.detector.boxes, flight.detector.fails = coming[1], coming[2], coming[3]
@@ -238,20 +239,22 @@ def fly(folder: Path, scenario: Scenario, troubles: Troubles) -> Path:
         if kills and flight.t_us >= flight.start_us + kills[0] * S:
             kills.pop(0)
             flight.kill_receiver()
-        if troubles.speaks and flight.t_us >= said_us + S:
-            said_us = flight.t_us
+        if faults.station_sends and flight.t_us >= sent_us + S:
+            sent_us = flight.t_us
             with patch("mavlink.ingest.receiver.now_us", flight.wall_us):
                 flight.receiver.send(0, MavlinkEncoder(255).heartbeat(GCS))
-        flight.turn(newest)
+        flight.run_fold(newest)
         if newest is not None:
-            flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector takes its time
-        if troubles.held_up and _within(troubles.held_up, flight.t_us - flight.start_us):
-            flight.t_us = flight.start_us + round(troubles.held_up[1] * S)
+            flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector's run time
+        if faults.fold_stalled and _within(faults.fold_stalled, flight.t_us - flight.start_us):
+            flight.t_us = flight.start_us + round(faults.fold_stalled[1] * S)
     return flight.close()
 
 
 def _mission(scenario: Scenario) -> Mission:
-    camera = {name: getattr(CAMERA, name) * DESCRIBED for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    camera = {
+        name: getattr(CAMERA, name) * MISSION_CAMERA_SCALE for name in ("width", "height", "fx", "fy", "cx", "cy")
+    }
     table = {"uav": {"system_id": UAV_ID}, "ugv": [{"system_id": i} for i in scenario.ugv_ids], "camera": camera}
     return parse_mission(table, "mission")
 
@@ -260,75 +263,76 @@ def _within(span: tuple[float, float] | None, since_us: float) -> bool:
     return span is not None and span[0] * S <= since_us < span[1] * S
 
 
-def _worlds(scenario: Scenario, troubles: Troubles) -> list[tuple[World, float, float]]:
+def _worlds(scenario: Scenario, faults: InjectedFaults) -> list[tuple[World, float, float]]:
     """Who is there, from when to when, s; after a restart everything begins again."""
-    if troubles.restart is None:
+    if faults.restart is None:
         return [(World(scenario), TELEMETRY_FROM_S, scenario.duration_s)]
-    off_s, on_s = troubles.restart
+    off_s, on_s = faults.restart
     # telemetry begins before the first frame
     second = World(replace(scenario, start_us=scenario.start_us + round((on_s - TELEMETRY_FROM_S) * S)))
     return [(World(scenario), TELEMETRY_FROM_S, off_s), (second, on_s, scenario.duration_s)]
 
 
-def _spoken(world: World, start_s: float, stop_s: float, flight: _ScriptedFlight) -> Iterator[_Datagram]:
-    """Datagrams of one fleet by time of arrival."""
-    troubles, base_us = flight.troubles, flight.start_us
-    streams = [_told(world, start_s, stop_s, flight, link=0, delay_us=0)]
-    if troubles.second_link_s:
-        delay_us = round(troubles.second_link_s * S)
-        streams.append(_told(world, start_s, stop_s, flight, link=1, delay_us=delay_us))
-    if troubles.impostor or troubles.signed:
-        streams.append(_forged(world, flight))
+def _fleet_datagrams(world: World, start_s: float, stop_s: float, flight: _ScriptedFlight) -> Iterator[_Datagram]:
+    """Datagrams of one world over all links, forged ones included, by time of arrival."""
+    faults, base_us = flight.faults, flight.start_us
+    streams = [_link_datagrams(world, start_s, stop_s, flight, link=0, delay_us=0)]
+    if faults.second_link_s:
+        delay_us = round(faults.second_link_s * S)
+        streams.append(_link_datagrams(world, start_s, stop_s, flight, link=1, delay_us=delay_us))
+    if faults.impostor or faults.signed:
+        streams.append(_forged_datagrams(world, flight))
     for datagram in heapq.merge(*streams):
-        if not _within(troubles.deaf, datagram.t_us - base_us):
+        if not _within(faults.no_telemetry, datagram.t_us - base_us):
             yield datagram
 
 
-def _told(
+def _link_datagrams(
     world: World, start_s: float, stop_s: float, flight: _ScriptedFlight, *, link: int, delay_us: int
 ) -> Iterator[_Datagram]:
-    signer = _ScriptedSigner() if flight.troubles.signed else None
-    booted = _Rebooted() if start_s > 0 else None
-    for number, said in enumerate(fleet_telemetry(world)):
-        if start_s * S <= said.t_us - flight.start_us < stop_s * S:
-            raw = booted.count_anew(said.raw) if booted else said.raw
-            raw = signer.sign(raw, said.t_us) if signer else raw
-            yield _Datagram(said.t_us + delay_us, number, link, said.vehicle + 2 + 100 * bool(booted), raw)
+    """Datagrams of one world over one link, delayed, by time of arrival."""
+    signer = _ScriptedSigner() if flight.faults.signed else None
+    rebooted = _RebootedEncoder() if start_s > 0 else None
+    for number, packet in enumerate(fleet_telemetry(world)):
+        if start_s * S <= packet.t_us - flight.start_us < stop_s * S:
+            raw = rebooted.with_boot_time_reset(packet.raw) if rebooted else packet.raw
+            raw = signer.sign(raw, packet.t_us) if signer else raw
+            yield _Datagram(packet.t_us + delay_us, number, link, packet.vehicle + 2 + 100 * bool(rebooted), raw)
 
 
-def _forged(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
+def _forged_datagrams(world: World, flight: _ScriptedFlight) -> Iterator[_Datagram]:
     """A second sender under the first ground vehicle's id, elsewhere; without its key."""
-    troubles, victim = flight.troubles, world.scenario.ugv_ids[0]
-    speaker = MavlinkEncoder(victim, key=bytes(32) if troubles.signed else None)
-    span = troubles.impostor or (TELEMETRY_FROM_S, world.scenario.duration_s)
+    faults, victim = flight.faults, world.scenario.ugv_ids[0]
+    encoder = MavlinkEncoder(victim, key=bytes(32) if faults.signed else None)
+    span = faults.impostor or (TELEMETRY_FROM_S, world.scenario.duration_s)
     for k in range(round((span[1] - span[0]) * 5)):
         t_us = flight.start_us + round((span[0] + k / 5) * S)
         place = (world.scenario.latitude_deg + IMPOSTOR_M / 111_000, world.scenario.longitude_deg)
-        frame = speaker.global_position_int(900_000 + 200 * k, *place, world.scenario.altitude_m, 0.0, (3.0, 0, 0), 0.0)
+        frame = encoder.global_position_int(900_000 + 200 * k, *place, world.scenario.altitude_m, 0.0, (3.0, 0, 0), 0.0)
         yield _Datagram(t_us, k, 0, 77, frame)
         if k % 5 == 0:
-            yield _Datagram(t_us + 1000, k, 0, 77, speaker.heartbeat())
+            yield _Datagram(t_us + 1000, k, 0, 77, encoder.heartbeat())
 
 
-class _Rebooted:
+class _RebootedEncoder:
     """Frames of a fleet whose boot clocks begin again."""
 
     def __init__(self) -> None:
         self._parser: Any = ardupilotmega.MAVLink(None)
-        self._speakers: dict[int, MavlinkEncoder] = {}
+        self._encoders: dict[int, MavlinkEncoder] = {}
         self._booted_ms: dict[int, int] = {}
 
-    def count_anew(self, raw: bytes) -> bytes:
+    def with_boot_time_reset(self, raw: bytes) -> bytes:
         (message,) = self._parser.parse_buffer(raw)
         system_id = message.get_srcSystem()
         if hasattr(message, "time_boot_ms"):
-            booted_ms = self._booted_ms.setdefault(system_id, message.time_boot_ms - BOOTED_MS)
+            booted_ms = self._booted_ms.setdefault(system_id, message.time_boot_ms - FIRST_BOOT_MS)
             message.time_boot_ms -= booted_ms
-        return self._speakers.setdefault(system_id, MavlinkEncoder(system_id)).pack(message)
+        return self._encoders.setdefault(system_id, MavlinkEncoder(system_id)).pack(message)
 
 
 class _ScriptedSigner:
-    """Puts signatures on frames, with stamps that follow the clock."""
+    """Signs frames, with timestamps that follow the clock."""
 
     def __init__(self) -> None:
         self._key, self._ticks = Key(SECRET), 0
@@ -343,10 +347,10 @@ class _ScriptedSigner:
 
 
 def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
-    """Datagrams of one link that come together."""
+    """Group consecutive datagrams of one link into batches."""
     batch: list[_Datagram] = []
     for datagram in datagrams:
-        if batch and (datagram.link != batch[0].link or datagram.t_us - batch[0].t_us > TOGETHER_US):
+        if batch and (datagram.link != batch[0].link or datagram.t_us - batch[0].t_us > BATCH_US):
             yield batch
             batch = []
         batch.append(datagram)
@@ -357,8 +361,8 @@ def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
 def _frames(
     worlds: list[tuple[World, float, float]], flight: _ScriptedFlight, rng: np.random.Generator
 ) -> Iterator[tuple[int, Frame, Detections, bool]]:
-    """When each frame is there, the frame, what is seen in it, and whether looking at it fails."""
-    troubles, index, last_us = flight.troubles, 0, 0
+    """Arrival time, Unix µs, of each frame, the frame, its detections, and whether the detector fails on it."""
+    faults, index, last_us = flight.faults, 0, 0
     images = [np.zeros((CAMERA.height // k, CAMERA.width // k, 3), dtype=np.uint8) for k in (1, 2)]
     for world, start_s, stop_s in worlds:
         model, scenario = DetectorModel(world), world.scenario
@@ -367,14 +371,14 @@ def _frames(
             exposed_us = scenario.start_us + round(t * S)
             since_us = exposed_us - flight.start_us
             found = model.detect(t)
-            if not start_s * S <= since_us < stop_s * S or _within(troubles.blind, since_us):
+            if not start_s * S <= since_us < stop_s * S or _within(faults.no_video, since_us):
                 continue
-            small = troubles.resized_s is not None and since_us >= troubles.resized_s * S
-            stamp_us = flight.wall_us(exposed_us) + round(troubles.late_stamp_s * S)
-            last_us = max(stamp_us, last_us + 1)  # as the video's process has it
-            boxes = Detections.empty() if _within(troubles.empty, since_us) else _boxes(found.values, small)
+            small = faults.resized_s is not None and since_us >= faults.resized_s * S
+            stamp_us = flight.wall_us(exposed_us) + round(faults.late_stamp_s * S)
+            last_us = max(stamp_us, last_us + 1)  # strictly increasing, as the video process makes them
+            boxes = Detections.empty() if _within(faults.no_detections, since_us) else _boxes(found.values, small)
             frame = Frame(index=index, t_us=last_us, image=images[small])
-            yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, _within(troubles.broken, since_us)
+            yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, _within(faults.detector_fails, since_us)
             index += 1
 
 

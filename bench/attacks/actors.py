@@ -10,25 +10,25 @@ from dataclasses import dataclass, replace
 from bench.attacks.stage import TRUE, PacketSchedule, Party, Send
 from bench.attacks.wire import AUTOPILOT, COPTER, ROVER, ComponentEncoder
 
-__all__ = ["DATED", "FULL", "HOME", "UAV_ID", "Body", "lines_of", "place_of", "rover", "uav"]
+__all__ = ["DATED", "FULL", "HOME", "UAV_ID", "Body", "geodetic_position", "rover", "uav", "vehicle_schedules"]
 
 HOME = (47.0, 8.0)
-"""Latitude and longitude of the UAV, which hovers: all places are told relative to it."""
+"""Latitude and longitude, degrees, of the hovering UAV: the origin of all positions here."""
 ALTITUDE_M, UAV_HEIGHT_M = 500.0, 40.0
-METRES_A_DEGREE = 111_194.9
-"""Of a sphere of 6,371 km: within half a per cent of WGS 84, and the same for all."""
+METRES_PER_DEGREE = 111_194.9
+"""Of latitude on a sphere of 6,371 km: within half a per cent of WGS 84, which is enough as all share the error."""
 UAV_ID = 1
 FULL = ("beat", "position", "attitude", "gps", "status")
 DATED = (*FULL, "time")
-"""With the date, as real autopilots send it: two of them give two senders away, so attackers do without."""
+"""With SYSTEM_TIME, as real autopilots send it; it reveals two senders of one id, so attackers leave it out."""
 RATES_HZ = {"beat": 1.0, "position": 5.0, "attitude": 5.0, "gps": 2.0, "status": 1.0, "time": 1.0}
 UAV_RATES_HZ = RATES_HZ | {"position": 10.0, "attitude": 30.0}
-"""As docs/operations.md asks for."""
+"""The UAV's rates, as docs/operations.md recommends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """Something that moves, with the clock that it stamps with."""
+    """A vehicle on a circle, with the boot clock that stamps its messages."""
 
     system_id: int
     east_m: float = 0.0
@@ -37,15 +37,16 @@ class Body:
     radius_m: float = 12.0
     speed_m_s: float = 2.0
     phase: float = 0.0
+    """Bearing from the circle's centre at time 0, radians."""
     boot_s: float = 100.0
-    """Its clock when the stage begins; as a number that stands for a clock set anew it may be negative."""
+    """Time since boot when the stage begins; negative for a vehicle that boots later."""
     height_m: float = 0.0
     home: tuple[float, float] = HOME
     date_s: float = 0.0
-    """By how much its date is ahead of the time."""
+    """By how much its SYSTEM_TIME is ahead."""
 
     def moved(self, east_m: float, north_m: float = 0.0) -> Body:
-        """The same elsewhere."""
+        """The same vehicle on a shifted circle."""
         return replace(self, east_m=self.east_m + east_m, north_m=self.north_m + north_m)
 
     def at(self, t_s: float) -> tuple[float, float]:
@@ -78,21 +79,21 @@ def rover(system_id: int, boot_s: float | None = None) -> Body:
     )  # fmt: skip
 
 
-def place_of(body: Body, t_s: float) -> tuple[float, float, float, float]:
-    """Latitude, longitude, altitude and height above home."""
+def geodetic_position(body: Body, t_s: float) -> tuple[float, float, float, float]:
+    """Latitude and longitude, degrees, altitude and height above home, metres."""
     east, north = body.at(t_s)
-    lat = body.home[0] + north / METRES_A_DEGREE
-    lon = body.home[1] + east / (METRES_A_DEGREE * math.cos(math.radians(body.home[0])))
+    lat = body.home[0] + north / METRES_PER_DEGREE
+    lon = body.home[1] + east / (METRES_PER_DEGREE * math.cos(math.radians(body.home[0])))
     return lat, lon, ALTITUDE_M + body.height_m, body.height_m
 
 
-def lines_of(
+def vehicle_schedules(
     body: Body,
-    voice: ComponentEncoder,
+    encoder: ComponentEncoder,
     send: Send,
     role: str = TRUE,
     *,
-    says: Sequence[str] = FULL,
+    messages: Sequence[str] = FULL,
     kind: int | None = None,
     autopilot: int = AUTOPILOT,
     rates_hz: dict[str, float] | None = None,
@@ -102,20 +103,22 @@ def lines_of(
     delay_s: float = 0.0,
     before: Callable[[float], None] = lambda t_s: None,
 ) -> list[PacketSchedule]:
-    """What a vehicle sends.
+    """Schedules of the messages that a vehicle sends.
 
     Args:
         body: how it moves.
-        voice: writes its packets.
+        encoder: packs its messages.
         send: its socket.
-        role: whose packets they are counted as.
-        says: which messages.
+        role: ``TRUE`` or ``FALSE``: how its packets are counted.
+        messages: which ones.
         kind: MAV_TYPE of its heartbeats.
         autopilot: MAV_AUTOPILOT of its heartbeats.
-        rates_hz: by message.
-        start_s, stop_s, silent_s: when.
-        delay_s: by which it leaves later than it was made.
-        before: called ahead of every packet, as for a signing clock.
+        rates_hz: rates by message that differ from the usual ones.
+        start_s: when it begins to send.
+        stop_s: when it ends.
+        silent_s: from when to when it sends nothing.
+        delay_s: by how much packets leave later than they were made.
+        before: called before every packet, for example to set a signing clock.
     """
     kind = kind if kind is not None else COPTER if body.system_id == UAV_ID else ROVER
     rates = (UAV_RATES_HZ if body.system_id == UAV_ID else RATES_HZ) | (rates_hz or {})
@@ -131,12 +134,12 @@ def lines_of(
         return (body.heading(t_s) + math.pi) % (2 * math.pi) - math.pi
 
     make: dict[str, Callable[[float], bytes]] = {
-        "beat": lambda t: voice.heartbeat(kind, autopilot, marked=role != TRUE),
-        "position": lambda t: voice.position(body.boot_ms(t), place_of(body, t), speed(t), heading(t)),
-        "attitude": lambda t: voice.attitude(body.boot_ms(t), yaw(t)),
-        "gps": lambda t: voice.gps(body.boot_ms(t), place_of(body, t)),
-        "status": lambda t: voice.status(),
-        "time": lambda t: voice.time(round((time.time() + body.date_s - delay_s) * 1e3) * 1000, body.boot_ms(t)),
+        "beat": lambda t: encoder.heartbeat(kind, autopilot, marked=role != TRUE),
+        "position": lambda t: encoder.position(body.boot_ms(t), geodetic_position(body, t), speed(t), heading(t)),
+        "attitude": lambda t: encoder.attitude(body.boot_ms(t), yaw(t)),
+        "gps": lambda t: encoder.gps(body.boot_ms(t), geodetic_position(body, t)),
+        "status": lambda t: encoder.status(),
+        "time": lambda t: encoder.time(round((time.time() + body.date_s - delay_s) * 1e3) * 1000, body.boot_ms(t)),
     }
 
     def line(k: int, name: str) -> PacketSchedule:
@@ -155,4 +158,4 @@ def lines_of(
             silent_s=silent_s,
         )
 
-    return [line(k, name) for k, name in enumerate(says)]
+    return [line(k, name) for k, name in enumerate(messages)]

@@ -10,11 +10,11 @@ import subprocess
 import sys
 from dataclasses import dataclass, replace
 
-from bench.attacks.actors import DATED, Body, lines_of, rover, uav
-from bench.attacks.records import first_told, frames, sender_of, told
+from bench.attacks.actors import DATED, Body, rover, uav, vehicle_schedules
+from bench.attacks.records import first_warning, frames, read_events, sender_of
 from bench.attacks.report import AttackRow
-from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, Door, PacketSchedule, Send, StageCounts
+from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, false_position_s, fly
+from bench.attacks.stage import FALSE, PacketSchedule, Send, SenderFactory, StageCounts
 from bench.attacks.station import AttackedStation, mission_text
 from bench.attacks.takeover import CONTEST
 from bench.attacks.wire import ComponentEncoder
@@ -66,15 +66,20 @@ def duplicates(options: Options) -> list[AttackRow]:
     """A second vehicle with the same id: a grid of boot clocks, distances and rates."""
     ids = {11 + k: twin for k, twin in enumerate(TWINS)}
 
-    def lines(door: Door) -> list[PacketSchedule]:
-        found = lines_of(uav(), ComponentEncoder(1), door())
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender())
         for system_id, twin in ids.items():
             body = rover(system_id, boot_s=300.0)
-            found += lines_of(body, ComponentEncoder(system_id), door())
+            found += vehicle_schedules(body, ComponentEncoder(system_id), new_sender())
             boot_s = FROM_BOOT if twin.clock_s != twin.clock_s else body.boot_s + twin.clock_s
             other = replace(body.moved(twin.apart_m), boot_s=boot_s, phase=body.phase + 1.0)
-            found += lines_of(
-                other, ComponentEncoder(system_id), door(), FALSE, rates_hz={"position": twin.rate_hz}, start_s=BEGIN_S
+            found += vehicle_schedules(
+                other,
+                ComponentEncoder(system_id),
+                new_sender(),
+                FALSE,
+                rates_hz={"position": twin.rate_hz},
+                start_s=BEGIN_S,
             )
         return found
 
@@ -103,7 +108,7 @@ def _documented(options: Options) -> AttackRow:
     packets: dict[str, int] = json.loads(done.stdout)["packets"]
     sent, false = packets[str(system_id)], packets[f"impostor {system_id}"]
     times_us = [t_us for t_us, raw in frames(station.session) if sender_of(raw) == system_id]
-    alarm = first_told(told(station.session, StageCounts(start_us=times_us[0])), TWO_SENDERS, system_id)
+    alarm = first_warning(read_events(station.session, StageCounts(start_us=times_us[0])), TWO_SENDERS, system_id)
     return AttackRow(
         attack="duplicates",
         case="the fleet of docs/operations.md",
@@ -119,11 +124,11 @@ def _documented(options: Options) -> AttackRow:
 
 def _judge_twin(flown: Flown, system_id: int, twin: Twin) -> AttackRow:
     begin_s = flown.sent.first_s[FALSE, system_id]
-    alarm = first_told(flown.told, TWO_SENDERS, system_id)
+    alarm = first_warning(flown.events, TWO_SENDERS, system_id)
     after_s = alarm.t_s - begin_s if alarm else NAN
     true = rover(system_id, boot_s=300.0)
     since_s = begin_s + PROMISE_S + SLACK_S
-    wrong_s = believed_false_s(flown.believed(system_id), true, twin.apart_m, since_s, flown.flown_s)
+    wrong_s = false_position_s(flown.estimates(system_id), true, twin.apart_m, since_s, flown.flown_s)
     held = 0.0 <= after_s <= PROMISE_S + SLACK_S and wrong_s == 0.0
     return AttackRow(
         attack="duplicates",
@@ -191,22 +196,22 @@ def late_links(options: Options) -> list[AttackRow]:
     """Innocent: two links of one vehicle, the second 0 to 10 s late, with losses and reordering."""
     ids = {11 + k: link for k, link in enumerate(LINKS)}
 
-    def lines(door: Door, other: Door) -> list[PacketSchedule]:
-        found = lines_of(uav(), ComponentEncoder(1), door())
+    def lines(new_sender: SenderFactory, other: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender())
         for system_id, link in ids.items():
             body, second = rover(system_id), other()
             if link.copied:
-                echo = Echo(door(), link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
-                found += lines_of(body, ComponentEncoder(system_id), echo.send, says=DATED)
+                echo = Echo(new_sender(), link.delay_s, LOSS, jitter_s=0.3 * min(link.delay_s, 1.0))
+                found += vehicle_schedules(body, ComponentEncoder(system_id), echo.send, messages=DATED)
                 found.append(PacketSchedule(party=(FALSE, system_id), make=echo.due, send=second, rate_hz=100.0))
             else:
-                found += lines_of(body, ComponentEncoder(system_id), door(), says=DATED)
-                found += lines_of(
+                found += vehicle_schedules(body, ComponentEncoder(system_id), new_sender(), messages=DATED)
+                found += vehicle_schedules(
                     body,
                     ComponentEncoder(system_id),
                     second,
                     FALSE,
-                    says=DATED,
+                    messages=DATED,
                     start_s=link.delay_s,
                     delay_s=link.delay_s,
                 )
@@ -218,10 +223,10 @@ def late_links(options: Options) -> list[AttackRow]:
 
 def _judge_quiet(flown: Flown, attack: str, system_id: int, case: str) -> AttackRow:
     """Of a vehicle that is all right: no alarm, believed throughout."""
-    alarms = [event for event in flown.told if event.loud and event.system_id == system_id and event.kind != "text"]
-    seen = [belief for belief in flown.believed(system_id) if belief.t_s > 2.0]
-    unsure_s = sum(not belief.sure for belief in seen) / 5.0
-    wrong_s = believed_false_s(seen, rover(system_id), 10.0, 2.0, flown.flown_s)
+    alarms = [event for event in flown.events if event.loud and event.system_id == system_id and event.kind != "text"]
+    seen = [estimate for estimate in flown.estimates(system_id) if estimate.t_s > 2.0]
+    unsure_s = sum(not estimate.used for estimate in seen) / 5.0
+    wrong_s = false_position_s(seen, rover(system_id), 10.0, 2.0, flown.flown_s)
     counts = flown.counts(system_id)
     note = f"told: {alarms[0].text}" if alarms else f"not believed for {unsure_s:.1f} s" if unsure_s >= 1.0 else ""
     held = not alarms and unsure_s < 1.0 and wrong_s == 0.0 and not counts["lost"]
@@ -246,14 +251,14 @@ def jammed(options: Options) -> list[AttackRow]:
     steady = rover(11)
     jumping = Jumping(**{name: getattr(steady, name) for name in Body.__slots__})
 
-    def lines(door: Door) -> list[PacketSchedule]:
-        found = lines_of(uav(), ComponentEncoder(1), door())
-        found += lines_of(jumping, ComponentEncoder(11), door())
-        return found + lines_of(rover(12), ComponentEncoder(12), door())
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender())
+        found += vehicle_schedules(jumping, ComponentEncoder(11), new_sender())
+        return found + vehicle_schedules(rover(12), ComponentEncoder(12), new_sender())
 
     flown = fly(options, "jammed", [11, 12], lines, 15.0)
-    wrong = first_told(flown.told, CONTEST, 11)
-    alarm = first_told(flown.told, "position|jam|GPS", 11, BEGIN_S)
+    wrong = first_warning(flown.events, CONTEST, 11)
+    alarm = first_warning(flown.events, "position|jam|GPS", 11, BEGIN_S)
     after_s = alarm.t_s - BEGIN_S if alarm else NAN
     note = f"told as: {wrong.text}" if wrong else "" if alarm else "no alarm"
     held = wrong is None and after_s <= PROMISE_S + SLACK_S

@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from bench.attacks.actors import lines_of, rover, uav
-from bench.attacks.records import frames, told
+from bench.attacks.actors import rover, uav, vehicle_schedules
+from bench.attacks.records import frames, read_events
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Options
 from bench.attacks.stage import Stage, StageCounts, udp_to
@@ -68,7 +68,7 @@ def _tried(session: Path) -> bool:
     """Whether the event log tells of the video's failure, waited for: whatever names the address is written by then."""
     until_s = time.monotonic() + TRY_S
     while time.monotonic() < until_s:
-        if any(event.loud and event.kind == "video" for event in told(session, StageCounts())):
+        if any(event.loud and event.kind == "video" for event in read_events(session, StageCounts())):
             time.sleep(1.0)
             return True
         time.sleep(0.2)
@@ -150,7 +150,7 @@ def _ordered(options: Options, k: int, case: str, query: str, words: Sequence[st
         [
             line
             for body in bodies
-            for line in lines_of(body, ComponentEncoder(body.system_id), sockets[body.system_id].send)
+            for line in vehicle_schedules(body, ComponentEncoder(body.system_id), sockets[body.system_id].send)
         ]
     )
     stage.start()

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from bench.attacks.actors import lines_of, rover, uav
-from bench.attacks.records import first_told
+from bench.attacks.actors import rover, uav, vehicle_schedules
+from bench.attacks.records import first_warning
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import TRUE, Door, PacketSchedule, Stage
+from bench.attacks.stage import TRUE, PacketSchedule, SenderFactory, Stage
 from bench.attacks.station import AttackedStation
 from bench.attacks.wire import ComponentEncoder
 from bench.process_tree import family
@@ -30,18 +30,18 @@ STOPS_S = 2.0
 IMAGE_BYTES = 256_000_000
 
 
-def _lines(door: Door) -> list[PacketSchedule]:
-    found = lines_of(uav(), ComponentEncoder(1), door())
+def _lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+    found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender())
     for system_id in IDS:
-        found += lines_of(rover(system_id), ComponentEncoder(system_id), door())
+        found += vehicle_schedules(rover(system_id), ComponentEncoder(system_id), new_sender())
     return found
 
 
 def _judge(flown: Flown, attack: str, case: str) -> AttackRow:
     sent = sum(count for party, count in flown.sent.count.items() if party[0] == TRUE)
     found = sum(count for party, count in flown.recorded.items() if party[0] == TRUE)
-    false = [event for event in flown.told if event.loud and "no heartbeat" in event.text]
-    restarted = first_told(flown.told, "started again")
+    false = [event for event in flown.events if event.loud and "no heartbeat" in event.text]
+    restarted = first_warning(flown.events, "started again")
     notes = [f"{len(false)} false 'no heartbeat'"] * bool(false)
     notes += ["the receiving process was replaced"] * bool(restarted)
     notes += [f"ends with {flown.exit_code}"] * (flown.exit_code != 0)

@@ -6,41 +6,47 @@ import itertools
 import random
 from collections.abc import Callable, Sequence
 
-from bench.attacks.actors import lines_of, rover, uav
+from bench.attacks.actors import rover, uav, vehicle_schedules
 from bench.attacks.flooder import Flood
-from bench.attacks.records import first_told
+from bench.attacks.records import first_warning
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule, Party, Stage
+from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactory, Stage
 from bench.attacks.station import AttackedStation, key_of, write_keys
 from bench.attacks.wire import ComponentEncoder, ticks_now
 
 __all__ = ["known_id", "spoofed_junk"]
 
 STRANGER = 0
-"""System id of a party that has none."""
+"""System id under which packets without one are counted."""
 BEGIN_S = 4.0
-"""The vehicles are known by then."""
+"""Start of the flood: the station has learnt the vehicles by then."""
 FLOOD_HZ, JUNK_HZ, PADDING_HZ = 30_000.0, 2_000.0, 200.0
+"""Datagrams a second: of unknown senders, of junk from a vehicle's address, and of further traffic of each vehicle."""
 KNOWN_HZ, FLEET_HZ = 60_000.0, 2_400.0
-WITHOUT_END = 1 << 40
-"""As often may be recorded what a flood sends."""
+"""Datagrams a second under the known id, and of the whole fleet."""
+UNLIMITED = 1 << 40
+"""Count of a flood's datagram: it is sent and may be recorded any number of times."""
 FLEET = 20
+"""Vehicles, the UAV included."""
 PORTS = 300
+"""Source ports of a flood: more senders than the station admits."""
 FLOODED = r"flood|too many|limit|barred|turned away|more than"
 """Words in messages about a flood, or about an address that is limited."""
-TOLD_S = 5.0
-FAIR = 0.5
+ALARM_WITHIN_S = 5.0
+"""An alarm later than this after the flood began counts as missed."""
+FAIR_SHARE = 0.5
 """A vehicle whose id is flooded keeps at least this share of its packets: it is one of two senders."""
 
 
-def _padding(voice: ComponentEncoder) -> Callable[[float], list[bytes]]:
-    """Further traffic of a vehicle, each packet with another value."""
+def _padding(encoder: ComponentEncoder) -> Callable[[float], list[bytes]]:
+    """Further packets of a vehicle, each with another value so that they can be counted."""
     numbers = itertools.count()
-    return lambda t_s: [voice.parameter(next(numbers))]
+    return lambda t_s: [encoder.parameter(next(numbers))]
 
 
-def _words_of(size: int) -> Callable[[float], list[bytes]]:
+def _random_payload(size: int) -> Callable[[float], list[bytes]]:
+    """Datagrams of random bytes."""
     rng = random.Random(3)
     return lambda t_s: [rng.randbytes(size)]
 
@@ -54,6 +60,7 @@ def _junk() -> list[bytes]:
 
 
 def _lost(flown: Flown, ids: Sequence[int]) -> int:
+    """True packets of these ids that were sent and not recorded."""
     return sum(flown.sent.count[TRUE, i] - flown.recorded[TRUE, i] for i in ids)
 
 
@@ -74,7 +81,7 @@ def _flooded(
     def during(station: AttackedStation, stage: Stage) -> None:
         stage.wait(BEGIN_S)
         for raw in datagrams:
-            stage.sent.owners[raw][party] = WITHOUT_END
+            stage.sent.owners[raw][party] = UNLIMITED
         flood = Flood(station.ports[0], rate_hz * options.rate, senders, datagrams)
         stage.sent.first_s[party] = stage.now_s
         try:
@@ -94,34 +101,34 @@ def _spoofed(options: Options, signed: bool) -> AttackRow:
     ids = (11, 12, 13)
     keys = write_keys(options.folder / "keys-junk", (1, *ids)) if signed else "none"
 
-    def voice(system_id: int) -> ComponentEncoder:
+    def encoder_of(system_id: int) -> ComponentEncoder:
         return (
             ComponentEncoder(system_id, key=key_of(system_id), stamp=ticks_now())
             if signed
             else ComponentEncoder(system_id)
         )
 
-    def lines(door: Door) -> list[PacketSchedule]:
-        found = lines_of(uav(), voice(1), door())
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), encoder_of(1), new_sender())
         for system_id in ids:
-            speaks, send = voice(system_id), door()
-            found += lines_of(rover(system_id), speaks, send)
-            found.append(PacketSchedule(party=(TRUE, system_id), make=_padding(speaks), send=send, rate_hz=PADDING_HZ))
+            encoder, send = encoder_of(system_id), new_sender()
+            found += vehicle_schedules(rover(system_id), encoder, send)
+            found.append(PacketSchedule(party=(TRUE, system_id), make=_padding(encoder), send=send, rate_hz=PADDING_HZ))
             if system_id == ids[0]:
                 found.append(
                     PacketSchedule(
-                        party=(FALSE, system_id), make=_words_of(8), send=send, rate_hz=JUNK_HZ, start_s=BEGIN_S
+                        party=(FALSE, system_id), make=_random_payload(8), send=send, rate_hz=JUNK_HZ, start_s=BEGIN_S
                     )
                 )
         return found
 
     flown = _flooded(options, f"junk-{signed}", ids, lines, (FALSE, STRANGER), FLOOD_HZ, 1, _junk(), keys=str(keys))
     others = _lost(flown, ids[1:])
-    silent = first_told(flown.told, "no heartbeat")
-    limited = first_told(flown.told, FLOODED)
+    silent = first_warning(flown.events, "no heartbeat")
+    limited = first_warning(flown.events, FLOODED)
     counts = flown.counts(ids[0])
     notes = [f"{others} of others lost"] * bool(others) + ([f"false: {silent.text}"] if silent else [])
-    notes += [] if limited else ["nothing told"]
+    notes += [] if limited else ["no alarm"]
     return AttackRow(
         attack="spoofed junk",
         case="with keys" if signed else "without keys",
@@ -140,14 +147,17 @@ def known_id(options: Options) -> list[AttackRow]:
 def _known(options: Options, ports: int) -> AttackRow:
     ids = [11 + k for k in range(FLEET - 1)]
 
-    def lines(door: Door) -> list[PacketSchedule]:
-        found = lines_of(uav(), ComponentEncoder(1), door())
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender())
         for system_id in ids:
-            voice, send = ComponentEncoder(system_id), door()
-            found += lines_of(rover(system_id), voice, send)
+            encoder, send = ComponentEncoder(system_id), new_sender()
+            found += vehicle_schedules(rover(system_id), encoder, send)
             found.append(
                 PacketSchedule(
-                    party=(TRUE, system_id), make=_padding(voice), send=send, rate_hz=FLEET_HZ * options.rate / len(ids)
+                    party=(TRUE, system_id),
+                    make=_padding(encoder),
+                    send=send,
+                    rate_hz=FLEET_HZ * options.rate / len(ids),
                 )
             )
         return found
@@ -158,20 +168,20 @@ def _known(options: Options, ports: int) -> AttackRow:
     others = _lost(flown, ids[1:])
     counts = flown.counts(ids[0])
     share = 1.0 - counts["lost"] / max(counts["sent"], 1)
-    alarm = first_told(flown.told, FLOODED, since_s=BEGIN_S)
-    over = [event for event in flown.told if "over" in event.text and "flood" in event.text]
+    alarm = first_warning(flown.events, FLOODED, since_s=BEGIN_S)
+    over = [event for event in flown.events if "over" in event.text and "flood" in event.text]
     early = [event for event in over if event.t_s < flown.flown_s - 1.5]
     notes = [f"{others} of the {len(ids) - 1} others lost", f"{share:.0%} of the imitated one kept"]
     notes += [] if alarm else ["no alarm"]
     notes += [f"said to be over after {early[0].t_s - BEGIN_S:.0f} s"] if early else []
     notes += [f"sender {flown.sent.late_s:.1f} s late"] if flown.sent.late_s > 0.5 else []
     begun_s = flown.sent.first_s[FALSE, ids[0]]
-    told_s = alarm.t_s - begun_s if alarm else float("nan")
+    alarm_s = alarm.t_s - begun_s if alarm else float("nan")
     return AttackRow(
         attack="flood of a known id",
         case=f"from {ports} ports" if ports > 1 else "from one port",
         **counts,
-        alarm_s=told_s,
-        held=not others and share >= FAIR and told_s <= TOLD_S and not early,
+        alarm_s=alarm_s,
+        held=not others and share >= FAIR_SHARE and alarm_s <= ALARM_WITHIN_S and not early,
         note="; ".join(notes),
     )

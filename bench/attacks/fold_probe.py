@@ -1,7 +1,7 @@
-"""What a station believed of its own recording, as one JSON object a line on stdout.
+"""The fleet's state as the station under test estimates it from its own recording, one JSON object a line on stdout.
 
-Run by the interpreter of the station that is under test, with a session folder as its argument: it folds the recording
-as ``gcs replay`` does, five times a second. Places are relative to the UAV's, so the origin does not matter.
+Run by that station's interpreter with a session folder as its argument: it replays the recording as ``gcs replay``
+does, five times a second. Positions are relative to the UAV, so the local origin does not matter.
 """
 
 from __future__ import annotations
@@ -15,8 +15,12 @@ from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from gcs.snapshot import Snapshot
 
+HEARTBEAT_MAX_S = 3.5
+"""Age up to which a heartbeat counts as recent."""
 
-def said(snapshot: Snapshot) -> str:
+
+def snapshot_json(snapshot: Snapshot) -> str:
+    """Time, vehicles by system id and keys of the alarms of a snapshot."""
     uav = snapshot.uav_enu
     rows = {}
     for row in snapshot.vehicles:
@@ -25,14 +29,14 @@ def said(snapshot: Snapshot) -> str:
             "place": [east, north] if math.isfinite(east) and math.isfinite(north) else None,
             "state": row.position_state,
             "contested": row.contested,
-            "beat": row.heartbeat_age_s < 3.5,
+            "beat": row.heartbeat_age_s < HEARTBEAT_MAX_S,
         }
     return json.dumps({"t_us": snapshot.t_us, "rows": rows, "alarms": sorted(alarm.key for alarm in snapshot.alarms)})
 
 
 def main() -> None:
     for snapshot in Analysis(open_session(Path(sys.argv[1]))).snapshots(images=False):
-        sys.stdout.write(said(snapshot) + "\n")
+        sys.stdout.write(snapshot_json(snapshot) + "\n")
 
 
 if __name__ == "__main__":

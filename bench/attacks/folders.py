@@ -128,7 +128,7 @@ def _start(options: Options, name: str, make: Callable[[Path, Path], None]) -> t
     except StationError as error:
         took_s, said = float("inf"), str(error)
     else:
-        took_s, said = station.start_s, station.said
+        took_s, said = station.start_s, station.output
         station.end()
     changed = any(not path.exists() or path.read_bytes() != data for path, data in outside.items())
     return took_s, " ".join(said.split())[-160:], changed

@@ -7,11 +7,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from bench.attacks.actors import DATED, lines_of, rover, uav
-from bench.attacks.records import LoggedEvent, frames, sender_of, told
+from bench.attacks.actors import DATED, rover, uav, vehicle_schedules
+from bench.attacks.records import LoggedEvent, frames, read_events, sender_of
 from bench.attacks.report import AttackRow
 from bench.attacks.run import Flown, Options, fly
-from bench.attacks.stage import TRUE, Door, PacketSchedule, Send, Stage
+from bench.attacks.stage import TRUE, PacketSchedule, Send, SenderFactory, Stage
 from bench.attacks.station import AttackedStation
 from bench.attacks.wire import ComponentEncoder, redated
 from bench.ports import free_port
@@ -33,17 +33,17 @@ def _false_alarms(events: Sequence[LoggedEvent], until_s: float, expected: str =
 def healthy_fleet(options: Options) -> list[AttackRow]:
     """Innocent: a UAV and twelve vehicles that do nothing wrong, for --minutes."""
 
-    def lines(door: Door) -> list[PacketSchedule]:
-        found = lines_of(uav(), ComponentEncoder(1), door(), says=DATED)
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+        found = vehicle_schedules(uav(), ComponentEncoder(1), new_sender(), messages=DATED)
         for system_id in FLEET:
-            found += lines_of(rover(system_id), ComponentEncoder(system_id), door(), says=DATED)
+            found += vehicle_schedules(rover(system_id), ComponentEncoder(system_id), new_sender(), messages=DATED)
         return found
 
     flown: Flown = fly(options, "quiet", FLEET, lines, 60.0 * (0.25 if options.quick else options.minutes))
-    false = _false_alarms(flown.told, flown.flown_s)
+    false = _false_alarms(flown.events, flown.flown_s)
     sent = sum(count for party, count in flown.sent.count.items() if party[0] == TRUE)
     lost = sent - sum(count for party, count in flown.recorded.items() if party[0] == TRUE)
-    unsure_s = sum(not b.sure for i in FLEET for b in flown.believed(i) if b.t_s > 2.0) / 5.0
+    unsure_s = sum(not b.used for i in FLEET for b in flown.estimates(i) if b.t_s > 2.0) / 5.0
     note = f"{flown.flown_s / 60:.1f} min, {len(false)} false alarms" + (f": {false[0].text}" if false else "")
     note += f"; not believed for {unsure_s:.1f} s" if unsure_s > 0.5 else ""
     note += f"; sender {flown.sent.late_s:.1f} s late" if flown.sent.late_s > 0.5 else ""
@@ -59,7 +59,7 @@ def played_recording(options: Options) -> list[AttackRow]:
     length_s = (records[-1][0] - start_us) * 1e-6
     length_s = min(length_s, 15.0 if options.quick else 60.0 * options.minutes)
     port = free_port()
-    door = Door(port)
+    new_sender = SenderFactory(port)
     outlets: dict[int, Send] = {}
     place = shift_us = 0
 
@@ -72,7 +72,7 @@ def played_recording(options: Options) -> list[AttackRow]:
 
     def send(raw: bytes) -> None:
         sender = sender_of(raw)
-        (outlets.get(sender) or outlets.setdefault(sender, door()))(raw)
+        (outlets.get(sender) or outlets.setdefault(sender, new_sender()))(raw)
 
     mission = (options.recording / "session.toml").read_text()
     station = AttackedStation(options.gcs, options.folder / "played", mission, [f"udpin:127.0.0.1:{port}"], ["-v", ""])
@@ -85,8 +85,8 @@ def played_recording(options: Options) -> list[AttackRow]:
     finally:
         station.end()  # before the silence at its end
         sent = stage.stop()
-        door.close()
-    false = _false_alarms(told(station.session, sent), length_s, OF_THE_RECORDING)
+        new_sender.close()
+    false = _false_alarms(read_events(station.session, sent), length_s, OF_THE_RECORDING)
     found = sum(1 for _ in frames(Path(station.session)))
     shown = f"{options.recording.name}, {length_s:.0f} s"
     note = f"{len(false)} false alarms" + (f": {false[0].text}" if false else "")

@@ -13,27 +13,39 @@ from typing import Any
 
 from bench.attacks.stage import Party, StageCounts
 
-__all__ = ["Belief", "LoggedEvent", "beliefs", "beliefs_of", "first_told", "frames", "recorded", "sender_of", "told"]
+__all__ = [
+    "LoggedEvent",
+    "VehicleEstimate",
+    "estimates_of",
+    "first_warning",
+    "fold_recording",
+    "frames",
+    "read_events",
+    "recorded",
+    "sender_of",
+]
 
-FOLD_S = 900.0
-_BARE = {0xFD: 12, 0xFE: 8}
-"""Bytes of a frame beside its payload, by its first byte."""
+FOLD_TIMEOUT_S = 900.0
+"""Longest time for the replay of a recording."""
+_OVERHEAD = {0xFD: 12, 0xFE: 8}
+"""Bytes of a frame beside its payload, by its magic byte."""
 _SIGNATURE = 13
+"""Bytes of a MAVLink 2 signature."""
 
 
 def frames(session: Path) -> Iterator[tuple[int, bytes]]:
-    """Unix µs and bytes of every record of all segments; what is torn at the end is left out.
+    """Unix µs and frame of every record of all segments; an incomplete record at the end of a segment is left out.
 
     Raises:
-        ValueError: something in between is no record.
+        ValueError: a segment has bytes between records.
     """
     for path in sorted(session.glob("telemetry*.tlog")):
         data, at = path.read_bytes(), 0
         while at + 10 < len(data):
-            bare = _BARE.get(data[at + 8], 0)
-            if not bare:
+            overhead = _OVERHEAD.get(data[at + 8], 0)
+            if not overhead:
                 raise ValueError(f"{path}: no record at byte {at}")
-            stop = at + 8 + bare + data[at + 9] + (_SIGNATURE if bare == 12 and data[at + 10] & 1 else 0)
+            stop = at + 8 + overhead + data[at + 9] + (_SIGNATURE if overhead == 12 and data[at + 10] & 1 else 0)
             if stop > len(data):
                 break
             yield int.from_bytes(data[at : at + 8], "big"), data[at + 8 : stop]
@@ -48,7 +60,7 @@ def sender_of(raw: bytes) -> int:
 def recorded(session: Path, sent: StageCounts) -> Counter[Party]:
     """How many of each party's packets were recorded.
 
-    Bytes that two sent are counted for the one who sent them first, as often as it did.
+    Equal packets of two parties are assigned in the order of their first sending, to each at most as many as it sent.
     """
     found: Counter[Party] = Counter()
     for raw, count in Counter(raw for _, raw in frames(session)).items():
@@ -77,8 +89,8 @@ class LoggedEvent:
         return self.level in ("warning", "alarm")
 
 
-def told(session: Path, sent: StageCounts) -> list[LoggedEvent]:
-    """The event log in its order."""
+def read_events(session: Path, sent: StageCounts) -> list[LoggedEvent]:
+    """Read the event log, in its order, with times relative to the beginning of the stage."""
     found = []
     for path in sorted(session.glob("events*.jsonl")):
         for line in path.read_text(errors="replace").splitlines():
@@ -95,7 +107,7 @@ def told(session: Path, sent: StageCounts) -> list[LoggedEvent]:
     return found
 
 
-def first_told(
+def first_warning(
     events: Sequence[LoggedEvent], pattern: str, system_id: int = 0, since_s: float = 0.0
 ) -> LoggedEvent | None:
     """The first warning or alarm since a time whose text has the pattern; of one system, or 0 of any."""
@@ -107,8 +119,8 @@ def first_told(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Belief:
-    """What was believed of one vehicle at one moment."""
+class VehicleEstimate:
+    """Estimated state of one vehicle at one time."""
 
     t_s: float
     place: tuple[float, float] | None
@@ -116,34 +128,36 @@ class Belief:
     state: str
     contested: bool
     beat: bool
-    """Whether a heartbeat came lately."""
+    """Whether there was a heartbeat recently."""
 
     @property
-    def sure(self) -> bool:
-        """Whether the place is used."""
+    def used(self) -> bool:
+        """Whether the station uses the position for identification."""
         return self.place is not None and not self.contested and self.state in ("ok", "stale")
 
 
-def beliefs(python: str, session: Path, sent: StageCounts) -> list[dict[str, Any]]:
-    """What the station under test believes of its recording, five times a second.
+def fold_recording(python: str, session: Path, sent: StageCounts) -> list[dict[str, Any]]:
+    """Replay a recording with the station under test: snapshots as written by ``fold_probe.py``, five times a second.
 
     Raises:
-        RuntimeError: it cannot fold it.
+        RuntimeError: the replay failed.
     """
     probe = Path(__file__).with_name("fold_probe.py")
-    done = subprocess.run([python, str(probe), str(session)], capture_output=True, text=True, timeout=FOLD_S)
+    done = subprocess.run([python, str(probe), str(session)], capture_output=True, text=True, timeout=FOLD_TIMEOUT_S)
     if done.returncode:
         raise RuntimeError(f"the recording cannot be folded: {done.stderr.strip()[-400:]}")
     return [row | {"t_s": (row["t_us"] - sent.start_us) * 1e-6} for row in map(json.loads, done.stdout.splitlines())]
 
 
-def beliefs_of(rows: Sequence[dict[str, Any]], system_id: int) -> list[Belief]:
-    """What was believed of one vehicle."""
+def estimates_of(rows: Sequence[dict[str, Any]], system_id: int) -> list[VehicleEstimate]:
+    """The estimated states of one vehicle, in order of time."""
     found = []
     for row in rows:
         if (its := row["rows"].get(str(system_id))) is not None:
             place = (its["place"][0], its["place"][1]) if its["place"] else None
             found.append(
-                Belief(t_s=row["t_s"], place=place, state=its["state"], contested=its["contested"], beat=its["beat"])
+                VehicleEstimate(
+                    t_s=row["t_s"], place=place, state=its["state"], contested=its["contested"], beat=its["beat"]
+                )
             )
     return found

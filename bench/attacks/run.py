@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from bench.attacks.actors import Body
-from bench.attacks.records import Belief, LoggedEvent, beliefs, beliefs_of, recorded, told
+from bench.attacks.records import LoggedEvent, VehicleEstimate, estimates_of, fold_recording, read_events, recorded
 from bench.attacks.report import AttackRow
-from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule, Party, Stage, StageCounts
+from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactory, Stage, StageCounts
 from bench.attacks.station import AttackedStation, mission_text
 from bench.ports import free_port
 
-__all__ = ["Attack", "Flown", "Options", "believed_false_s", "fly"]
+__all__ = ["Attack", "Flown", "Options", "false_position_s", "fly"]
 
 SETTLE_S = 1.0
 """What was sent last is on its way to the disk for as long."""
@@ -57,7 +57,6 @@ class Flown:
     options: Options
     session: Path
     sent: StageCounts
-    said: str
     exit_code: int
     flown_s: float
 
@@ -67,17 +66,17 @@ class Flown:
         return recorded(self.session, self.sent)
 
     @cached_property
-    def told(self) -> list[LoggedEvent]:
+    def events(self) -> list[LoggedEvent]:
         """The event log."""
-        return told(self.session, self.sent)
+        return read_events(self.session, self.sent)
 
     @cached_property
     def _folded(self) -> list[dict[str, Any]]:
-        return beliefs(self.options.python, self.session, self.sent)
+        return fold_recording(self.options.python, self.session, self.sent)
 
-    def believed(self, system_id: int) -> list[Belief]:
+    def estimates(self, system_id: int) -> list[VehicleEstimate]:
         """What was believed of a vehicle, five times a second."""
-        return beliefs_of(self._folded, system_id)
+        return estimates_of(self._folded, system_id)
 
     def counts(self, system_id: int) -> dict[str, int]:
         """The columns of a row that are counts of packets of one vehicle."""
@@ -109,7 +108,7 @@ def fly(
         options: what is attacked.
         name: of the flight's folder.
         ugvs: system ids of the mission's vehicles.
-        lines: what is sent, for the doors of the ports that the station listens on.
+        lines: what is sent, given a sender factory for each of the ports that the station listens on.
         duration_s: how long.
         ports: how many links.
         more: further words for the command line.
@@ -119,13 +118,13 @@ def fly(
     listened = [free_port() for _ in range(ports)]
     folder = options.folder / name
     with ExitStack() as stack:
-        doors = [Door(port) for port in listened]
-        for door in doors:
-            stack.callback(door.close)
+        senders = [SenderFactory(port) for port in listened]
+        for new_sender in senders:
+            stack.callback(new_sender.close)
         links = [f"udpin:127.0.0.1:{port}" for port in listened]
         station = AttackedStation(options.gcs, folder, mission_text(ugvs, keys), links, more)
         stack.callback(station.kill)
-        stage = Stage(lines(*doors))
+        stage = Stage(lines(*senders))
         stage.start()
         stack.callback(stage.stop)
         if during is not None:
@@ -138,16 +137,17 @@ def fly(
             options=options,
             session=station.session,
             sent=sent,
-            said=station.said,
             exit_code=exit_code,
             flown_s=flown_s,
         )
 
 
-def believed_false_s(seen: Sequence[Belief], true: Body, apart_m: float, since_s: float, until_s: float) -> float:
+def false_position_s(
+    seen: Sequence[VehicleEstimate], true: Body, apart_m: float, since_s: float, until_s: float
+) -> float:
     """For how long a place was used that is more than half of ``apart_m`` from the true one."""
     wrong = 0
-    for belief in seen:
-        if since_s <= belief.t_s <= until_s and belief.sure and belief.place is not None:
-            wrong += math.dist(belief.place, true.at(belief.t_s)) > apart_m / 2
+    for estimate in seen:
+        if since_s <= estimate.t_s <= until_s and estimate.used and estimate.place is not None:
+            wrong += math.dist(estimate.place, true.at(estimate.t_s)) > apart_m / 2
     return wrong / 5.0

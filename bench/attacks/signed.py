@@ -11,11 +11,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from bench.attacks.actors import DATED, FULL, UAV_ID, Body, lines_of, rover, uav
-from bench.attacks.records import LoggedEvent, beliefs, beliefs_of, first_told, frames, sender_of, told
+from bench.attacks.actors import DATED, FULL, UAV_ID, Body, rover, uav, vehicle_schedules
+from bench.attacks.records import (
+    LoggedEvent,
+    estimates_of,
+    first_warning,
+    fold_recording,
+    frames,
+    read_events,
+    sender_of,
+)
 from bench.attacks.report import AttackRow
 from bench.attacks.run import PROMISE_S, SLACK_S, Options
-from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule, Party, Stage, StageCounts
+from bench.attacks.stage import FALSE, TRUE, PacketSchedule, Party, SenderFactory, Stage, StageCounts
 from bench.attacks.station import AttackedStation, StationError, key_of, mission_text, write_keys
 from bench.attacks.wire import ComponentEncoder, ticks_now
 from bench.ports import free_port
@@ -53,15 +61,15 @@ class StampClock:
     cycled: bool = False
     """It is switched off and on in flight, and boots with its stamp a minute on."""
 
-    def voice(self) -> ComponentEncoder:
+    def encoder(self) -> ComponentEncoder:
         return ComponentEncoder(self.system_id, key=key_of(self.system_id), stamp=ticks_now(self.ahead_s))
 
-    def tick(self, voice: ComponentEncoder) -> Callable[[float], None]:
+    def tick(self, encoder: ComponentEncoder) -> Callable[[float], None]:
         """Sets the stamp ahead of each packet."""
 
         def set_stamp(t_s: float) -> None:
             if self.runs:
-                voice.stamp = max(voice.stamp + 1, ticks_now(self.ahead_s))
+                encoder.stamp = max(encoder.stamp + 1, ticks_now(self.ahead_s))
 
         return set_stamp
 
@@ -91,21 +99,23 @@ STEADY = (
 )
 
 
-def _lines(door: Door, clocks: tuple[StampClock, ...]) -> list[PacketSchedule]:
+def _lines(new_sender: SenderFactory, clocks: tuple[StampClock, ...]) -> list[PacketSchedule]:
     found = []
     for clock in (StampClock(name="UAV", system_id=UAV_ID, ahead_s=0.0, runs=True), *clocks):
-        voice, send = clock.voice(), door()
+        encoder, send = clock.encoder(), new_sender()
         body: Body = uav() if clock.system_id == UAV_ID else rover(clock.system_id)
         if clock.recorded:
             body = replace(body, date_s=clock.ahead_s)
         role = FALSE if clock.recorded else TRUE
         says = DATED if clock.dated else FULL
         stop_s = CYCLE_S if clock.cycled else float("inf")
-        found += lines_of(body, voice, send, role, says=says, before=clock.tick(voice), stop_s=stop_s)
+        found += vehicle_schedules(body, encoder, send, role, messages=says, before=clock.tick(encoder), stop_s=stop_s)
         if clock.cycled:
             again = replace(clock, ahead_s=clock.ahead_s + BOOT_AHEAD_S)
             booted = replace(body, boot_s=-CYCLE_S - OFF_S)
-            found += lines_of(booted, again.voice(), door(), role, says=says, start_s=CYCLE_S + OFF_S)
+            found += vehicle_schedules(
+                booted, again.encoder(), new_sender(), role, messages=says, start_s=CYCLE_S + OFF_S
+            )
     return found
 
 
@@ -136,7 +146,7 @@ class Heard:
 
     @cached_property
     def _folded(self) -> list[dict[str, Any]]:
-        return beliefs(self.python, self.folder, self.sent)
+        return fold_recording(self.python, self.folder, self.sent)
 
     def judge(self, system_id: int, since_s: float = 0.0, again: Set[bytes] = frozenset()) -> Judged:
         """What became of a vehicle's packets since a time of the stage, without those that were sent again."""
@@ -148,7 +158,7 @@ class Heard:
         ]
         refused = sum(number in self.refused for number, _ in its)
         first_s = (its[0][1] - self.sent.start_us) * 1e-6 if its else float("inf")
-        sure = [b for b in beliefs_of(self._folded, system_id) if b.sure and b.t_s >= first_s]
+        sure = [b for b in estimates_of(self._folded, system_id) if b.used and b.t_s >= first_s]
         # five times a second is looked: what was so at the first look is so at once
         after_s = max(sure[0].t_s - first_s - 0.2, 0.0) if sure else float("inf")
         return Judged(sent=len(its), refused=refused, believed_after_s=after_s, sure_s=len(sure) / 5.0)
@@ -191,17 +201,17 @@ def late_start(options: Options) -> list[AttackRow]:
     port, ids = free_port(), [clock.system_id for clock in LATE]
     keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
     with ExitStack() as stack:
-        door = stack.enter_context(closing(Door(port)))
+        new_sender = stack.enter_context(closing(SenderFactory(port)))
         station = AttackedStation(
             options.gcs, options.folder / "late", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )
         stack.callback(station.kill)
-        stage = Stage(_lines(door, LATE))
+        stage = Stage(_lines(new_sender, LATE))
         stage.start()
         stack.callback(stage.stop)
         stage.wait(LATE_S)
         station.end()
-        events = told(station.session, stage.sent)
+        events = read_events(station.session, stage.sent)
         heard = Heard(python=options.python, folder=station.session, sent=stage.sent)
         return [_late_row(heard, clock, events) for clock in LATE]
 
@@ -210,7 +220,7 @@ def _late_row(heard: Heard, clock: StampClock, events: list[LoggedEvent]) -> Att
     """Who proves nothing, not even with a date, is as good as a recording: that has to be told."""
     judged = heard.judge(clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0)
     row = _row("signed, late start", clock.name, judged, clock.recorded)
-    alarm = first_told(events, "sign|recording", clock.system_id)
+    alarm = first_warning(events, "sign|recording", clock.system_id)
     if judged.refused < judged.sent / 2:
         return replace(row, held=False, note=f"{row.note}; false alarm: {alarm.text}") if alarm else row
     row = replace(row, note=f"{row.note}; told: {alarm.text if alarm else 'nothing'}")
@@ -230,8 +240,8 @@ def restarts(options: Options) -> list[AttackRow]:
 
     rows = []
     with ExitStack() as stack:
-        door = stack.enter_context(closing(Door(port)))
-        stage = Stage(_lines(door, STEADY), keep)
+        new_sender = stack.enter_context(closing(SenderFactory(port)))
+        stage = Stage(_lines(new_sender, STEADY), keep)
         stage.start()
         stack.callback(stage.stop)
         for after in ("", "a crash", "a clean end"):
@@ -240,7 +250,7 @@ def restarts(options: Options) -> list[AttackRow]:
             begun_s = stage.now_s
             flying.set()
             if after:
-                send = door()
+                send = new_sender()
                 for raw in earlier:
                     send(raw)
             stage.wait(begun_s + FLY_S)
@@ -311,9 +321,9 @@ def replayed(options: Options) -> list[AttackRow]:
         return due
 
     with ExitStack() as stack:
-        door = stack.enter_context(closing(Door(port)))
-        lines = [PacketSchedule(party=(FALSE, i), make=again(i), send=door(), rate_hz=50.0) for i in DELAYS_S]
-        stage = Stage([*_lines(door, STEADY), *lines], keep)
+        new_sender = stack.enter_context(closing(SenderFactory(port)))
+        lines = [PacketSchedule(party=(FALSE, i), make=again(i), send=new_sender(), rate_hz=50.0) for i in DELAYS_S]
+        stage = Stage([*_lines(new_sender, STEADY), *lines], keep)
         station = AttackedStation(
             options.gcs, options.folder / "replay", mission_text(ids, str(keys)), [f"udpin:127.0.0.1:{port}"]
         )
@@ -323,7 +333,7 @@ def replayed(options: Options) -> list[AttackRow]:
         stage.wait(30.0)
         sent = stage.stop()
         station.end()
-        events = told(station.session, sent)
+        events = read_events(station.session, sent)
         return [_again_row(station.session, sent, system_id, events) for system_id in DELAYS_S]
 
 
@@ -337,7 +347,7 @@ def _again_row(session: Path, sent: StageCounts, system_id: int, events: list[Lo
             copies += raw in seen
             believed += raw in seen and number not in numbers
             seen.add(raw)
-    alarm = first_told(events, "recording|replay|played again", system_id)
+    alarm = first_warning(events, "recording|replay|played again", system_id)
     late_s = DELAYS_S[system_id]
     after_s = alarm.t_s - sent.first_s[FALSE, system_id] if alarm else float("nan")
     note = f"{believed} believed" + (f"; told: {alarm.text}" if alarm else "; nothing told")

@@ -12,7 +12,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-__all__ = ["FALSE", "TRUE", "Door", "PacketSchedule", "Party", "Send", "Stage", "StageCounts", "udp_to"]
+__all__ = ["FALSE", "TRUE", "PacketSchedule", "Party", "Send", "SenderFactory", "Stage", "StageCounts", "udp_to"]
 
 Send = Callable[[bytes], object]
 Party = tuple[str, int]
@@ -29,8 +29,8 @@ def udp_to(port: int, host: str = "127.0.0.1") -> socket.socket:
     return sock
 
 
-class Door:
-    """A UDP port of this machine; each call gives another sender to it, with an address of its own."""
+class SenderFactory:
+    """Makes senders to one UDP port of this machine: each call opens a socket with a source port of its own."""
 
     def __init__(self, port: int) -> None:
         self._port = port

@@ -104,7 +104,7 @@ class AttackedStation:
         self.start_s = time.monotonic() - began_s
 
     @property
-    def said(self) -> str:
+    def output(self) -> str:
         """All that it wrote to stdout and stderr."""
         return self._said.read_text(errors="replace")
 
@@ -132,9 +132,9 @@ class AttackedStation:
 
     def _wait_for_session(self, until_s: float) -> Path:
         while time.monotonic() < until_s:
-            if found := _BEGUN.search(self.said):
+            if found := _BEGUN.search(self.output):
                 return Path(found[1])
             if not self.running:
-                raise StationError(f"the flight ended: {self.said.strip()[-400:]}")
+                raise StationError(f"the flight ended: {self.output.strip()[-400:]}")
             time.sleep(0.05)
-        raise StationError(f"the flight did not begin in time: {self.said.strip()[-400:]}")
+        raise StationError(f"the flight did not begin in time: {self.output.strip()[-400:]}")

@@ -50,7 +50,9 @@ def over_tcp(options: Options) -> list[AttackRow]:
 def poison(port: int, session: Path) -> list[AttackRow]:
     """Three bytes and good frames over two connections to a flight, and what of them is in its log in a moment."""
     waits, closes = ComponentEncoder(11), ComponentEncoder(12)
-    sent = {voice: [voice.parameter(1000.0 * voice.system_id + k) for k in range(GOOD)] for voice in (waits, closes)}
+    sent = {
+        encoder: [encoder.parameter(1000.0 * encoder.system_id + k) for k in range(GOOD)] for encoder in (waits, closes)
+    }
     with _open_tcp(port) as kept, _open_tcp(port) as closed:
         kept.sendall(POISON + b"".join(sent[waits]))
         closed.sendall(POISON + b"".join(sent[closes]))
@@ -71,8 +73,8 @@ def over_serial(options: Options) -> AttackRow:
         options.gcs, options.folder / "serial", mission_text([11]), [f"{os.ttyname(theirs)},115200"]
     )
     try:
-        voice = ComponentEncoder(11)
-        sent = [voice.parameter(float(k)) for k in range(SERIAL_FRAMES)]
+        encoder = ComponentEncoder(11)
+        sent = [encoder.parameter(float(k)) for k in range(SERIAL_FRAMES)]
         _write(sent, lambda data: _all(ours, data))
         time.sleep(WAIT_S)
     finally:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from bench.attacks.actors import FULL, HOME, Body, lines_of, rover, uav
-from bench.attacks.records import Belief, first_told
+from bench.attacks.actors import FULL, HOME, Body, rover, uav, vehicle_schedules
+from bench.attacks.records import VehicleEstimate, first_warning
 from bench.attacks.report import AttackRow
-from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, believed_false_s, fly
-from bench.attacks.stage import FALSE, TRUE, Door, PacketSchedule
+from bench.attacks.run import PROMISE_S, SLACK_S, Flown, Options, false_position_s, fly
+from bench.attacks.stage import FALSE, TRUE, PacketSchedule, SenderFactory
 from bench.attacks.wire import AUTOPILOT, NO_AUTOPILOT, ROVER, ComponentEncoder
 
 __all__ = ["CASES", "CONTEST", "components", "first_position", "judge"]
@@ -31,7 +31,7 @@ class TakeoverCase:
     name: str
     system_id: int
     component_id: int
-    says: tuple[str, ...] = ("beat", "position")
+    messages: tuple[str, ...] = ("beat", "position")
     kind: int = ROVER
     autopilot: int = AUTOPILOT
     apart_m: float = APART_M
@@ -46,7 +46,7 @@ class TakeoverCase:
 CASES = (
     TakeoverCase(name="component 200, 3 s ahead", system_id=11, component_id=200),
     TakeoverCase(name="component 200, in a gap of 4 s", system_id=12, component_id=200, gap=True),
-    TakeoverCase(name="component 2, all messages, 3 s ahead", system_id=13, component_id=2, says=FULL),
+    TakeoverCase(name="component 2, all messages, 3 s ahead", system_id=13, component_id=2, messages=FULL),
     TakeoverCase(
         name="companion 191 that says no autopilot, 3 s ahead",
         system_id=14,
@@ -54,10 +54,12 @@ CASES = (
         kind=COMPANION_TYPE,
         autopilot=NO_AUTOPILOT,
     ),
-    TakeoverCase(name="component 200, positions only, 3 s ahead", system_id=15, component_id=200, says=("position",)),
+    TakeoverCase(
+        name="component 200, positions only, 3 s ahead", system_id=15, component_id=200, messages=("position",)
+    ),
     TakeoverCase(name="component 1, in a gap of 4 s", system_id=16, component_id=1, gap=True),
     TakeoverCase(
-        name="component 220, all messages, in a gap of 4 s", system_id=17, component_id=220, says=FULL, gap=True
+        name="component 220, all messages, in a gap of 4 s", system_id=17, component_id=220, messages=FULL, gap=True
     ),
     TakeoverCase(
         name="innocent: companion 191 that repeats its positions",
@@ -73,7 +75,7 @@ CASES = (
         component_id=154,
         kind=GIMBAL_TYPE,
         autopilot=NO_AUTOPILOT,
-        says=("beat", "attitude"),
+        messages=("beat", "attitude"),
         apart_m=0.0,
     ),
     TakeoverCase(
@@ -82,7 +84,7 @@ CASES = (
         component_id=221,
         kind=27,
         autopilot=NO_AUTOPILOT,
-        says=("beat", "gps"),
+        messages=("beat", "gps"),
         apart_m=0.0,
     ),
 )
@@ -95,24 +97,24 @@ def components(options: Options) -> list[AttackRow]:
     return [judge(flown, case) for case in CASES]
 
 
-def _lines(door: Door) -> list[PacketSchedule]:
-    lines = lines_of(uav(), ComponentEncoder(1), door())
+def _lines(new_sender: SenderFactory) -> list[PacketSchedule]:
+    lines = vehicle_schedules(uav(), ComponentEncoder(1), new_sender())
     for case in CASES:
         body = rover(case.system_id)
         ahead = case.hostile and not case.gap
         silent = (GAP_AT_S, GAP_AT_S + GAP_S) if case.gap else (1e9, 1e9)
-        send = door()
-        lines += lines_of(
+        send = new_sender()
+        lines += vehicle_schedules(
             body, ComponentEncoder(case.system_id), send, start_s=START_S if ahead else 0.0, silent_s=silent
         )
         begin_s = silent[0] if case.gap else 0.0
         elsewhere = replace(body.moved(case.apart_m), speed_m_s=3.0 if case.hostile else body.speed_m_s)
-        lines += lines_of(
+        lines += vehicle_schedules(
             elsewhere,
             ComponentEncoder(case.system_id, case.component_id),
-            door() if case.hostile else send,
+            new_sender() if case.hostile else send,
             FALSE,
-            says=case.says,
+            messages=case.messages,
             kind=case.kind,
             autopilot=case.autopilot,
             start_s=begin_s,
@@ -124,23 +126,23 @@ def judge(flown: Flown, case: TakeoverCase) -> AttackRow:
     """What became of one of :data:`CASES`."""
     body: Body = rover(case.system_id)
     both_s = GAP_AT_S + GAP_S if case.gap else START_S
-    alarm = first_told(flown.told, CONTEST, case.system_id)
+    alarm = first_warning(flown.events, CONTEST, case.system_id)
     counts = flown.counts(case.system_id)
-    seen = flown.believed(case.system_id)
+    seen = flown.estimates(case.system_id)
     if not case.hostile:
         # a vehicle with several components is told by no alarm and believed throughout
-        unsure = sum(not belief.sure for belief in seen if belief.t_s > START_S) / 5.0
+        unsure = sum(not estimate.used for estimate in seen if estimate.t_s > START_S) / 5.0
         held = alarm is None and unsure < 1.0 and not counts["lost"]
         note = f"not believed for {unsure:.1f} s" if unsure >= 1.0 else ""
         note = f"false alarm: {alarm.text}" if alarm else note
         return AttackRow(attack="components", case=case.name, **counts, held=held, note=note)
     since_s = both_s + PROMISE_S + SLACK_S
-    wrong_s = believed_false_s(seen, body, case.apart_m, since_s, flown.flown_s)
+    wrong_s = false_position_s(seen, body, case.apart_m, since_s, flown.flown_s)
     after_s = alarm.t_s - both_s if alarm else float("nan")
     held = wrong_s == 0.0 and after_s <= PROMISE_S + SLACK_S and not counts["lost"]
-    true_s = sum(belief.sure for belief in seen if belief.t_s >= since_s) / 5.0 - wrong_s
+    true_s = sum(estimate.used for estimate in seen if estimate.t_s >= since_s) / 5.0 - wrong_s
     note = "" if alarm or held else "no alarm"
-    if case.says == ("position",) or case.autopilot == NO_AUTOPILOT:
+    if case.messages == ("position",) or case.autopilot == NO_AUTOPILOT:
         # nobody who is no autopilot may speak for the vehicle: to go on believing the true one is as good as an alarm
         held = wrong_s == 0.0 and not counts["lost"] and (bool(alarm) or true_s > 1.0)
         note = "" if alarm else "the true one is believed, without an alarm" if held else "no alarm"
@@ -180,22 +182,24 @@ def first_position(options: Options) -> list[AttackRow]:
 def _one(options: Options, name: str) -> AttackRow:
     vehicles = (11, 12, 13)
 
-    def lines(door: Door) -> list[PacketSchedule]:
+    def lines(new_sender: SenderFactory) -> list[PacketSchedule]:
         false = replace(uav(), home=ELSEWHERE[name])
-        found = lines_of(false, ComponentEncoder(1), door(), FALSE, says=("beat", "position"), stop_s=0.2)
-        found += lines_of(uav(), ComponentEncoder(1), door(), start_s=SPEAKS_S)
+        found = vehicle_schedules(
+            false, ComponentEncoder(1), new_sender(), FALSE, messages=("beat", "position"), stop_s=0.2
+        )
+        found += vehicle_schedules(uav(), ComponentEncoder(1), new_sender(), start_s=SPEAKS_S)
         for system_id in vehicles:
-            found += lines_of(rover(system_id), ComponentEncoder(system_id), door())
+            found += vehicle_schedules(rover(system_id), ComponentEncoder(system_id), new_sender())
         return found
 
     flown = fly(options, f"origin-{name.split()[0]}", vehicles, lines, 20.0)
     wrong = right = 0
     for system_id in vehicles:
-        seen = [each for each in flown.believed(system_id) if each.t_s > SPEAKS_S + RIGHT_BY_S]
-        off = [_off_m(each, system_id) for each in seen if each.sure]
+        seen = [each for each in flown.estimates(system_id) if each.t_s > SPEAKS_S + RIGHT_BY_S]
+        off = [_off_m(each, system_id) for each in seen if each.used]
         wrong += sum(each > NEAR_M for each in off)
         right += sum(each <= NEAR_M for each in off)
-    told = [event for event in flown.told if "origin" in event.text.lower() or "elsewhere" in event.text.lower()]
+    told = [event for event in flown.events if "origin" in event.text.lower() or "elsewhere" in event.text.lower()]
     note = "" if told else "nothing told"
     note = note if right else (note + "; no place is right").strip("; ")
     sent, found = flown.sent.count, flown.recorded
@@ -214,5 +218,5 @@ def _one(options: Options, name: str) -> AttackRow:
     )
 
 
-def _off_m(belief: Belief, system_id: int) -> float:
-    return math.dist(belief.place, rover(system_id).at(belief.t_s)) if belief.place else math.inf
+def _off_m(estimate: VehicleEstimate, system_id: int) -> float:
+    return math.dist(estimate.place, rover(system_id).at(estimate.t_s)) if estimate.place else math.inf

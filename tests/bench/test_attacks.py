@@ -15,10 +15,10 @@ from pymavlink import mavutil
 from bench.attacks import streams, takeover
 from bench.attacks.__main__ import ATTACKS, main
 from bench.attacks.actors import rover
-from bench.attacks.records import frames, recorded, sender_of, told
+from bench.attacks.records import frames, read_events, recorded, sender_of
 from bench.attacks.report import AttackRow, page, read_rows, write_rows
-from bench.attacks.run import Flown, Options, believed_false_s, fly
-from bench.attacks.stage import TRUE, Door, PacketSchedule, StageCounts
+from bench.attacks.run import Flown, Options, false_position_s, fly
+from bench.attacks.stage import TRUE, PacketSchedule, SenderFactory, StageCounts
 from bench.attacks.wire import ComponentEncoder, redated
 from tests.support.ports import free_port
 
@@ -32,7 +32,7 @@ signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
 print(f"recording in {{folder}}; stop with Ctrl-C", flush=True)
 signal.pause()
 """
-"""A station that begins a recording and hears nothing."""
+"""A station that begins a recording and receives nothing."""
 SWARM = Path("sitl_logs/ardupilot-swarm")
 START_US = 1_790_000_000_000_000
 
@@ -72,7 +72,7 @@ def flown(
         str(i): {"place": list(place), "state": "ok", "contested": contested, "beat": True}
         for i, place in places.items()
     }
-    done = Flown(options=options, session=session, sent=sent, said="", exit_code=0, flown_s=30.0)
+    done = Flown(options=options, session=session, sent=sent, exit_code=0, flown_s=30.0)
     done.__dict__["_folded"] = [{"t_s": k / 5.0, "rows": rows} for k in range(150)]
     return done
 
@@ -89,13 +89,13 @@ def test_records_are_those_that_pymavlink_reads():
 
 
 def test_packets_are_counted_for_whoever_sent_them_first(tmp_path):
-    voice, sent = ComponentEncoder(11), StageCounts()
-    packets = [voice.parameter(k) for k in range(4)]
+    encoder, sent = ComponentEncoder(11), StageCounts()
+    packets = [encoder.parameter(k) for k in range(4)]
     for raw in packets:
         sent.owners[raw][TRUE, 11] += 1
     for raw in packets[:2]:
         sent.owners[raw]["again", 11] += 1
-    write_log(tmp_path, [*packets[:3], packets[0], voice.parameter(99.0)])
+    write_log(tmp_path, [*packets[:3], packets[0], encoder.parameter(99.0)])
     found = recorded(tmp_path, sent)
     assert found == Counter({(TRUE, 11): 3, ("again", 11): 1, ("unknown", 0): 1})
 
@@ -120,11 +120,11 @@ def test_a_false_place_counts_from_when_it_could_be_known(tmp_path, deaf):
     east, north = true.east_m + 1000.0, true.north_m
     write_log(tmp_path / "session", [])
     false = flown(deaf, tmp_path / "session", StageCounts(start_us=START_US), {11: (east, north)})
-    assert believed_false_s(false.believed(11), true, 1000.0, 6.0, 16.0) == pytest.approx(10.2)
+    assert false_position_s(false.estimates(11), true, 1000.0, 6.0, 16.0) == pytest.approx(10.2)
     contested = flown(deaf, tmp_path / "session", StageCounts(start_us=START_US), {11: (east, north)}, contested=True)
-    assert believed_false_s(contested.believed(11), true, 1000.0, 6.0, 16.0) == 0.0
+    assert false_position_s(contested.estimates(11), true, 1000.0, 6.0, 16.0) == 0.0
     right = flown(deaf, tmp_path / "session", StageCounts(start_us=START_US), {11: (true.east_m, true.north_m)})
-    assert believed_false_s(right.believed(11), true, 1000.0, 6.0, 16.0) == 0.0
+    assert false_position_s(right.estimates(11), true, 1000.0, 6.0, 16.0) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -133,8 +133,8 @@ def test_a_false_place_counts_from_when_it_could_be_known(tmp_path, deaf):
      (False, 4.0, 1, False)],
 )  # fmt: skip
 def test_a_takeover_is_held_only_with_an_alarm_in_time_and_nothing_lost(tmp_path, deaf, believed, alarm_s, lost, held):
-    case, voice, sent = takeover.CASES[0], ComponentEncoder(11), StageCounts(start_us=START_US)
-    packets = [voice.parameter(k) for k in range(10)]
+    case, encoder, sent = takeover.CASES[0], ComponentEncoder(11), StageCounts(start_us=START_US)
+    packets = [encoder.parameter(k) for k in range(10)]
     for raw in packets:
         sent.owners[raw][TRUE, 11] += 1
         sent.count[TRUE, 11] += 1
@@ -182,15 +182,15 @@ def test_a_real_flight_is_heard_told_and_ended(station):
     port = free_port(socket.SOCK_STREAM)
     rows: list[AttackRow] = []
 
-    def beats(voice: ComponentEncoder, door: Door) -> PacketSchedule:
-        party = (TRUE, voice.system_id)
-        return PacketSchedule(party=party, make=lambda t_s: [voice.heartbeat()], send=door(), rate_hz=20.0)
+    def beats(encoder: ComponentEncoder, new_sender: SenderFactory) -> PacketSchedule:
+        party = (TRUE, encoder.system_id)
+        return PacketSchedule(party=party, make=lambda t_s: [encoder.heartbeat()], send=new_sender(), rate_hz=20.0)
 
     done = fly(
         station,
         "heard",
         [13],
-        lambda door: [beats(ComponentEncoder(i), door) for i in (1, 13)],
+        lambda new_sender: [beats(ComponentEncoder(i), new_sender) for i in (1, 13)],
         2.5,
         more=["-l", f"tcpin:127.0.0.1:{port}"],
         during=lambda flight, stage: rows.extend(streams.poison(port, flight.session)),
@@ -199,4 +199,4 @@ def test_a_real_flight_is_heard_told_and_ended(station):
     assert [(row.case, row.lost) for row in rows] == [(row.case, 0) for row in rows] and len(rows) == 2
     assert done.recorded == done.sent.count | {("unknown", 0): 2 * streams.GOOD}
     assert done.sent.count[TRUE, 1] >= 15
-    assert {row.system_id for row in told(done.session, done.sent)} >= {1, 13}
+    assert {row.system_id for row in read_events(done.session, done.sent)} >= {1, 13}

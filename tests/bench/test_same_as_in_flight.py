@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.again.scripted import CAMERA, SECRET, Troubles, fly
+from bench.again.scripted import CAMERA, SECRET, InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
@@ -20,26 +20,26 @@ from sim.world.scenario import ScenarioGround
 SCENARIO = replace(nominal(3), ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0), duration_s=10.0)
 
 FLIGHTS = {
-    "another size, a second link, an impostor, processes killed": Troubles(
+    "another size, a second link, an impostor, processes killed": InjectedFaults(
         resized_s=6.0, second_link_s=1.2, impostor=(4.0, 7.0), killed_s=(3.0, 8.0)
     ),
-    "switched off and on, no frames, late stamps, nothing seen": Troubles(
-        restart=(3.0, 5.5), blind=(3.5, 6.5), late_stamp_s=0.361, empty=(8.5, 9.2)
+    "switched off and on, no frames, late stamps, nothing seen": InjectedFaults(
+        restart=(3.0, 5.5), no_video=(3.5, 6.5), late_stamp_s=0.361, no_detections=(8.5, 9.2)
     ),
-    "signed and forged, the clock set ahead, no telemetry, a broken detector": Troubles(
-        signed=True, step=(5.0, 3600.0), deaf=(2.0, 3.5), broken=(7.0, 7.5)
+    "signed and forged, the clock set ahead, no telemetry, a broken detector": InjectedFaults(
+        signed=True, step=(5.0, 3600.0), no_telemetry=(2.0, 3.5), detector_fails=(7.0, 7.5)
     ),
-    "the clock set back, too much to keep up with, the station speaks": Troubles(
-        step=(7.0, -0.4), ring_bytes=8192, held_up=(3.0, 5.0), speaks=True
+    "the clock set back, too much to keep up with, the station speaks": InjectedFaults(
+        step=(7.0, -0.4), ring_bytes=8192, fold_stalled=(3.0, 5.0), station_sends=True
     ),
 }
 
 
 @pytest.fixture(scope="module", params=list(FLIGHTS))
 def flown(request, tmp_path_factory):
-    """A session folder and the troubles in it."""
-    troubles = FLIGHTS[request.param]
-    return fly(tmp_path_factory.mktemp("flown"), SCENARIO, troubles), troubles
+    """A session folder and the faults in it."""
+    faults = FLIGHTS[request.param]
+    return fly(tmp_path_factory.mktemp("flown"), SCENARIO, faults), faults
 
 
 def rows(path):
@@ -61,20 +61,20 @@ def test_every_row_is_the_same_again(flown, tmp_path):
 
 
 def test_the_troubles_came(flown):
-    folder, troubles = flown
-    assert (folder / "clock.csv").exists() == (troubles.step is not None)
-    assert (folder / "refused.csv").exists() == troubles.signed
-    assert (folder / "unfolded.csv").exists() == troubles.speaks
-    assert len(list(folder.glob("telemetry*.tlog"))) == 1 + len(troubles.killed_s)
+    folder, faults = flown
+    assert (folder / "clock.csv").exists() == (faults.step is not None)
+    assert (folder / "refused.csv").exists() == faults.signed
+    assert (folder / "unfolded.csv").exists() == faults.station_sends
+    assert len(list(folder.glob("telemetry*.tlog"))) == 1 + len(faults.killed_s)
     turns = FoldOrder.read(folder).turns
     frames = len(rows(folder / "frames.csv"))
     assert sum(turn.frame >= 0 for turn in turns) < frames, "frames are skipped"
     half = (CAMERA.width // 2, CAMERA.height // 2)
-    assert (half in {turn.size for turn in turns}) == (troubles.resized_s is not None)
+    assert (half in {turn.size for turn in turns}) == (faults.resized_s is not None)
     said = (folder / "events.jsonl").read_text()
-    assert ("two senders use system id" in said) == (troubles.impostor is not None)
-    assert ("has rebooted" in said) == (troubles.restart is not None)
-    assert (folder / "faults.txt").exists() == (troubles.broken is not None)
+    assert ("two senders use system id" in said) == (faults.impostor is not None)
+    assert ("has rebooted" in said) == (faults.restart is not None)
+    assert (folder / "faults.txt").exists() == (faults.detector_fails is not None)
 
 
 def test_every_frame_has_one_snapshot(flown):
@@ -88,7 +88,7 @@ def test_every_frame_has_one_snapshot(flown):
 
 
 def test_who_signed_in_flight_has_signed_in_a_replay(tmp_path):
-    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=2.0), Troubles(signed=True))
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=2.0), InjectedFaults(signed=True))
     *_, last = Analysis(open_session(folder)).snapshots()
     assert all(row.signed > 0 and not row.unsigned for row in last.vehicles)
     assert last.vehicles[1].bad_signature > 0
@@ -102,7 +102,7 @@ def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch
 
     heard = Pipeline.add_packet
     monkeypatch.setattr(Pipeline, "add_packet", feed)
-    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=3.0), Troubles())
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=3.0), InjectedFaults())
     for name in ("flown", "by time"):
         if name == "by time":
             (folder / "folds.csv").unlink()
@@ -114,7 +114,7 @@ def test_a_packet_that_cannot_be_worked_on_costs_no_replay(tmp_path, monkeypatch
 
 def test_after_a_restart_the_fleet_is_named_again(tmp_path):
     """Also where the recording keeps no order and frames are missing in between."""
-    folder = fly(tmp_path / "flown", SCENARIO, Troubles(restart=(3.0, 5.5), blind=(3.0, 6.0)))
+    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(restart=(3.0, 5.5), no_video=(3.0, 6.0)))
     for order in ("kept", "lost"):
         if order == "lost":
             (folder / "folds.csv").unlink()
@@ -127,7 +127,7 @@ def test_after_a_restart_the_fleet_is_named_again(tmp_path):
 @pytest.fixture(scope="module")
 def sizeless(tmp_path_factory):
     """A recording that does not say how large its frames were."""
-    folder = fly(tmp_path_factory.mktemp("sizeless"), SCENARIO, Troubles())
+    folder = fly(tmp_path_factory.mktemp("sizeless"), SCENARIO, InjectedFaults())
     (folder / "folds.csv").unlink()
     return folder
 
@@ -172,7 +172,7 @@ def test_a_size_against_the_recordings_own_is_refused(flown, tmp_path):
 
 
 def test_what_a_recording_lacks_is_said(tmp_path, capsys):
-    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=4.0), Troubles(signed=True))
+    folder = fly(tmp_path / "flown", replace(SCENARIO, duration_s=4.0), InjectedFaults(signed=True))
     identify_into(open_session(folder), tmp_path / "whole")
     whole = complaints(capsys)
     assert not any(word in whole for word in ("is missing", "lacks records", "has not the boxes", "recorded by"))
