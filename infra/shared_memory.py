@@ -84,7 +84,7 @@ class Ring:
         self._cursors[_WRITTEN] = written + len(data)
         return True
 
-    def take(self) -> list[bytes]:
+    def read_records(self) -> list[bytes]:
         """All records that can be seen whole, oldest first; they are then out of the ring."""
         written, position = self._cursors[_WRITTEN], self._cursors[_READ]
         if written == position:

@@ -32,7 +32,7 @@ def make() -> Callable[[bytes], None]:
         frames, counts = split(data)
         assert sum(map(len, frames)) + counts.junk_bytes == len(data)
         framer, half = Framer(), len(data) // 2
-        streamed = framer.feed(data[:half]) + framer.feed(data[half:]) + framer.finish()
+        streamed = framer.receive_bytes(data[:half]) + framer.receive_bytes(data[half:]) + framer.finish()
         assert sum(map(len, streamed)) + framer.counts.junk_bytes == len(data)
 
     return one

@@ -73,7 +73,7 @@ def _chunks(stream: bytes) -> Iterable[bytes]:
 def read_with_ours(stream: bytes) -> list[bytes]:
     """Frames that our parser finds."""
     framer = Framer()
-    return [frame for chunk in _chunks(stream) for frame in framer.feed(chunk)] + framer.finish()
+    return [frame for chunk in _chunks(stream) for frame in framer.receive_bytes(chunk)] + framer.finish()
 
 
 def read_with_pymavlink(stream: bytes) -> list[bytes]:

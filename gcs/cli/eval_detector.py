@@ -66,7 +66,7 @@ def eval_detector(
         print_note(f"{opened.unlabelled} images have no label file and are not judged")
     images = _chosen(opened.images, _split(classes), _split(ignore))
     detector, native = _open(model, front)
-    found, took = _look(images, detector, gsd, native)
+    found, took = _detect_in_all(images, detector, gsd, native)
     result = evaluate(found, [p.truth for p in images], score=score, floor=FLOOR)
     about = {
         "pictures": folder.name,
@@ -130,7 +130,7 @@ def _open(model: Path | None, front: Path | None) -> tuple[Detector, float | Non
     return FrontedDetector(detector, open_front_classifier(front)), native
 
 
-def _look(
+def _detect_in_all(
     images: list[LabelledImage], detector: Detector, gsd: float | None, native: float | None
 ) -> tuple[list[Detections], float]:
     """Detections of each image, and the seconds that all of them took."""

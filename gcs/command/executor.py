@@ -59,7 +59,7 @@ class CommandParams:
     """After a refusal, for the reason to come as text."""
 
 
-Tell = Callable[[Level, str], None]
+Report = Callable[[Level, str], None]
 
 
 class CommandExecutor:
@@ -77,32 +77,32 @@ class CommandExecutor:
         self._sender, self._uav, self._where = sender, uav, where
         self._own, self._params = own, params
         self._photos = 0
-        self._by_key: dict[str, Callable[[int, Tell], Awaitable[object]]] = {
+        self._by_key: dict[str, Callable[[int, Report], Awaitable[object]]] = {
             "point": self._point,
             "track": self._track,
             "above": self._above,
             "follow": self._follow,
             "orbit": self._orbit,
             "hold": self._hold,
-            "return": lambda ugv, tell: self._once(mav_cmd.return_to_launch(), tell),
-            "unpoint": lambda ugv, tell: self._once(mav_cmd.point_nowhere(), tell),
+            "return": lambda ugv, report: self._once(mav_cmd.return_to_launch(), report),
+            "unpoint": lambda ugv, report: self._once(mav_cmd.point_nowhere(), report),
             "neutral": self._neutral,
-            "take": lambda ugv, tell: self._control(True, tell),
-            "release": lambda ugv, tell: self._control(False, tell),
+            "take": lambda ugv, report: self._control(True, report),
+            "release": lambda ugv, report: self._control(False, report),
             "photo": self._photo,
-            "record": lambda ugv, tell: self._once(mav_cmd.record_start(self._uav.camera_component), tell),
-            "record_stop": lambda ugv, tell: self._once(mav_cmd.record_stop(self._uav.camera_component), tell),
+            "record": lambda ugv, report: self._once(mav_cmd.record_start(self._uav.camera_component), report),
+            "record_stop": lambda ugv, report: self._once(mav_cmd.record_stop(self._uav.camera_component), report),
         }
 
-    async def carry_out(self, key: str, ugv: int, tell: Tell) -> None:
+    async def carry_out(self, key: str, ugv: int, report: Report) -> None:
         """Carries an order out.
 
         Args:
             key: of the order.
             ugv: system id that it is about, 0 for none.
-            tell: given a level and what became of it.
+            report: given a level and what became of it.
         """
-        await self._by_key[key](ugv, tell)
+        await self._by_key[key](ugv, report)
 
     async def _ask(self, command: Command) -> CommandAck:
         """An answer with what the autopilot said meanwhile."""
@@ -114,31 +114,31 @@ class CommandExecutor:
         progress = self._uav.take_progress(command.number)
         return replace(answer, progress=progress, texts=self._uav.texts_since(since_s))
 
-    async def _once(self, command: Command, tell: Tell) -> CommandAck:
+    async def _once(self, command: Command, report: Report) -> CommandAck:
         answer = await self._ask(command)
-        tell("info" if answer.accepted else "warning", answer.words)
+        report("info" if answer.accepted else "warning", answer.words)
         return answer
 
-    async def _first_known(self, commands: tuple[Command, ...], tell: Tell) -> None:
+    async def _first_known(self, commands: tuple[Command, ...], report: Report) -> None:
         for command in commands[:-1]:
             answer = await self._ask(command)
             if not answer.not_known:
-                tell("info" if answer.accepted else "warning", answer.words)
+                report("info" if answer.accepted else "warning", answer.words)
                 return
-        await self._once(commands[-1], tell)
+        await self._once(commands[-1], report)
 
-    async def _point(self, ugv: int, tell: Tell) -> None:
+    async def _point(self, ugv: int, report: Report) -> None:
         answer = await self._ask(mav_cmd.point_at_system(ugv))
         if not answer.accepted and not answer.not_known:
-            tell("warning", answer.words)
+            report("warning", answer.words)
             return
         if answer.not_known:
-            tell("info", f"{answer.words}; by the positions heard here instead")
+            report("info", f"{answer.words}; by the positions heard here instead")
         else:
-            tell("warning", f"{await self._left_alone(ugv, tell)}; by the positions heard here instead")
-        await self._track(ugv, tell)
+            report("warning", f"{await self._left_alone(ugv, report)}; by the positions heard here instead")
+        await self._track(ugv, report)
 
-    async def _left_alone(self, ugv: int, tell: Tell) -> str:
+    async def _left_alone(self, ugv: int, report: Report) -> str:
         """Watches an autopilot that is to follow a vehicle by itself; why that does not do."""
         monitor, done = self._pointing_monitor(), False
         while True:
@@ -147,12 +147,12 @@ class CommandExecutor:
                 return f"the camera does not follow: {_off(monitor)}" if done else f"accepted, but {_words(monitor)}"
             if verdict == "done" and not done:
                 done = True
-                tell("info", "done: the camera looks there; the autopilot follows the positions that it hears itself")
+                report("info", "done: the camera looks there; the autopilot follows the positions that it hears itself")
             if verdict != "not yet":
                 monitor = self._pointing_monitor()
             await asyncio.sleep(_SEE_PERIOD_S)
 
-    async def _track(self, ugv: int, tell: Tell) -> None:
+    async def _track(self, ugv: int, report: Report) -> None:
         """By the positions heard here: in one way after the other, until the camera is seen to turn."""
         uav = self._uav
 
@@ -171,8 +171,8 @@ class CommandExecutor:
         for k, (_, way) in enumerate(ways):
             last = k == len(ways) - 1
             instead = "" if last else f"; by {ways[k + 1][0]} instead"
-            watch = self._camera_watch(ugv, tell)
-            if await self._stream(ugv, way, self._params.point_s, tell, watch, instead=instead):
+            watch = self._camera_watch(ugv, report)
+            if await self._stream(ugv, way, self._params.point_s, report, watch, instead=instead):
                 return
 
     def _pointing_monitor(self) -> PointingMonitor:
@@ -183,61 +183,61 @@ class CommandExecutor:
         place = self._where(ugv)
         return math.nan if place is None else self._uav.off_rad(place)
 
-    async def _above(self, ugv: int, tell: Tell) -> None:
+    async def _above(self, ugv: int, report: Report) -> None:
         place, alt_m = self._where(ugv), self._uav.alt_m
         if place is None or math.isnan(alt_m):
-            tell("warning", "not sent: where it is is not known" if place is None else _NO_HEIGHT)
+            report("warning", "not sent: where it is is not known" if place is None else _NO_HEIGHT)
             return
-        await self._once(mav_cmd.reposition(place, alt_m, change_mode=True), tell)
+        await self._once(mav_cmd.reposition(place, alt_m, change_mode=True), report)
 
-    async def _follow(self, ugv: int, tell: Tell) -> None:
+    async def _follow(self, ugv: int, report: Report) -> None:
         alt_m = self._uav.alt_m
         if math.isnan(alt_m):
-            tell("warning", _NO_HEIGHT)
+            report("warning", _NO_HEIGHT)
             return
-        await self._stream(ugv, above(alt_m), self._params.fly_s, tell, self._mode_watch())
+        await self._stream(ugv, above(alt_m), self._params.fly_s, report, self._mode_watch())
 
-    async def _orbit(self, ugv: int, tell: Tell) -> None:
+    async def _orbit(self, ugv: int, report: Report) -> None:
         place, alt_m, params = self._where(ugv), self._uav.alt_m, self._params
         if place is None or math.isnan(alt_m):
-            tell("warning", "not sent: where it is is not known" if place is None else _NO_HEIGHT)
+            report("warning", "not sent: where it is is not known" if place is None else _NO_HEIGHT)
             return
         answer = await self._ask(mav_cmd.orbit(place, alt_m, params.radius_m, params.speed_mps))
         if answer.accepted:
-            tell("info", answer.words)
+            report("info", answer.words)
             path = circles(place, alt_m, radius_m=params.radius_m, speed_mps=params.speed_mps, moved_m=params.moved_m)
-            await self._stream(ugv, path, params.fly_s, tell, self._mode_watch(), begun=True)
+            await self._stream(ugv, path, params.fly_s, report, self._mode_watch(), begun=True)
         elif answer.not_known:
-            tell("info", f"{answer.words}; point by point instead")
+            report("info", f"{answer.words}; point by point instead")
             path = points(alt_m, radius_m=params.radius_m, speed_mps=params.speed_mps, period_s=params.fly_s)
-            await self._stream(ugv, path, params.fly_s, tell, self._mode_watch())
+            await self._stream(ugv, path, params.fly_s, report, self._mode_watch())
         else:
-            tell("warning", answer.words)
+            report("warning", answer.words)
 
-    async def _hold(self, ugv: int, tell: Tell) -> None:
+    async def _hold(self, ugv: int, report: Report) -> None:
         command = mav_cmd.hold(self._uav.kind, self._uav.autopilot)
         if command is None:
-            tell("warning", "not sent: no mode to hold a position is known for this autopilot")
+            report("warning", "not sent: no mode to hold a position is known for this autopilot")
         else:
-            await self._once(command, tell)
+            await self._once(command, report)
 
-    async def _neutral(self, ugv: int, tell: Tell) -> None:
-        await self._first_known((mav_cmd.gimbal_neutral(self._uav.gimbal_component), mav_cmd.mount_neutral()), tell)
+    async def _neutral(self, ugv: int, report: Report) -> None:
+        await self._first_known((mav_cmd.gimbal_neutral(self._uav.gimbal_component), mav_cmd.mount_neutral()), report)
 
-    async def _control(self, take: bool, tell: Tell) -> None:
+    async def _control(self, take: bool, report: Report) -> None:
         command = mav_cmd.gimbal_control(*self._own, take=take, component=self._uav.gimbal_component)
-        await self._once(command, tell)
+        await self._once(command, report)
 
-    async def _photo(self, ugv: int, tell: Tell) -> None:
+    async def _photo(self, ugv: int, report: Report) -> None:
         self._photos += 1
-        await self._once(mav_cmd.photo(self._photos, self._uav.camera_component), tell)
+        await self._once(mav_cmd.photo(self._photos, self._uav.camera_component), report)
 
     async def _stream(
         self,
         ugv: int,
         path: Path,
         period_s: float,
-        tell: Tell,
+        report: Report,
         watch: Callable[[], str],
         *,
         instead: str = "",
@@ -249,7 +249,7 @@ class CommandExecutor:
             ugv: whose place.
             path: the command for it.
             period_s: between two.
-            tell: given what becomes of it.
+            report: given what becomes of it.
             watch: asked after each command since the first was accepted; why to end, empty: go on.
             instead: what is done then, or where the command is not known; empty: nothing.
             begun: the first command was given already.
@@ -262,10 +262,10 @@ class CommandExecutor:
             place = self._where(ugv)
             if place is None:
                 if missing_s == 0.0:
-                    tell("warning", "waits: where it is is not known")
+                    report("warning", "waits: where it is is not known")
                 missing_s += period_s
                 if missing_s > self._params.lost_s:
-                    tell("alarm", f"ended: no position for {self._params.lost_s:.0f} s")
+                    report("alarm", f"ended: no position for {self._params.lost_s:.0f} s")
                     return True
             else:
                 missing_s = 0.0
@@ -273,14 +273,14 @@ class CommandExecutor:
                 answer = None if command is None else await self._ask(command)
                 if answer is not None and not answer.accepted:
                     then = instead if first and answer.not_known else ""
-                    tell("warning", f"{answer.words}{then}" if first else f"ended: {answer.words}")
+                    report("warning", f"{answer.words}{then}" if first else f"ended: {answer.words}")
                     return not then
                 if answer is not None and first:
-                    tell("info", "accepted; goes on until another order")
+                    report("info", "accepted; goes on until another order")
                     first = False
             await asyncio.sleep(period_s)
             if not first and (why := watch()):
-                tell("warning", f"{why}{instead}")
+                report("warning", f"{why}{instead}")
                 return not instead
 
     def _mode_watch(self) -> Callable[[], str]:
@@ -296,14 +296,14 @@ class CommandExecutor:
 
         return watch
 
-    def _camera_watch(self, ugv: int, tell: Tell) -> Callable[[], str]:
+    def _camera_watch(self, ugv: int, report: Report) -> Callable[[], str]:
         """Ends when the camera is seen not to turn at all; tells whether it follows, or that nothing reports it."""
         monitor: PointingMonitor | None = None
-        told: Verdict = "not yet"
+        reported: Verdict = "not yet"
         done = False
 
         def watch() -> str:
-            nonlocal monitor, told, done
+            nonlocal monitor, reported, done
             seen = monitor = monitor or self._pointing_monitor()
             verdict = seen.update(self._off_rad(ugv), time.monotonic())
             if verdict == "not moved" and not done:
@@ -311,9 +311,9 @@ class CommandExecutor:
             if verdict != "not yet":
                 monitor = None
                 done |= verdict == "done"
-                if verdict != told:
-                    told = verdict
-                    tell(*_seen(verdict, seen))
+                if verdict != reported:
+                    reported = verdict
+                    report(*_seen(verdict, seen))
             return ""
 
         return watch
@@ -331,7 +331,7 @@ def _off(monitor: PointingMonitor) -> str:
 
 
 def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
-    """What is told of a camera while commands go on."""
+    """What is reported of a camera while commands go on."""
     if verdict == "done":
         return "info", "done: the camera looks there"
     if verdict == "unknown":

@@ -48,7 +48,7 @@ class MavsdkClient:
         self._configuration = Configuration.create_manual(*own, False)
         self._mavsdk = Mavsdk(self._configuration)
         self._mavsdk.add_any_connection("raw://")
-        self._mavsdk.subscribe_raw_bytes_to_be_sent(self._say)
+        self._mavsdk.subscribe_raw_bytes_to_be_sent(self._send_frames)
 
     def receive(self, packet: Packet) -> None:
         """A packet of the UAV that is believed; others are left out."""
@@ -99,7 +99,7 @@ class MavsdkClient:
             self._direct = MavlinkDirectAsync(System(systems[0])) if systems else None
         return self._direct
 
-    def _say(self, data: bytes) -> None:
+    def _send_frames(self, data: bytes) -> None:
         for raw in split(data)[0]:
             if Packet(0, raw).message_id != _HEARTBEAT:
                 self._out(raw)

@@ -21,7 +21,7 @@ class Order:
     job: Literal["camera", "flight", ""] = ""
     """What it takes over from an order before; empty: from none."""
 
-    def said(self, uav: str, ugv: str) -> str:
+    def words_with(self, uav: str, ugv: str) -> str:
         """In words, with names."""
         return self.words.replace("{uav}", uav).replace("{ugv}", ugv)
 

@@ -99,9 +99,9 @@ class CommandService:
             self._transmitter.send(raw, link)
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
-            self._look(now_s)
+            self._report_changes(now_s)
 
-    def _look(self, now_s: float) -> None:
+    def _report_changes(self, now_s: float) -> None:
         """Tells what has changed: rates that are too low, who controls the gimbal."""
         for rate in self._rates.troubles(now_s):
             self._note("warning", "link", rate.words, rate.system_id)
@@ -115,7 +115,7 @@ class CommandService:
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
         """What may be ordered about a selected vehicle: keys and words."""
         about = system_id in self._ground
-        return [(order.key, self._said(order, system_id)) for order in orders_about(ugv=about)]
+        return [(order.key, self._words_of(order, system_id)) for order in orders_about(ugv=about)]
 
     def submit(self, key: str, system_id: int) -> None:
         """Carries an order out; returns at once, what becomes of it comes as events.
@@ -141,8 +141,8 @@ class CommandService:
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join(_STOP_S)
 
-    def _said(self, order: Order, system_id: int) -> str:
-        return order.said(self._uav_name, self._ground.get(system_id, "the vehicle"))
+    def _words_of(self, order: Order, system_id: int) -> str:
+        return order.words_with(self._uav_name, self._ground.get(system_id, "the vehicle"))
 
     def _begin(self, order: Order, system_id: int) -> None:
         if order.job and (before := self._running.pop(order.job, None)) is not None and not before[1].done():
@@ -151,22 +151,22 @@ class CommandService:
         self._running[order.job or order.key] = (order, task)
 
     async def _carry_out(self, order: Order, system_id: int) -> None:
-        words = self._said(order, system_id)
+        words = self._words_of(order, system_id)
 
-        def tell(level: Level, text: str) -> None:
+        def report(level: Level, text: str) -> None:
             about = system_id if order.about == "ugv" else self._uav_id
             self._note(level, "operator", f"{words}: {text}", about)
 
-        tell("info", "ordered")
+        report("info", "ordered")
         if order.job == "camera":
             self._rates.add_wanted(GIMBAL_ATTITUDE, UAV_RATES[GIMBAL_ATTITUDE])
         try:
-            await self._executor.carry_out(order.key, system_id, tell)
+            await self._executor.carry_out(order.key, system_id, report)
         except asyncio.CancelledError:
-            tell("info", "ended by another order")
+            report("info", "ended by another order")
             raise
         except Exception as error:  # noqa: BLE001 - one order fails, the station flies on
-            tell("alarm", f"failed: {error}")
+            report("alarm", f"failed: {error}")
 
     def _note(self, level: Level, kind: str, text: str, system_id: int) -> None:
         self._on_event(Event(t_us=now_us(), level=level, kind=kind, text=text, system_id=system_id))

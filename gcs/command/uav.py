@@ -74,9 +74,9 @@ class Uav:
             return
         sample = decode(packet)
         if isinstance(sample, GimbalAttitude | MountOrientation | MountStatus | CameraFov):
-            self._look(sample)
+            self._add_gimbal_report(sample)
         elif isinstance(sample, Heartbeat):
-            self._hear_beat(sample)
+            self._add_heartbeat(sample)
         elif isinstance(sample, StatusText):
             self._texts.append((self._clock(), sample.text))
         elif isinstance(sample, GlobalPosition) and packet.component_id == 1:
@@ -84,13 +84,13 @@ class Uav:
         elif isinstance(sample, Attitude) and packet.component_id == 1:
             self._nose = (self._clock(), sample.yaw)
 
-    def _hear_beat(self, sample: Heartbeat) -> None:
+    def _add_heartbeat(self, sample: Heartbeat) -> None:
         if is_vehicle(sample.type, sample.autopilot):
             self._beat = sample
         elif sample.type == _CAMERA_TYPE and self.camera_component == 1:
             self.camera_component = sample.component_id
 
-    def _look(self, sample: GimbalSample) -> None:
+    def _add_gimbal_report(self, sample: GimbalSample) -> None:
         """Where the gimbal looks, by its newest report."""
         now_s, nose = self._clock(), self.nose
         self._gimbals.add(round(now_s * 1e6), sample, nose)

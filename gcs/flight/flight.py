@@ -115,7 +115,7 @@ class Flight:
         self._loop = FrameLoop(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
         self._loop.health = Health(free_bytes=self._recorder.free_bytes, keys=len(self._ring))
         for system_id in plan.accept_late:
-            self._tell_of_operator(system_id, "signed packets are accepted without a proof in this flight")
+            self._add_operator_event(system_id, "signed packets are accepted without a proof in this flight")
         self._stop = threading.Event()
         self._stopped = threading.Lock()
         self._closed = False
@@ -202,11 +202,11 @@ class Flight:
         for system_id in system_ids:
             try:
                 self._ingest.accept_held(system_id)
-                self._tell_of_operator(system_id, "signed packets that were held are accepted without a proof")
+                self._add_operator_event(system_id, "signed packets that were held are accepted without a proof")
             except LinkError as error:
-                self._tell_of_operator(system_id, f"signed packets stay held: {error}")
+                self._add_operator_event(system_id, f"signed packets stay held: {error}")
 
-    def _tell_of_operator(self, system_id: int, text: str) -> None:
+    def _add_operator_event(self, system_id: int, text: str) -> None:
         self._loop.add_event(
             Event(
                 t_us=now_us(),

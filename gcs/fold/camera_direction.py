@@ -33,7 +33,7 @@ class CameraDirection:
         self._mount_doubted = False
         self._turned_us = 0
         """When an order turned the camera: from then on the mission does not know where it looks."""
-        self._turned_told = False
+        self._turn_reported = False
 
     @property
     def stabilized(self) -> bool:
@@ -71,7 +71,7 @@ class CameraDirection:
             uav: with what its gimbal reports.
         """
         R_enu_gimbal = _gimbal(uav)
-        if self._turned_us and not self._turned_told:
+        if self._turned_us and not self._turn_reported:
             yield from self._check_turned(t_us, R_enu_gimbal is not None)
         if self.follows_gimbal or self._mount_doubted or R_enu_gimbal is None:
             return
@@ -84,13 +84,13 @@ class CameraDirection:
     def _check_turned(self, t_us: int, reported: bool) -> Iterator[Event]:
         """What is believed of a camera that an order has turned."""
         if self._mission.follows_gimbal or self._mount.kind == "fixed":
-            self._turned_told = True
+            self._turn_reported = True
         elif reported:
-            self._turned_told = True
+            self._turn_reported = True
             text = "an order turned the camera: its direction is what the gimbal reports from now on"
             yield Event(t_us=t_us, level="info", kind="camera", text=text)
         elif t_us - self._turned_us > TURNED_US:
-            self._turned_told = True
+            self._turn_reported = True
             text = "an order turned the camera and no gimbal reports where to: do not act on names"
             yield Event(t_us=t_us, level="alarm", kind="camera", text=text)
 

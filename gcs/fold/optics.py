@@ -23,7 +23,7 @@ from vision.errors import CameraError
 __all__ = ["Optics"]
 
 _SIZELESS = "nothing can be named: the recording does not say how large its frames are; give --frame-size"
-TOLD_ZOOM = 0.03
+REPORTED_ZOOM = 0.03
 """Change of the focal length that is told."""
 
 
@@ -41,8 +41,8 @@ class Optics:
         self._base = self._camera.intrinsics
         self._size: tuple[int, int] | None = None
         self._first_fov = math.nan
-        self._told = ""
-        self._told_focal = math.nan
+        self._reported_source = ""
+        self._reported_focal = math.nan
         self._refused = ""
         self._events: list[Event] = []
 
@@ -84,7 +84,7 @@ class Optics:
         if described is None:
             return None
         intrinsics = zoomed(described, self._zoom(report))
-        self._tell(t_us, intrinsics, source)
+        self._report_changes(t_us, intrinsics, source)
         return intrinsics
 
     def _of_mission(self, t_us: int, size: tuple[int, int]) -> Intrinsics | None:
@@ -110,16 +110,16 @@ class Optics:
             self._first_fov = report.hfov
         return self._camera.zoom * math.tan(self._first_fov / 2.0) / math.tan(report.hfov / 2.0)
 
-    def _tell(self, t_us: int, intrinsics: Intrinsics, source: str) -> None:
+    def _report_changes(self, t_us: int, intrinsics: Intrinsics, source: str) -> None:
         """An event when the camera is another, or has zoomed."""
         focal = intrinsics.fx / intrinsics.width
         sees = f"{math.degrees(intrinsics.hfov):.1f}° across {intrinsics.width} px"
-        if self._told != source:
-            self._told, self._told_focal = source, focal
+        if self._reported_source != source:
+            self._reported_source, self._reported_focal = source, focal
             self._add(t_us, "info", f"camera as {source} has it: {sees}")
-        elif abs(focal / self._told_focal - 1.0) > TOLD_ZOOM:
-            self._add(t_us, "info", f"camera zoomed {focal / self._told_focal:.2f} times: {sees}")
-            self._told_focal = focal
+        elif abs(focal / self._reported_focal - 1.0) > REPORTED_ZOOM:
+            self._add(t_us, "info", f"camera zoomed {focal / self._reported_focal:.2f} times: {sees}")
+            self._reported_focal = focal
 
     def _add(self, t_us: int, level: Level, text: str) -> None:
         self._events.append(Event(t_us=t_us, level=level, kind="camera", text=text))

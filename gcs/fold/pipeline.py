@@ -104,7 +104,7 @@ class Pipeline:
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
         """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
-        view = self._look(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
+        view = self._frame_camera(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
         return ground_sampling(view.intrinsics, view.pose, view.ground_z) if view else None
 
     def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
@@ -115,7 +115,7 @@ class Pipeline:
             the camera's pose is unknown.
         """
         state = self.fleet.at(self._telemetry_time(t_us))
-        view = self._look(state, None)
+        view = self._frame_camera(state, None)
         if view is None:
             return None
         places = np.array(list(self._projected(state, view).values())).reshape(-1, 2)
@@ -145,12 +145,12 @@ class Pipeline:
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
         if detections is not None and len(detections) > MOST_BOXES:
-            self._tell_crowd(t_us, len(detections))
+            self._report_crowd(t_us, len(detections))
             detections = detections.take(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
         state = self.fleet.at(self._telemetry_time(t_us), heard_us)
         self._follow_origin()
         self._follow_steps(state)
-        view = self._look(state, size if image is None else _size_of(image))
+        view = self._frame_camera(state, size if image is None else _size_of(image))
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
@@ -165,7 +165,7 @@ class Pipeline:
         self._events += self._names.update(t_us, identities, state)
         return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
 
-    def _tell_crowd(self, t_us: int, boxes: int) -> None:
+    def _report_crowd(self, t_us: int, boxes: int) -> None:
         if not self._crowded:
             text = (
                 f"{boxes} boxes in a frame, of which the {MOST_BOXES} best count: the detector sees what is not there"
@@ -203,7 +203,7 @@ class Pipeline:
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
 
-    def _look(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
+    def _frame_camera(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
         """Camera pose from the UAV's report, None without a position or a camera."""
         uav = state.uav
         intrinsics = self._optics.intrinsics(state.t_us, uav.camera, size)
@@ -255,7 +255,7 @@ class Pipeline:
     def _camera(self, view: FrameCamera) -> CameraState:
         return camera_of(view, self._direction.stabilized)
 
-    def _believed(self, health: Health) -> Health:
+    def _with_corrections(self, health: Health) -> Health:
         """Health with what is believed of the camera's clock and heading."""
         theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
         return replace(
@@ -292,7 +292,7 @@ class Pipeline:
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
             uav_heading=state.uav.yaw,
-            health=self._believed(self._link_rates.with_rates(t_us, health or Health())),
+            health=self._with_corrections(self._link_rates.with_rates(t_us, health or Health())),
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             conflicts=self._names.conflicts,
             origin=self.fleet.origin,

@@ -27,7 +27,7 @@ def _fell_silent(link: LinkHealth, now: Snapshot) -> bool:
     return is_silent(link) and not math.isinf(link.silent_s)
 
 
-def _never_heard(link: LinkHealth, now: Snapshot) -> bool:
+def _never_received(link: LinkHealth, now: Snapshot) -> bool:
     return math.isinf(link.silent_s) and not _carries_junk(link)
 
 
@@ -49,7 +49,7 @@ LINK_RULES: tuple[AlarmRule[LinkHealth], ...] = (
         meaning=f"nothing came in the first {FIRST_PACKET_S:g} s",
         advice="check radio, cable and port; on a udpout link only a station with --command speaks first: have the "
         "other end send here and use udpin",
-        condition=_never_heard,
+        condition=_never_received,
         lasts_s=FIRST_PACKET_S,
     ),
     AlarmRule(

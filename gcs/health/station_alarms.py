@@ -40,7 +40,7 @@ def first_of(names: Sequence[str]) -> str:
     return ", ".join(names[:MOST_NAMES]) + more
 
 
-def _unheard(now: Snapshot) -> list[str]:
+def _never_received(now: Snapshot) -> list[str]:
     """Names of vehicles that were never heard; one that is heard and rejected has an alarm for that."""
 
     def rejected(row: VehicleRow) -> bool:
@@ -49,9 +49,9 @@ def _unheard(now: Snapshot) -> list[str]:
     return [row.name for row in now.vehicles if math.isinf(row.heartbeat_age_s) and not rejected(row)]
 
 
-def _some_unheard(health: Health, now: Snapshot) -> bool:
+def _some_never_received(health: Health, now: Snapshot) -> bool:
     # at the start of a flight it is everybody
-    return 0 < len(_unheard(now)) < len(now.vehicles)
+    return 0 < len(_never_received(now)) < len(now.vehicles)
 
 
 def _video_clock_off(health: Health, now: Snapshot) -> bool:
@@ -86,8 +86,8 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         text="never heard",
         meaning=f"in the mission, and not on the air {UNHEARD_S:g} s after others are",
         advice="switch them on, check their system ids and keys against the mission, or take them out of it",
-        condition=_some_unheard,
-        detail=lambda _, now: first_of(_unheard(now)),
+        condition=_some_never_received,
+        detail=lambda _, now: first_of(_never_received(now)),
         lasts_s=UNHEARD_S,
     ),
     AlarmRule(

@@ -34,18 +34,18 @@ APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
 by some metres, and boxes stand next to each other."""
 
 
-def _heard(row: VehicleRow) -> bool:
+def _ever_received(row: VehicleRow) -> bool:
     return math.isfinite(row.heartbeat_age_s)
 
 
 def _silent(row: VehicleRow) -> bool:
     positions_come = row.position_state == "ok" and row.heartbeat_age_s < NO_HEARTBEAT_S
-    return _heard(row) and row.heartbeat_age_s > SILENT_S and not positions_come
+    return _ever_received(row) and row.heartbeat_age_s > SILENT_S and not positions_come
 
 
 def _answers(row: VehicleRow) -> bool:
     """Whether it was heard before, and is."""
-    return _heard(row) and not _silent(row)
+    return _ever_received(row) and not _silent(row)
 
 
 def _is_held(row: VehicleRow, now: Snapshot) -> bool:
@@ -136,7 +136,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         "elsewhere than the estimate, a jump: the reason is given. Its names are of little confidence then, and the "
         "camera is not sent there",
         advice="its receiver is jammed, spoofed or failing: do not act on its name; it may stop or land by itself",
-        condition=lambda row, _: bool(row.doubted_for) and _heard(row),
+        condition=lambda row, _: bool(row.doubted_for) and _ever_received(row),
         detail=lambda row, _: row.doubted_for,
     ),
     AlarmRule(
@@ -146,7 +146,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="its compass contradicts its motion",
         meaning="compass innovations are beyond what its filter allows",
         advice="its heading is not used; a magnet, a current or a wrong calibration: do not let it steer by it",
-        condition=lambda row, _: row.compass_doubted and _heard(row),
+        condition=lambda row, _: row.compass_doubted and _ever_received(row),
     ),
     AlarmRule(
         key="attitude",
@@ -168,7 +168,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         f"ppm, for {CLOCK_FAULT_S:g} s: how is given",
         advice="its positions are dated by this computer's clock; check its GPS time, and restart it before the next "
         "flight",
-        condition=lambda row, _: bool(row.clock_fault) and _heard(row),
+        condition=lambda row, _: bool(row.clock_fault) and _ever_received(row),
         detail=lambda row, _: row.clock_fault,
         lasts_s=CLOCK_FAULT_S,
     ),

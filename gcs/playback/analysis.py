@@ -51,7 +51,7 @@ def discover(log: SessionLog) -> Mission:
         SessionError: no aircraft or no ground vehicle speaks in it.
     """
     kinds: dict[int, int] = {}
-    for packet in log.believed(0):
+    for packet in log.accepted_packets(0):
         sample = decode(packet)
         if isinstance(sample, Heartbeat):
             kinds.setdefault(sample.system_id, sample.type)
@@ -201,7 +201,7 @@ class Analysis:
         packets = _PacketsInOrder(self._log.packets())
         for index, t_us, image, boxes in self._frames_with_boxes(images):
             for packet in packets.until(t_us):
-                self._feed(pipeline, packet)
+                self._add_packet(pipeline, packet)
             shown = image if images else None
             yield pipeline.add_frame(
                 index, t_us, image=shown, size=self._size.size, detections=boxes, health=self._health(index)
@@ -217,7 +217,7 @@ class Analysis:
         early: tuple[Event, ...] = ()
         for turn, packets, boxes in recorded.turns(len(self.times_us)):
             for packet in packets:
-                self._feed(pipeline, packet)
+                self._add_packet(pipeline, packet)
             if turn.frame == NO_FRAME:
                 health = self._health(latest.frame if latest else 0)
                 events = pipeline.add_frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
@@ -254,7 +254,7 @@ class Analysis:
                 frame = next(frames, None)
             yield index, t_us, frame.image if frame is not None and frame.index == index else None
 
-    def _feed(self, pipeline: Pipeline, packet: Packet) -> None:
+    def _add_packet(self, pipeline: Pipeline, packet: Packet) -> None:
         """As in a flight, a packet that cannot be worked on costs nothing else; the first is an event."""
         try:
             pipeline.add_packet(packet)

@@ -119,7 +119,7 @@ class SessionLog:
                     yield packet
             start = stop
 
-    def believed(self, message_id: int) -> Iterator[Packet]:
+    def accepted_packets(self, message_id: int) -> Iterator[Packet]:
         """Records of one kind that were not refused."""
         start = 0
         for log, keep in zip(self._logs, self._keep, strict=True):

@@ -26,7 +26,7 @@ from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token, unseen
 from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane, heard
+from gcs.tui.panes.event_log import EventPane, events_from
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.key_hints import KeyHints
@@ -133,10 +133,10 @@ class RollcallApp(App[None]):
             self._newest_at = time.monotonic()
             self._panes.fit_to(newest)
             self.snapshot = newest
-        self._status.said = self._station.title
+        self._status.title = self._station.title
         said = self._station.events()
-        if len(said) != len(self._events.said) or (said and said[-1] is not self._events.said[-1]):
-            self._events.said = tuple(said)
+        if len(said) != len(self._events.all_events) or (said and said[-1] is not self._events.all_events[-1]):
+            self._events.all_events = tuple(said)
         if self._station.timeline is not None and self._timeline is not None:
             self._timeline.show(self._station.timeline, said)
         self._alert_line.text = self._alert()
@@ -162,7 +162,9 @@ class RollcallApp(App[None]):
             return f"{clock(fresh[0].since_us)} {plain(fresh[0].text)}{more} — a: what to do, A: seen"
         now_us = 0 if self.snapshot is None else self.snapshot.t_us
         recent = [
-            event for event in self._events.said if event.level == "alarm" and 0 <= now_us - event.t_us < ALARM_SHOWN_US
+            event
+            for event in self._events.all_events
+            if event.level == "alarm" and 0 <= now_us - event.t_us < ALARM_SHOWN_US
         ]
         return f"{clock(recent[-1].t_us)} {recent[-1].text}" if recent else ""
 
@@ -199,7 +201,7 @@ class RollcallApp(App[None]):
         """Next or previous event of those the log shows."""
         if (timeline := self._station.timeline) is None:
             return
-        event = playback.event_beside(heard(self._station.events(), self._events.least), timeline, steps)
+        event = playback.event_beside(events_from(self._station.events(), self._events.least), timeline, steps)
         if event is None:
             self.notify("no later event" if steps > 0 else "no earlier event", markup=False, timeout=2)
         else:

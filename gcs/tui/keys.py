@@ -9,8 +9,8 @@ from textual.binding import Binding
 __all__ = ["BINDINGS", "COMMAND_HINTS", "GROUPS", "LIVE_HINTS", "REPLAY_ACTIONS", "REPLAY_HINTS"]
 
 
-def _key(keys: str, action: str, said: str, tooltip: str, *, shown: str | None = None, id: str) -> Binding:
-    return Binding(keys, action, said, id=id, tooltip=tooltip, key_display=shown, show=False)
+def _key(keys: str, action: str, label: str, tooltip: str, *, shown: str | None = None, id: str) -> Binding:
+    return Binding(keys, action, label, id=id, tooltip=tooltip, key_display=shown, show=False)
 
 
 REPLAY: Final = (

@@ -46,9 +46,9 @@ def change_speed(timeline: Timeline, steps: int) -> None:
         timeline.set_speed(next((speed for speed in reversed(SPEEDS) if speed < timeline.speed - 1e-9), SPEEDS[0]))
 
 
-def event_beside(said: Sequence[Event], timeline: Timeline, steps: int) -> Event | None:
+def event_beside(events: Sequence[Event], timeline: Timeline, steps: int) -> Event | None:
     """The next (positive) or previous event of the recording from now, None when there is none."""
-    inside = [event for event in said if timeline.start_us <= event.t_us <= timeline.stop_us]
+    inside = [event for event in events if timeline.start_us <= event.t_us <= timeline.stop_us]
     if steps > 0:
         later = [event for event in inside if event.t_us > timeline.now_us + SAME_US]
         return min(later, key=lambda event: event.t_us, default=None)

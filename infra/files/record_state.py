@@ -55,8 +55,8 @@ def overall(states: Iterable[RecordState]) -> RecordState:
     first, *rest = states
     every = (first, *rest)
     worst = max(every, key=lambda state: state.failing_s)
-    told = worst if worst.failing_s else min(every, key=lambda state: state.failed_ago_s)
-    reason = told.reason if told is first or not told.reason else f"{told.name}: {told.reason}"
+    reported = worst if worst.failing_s else min(every, key=lambda state: state.failed_ago_s)
+    reason = reported.reason if reported is first or not reported.reason else f"{reported.name}: {reported.reason}"
     return RecordState(
         name=first.name,
         rows=first.rows,

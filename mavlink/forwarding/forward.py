@@ -30,7 +30,7 @@ HARMLESS = ("HEARTBEAT", "TIMESYNC")
 """Broadcasts that carry no order."""
 HEARD_US = 60_000_000
 """A system is sent to where it was received within this time."""
-_MOST_HEARD = 4096
+_MAX_SENDERS = 4096
 """Pairs of system and address that are remembered."""
 _ONLY_LISTENS = "this output only listens; ?rw behind its address lets it speak to the UAV"
 
@@ -64,7 +64,7 @@ class Forwarder:
         self._refused = refused
         self._not_behind = frozenset(vehicles) | {own}
         self._vehicles = frozenset(vehicles) | ({uav} - {0})
-        self._heard: dict[tuple[int, int, int], int] = {}
+        self._last_received_us: dict[tuple[int, int, int], int] = {}
         self._now_us = 0
         self._outputs: list[Output] = []
         try:
@@ -133,10 +133,10 @@ class Forwarder:
     def _note_sender(self, packet: Packet) -> None:
         if packet.auth <= Auth.GOOD:
             self._now_us = max(self._now_us, packet.t_us)
-            self._heard[packet.system_id, packet.link, packet.peer] = packet.t_us
-            if len(self._heard) > _MOST_HEARD:
-                newest = sorted(self._heard, key=self._heard.__getitem__)[_MOST_HEARD // 2 :]
-                self._heard = {key: self._heard[key] for key in newest}
+            self._last_received_us[packet.system_id, packet.link, packet.peer] = packet.t_us
+            if len(self._last_received_us) > _MAX_SENDERS:
+                newest = sorted(self._last_received_us, key=self._last_received_us.__getitem__)[_MAX_SENDERS // 2 :]
+                self._last_received_us = {key: self._last_received_us[key] for key in newest}
 
     def _is_loop(self, output: Output, raw: bytes) -> bool:
         return Packet(0, raw).system_id in self._not_behind or output.is_echo(raw)
@@ -170,4 +170,4 @@ class Forwarder:
 
     def _fresh(self) -> dict[tuple[int, int, int], int]:
         since_us = self._now_us - HEARD_US
-        return {key: t_us for key, t_us in self._heard.items() if t_us >= since_us}
+        return {key: t_us for key, t_us in self._last_received_us.items() if t_us >= since_us}

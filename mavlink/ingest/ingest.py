@@ -202,10 +202,10 @@ class Ingest:
         return (dict(links[link].others) | known).get(peer, "")
 
     def health(self) -> IngestHealth:
-        """How it is doing, as told some times a second."""
-        told = self._published_health()
-        if told is not None:
-            self._health = told
+        """How it is doing, as reported some times a second."""
+        reported = self._published_health()
+        if reported is not None:
+            self._health = reported
         total = self._health.plus(self._before)
         written = self._journal.written
         return replace(
@@ -219,12 +219,12 @@ class Ingest:
         )
 
     def notices(self) -> list[Notice]:
-        """What an operator should know, each told once."""
-        told = []
+        """What an operator should know, each reported once."""
+        reported = []
         with contextlib.suppress(IndexError):
             while True:
-                told.append(self._notices.popleft())
-        return told
+                reported.append(self._notices.popleft())
+        return reported
 
     def stop(self) -> None:
         """Has everything written, ends the process and closes the links; stopping twice does nothing."""
@@ -353,7 +353,7 @@ class Ingest:
             raise LinkError(f"the ingest process does not take what is to be sent: {error}") from error
 
     def _published_health(self) -> IngestHealth | None:
-        """As the process last told it; None where that cannot be read now."""
+        """As the process last reported it; None where that cannot be read now."""
         data = self._memory.status.get()
         try:
             return IngestHealth.decode(data) if data else None

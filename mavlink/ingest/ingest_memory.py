@@ -18,9 +18,9 @@ __all__ = ["RING_BYTES", "IngestMemory", "Slot", "make_ingest_memory"]
 
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
-_HEARD_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144
+_RECEIVED_UNTIL_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144
 """Where each part begins; the slots stand at 0."""
-_HEARD = struct.Struct("=QQ")
+_RECEIVED_UNTIL = struct.Struct("=QQ")
 """Unix µs, and the ring's position up to which everything that came before then stands."""
 _BATCH = struct.Struct("=QB")
 """Before the packets of a batch: number of the first of their records in the log, and the link."""
@@ -63,8 +63,8 @@ class IngestMemory:
 
     def __init__(self, fd: int) -> None:
         memory = memoryview(map_memory(fd))
-        self.slots = memory[:_HEARD_AT].cast("Q")
-        self._heard = NewestValue(memory[_HEARD_AT:_STATUS_AT])
+        self.slots = memory[:_RECEIVED_UNTIL_AT].cast("Q")
+        self._received_until = NewestValue(memory[_RECEIVED_UNTIL_AT:_STATUS_AT])
         self.status = NewestValue(memory[_STATUS_AT:_RING_AT])
         """The ingest's health."""
         self._ring = Ring(memory[_RING_AT:])
@@ -103,9 +103,9 @@ class IngestMemory:
             self.slots[Slot.OVERRUN] += len(frames)
         return fits
 
-    def put_heard(self, t_us: int) -> None:
+    def put_received_until(self, t_us: int) -> None:
         """What came before a Unix time has been put into the ring."""
-        self._heard.put(_HEARD.pack(t_us, self._ring.written))
+        self._received_until.put(_RECEIVED_UNTIL.pack(t_us, self._ring.written))
 
     # ---- the station
 
@@ -113,7 +113,7 @@ class IngestMemory:
         """All packets that are in the ring, in order; they are then out of it."""
         packets: list[Packet] = []
         unpack, head_bytes = _PACKET.unpack_from, _PACKET.size
-        for batch in self._ring.take():
+        for batch in self._ring.read_records():
             record, link = _BATCH.unpack_from(batch)
             step = 1
             if record == _UNRECORDED:
@@ -129,6 +129,6 @@ class IngestMemory:
 
     def heard_us(self) -> int | None:
         """Unix µs: whatever came before this has been taken; None where that cannot be told now."""
-        value = self._heard.get()
-        t_us, position = _HEARD.unpack(value) if value else (0, 0)
+        value = self._received_until.get()
+        t_us, position = _RECEIVED_UNTIL.unpack(value) if value else (0, 0)
         return t_us if value and position <= self._ring.read else None

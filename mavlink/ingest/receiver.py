@@ -210,7 +210,7 @@ class Receiver:
         link = self._links[index]
         for k, system_id in self._senders.changes(index, batch):
             peer = batch.peers[k]
-            self._log.heard(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
+            self._log.write_sender(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
     def _note_verdicts(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
         """Notes what is not believed, and who has proved who it is."""

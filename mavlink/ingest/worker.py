@@ -103,7 +103,7 @@ class _IngestWorker:
                     all_taken &= self._drain(index, link)
                 link.maintain()
             if all_taken:
-                self._memory.put_heard(heard_us)
+                self._memory.put_received_until(heard_us)
             if self._station.fileno() in ready:
                 self._handle_requests()
             if self._outputs:

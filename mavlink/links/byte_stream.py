@@ -97,7 +97,7 @@ class FrameStream:
     def _frames_of(self, data: bytes) -> list[bytes]:
         """Frames that these bytes complete; notes when another frame is begun that they do not."""
         waited = self._framer.waiting
-        frames = self._framer.feed(data)
+        frames = self._framer.receive_bytes(data)
         if not waited or self._framer.waiting < waited + len(data):
             self._since_s, self._searched = self._clock_s(), 0
         return frames

@@ -78,7 +78,7 @@ class Peers:
         self.keys: dict[int, int] = {}
         """Number → address, as in :attr:`numbers`."""
         self._last = 0
-        self._heard: set[Claim] = set()
+        self._good_claims: set[Claim] = set()
         self._address_cache: tuple[int, dict[int, tuple[str, int]]] = (-1, {})
 
     def number(self, key: int) -> int:
@@ -93,13 +93,13 @@ class Peers:
         self.keys[self._last] = key
         return self._last
 
-    def note_heard(self, claims: set[Claim]) -> None:
+    def note_good_frames(self, claims: set[Claim]) -> None:
         """Notes good frames of senders that are trusted already."""
-        self._heard |= claims
+        self._good_claims |= claims
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
         """Notes good frames of senders, and trusts those that there is room for."""
-        self.note_heard(claims)
+        self.note_good_frames(claims)
         for claim in claims.difference(self.trusted):
             if claim[0] not in self.keys:
                 continue  # forgotten meanwhile
@@ -118,10 +118,10 @@ class Peers:
     def update_trust(self, t_us: int) -> None:
         """Ends the trust in silent senders, and trusts waiting ones instead."""
         for table in (self.trusted, self._waiting):
-            for claim in self._heard.intersection(table):
+            for claim in self._good_claims.intersection(table):
                 table[claim].heard_us = t_us
                 table[claim].times += 1
-        self._heard.clear()
+        self._good_claims.clear()
         for claim in [claim for claim, entry in self.trusted.items() if t_us - entry.heard_us > TRUSTED_US]:
             self._revoke(claim)
         if self._waiting:

@@ -26,7 +26,7 @@ _SENDERS, _RECEIVERS = 32, 8
 class _Client:
     connection: Connection
     address: str
-    heard_s: float
+    received_s: float
     """When it last sent a good frame, or connected; monotonic."""
     known: bool
 
@@ -158,7 +158,7 @@ class TcpIn(Link):
             return
         if len(self._clients) >= _SENDERS:
             # closed first: clients that never sent a frame, of the others the one that was silent longest
-            order = [(client.known, client.heard_s, other) for other, client in self._clients.items()]
+            order = [(client.known, client.received_s, other) for other, client in self._clients.items()]
             oldest = min(order, key=lambda entry: entry[:2])[2]
             self._receive(oldest, batch)
             self._drop(oldest, batch)
@@ -170,7 +170,7 @@ class TcpIn(Link):
         client = self._clients[sock]
         goes_on, good = client.connection.read_into(batch)
         if good:
-            client.heard_s = time.monotonic()
+            client.received_s = time.monotonic()
             client.known = client.known or self._options.trusts_checksums
         if not goes_on:
             self._drop(sock, batch)

@@ -122,7 +122,7 @@ class UdpLink(Link):
         new = claimed.difference(self.peers.trusted)
         if not new:
             if self._trusts_checksums:
-                self.peers.note_heard(claimed)
+                self.peers.note_good_frames(claimed)
             return
         claims = batch.claims()
         for k, claim in enumerate(claims):

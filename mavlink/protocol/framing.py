@@ -80,7 +80,7 @@ def checksum(frame: bytes, extra: int) -> int:
     return int(_mcrf4xx(frame[1:covered] + _EXTRA[extra]))
 
 
-def _look(data: bytes, pos: int) -> tuple[_FrameMatch, int]:
+def _match_frame(data: bytes, pos: int) -> tuple[_FrameMatch, int]:
     """What begins at a magic byte, and its length (0 for nothing)."""
     left = len(data) - pos
     v2 = data[pos] == MAGIC_V2
@@ -111,7 +111,7 @@ def _holds_good(data: bytes, start: int, stop: int) -> _FrameMatch:
     """Whether a good frame begins in [start, stop): GOOD, MORE (not known yet) or NOTHING."""
     found = _NOTHING
     for match in _MAGIC.finditer(data, start, stop):
-        verdict, _ = _look(data, match.start())
+        verdict, _ = _match_frame(data, match.start())
         if verdict is _GOOD:
             return _GOOD
         if verdict is _MORE:
@@ -141,7 +141,7 @@ def _fits(data: bytes, pos: int, length: int, in_step: bool, final: bool) -> _Fr
     if in_step:
         return _UNKNOWN
     end = pos + length
-    after = _look(data, end)[0] if _MAGIC.match(data, end) else _NOTHING
+    after = _match_frame(data, end)[0] if _MAGIC.match(data, end) else _NOTHING
     return _UNKNOWN if after is _GOOD else _NOTHING
 
 
@@ -156,7 +156,7 @@ def _scan(data: bytes, wait: _Wait, in_step: bool) -> tuple[list[bytes], int, Fr
         if start > pos:
             junk, pos, in_step = junk + start - pos, start, False
             continue
-        verdict, length = _look(data, pos)
+        verdict, length = _match_frame(data, pos)
         if verdict is _GOOD and _cut_in_signature(data, pos, length):
             verdict = _BAD
         elif verdict is _UNKNOWN:
@@ -187,7 +187,7 @@ def split(data: bytes) -> tuple[list[bytes], FrameCounts]:
     if magic is None:
         return [], FrameCounts(junk_bytes=len(data))
     if magic.start() == 0:  # nearly always; most hold exactly one good frame, and a flood of bad ones must be cheap too
-        verdict, length = _look(data, 0)
+        verdict, length = _match_frame(data, 0)
         if verdict is _GOOD and length == len(data):
             return [data], _ONE_GOOD
         if verdict is not _GOOD and verdict is not _UNKNOWN and _MAGIC.search(data, 1) is None:
@@ -209,7 +209,7 @@ class Framer:
         """Bytes that wait for the rest of the frame that they seem to begin."""
         return len(self._rest)
 
-    def feed(self, data: bytes) -> list[bytes]:
+    def receive_bytes(self, data: bytes) -> list[bytes]:
         """Adds the next bytes and returns the frames that they complete, in order."""
         return self._scan(self._rest + data, _Wait.FOR_ALL)
 

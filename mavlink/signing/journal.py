@@ -33,7 +33,7 @@ _NEWEST_AT = 64
 _ROWS_AT = _NEWEST_AT + MAX_STREAMS * 8
 _SIZE = _ROWS_AT + MAX_STREAMS * 2 * _SLOT_BYTES
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-_SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, heard, booted
+_SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, received, booted
 
 
 class StreamJournal:
@@ -80,11 +80,11 @@ class StreamJournal:
         self._map[:] = bytes(_SIZE)
         _HEAD.pack_into(self._map, 0, _MAGIC, _boot_id(), run)
 
-    def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
+    def put(self, place: int, stream: int, timestamp: int, received: int, booted: int) -> None:
         """As :class:`mavlink.signing.streams.StreamRecorder` has it."""
         turn = self._turns[place] = self._turns[place] ^ 1
         at = _ROWS_AT + (2 * place + turn) * _SLOT_BYTES
-        body = _BODY.pack(stream, timestamp, heard, booted)
+        body = _BODY.pack(stream, timestamp, received, booted)
         self._map[at : at + _SLOT_BYTES] = _SUM.pack(crc32(body)) + body
         self.newest[place] = timestamp
 
@@ -129,5 +129,5 @@ def _row(slot: bytes) -> StreamRow | None:
     body = slot[_SUM.size :]
     if _SUM.pack(crc32(body)) != slot[: _SUM.size]:
         return None
-    stream, timestamp, heard, booted = _BODY.unpack(body)
-    return StreamRow(stream >> 16, stream >> 8 & 0xFF, stream & 0xFF, timestamp, heard, booted)
+    stream, timestamp, received, booted = _BODY.unpack(body)
+    return StreamRow(stream >> 16, stream >> 8 & 0xFF, stream & 0xFF, timestamp, received, booted)

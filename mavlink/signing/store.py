@@ -215,7 +215,7 @@ class StreamStore:
         self._births, kept = self.streams.births, list(self.streams.rows())
         rows = [_ROW.pack(*row) for row in kept]
         # where the computer's clock was set back, the streams went on
-        at = max([ticks_of(self._wall_ns() // 1000), *(row.heard for row in kept)])
+        at = max([ticks_of(self._wall_ns() // 1000), *(row.received for row in kept)])
         head = _HEAD.pack(_MAGIC, self._number, at, self.streams.proven, ended, self._run_id, len(rows))
         data = head + b"".join(rows)
         try:

@@ -73,7 +73,7 @@ class StreamRow(NamedTuple):
     link_id: int
     timestamp: int
     """Of its newest frame."""
-    heard: int
+    received: int
     """When that came; 0 unknown."""
     booted: int = 0
     """When its sender started, by this computer's clock; 0 unknown."""
@@ -86,14 +86,14 @@ class StreamRecorder(Protocol):
     def newest(self) -> memoryview:
         """(:data:`MAX_STREAMS`,) uint64: the newest timestamp at each place, written with every frame."""
 
-    def put(self, place: int, stream: int, timestamp: int, heard: int, booted: int) -> None:
+    def put(self, place: int, stream: int, timestamp: int, received: int, booted: int) -> None:
         """Replace what is at a place, 0 .. :data:`MAX_STREAMS` − 1: for a new stream, and once a second.
 
         Args:
             place: where.
             stream: system id << 16 | component id << 8 | link id.
             timestamp: as in :class:`StreamRow`, as the next two.
-            heard: likewise.
+            received: likewise.
             booted: likewise.
         """
 
@@ -101,11 +101,11 @@ class StreamRecorder(Protocol):
 class _StreamState:
     """The newest of one stream."""
 
-    __slots__ = ("booted", "heard", "learned", "not_before", "noted", "place", "timestamp")
+    __slots__ = ("booted", "learned", "not_before", "noted", "place", "received", "timestamp")
 
     def __init__(self, place: int) -> None:
         self.place = place
-        self.timestamp = self.heard = self.booted = 0
+        self.timestamp = self.received = self.booted = 0
         self.not_before = 0
         self.learned = self.noted = 0
         """When the time of its start was learnt, and when its row was written to the journal."""
@@ -159,7 +159,7 @@ class Streams:
         known = streams.get(stream)
         if known is not None and timestamp <= known.timestamp:
             return Auth.REPLAYED
-        if known is None or not -BEHIND <= now - known.heard <= BEHIND:
+        if known is None or not -BEHIND <= now - known.received <= BEHIND:
             if not (system_id in self.accept or _made_now(known, timestamp, now, frame)):
                 self._hold(system_id, stream, timestamp)
                 return Auth.HELD
@@ -168,7 +168,7 @@ class Streams:
             known.not_before = 0
         if self._held:
             self._held.pop((system_id, stream), None)
-        known.timestamp, known.heard = timestamp, now
+        known.timestamp, known.received = timestamp, now
         if now - known.learned >= SECOND and frame and frame[7] in _BOOT_AT and (boot := times_in(frame)[1]) >= 0:
             known.booted, known.learned = now - boot, now
         if self.journal is not None:
@@ -190,7 +190,7 @@ class Streams:
         for key, timestamp in found:
             del self._held[key]
             known = self._of[system_id].get(key[1]) or self._add(*key)
-            known.timestamp, known.heard, known.not_before = max(timestamp, known.timestamp), now, 0
+            known.timestamp, known.received, known.not_before = max(timestamp, known.timestamp), now, 0
             self._keep(*key, known)
         return len(found)
 
@@ -204,14 +204,14 @@ class Streams:
         stream = row.component_id << 8 | row.link_id
         known = self._of[row.system_id].get(stream) or self._add(row.system_id, stream)
         known.timestamp, known.booted, known.not_before = row.timestamp, row.booted, not_before
-        known.heard = 0 if not_before else row.heard
+        known.received = 0 if not_before else row.received
         self._keep(row.system_id, stream, known)
 
     def rows(self) -> Iterator[StreamRow]:
         """Every stream; another thread may add streams meanwhile."""
         for system_id, streams in enumerate(self._of):
             for stream, known in streams.copy().items():  # copied in one step
-                yield StreamRow(system_id, stream >> 8, stream & 0xFF, known.timestamp, known.heard, known.booted)
+                yield StreamRow(system_id, stream >> 8, stream & 0xFF, known.timestamp, known.received, known.booted)
 
     def write_to(self, journal: StreamRecorder) -> None:
         """Writes all streams to a journal, and from now on every change."""
@@ -222,8 +222,8 @@ class Streams:
 
     def _keep(self, system_id: int, stream: int, known: _StreamState) -> None:
         if self.journal is not None:
-            known.noted = known.heard
-            self.journal.put(known.place, system_id << 16 | stream, known.timestamp, known.heard, known.booted)
+            known.noted = known.received
+            self.journal.put(known.place, system_id << 16 | stream, known.timestamp, known.received, known.booted)
 
     def _hold(self, system_id: int, stream: int, timestamp: int) -> None:
         key = system_id, stream

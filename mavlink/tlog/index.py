@@ -76,7 +76,7 @@ def _whole(data: Bytes, frames: Frames) -> Frames:
     # so close that the frame behind has no room for its time, unless that began in the signature
     near = np.flatnonzero(signed & (following >= frames.end) & (following < frames.end + TIME_LENGTH))
     cut[near] = stamped(data, following[near], near=frames.offset[near])
-    return frames.take(~cut)
+    return frames.select(~cut)
 
 
 def _without_overlaps(frames: Frames, step: int) -> Frames:
@@ -100,7 +100,7 @@ def _without_overlaps(frames: Frames, step: int) -> Frames:
                 kept.insert(place, row)
         keep[cluster] = False
         keep[[row for _, _, row in kept]] = True
-    return frames.take(keep)
+    return frames.select(keep)
 
 
 def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
@@ -115,10 +115,10 @@ def _unknown_frames(data: Bytes, good: Frames, step: int) -> Frames:
         return Frames(start, start)
     found = find_unknown(data, start + step, stop, partial(_can_begin, data, step))
     gap = np.searchsorted(start, found.offset, side="right") - 1
-    found = found.take(found.end <= stop[gap])
+    found = found.select(found.end <= stop[gap])
     if step == 0:
         ends, starts = np.concatenate([[0], good.end, found.end]), np.concatenate([good.offset, found.offset])
-        found = found.take(np.isin(found.offset, ends) | np.isin(found.end, starts))
+        found = found.select(np.isin(found.offset, ends) | np.isin(found.end, starts))
     return _without_overlaps(found, step)
 
 
@@ -181,7 +181,7 @@ def build_index(data: Bytes) -> TlogIndex:
         timed = time_ok | stamped(data, frames.offset, little=source == "little-endian")
         keep = (known | timed) & ~embedded(data, frames, time_ok, step)
         if not keep.all():
-            frames, known = frames.take(keep), known[keep]
+            frames, known = frames.select(keep), known[keep]
             t_us, there, source = read_times(data, frames)
             time_ok = times_ok(t_us, there)
     damage = describe_gaps(data, frames, there, step)

@@ -52,7 +52,7 @@ class Frames:
         """Offset of the first byte after each frame."""
         return self.offset + self.length
 
-    def take(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Frames:
+    def select(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Frames:
         """Some of the frames."""
         return Frames(self.offset[index], self.length[index])
 

@@ -41,9 +41,9 @@ _LOG, _REFUSED, _CLOCK, _SENDERS = range(4)
 class TlogWriter:
     """Appends packets to a new log.
 
-    ``write``, ``write_records``, ``refuse`` and ``heard`` never raise and never wait for a disk that fails or syncs
-    slowly; ``state`` reports on the disk. Without a journal data is written to the kernel at once, so that a disk that
-    hangs blocks the caller; with one it is in shared memory at once, soon in the kernel, and nothing blocks.
+    ``write``, ``write_records``, ``refuse`` and ``write_sender`` never raise and never wait for a disk that fails or
+    syncs slowly; ``state`` reports on the disk. Without a journal data is written to the kernel at once, so that a disk
+    that hangs blocks the caller; with one it is in shared memory at once, soon in the kernel, and nothing blocks.
 
     Args:
         path: must not exist; nothing recorded is ever overwritten.
@@ -117,7 +117,9 @@ class TlogWriter:
         row = f"{number},{packet.t_us},{packet.link},{packet.peer},{int(packet.auth)}\n"
         self._put(_REFUSED, row.encode(), 1)
 
-    def heard(self, number: int, t_us: int, system_id: int, link: int, peer: int, address: str, name: str) -> None:
+    def write_sender(
+        self, number: int, t_us: int, system_id: int, link: int, peer: int, address: str, name: str
+    ) -> None:
         """Note that a system id has another sender than before, from this record on.
 
         Args:

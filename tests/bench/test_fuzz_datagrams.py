@@ -52,7 +52,7 @@ def test_kept_datagrams(path):
     frames, counts = split(data)
     assert sum(map(len, frames)) + counts.junk_bytes == len(data)
     framer = Framer()
-    assert sum(map(len, framer.feed(data) + framer.finish())) + framer.counts.junk_bytes == len(data)
+    assert sum(map(len, framer.receive_bytes(data) + framer.finish())) + framer.counts.junk_bytes == len(data)
 
 
 # What pymavlink 2.4 loses on the same bytes: resynchronising costs it undamaged frames here.

@@ -132,7 +132,7 @@ def test_a_film_has_no_letter_that_its_font_lacks():
 @pytest.mark.parametrize("name", ["=1+1", "tty\x1b[31m", "'=1", "udpin:0.0.0.0:14550"])
 def test_senders_are_read_back_as_they_were(name, tmp_path):
     with TlogWriter(tmp_path / "telemetry.tlog") as log:
-        log.heard(0, 1000, 7, 0, 0, name, name)
+        log.write_sender(0, 1000, 7, 0, 0, name, name)
     text = (tmp_path / "senders.csv").read_text()
     assert is_plain(text)
     assert ",=" not in text

@@ -24,16 +24,16 @@ def test_records_come_out_as_they_went_in_for_many_rounds():
     for k in range(3000):
         assert writer.put(record_of(k))
         if k % 7 == 6:
-            taken += reader.take()
-    assert taken + reader.take() == [record_of(k) for k in range(3000)]
-    assert reader.take() == [] and writer.read == writer.written
+            taken += reader.read_records()
+    assert taken + reader.read_records() == [record_of(k) for k in range(3000)]
+    assert reader.read_records() == [] and writer.read == writer.written
 
 
 def test_a_full_ring_takes_no_more_until_something_is_taken_out():
     ring = Ring(memoryview(bytearray(RING_BYTES)))
     kept = sum(ring.put(bytes(92)) for _ in range(100))
     assert kept == (RING_BYTES - 16) // 100 and not ring.put(bytes(92))
-    assert len(ring.take()) == kept and ring.put(bytes(92))
+    assert len(ring.read_records()) == kept and ring.put(bytes(92))
 
 
 @pytest.mark.parametrize("rounds", [0, 1, 5], ids=["new memory", "stale bytes", "older bytes"])
@@ -46,7 +46,7 @@ def test_a_cursor_that_is_seen_before_the_bytes_gives_out_nothing_torn(rounds):
     for _ in range(rounds * 40):
         assert writer.put(record_of(number))
         theirs[:] = ours
-        assert reader.take() == [record_of(number)]
+        assert reader.read_records() == [record_of(number)]
         ours[8:16] = theirs[8:16]
         number += 1
     for _ in range(200):
@@ -56,9 +56,9 @@ def test_a_cursor_that_is_seen_before_the_bytes_gives_out_nothing_torn(rounds):
         rng.shuffle(changed)
         theirs[:8] = ours[:8]  # the cursor
         for place in changed:
-            assert reader.take() == []
+            assert reader.read_records() == []
             theirs[place] = ours[place]
-        assert reader.take() == [late]
+        assert reader.read_records() == [late]
         ours[8:16] = theirs[8:16]
         number += 1
 
@@ -97,7 +97,7 @@ def test_two_processes_at_full_speed():
     writer.start()
     stop_s = time.monotonic() + 30.0
     while len(taken) < RECORDS and time.monotonic() < stop_s:
-        taken += ring.take()
+        taken += ring.read_records()
         seen.add(newest.get())
     writer.join()
     os.close(fd)

@@ -101,7 +101,7 @@ def test_01_plain_text_at_boot_and_between_frames():
     stream, frames = b"".join(datagrams), []
     while stream:
         cut = rng.randint(1, 40)
-        frames += framer.feed(stream[:cut])
+        frames += framer.receive_bytes(stream[:cut])
         stream = stream[cut:]
     assert len(frames + framer.finish()) == 60 and framer.counts.bad == 0
 

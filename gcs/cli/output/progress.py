@@ -68,13 +68,13 @@ def _bar(work: str) -> Iterator[Report]:
 
 
 def _lines(work: str, clock_s: Callable[[], float]) -> Report:
-    told_percent, told_s = 0, clock_s()
+    printed_percent, printed_s = 0, clock_s()
 
     def report(done: int, total: int) -> None:
-        nonlocal told_percent, told_s
+        nonlocal printed_percent, printed_s
         percent = 100 * done // max(total, 1)
-        if percent >= told_percent + LINE_STEP_PERCENT and clock_s() >= told_s + LINE_PAUSE_S:
-            told_percent, told_s = percent - percent % LINE_STEP_PERCENT, clock_s()
+        if percent >= printed_percent + LINE_STEP_PERCENT and clock_s() >= printed_s + LINE_PAUSE_S:
+            printed_percent, printed_s = percent - percent % LINE_STEP_PERCENT, clock_s()
             print_note(f"{work}: {percent} % ({done} of {total})")
 
     return report

@@ -16,24 +16,24 @@ from gcs.tui.draw.strips import Part, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["EventPane", "heard"]
+__all__ = ["EventPane", "events_from"]
 
 FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
-SAID: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
+LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
 MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
 MOST: Final = 2000
 
 
-def heard(said: Sequence[Event], least: Level) -> list[Event]:
+def events_from(events: Sequence[Event], least: Level) -> list[Event]:
     """Events of at least a level."""
     rank = FILTERS.index(least)
-    return [event for event in said if _rank(event.level) >= rank]
+    return [event for event in events if _rank(event.level) >= rank]
 
 
-def grouped(said: Sequence[Event]) -> list[tuple[Event, int]]:
+def grouped(events: Sequence[Event]) -> list[tuple[Event, int]]:
     """Runs of events that say the same, each as its newest and their number."""
     rows: list[tuple[Event, int]] = []
-    for event in said:
+    for event in events:
         before, times = rows[-1] if rows else (None, 0)
         if before is not None and _same(before, event):
             rows[-1] = (event, times + 1)
@@ -61,7 +61,7 @@ class EventPane(Pane):
         Binding("pagedown", "scroll_by(-10)", "Newer", id="events.pagedown", show=False, tooltip="Scroll ten down"),
     ]
 
-    said: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)
+    all_events: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)
     least: reactive[Level] = reactive("info", repaint=False)
 
     def __init__(self, *, id: str, live: bool = True) -> None:
@@ -72,8 +72,8 @@ class EventPane(Pane):
     def shown(self) -> list[Event]:
         """Events that may be on screen: of the filter's levels, not of a replay's future, the newest few thousand."""
         until_us = None if self._live or self.snapshot is None else self.snapshot.t_us
-        past = [event for event in self.said if until_us is None or event.t_us <= until_us]
-        return heard(past[-MOST:], self.least)
+        past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
+        return events_from(past[-MOST:], self.least)
 
     def next_filter(self) -> None:
         """All, warnings and alarms, alarms only, all …"""
@@ -85,7 +85,7 @@ class EventPane(Pane):
         self._back = min(max(self._back + rows, 0), self._room(shown, self.size.width, self.size.height - 1))
         self.redraw()
 
-    def watch_said(self) -> None:
+    def watch_all_events(self) -> None:
         """Something happened."""
         self.redraw()
 
@@ -112,7 +112,7 @@ class EventPane(Pane):
         back = f"{self._back} newer below · " if self._back else ""
         alarms = sum(event.level == "alarm" for event in self.shown())
         loud: list[Part] = [(f"{MARKS['alarm']} × {alarms} ", ink(level_colour("alarm"), HEAD))]
-        return [(f"{back}{SAID[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
+        return [(f"{back}{LEVEL_LABELS[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The newest events that fit, oldest first."""
@@ -138,13 +138,13 @@ class EventPane(Pane):
                 return len(shown) - fit
         return 0
 
-    def _said_by(self, event: Event) -> str:
+    def _sender_prefix(self, event: Event) -> str:
         """Whose text it is, when the text does not say so; one from the air may say what it likes."""
         if not event.system_id or self.snapshot is None:
             return ""
         name = self.snapshot.name_of(event.system_id)
-        told = event.text.startswith(name) if event.kind == "text" else name in event.text
-        return "" if told else f"{name}: "
+        named = event.text.startswith(name) if event.kind == "text" else name in event.text
+        return "" if named else f"{name}: "
 
     def _rows_of(self, event: Event, times: int, width: int) -> list[Strip]:
         """One row; while the log has the focus, as many as the text needs."""
@@ -158,7 +158,7 @@ class EventPane(Pane):
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = max(1, width - width_of(parts) - 1)
         often = f" × {times}" if times > 1 else ""
-        text, style = plain(self._said_by(event) + event.text), ink(BRIGHT if ours else colour)
+        text, style = plain(self._sender_prefix(event) + event.text), ink(BRIGHT if ours else colour)
         if not self.has_focus:
             return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]
         first, *more = folded(text + often, room)

@@ -53,16 +53,16 @@ class IdentityPane(Pane):
         facts = _fleet_facts(self.snapshot) if row is None else _facts(self.snapshot, row)
         half = math.ceil(len(facts) / 2)
         if height >= len(facts) or width < 60:
-            return [line(_said(fact, 12), width) for fact in facts[:height]]
+            return [line(_fact_parts(fact, 12), width) for fact in facts[:height]]
         strips = []
         for index in range(min(half, height)):
-            left = line(_said(facts[index], 12), width // 2)
-            right = _said(facts[half + index], 12) if half + index < len(facts) else []
+            left = line(_fact_parts(facts[index], 12), width // 2)
+            right = _fact_parts(facts[half + index], 12) if half + index < len(facts) else []
             strips.append(Strip.join([left, line(right, width - width // 2)]))
         return strips
 
 
-def _said(fact: Fact, width: int) -> list[Part]:
+def _fact_parts(fact: Fact, width: int) -> list[Part]:
     name, value, colour = fact
     return [(f" {name:<{width}}", ink(FAINT)), (value, ink(colour))]
 

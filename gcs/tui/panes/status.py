@@ -41,7 +41,7 @@ class StatusBar(Widget):
 
     ALLOW_SELECT: ClassVar[bool] = False
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True)
-    said: reactive[str] = reactive("")
+    title: reactive[str] = reactive("")
     """The station's title, which may change while a recording is analysed."""
 
     def __init__(self, *, live: bool, id: str) -> None:
@@ -66,7 +66,7 @@ class StatusBar(Widget):
         for item in items:
             right += [("  ", ink(FAINT, HEAD)), *item.parts]
         room = width - width_of(left) - width_of(right) - 2
-        title = plain(self.said)
+        title = plain(self.title)
         if cell_len(title) <= room:
             left.append((title, ink(FAINT, HEAD)))
         return split_line(left, [*right, (" ", ink(FAINT, HEAD))], width)
@@ -144,6 +144,6 @@ def _video(health: Health) -> Item:
         calm = health.video in ("none", "waiting", "ended")
         return _item(4, f"video {plain(health.video)}", FAINT if calm else ALARM)
     late = health.lag_s > LATE_S or health.undecoded > 0
-    said = f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S)
-    said += f" {health.undecoded} undecoded" * (health.undecoded > 0)
-    return _item(4, f"video ok{said}", WARN if late else FAINT)
+    faults = f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S)
+    faults += f" {health.undecoded} undecoded" * (health.undecoded > 0)
+    return _item(4, f"video ok{faults}", WARN if late else FAINT)

@@ -30,11 +30,11 @@ class TimelineBar(Widget):
     state: reactive[State] = reactive((0, 0, 0, False, 1.0))
     marks: reactive[tuple[Event, ...]] = reactive((), always_update=True)
 
-    def show(self, timeline: Timeline, said: Sequence[Event]) -> None:
+    def show(self, timeline: Timeline, events: Sequence[Event]) -> None:
         """Take the timeline's state; repaints only when something differs."""
         self.state = (timeline.start_us, timeline.stop_us, timeline.now_us, timeline.playing, timeline.speed)
-        if len(said) != len(self.marks) or (said and said[-1] is not self.marks[-1]):
-            self.marks = tuple(said)
+        if len(events) != len(self.marks) or (events and events[-1] is not self.marks[-1]):
+            self.marks = tuple(events)
 
     def render_line(self, y: int) -> Strip:
         """The bar between clock and speed."""

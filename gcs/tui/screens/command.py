@@ -41,9 +41,9 @@ def ask_for_order(app: App[Any], commands: Commands | None, selected: int, *, li
     def confirm(key: str | None) -> None:
         if key is not None:
             words = dict(orders)[key]
-            app.push_screen(Confirm(words), lambda yes: give(key) if yes else None)
+            app.push_screen(Confirm(words), lambda yes: submit(key) if yes else None)
 
-    def give(key: str) -> None:
+    def submit(key: str) -> None:
         try:
             commands.submit(key, selected)
         except (KeyError, ValueError) as error:

@@ -38,7 +38,9 @@ def noted(folder, packets):
             number = writer.write(packet)
             for _, system_id in senders.changes(packet.link, Batch([packet.t_us], [packet.raw], [packet.peer])):
                 address = f"10.0.0.{packet.peer}:1" if packet.link == 0 else ""
-                writer.heard(number, packet.t_us, system_id, packet.link, packet.peer, address, NAMES[packet.link])
+                writer.write_sender(
+                    number, packet.t_us, system_id, packet.link, packet.peer, address, NAMES[packet.link]
+                )
     return SessionLog(folder / "telemetry.tlog")
 
 

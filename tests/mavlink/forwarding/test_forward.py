@@ -328,7 +328,7 @@ def test_a_slow_tcp_receiver_gets_whole_frames_and_the_rest_is_counted():
     framer, got, end = Framer(), 0, time.monotonic() + 60.0
     client.settimeout(20.0)
     while got < forwarder.counts[0].sent and time.monotonic() < end:
-        got += len(framer.feed(client.recv(1 << 16)))
+        got += len(framer.receive_bytes(client.recv(1 << 16)))
         forwarder.forward([], nowhere)
     assert framer.counts.bad == framer.counts.junk_bytes == 0
     assert got == forwarder.counts[0].sent > 1000
@@ -366,7 +366,7 @@ def test_a_radio_gets_everything_and_answers_however_often_it_is_looked_at():
         forwarder.forward(packets(frame), nowhere)
         forwarder.maintain()
     assert forwarder.counts[0].sent == 5
-    assert Framer().feed(os.read(controller, 4096)) == frames
+    assert Framer().receive_bytes(os.read(controller, 4096)) == frames
     raw = command(MavlinkEncoder(255, 190), 1)
     os.write(controller, raw)
     settle(forwarder, sent, 1)

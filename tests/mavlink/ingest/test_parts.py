@@ -149,7 +149,7 @@ def test_a_full_ring_counts_what_does_not_fit(memory):
 def test_how_far_it_has_heard_is_known_once_all_of_that_is_taken(memory):
     assert memory.heard_us() is None
     memory.put_packets(0, 7, [1], [b"x"], [1], None)
-    memory.put_heard(5)
+    memory.put_received_until(5)
     assert memory.heard_us() is None
     memory.take_packets()
     assert memory.heard_us() == 5

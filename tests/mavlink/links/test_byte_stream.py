@@ -106,10 +106,10 @@ def test_however_noise_pieces_and_pauses_fall_every_frame_comes_once_and_in_orde
 
 def test_giving_up_keeps_what_may_still_be_finished():
     framer, (a, b) = Framer(), some_frames(2)
-    assert framer.feed(b"\xfd\xff\x00" + a + b[:-3]) == []
+    assert framer.receive_bytes(b"\xfd\xff\x00" + a + b[:-3]) == []
     assert framer.skip_unfinished() == [a]
     assert framer.waiting == len(b) - 3
-    assert framer.feed(b[-3:]) == [b]
+    assert framer.receive_bytes(b[-3:]) == [b]
 
 
 # ---- from the front door

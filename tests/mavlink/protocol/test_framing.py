@@ -57,7 +57,7 @@ def test_poison_in_front_of_every_tenth_frame_costs_none(poison):
     stream = b"".join(poison * (i % 10 == 0) + frame for i, frame in enumerate(frames))
     assert split(stream)[0] == frames
     framer = Framer()
-    got = [frame for i in range(0, len(stream), 100) for frame in framer.feed(stream[i : i + 100])]
+    got = [frame for i in range(0, len(stream), 100) for frame in framer.receive_bytes(stream[i : i + 100])]
     assert got + framer.finish() == frames
 
 
@@ -74,7 +74,9 @@ def test_flipped_header_bytes_lose_no_undamaged_frame(byte, version):
             hurt[byte] ^= rng.randrange(1, 256)
         stream += hurt
     framer = Framer()
-    got = [f for i in range(0, len(stream), 333) for f in framer.feed(bytes(stream[i : i + 333]))] + framer.finish()
+    got = [
+        f for i in range(0, len(stream), 333) for f in framer.receive_bytes(bytes(stream[i : i + 333]))
+    ] + framer.finish()
     for i, frame in enumerate(frames):
         if i not in damaged:
             assert frame in got
@@ -138,12 +140,12 @@ def test_unknown_after_noise_needs_a_good_frame_behind_it():
 def test_stream_gives_the_same_frames_however_it_is_cut(cuts, noise):
     stream = b"".join(frame + noise * (i % 5 == 0) for i, frame in enumerate(EVERY_VERSION))
     whole = Framer()
-    expected = whole.feed(stream) + whole.finish()
+    expected = whole.receive_bytes(stream) + whole.finish()
     framer = Framer()
     got = []
     edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     for start, stop in pairwise(edges):
-        got += framer.feed(stream[start:stop])
+        got += framer.receive_bytes(stream[start:stop])
     got += framer.finish()
     assert [f for f in got if f in EVERY_VERSION] == EVERY_VERSION == [f for f in expected if f in EVERY_VERSION]
     counted = framer.counts
@@ -163,12 +165,12 @@ def test_frame_cut_in_its_signature_does_not_swallow_the_next(missing):
     a, b, c = some_frames(3, key=b"k" * 32)
     stream = a[:-missing] + b + c
     assert split(stream)[0] == [b, c]
-    assert Framer().feed(stream) == [b, c]
+    assert Framer().receive_bytes(stream) == [b, c]
 
 
 def test_framer_waits_for_the_rest_of_a_frame():
     (frame,) = some_frames(1)
     framer = Framer()
-    assert [framer.feed(bytes([byte])) for byte in frame[:-1]] == [[]] * (len(frame) - 1)
-    assert framer.feed(frame[-1:]) == [frame]
+    assert [framer.receive_bytes(bytes([byte])) for byte in frame[:-1]] == [[]] * (len(frame) - 1)
+    assert framer.receive_bytes(frame[-1:]) == [frame]
     assert framer.counts == FrameCounts(good=1)
