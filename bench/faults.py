@@ -122,15 +122,15 @@ def read_faults(path: Path) -> list[Fault]:
 class _Signs:
     """Times, Unix seconds, at which one vehicle's packets show something."""
 
-    heard: list[float] = field(default_factory=list)
+    received_s: list[float] = field(default_factory=list)
     shown: dict[str, list[float]] = field(default_factory=dict)
 
     gps: GpsRaw | None = None
     boot_ms: int = 0
 
-    def take(self, t_s: float, sample: Sample) -> None:
-        """What one message shows."""
-        self.heard.append(t_s)
+    def add(self, t_s: float, sample: Sample) -> None:
+        """Note what a message received at Unix ``t_s`` shows."""
+        self.received_s.append(t_s)
         for sign in self._shown_by(sample):
             self.shown.setdefault(sign, []).append(t_s)
 
@@ -166,15 +166,15 @@ def _signs(session: Path) -> dict[int, _Signs]:
     for packet in Tlog.open(session / "telemetry.tlog").packets():
         sample = decode(packet)
         if sample is not None:
-            found.setdefault(packet.system_id, _Signs()).take(packet.t_us * 1e-6, sample)
+            found.setdefault(packet.system_id, _Signs()).add(packet.t_us * 1e-6, sample)
     return found
 
 
 def _known(fault: Fault, wanted: Sequence[str], signs: _Signs) -> tuple[float, float]:
     """When a fault, and its end, can be known; NaN where it cannot."""
     if _SILENCE in wanted:
-        before = max((t_s for t_s in signs.heard if t_s <= fault.begin_s + _BEAT_S), default=math.nan)
-        after = min((t_s for t_s in signs.heard if t_s >= fault.end_s - _BEAT_S), default=math.nan)
+        before = max((t_s for t_s in signs.received_s if t_s <= fault.begin_s + _BEAT_S), default=math.nan)
+        after = min((t_s for t_s in signs.received_s if t_s >= fault.end_s - _BEAT_S), default=math.nan)
         return before + _BEAT_S, after
     shown = [t_s for sign in wanted for t_s in signs.shown.get(sign, ())]
     shown = sorted(t_s for t_s in shown if fault.begin_s <= t_s <= fault.end_s + AFTER_S)

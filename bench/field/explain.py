@@ -51,7 +51,7 @@ def explain(number: int, hard: bool, seed: int) -> str:
     with tempfile.TemporaryDirectory(prefix="field-") as folder:
         write_session(scenario, Path(folder) / "session")
         played = identify(Path(folder) / "session", Path(folder) / "out")
-        said = _said(Path(folder) / "out" / "identity.jsonl")
+        said = _read_identity(Path(folder) / "out" / "identity.jsonl")
         events = [json.loads(line) for line in (Path(folder) / "out" / "events.jsonl").read_text().splitlines()]
     m, s = played.matched, summarise([tally(played.matched, scenario.fps)])
     lines = [f"{scenario.name}   family {number} seed {seed}", *_setting(scenario)]
@@ -81,7 +81,7 @@ def spans(m: Matched, fps: float) -> list[Span]:
     return found
 
 
-def _said(path: Path) -> dict[tuple[int, int], _BoxEvidence]:
+def _read_identity(path: Path) -> dict[tuple[int, int], _BoxEvidence]:
     table = {}
     for line in path.read_text().splitlines():
         row = json.loads(line)

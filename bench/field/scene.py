@@ -86,7 +86,7 @@ def scene_of(scenario: Scenario) -> SessionFrames:
             fleet.add_packet(Packet(ahead.t_us, ahead.raw))
             ahead = next(packets, None)
         state = fleet.at(stamp_us - round(offset * 1e6))
-        looks.append(_look(detector.detect(now), state, mission, intrinsics))
+        looks.append(_session_frame(detector.detect(now), state, mission, intrinsics))
     return SessionFrames(
         ids=np.array(mission.ugv_ids, np.int64),
         fps=scenario.fps,
@@ -95,7 +95,7 @@ def scene_of(scenario: Scenario) -> SessionFrames:
     )
 
 
-def _look(rows: DetectedRows, state: FleetState, mission: Mission, intrinsics: Intrinsics) -> SessionFrame:
+def _session_frame(rows: DetectedRows, state: FleetState, mission: Mission, intrinsics: Intrinsics) -> SessionFrame:
     uav = state.uav
     R_enu_body = uav.R_enu_body if uav.attitude_valid else LEVEL_NORTH
     pose = camera_pose(mount_of(mission.camera), uav.p_enu, R_enu_body)

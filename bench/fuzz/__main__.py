@@ -21,7 +21,7 @@ def _logs(first: int, count: int) -> str:
     for seed in range(first, first + count, _STEP):
         for kind, score in fuzz_logs(range(seed, min(seed + _STEP, first + count))).items():
             scores.setdefault(kind, LogScore()).add(score)
-        _say(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
+        _print_progress(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
     return logs_text(scores)
 
 
@@ -29,11 +29,11 @@ def _datagrams(first: int, count: int) -> str:
     score = DatagramScore()
     for start in range(0, count, BLOCK):
         score.add(fuzz_datagrams(first + start // BLOCK, min(BLOCK, count - start)))
-        _say(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
+        _print_progress(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
     return datagrams_text(score)
 
 
-def _say(line: str) -> None:
+def _print_progress(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 

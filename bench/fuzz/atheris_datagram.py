@@ -25,9 +25,9 @@ def make() -> Callable[[bytes], None]:
 
     def one(data: bytes) -> None:
         listener = Listener()
-        listener.hear(data)
+        listener.receive(data)
         if len(data) > 3:
-            listener.hear(right(data))
+            listener.receive(right(data))
         listener.fleet.at(listener.t_us)
         frames, counts = split(data)
         assert sum(map(len, frames)) + counts.junk_bytes == len(data)

@@ -102,8 +102,8 @@ class Listener:
         self.t_us = _T0_US
         self.taken = 0
 
-    def hear(self, data: bytes, step_us: int = 500) -> tuple[int, int]:
-        """Counts of frames and of notices that a datagram brings."""
+    def receive(self, data: bytes, step_us: int = 500) -> tuple[int, int]:
+        """Receive a datagram ``step_us`` after the last one; counts of its frames and of the notices they cause."""
         self.t_us += step_us
         self.taken += 1
         frames, _ = split(data)
@@ -129,7 +129,7 @@ def fuzz_datagrams(seed: int, count: int = BLOCK) -> DatagramScore:
         step_us = rng.choice((500, 500, 500, 0, 2_000_000, -3_000_000)) if i % 20 == 0 else 500
         start = time.process_time()
         try:
-            frames, notices = listener.hear(data, step_us)
+            frames, notices = listener.receive(data, step_us)
         except Exception as error:  # noqa: BLE001  (that there is none is what is being measured)
             score.failures.append(f"{seed}/{i}: {error!r}: {data.hex()}")
             frames = notices = 0

@@ -29,7 +29,7 @@ def _flight(n: int, seconds: float) -> list[MethodTiming]:
         began = time.thread_time(), time.perf_counter()
         tracks = tracker.update(boxes, frame_us(frame), warp=warp, stitch=stitch, known=known)
         tracked = time.thread_time(), time.perf_counter()
-        keeper.see(frame, tracks)
+        keeper.observe(frame, tracks)
         named = time.thread_time(), time.perf_counter()
         for name, start, stop in (("tracker", began, tracked), ("identifier", tracked, named), ("both", began, named)):
             for kind in (0, 1):

@@ -104,7 +104,7 @@ class Paper(Plain):
     def known(self) -> Collection[int]:
         return list(self._name)
 
-    def see(self, frame: int, tracks: Tracks) -> None:
+    def observe(self, frame: int, tracks: Tracks) -> None:
         boxes = self._walk.detections[frame]
         seen = np.flatnonzero(tracks.detection >= 0)
         centre = boxes.centre[tracks.detection[seen]]
@@ -173,7 +173,7 @@ def _follow(walk: Walk, name: str, track: Callable[[Walk, Plain], Step], make: C
     track_of, vehicle_of, last = dict[int, int](), dict[int, int](), dict[int, int]()
     for frame, truth in enumerate(walk.truth):
         tracks = step(frame)
-        keeper.see(frame, tracks)
+        keeper.observe(frame, tracks)
         for track_id, detection in zip(tracks.track_id.tolist(), tracks.detection.tolist(), strict=True):
             vehicle = int(truth[detection]) if detection >= 0 else -1
             if vehicle >= 0:

@@ -105,8 +105,8 @@ class Plain:
         """Tracks with a name: once out of sight they are continued by ``stitch`` only."""
         return ()
 
-    def see(self, frame: int, tracks: Tracks) -> None:
-        """Take in what the tracker made of a frame."""
+    def observe(self, frame: int, tracks: Tracks) -> None:
+        """Use the tracks of a frame as evidence."""
 
 
 class Ours(Plain):
@@ -128,9 +128,9 @@ class Ours(Plain):
     def known(self) -> Collection[int]:
         return self._named
 
-    def see(self, frame: int, tracks: Tracks) -> None:
+    def observe(self, frame: int, tracks: Tracks) -> None:
         walk = self._walk
         observation = observation_of(frame_us(frame), walk.detections[frame], tracks, LENS)
-        heard = vehicle_reports(frame_us(frame), walk.p_enu[frame], walk.heading[frame])
-        answer = self._who.update(observation, walk.cameras[frame], heard)
+        reports = vehicle_reports(frame_us(frame), walk.p_enu[frame], walk.heading[frame])
+        answer = self._who.update(observation, walk.cameras[frame], reports)
         self._named = answer.track_id[answer.system_id > 0].tolist()

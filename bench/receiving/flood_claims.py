@@ -159,15 +159,15 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def _said(raw: bytes) -> bytes:
-    """What a frame says, signed or not."""
+def _content(raw: bytes) -> bytes:
+    """Header from the sequence number on, and payload: the same whether the frame is signed or not."""
     return raw[4 : 10 + raw[1]]
 
 
 def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flood_s: float) -> ClaimResult:
-    owner = {_said(frame): k for k in range(VEHICLES) for frame in fleet_frames(k + 1)}
+    owner = {_content(frame): k for k in range(VEHICLES) for frame in fleet_frames(k + 1)}
     logs = [Tlog.open(path) for path in segments(session / "telemetry.tlog")]
-    counts = Counter(owner.get(_said(packet.raw), -1) for log in logs for packet in log.packets())
+    counts = Counter(owner.get(_content(packet.raw), -1) for log in logs for packet in log.packets())
     rows = [json.loads(line) for line in (session / "events.jsonl").read_text().splitlines()]
     told = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
     recorded = [counts[k] for k in range(VEHICLES)]

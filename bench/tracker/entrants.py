@@ -44,7 +44,7 @@ class _RollcallEntrant:
         began = time.thread_time()
         tracks = self._tracker.update(frame.boxes, frame.t_us, warp=warp)
         took = time.thread_time() - began
-        return _said(tracks, len(frame.boxes)), 1e3 * took
+        return _track_of_boxes(tracks, len(frame.boxes)), 1e3 * took
 
 
 class _Identified:
@@ -56,7 +56,7 @@ class _Identified:
         tracks = self._named.update(frame)
         took = time.thread_time() - began
         self._named.learn(frame, tracks)
-        return _said(tracks, len(frame.boxes)), 1e3 * took
+        return _track_of_boxes(tracks, len(frame.boxes)), 1e3 * took
 
 
 class _ByteTrackEntrant:
@@ -67,7 +67,7 @@ class _ByteTrackEntrant:
         began = time.thread_time()
         tracks = self._tracker.update(frame.boxes)
         took = time.thread_time() - began
-        return _said(tracks, len(frame.boxes), 1), 1e3 * took
+        return _track_of_boxes(tracks, len(frame.boxes), 1), 1e3 * took
 
 
 class _SortEntrant:
@@ -89,7 +89,7 @@ class _LibraryEntrant:
         began = time.thread_time()
         found = self._tracker.update(boxes)
         took = time.thread_time() - began
-        return self._tracker.said(found, len(frame.boxes)), 1e3 * took
+        return self._tracker.track_of_boxes(found, len(frame.boxes)), 1e3 * took
 
 
 def entrants() -> tuple[dict[str, Entrant], list[str]]:
@@ -111,7 +111,7 @@ def entrants() -> tuple[dict[str, Entrant], list[str]]:
     return made, skipped
 
 
-def _said(tracks: Tracks, count: int, least: int = CONFIRMED) -> IntArray:
+def _track_of_boxes(tracks: Tracks, count: int, least: int = CONFIRMED) -> IntArray:
     out = np.full(count, -1)
     seen = (tracks.detection >= 0) & (tracks.hits >= least)
     out[tracks.detection[seen]] = tracks.track_id[seen]

@@ -77,7 +77,7 @@ class Published:
         return self._update(boxes)
 
     @staticmethod
-    def said(found: Any, count: int) -> IntArray:  # noqa: ANN401 - the package's own type
+    def track_of_boxes(found: Any, count: int) -> IntArray:  # noqa: ANN401 - the package's own type
         """The track of each of the boxes (count,), -1 none."""
         out = np.full(count, -1)
         if len(found) and found.tracker_id is not None:

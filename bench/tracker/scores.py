@@ -33,7 +33,7 @@ class TrackingScore:
     last: dict[int, int] = field(default_factory=dict)
     tracked: dict[int, bool] = field(default_factory=dict)
 
-    def see(self, vehicle: IntArray, track: IntArray) -> None:
+    def add(self, vehicle: IntArray, track: IntArray) -> None:
         """Take in one frame.
 
         Args:

@@ -45,7 +45,7 @@ class Sort:
         self._x, self._P = predict(self._x, self._P)
         self._lost = self._lost + 1
         rows, columns = self._match(edges)
-        self._see(rows, edges[columns])
+        self._correct(rows, edges[columns])
         self._hits[rows] += 1
         self._lost[rows] = 0
         said = np.full(len(detections), -1)
@@ -58,7 +58,7 @@ class Sort:
     def _match(self, edges: FloatArray) -> tuple[IntArray, IntArray]:
         return best(iou(box(self._x), edges))
 
-    def _see(self, rows: IntArray, edges: FloatArray) -> None:
+    def _correct(self, rows: IntArray, edges: FloatArray) -> None:
         self._x[rows], self._P[rows] = correct(self._x[rows], self._P[rows], measured(edges))
 
     def _keep(self, mask: NDArray[np.bool_]) -> None:
@@ -104,11 +104,11 @@ class OcSort(Sort):
         # (π/2 − Δθ) / π, nothing for what has not moved
         return np.where(length > 0, 0.5 - np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi, 0.0)
 
-    def _see(self, rows: IntArray, edges: FloatArray) -> None:
+    def _correct(self, rows: IntArray, edges: FloatArray) -> None:
         for row, seen in zip(rows.tolist(), edges, strict=True):
             if self._lost[row] > 1:
                 self._relive(row, seen)
-        super()._see(rows, edges)
+        super()._correct(rows, edges)
         self._past[rows] = np.concatenate([edges[:, None], self._past[rows, :-1]], axis=1)
         then_x, then_P = self._then
         then_x[rows], then_P[rows] = self._x[rows], self._P[rows]

@@ -82,7 +82,7 @@ def _play(
             for frame in scene[start : start + TURN]:
                 track, ms = entrant.step(frame)
                 times[name].append(ms)
-                scores[name].see(frame.vehicle, track)
+                scores[name].add(frame.vehicle, track)
     return times, scores
 
 

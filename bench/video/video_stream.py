@@ -59,7 +59,7 @@ class Threaded:
         return not self._stop.is_set()
 
     def latest(self, timeout_s: float) -> Frame | None:
-        taken = self._reader.newest.take(timeout_s)
+        taken = self._reader.newest.pop(timeout_s)
         if taken is None:
             return None
         index, t_us, frame = taken

@@ -104,8 +104,8 @@ def _differences(a: Floats, b: Floats) -> tuple[Floats, Floats]:
     return np.where(turned, px_turned, px), np.where(turned, degrees_turned, degrees)
 
 
-def _told(boxes: Floats, image: Image) -> Floats:
-    """Of boxes (m, 5) those that we would return."""
+def _with_centre_inside(boxes: Floats, image: Image) -> Floats:
+    """Of boxes (m, 5) those that our detector returns: with sides, and a centre inside the image."""
     cx, cy, w, h, _ = boxes.T
     inside = (cx >= 0) & (cx <= image.shape[1]) & (cy >= 0) & (cy <= image.shape[0])
     return np.asarray(boxes[inside & (w > 0) & (h > 0)])
@@ -155,7 +155,7 @@ def random_lines(names: Sequence[str], family: str, images: Mapping[str, Image],
             # their predictor cannot read a turned output: the plain file stands for it
             predictor = ultralytics.YOLO(str(plain if layout.turned else path), task="obb")
             for name, image in images.items():
-                theirs = _told(_predicted(predictor, image, _batch(layout), agnostic=agnostic), image)
+                theirs = _with_centre_inside(_predicted(predictor, image, _batch(layout), agnostic=agnostic), image)
                 ours = detector.detect(image).boxes
                 yield compared(title, layout.name + ", agnostic" * agnostic, name, theirs, ours)
 
@@ -167,9 +167,9 @@ def _batch(layout: Layout) -> int:
 def trained_lines(model: Path, reference: Path, images: Path) -> Iterator[ParityLine]:
     """A trained export against boxes recorded from their predictor."""
     detector = open_detector(model, score=SCORE)
-    for name, told in json.loads(reference.read_text())["images"].items():
+    for name, recorded in json.loads(reference.read_text())["images"].items():
         image = _photograph(images / name)
-        theirs = np.array([box["xywhr"] for box in told["dets"]]).reshape(-1, 5)
+        theirs = np.array([box["xywhr"] for box in recorded["dets"]]).reshape(-1, 5)
         yield compared(model.name, "raw, recorded boxes", name, theirs, detector.detect(image).boxes)
 
 

@@ -146,7 +146,7 @@ class Pipeline:
         """
         if detections is not None and len(detections) > MOST_BOXES:
             self._report_crowd(t_us, len(detections))
-            detections = detections.take(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
+            detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
         state = self.fleet.at(self._telemetry_time(t_us), heard_us)
         self._follow_origin()
         self._follow_steps(state)

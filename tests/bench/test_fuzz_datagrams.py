@@ -27,7 +27,7 @@ def test_no_datagram_raises():
 def test_any_bytes_in_any_order(datagrams, step_us):
     listener = Listener()
     for data in datagrams:
-        listener.hear(data, step_us)
+        listener.receive(data, step_us)
     listener.fleet.at(listener.t_us)
 
 
@@ -39,7 +39,7 @@ def test_wild_contents_behind_right_checksums(seed, payload):
     for _ in range(6):
         frame = wild_frame(rng)
         assert split(frame)[1].good == 1
-        listener.hear(frame + payload)
+        listener.receive(frame + payload)
     listener.fleet.at(listener.t_us)
 
 
@@ -48,7 +48,7 @@ def test_kept_datagrams(path):
     data = path.read_bytes()
     listener = Listener()
     for _ in range(3):
-        listener.hear(data)
+        listener.receive(data)
     frames, counts = split(data)
     assert sum(map(len, frames)) + counts.junk_bytes == len(data)
     framer = Framer()

@@ -314,7 +314,7 @@ def test_every_keeper_follows_a_flight():
         step = track(what, keeper)
         for frame in range(len(what.detections)):
             tracks = step(frame)
-            keeper.see(frame, tracks)
+            keeper.observe(frame, tracks)
         assert len(tracks) == 6
 
 

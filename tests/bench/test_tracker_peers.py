@@ -23,7 +23,7 @@ def boxes(*centres):
 def scored(*frames):
     score = TrackingScore()
     for vehicle, track in frames:
-        score.see(np.array(vehicle), np.array(track))
+        score.add(np.array(vehicle), np.array(track))
     return score.switches, score.fragments, pytest.approx(score.idf1)
 
 
@@ -44,7 +44,7 @@ def test_scores_of_known_answers(frames, expected):
 def test_the_truth_scores_best():
     score = TrackingScore()
     for frame in film(6, 1, 60):
-        score.see(frame.vehicle, frame.vehicle)
+        score.add(frame.vehicle, frame.vehicle)
     assert (score.switches, score.fragments, score.idf1) == (0, 0, 1.0)
 
 

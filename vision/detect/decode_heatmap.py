@@ -48,7 +48,7 @@ def decode(cells: NDArray[np.float32], stride: int, score: float, overlap: float
     found = Detections(
         cx=cx, cy=cy, w=length, h=width, angle=angle, score=peak, heading=np.where(sure, heading, np.nan)
     )
-    return found.take(nms(found.boxes, found.score, overlap)) if len(found) else found
+    return found.select(nms(found.boxes, found.score, overlap)) if len(found) else found
 
 
 def _heading(

@@ -72,7 +72,7 @@ class Detections:
     def __len__(self) -> int:
         return len(self.cx)
 
-    def take(self, index: ArrayLike) -> Detections:
+    def select(self, index: ArrayLike) -> Detections:
         """Those at ``index``: integers (k,), in that order, or a mask (m,) bool."""
         chosen = np.asarray(index)
         if chosen.size == 0:

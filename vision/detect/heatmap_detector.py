@@ -18,7 +18,7 @@ from vision.detect import decode_heatmap
 from vision.detect.detections import Detections
 from vision.detect.letterbox import letterbox, undo
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata
-from vision.detect.tiles import look_at_tiles, tile_grid
+from vision.detect.tiles import detect_in_tiles, tile_grid
 from vision.errors import ModelError
 
 __all__ = ["ACCEPTED", "HeatmapDetector"]
@@ -69,12 +69,12 @@ class HeatmapDetector:
         unknown = max(DEFAULT_SCALE, min(DEFAULT_WIDTH / max(width, height), 1.0))
         scale = min(gsd_m * self._px_per_m, MOST_SCALE) if known and gsd_m else unknown
         if max(width, height) * scale <= MOST_SIDE:
-            return self._look(image, scale)
+            return self._detect_at_scale(image, scale)
         side = int(MOST_SIDE / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_LENGTHS * self._length_px / scale)
-        return look_at_tiles(image, tiles, lambda parts: [self._look(part, scale) for part in parts])
+        return detect_in_tiles(image, tiles, lambda parts: [self._detect_at_scale(part, scale) for part in parts])
 
-    def _look(self, image: Image, scale: float) -> Detections:
+    def _detect_at_scale(self, image: Image, scale: float) -> Detections:
         canvas, fit = letterbox(image, _canvas(image.shape[1], image.shape[0], scale))
         try:
             (cells,) = self._session.run(None, {"image": canvas[None]})

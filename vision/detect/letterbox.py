@@ -120,4 +120,4 @@ def undo(found: Detections, fit: Letterbox, image: NDArray[np.uint8]) -> Detecti
     boxes = fit.undo_boxes(found.boxes)
     cx, cy, w, h, _ = boxes.T
     in_image = replace(found, cx=cx, cy=cy, w=w, h=h, angle=wrap(found.angle))
-    return in_image.take((cx >= 0.0) & (cx <= width) & (cy >= 0.0) & (cy <= height))
+    return in_image.select((cx >= 0.0) & (cx <= width) & (cy >= 0.0) & (cy <= height))

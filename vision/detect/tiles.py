@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.detect.boxes import nms
 from vision.detect.detections import Detections
 
-__all__ = ["Tile", "look_at_tiles", "tile_grid"]
+__all__ = ["Tile", "detect_in_tiles", "tile_grid"]
 
 SAME = 0.45
 """Boxes of two tiles that overlap more (probabilistic IoU) are one vehicle's."""
@@ -27,7 +27,7 @@ class Tile:
     top: int
     right: int
     bottom: int
-    believed: tuple[float, float, float, float]
+    kept: tuple[float, float, float, float]
     """x0, y0, x1, y1: half of the overlap with each neighbour, and a little more lest a vehicle falls between two."""
 
 
@@ -43,38 +43,38 @@ def tile_grid(image: tuple[int, int], tile: tuple[int, int], overlap: float) -> 
     """
     columns, rows = (_spans(length, side, overlap) for length, side in zip(image, tile, strict=True))
     return tuple(
-        Tile(left=x0, top=y0, right=x1, bottom=y1, believed=(bx0, by0, bx1, by1))
+        Tile(left=x0, top=y0, right=x1, bottom=y1, kept=(bx0, by0, bx1, by1))
         for y0, y1, by0, by1 in rows
         for x0, x1, bx0, bx1 in columns
     )
 
 
-def look_at_tiles(
+def detect_in_tiles(
     image: NDArray[np.uint8],
     tiles: Sequence[Tile],
-    look: Callable[[Sequence[NDArray[np.uint8]]], Sequence[Detections]],
+    detect: Callable[[Sequence[NDArray[np.uint8]]], Sequence[Detections]],
 ) -> Detections:
     """Vehicles of all tiles, in pixels of the image, best first; one that two tiles saw counts once.
 
     Args:
         image: (H, W, 3) the image.
         tiles: its parts.
-        look: finds the vehicles in each of a list of parts.
+        detect: finds the vehicles in each of a list of parts.
     """
-    seen = look([image[tile.top : tile.bottom, tile.left : tile.right] for tile in tiles])
+    seen = detect([image[tile.top : tile.bottom, tile.left : tile.right] for tile in tiles])
     parts = [_placed(found, tile) for found, tile in zip(seen, tiles, strict=True)]
     columns = np.concatenate([part.table for part in parts], axis=1)
     cx, cy, w, h, angle, score, heading = columns
     found = Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=score, heading=heading)
     if len(found) > MOST_COMPARED:
-        found = found.take(np.sort(np.argsort(-score, kind="stable")[:MOST_COMPARED]))
-    return found.take(nms(found.boxes, found.score, SAME))
+        found = found.select(np.sort(np.argsort(-score, kind="stable")[:MOST_COMPARED]))
+    return found.select(nms(found.boxes, found.score, SAME))
 
 
 def _placed(found: Detections, tile: Tile) -> Detections:
     moved = replace(found, cx=found.cx + tile.left, cy=found.cy + tile.top)
-    x0, y0, x1, y1 = tile.believed
-    return moved.take((moved.cx >= x0) & (moved.cx <= x1) & (moved.cy >= y0) & (moved.cy <= y1))
+    x0, y0, x1, y1 = tile.kept
+    return moved.select((moved.cx >= x0) & (moved.cx <= x1) & (moved.cy >= y0) & (moved.cy <= y1))
 
 
 def _spans(length: int, side: int, overlap: float) -> list[tuple[int, int, float, float]]:

@@ -13,7 +13,7 @@ from vision.detect.decode_yolo import Dropped, Rule, decode_boxes, decode_raw
 from vision.detect.detections import Detections
 from vision.detect.letterbox import Letterbox, draw, undo
 from vision.detect.onnx_model import RUN_ERRORS, described
-from vision.detect.tiles import look_at_tiles, tile_grid
+from vision.detect.tiles import detect_in_tiles, tile_grid
 from vision.detect.yolo_classes import vehicle_classes
 from vision.detect.yolo_layout import ACCEPTED, anchor_counts, check_size, output_form, read_input
 from vision.errors import ModelError
@@ -82,9 +82,9 @@ class YoloDetector:
         """See ``vision.detect.detector.Detector``; boxes of any class that counts, headings NaN."""
         tile = self._tile(image, gsd_m)
         if tile is None:
-            return self._look([image])[0]
+            return self._detect_fitted([image])[0]
         size, overlap = tile
-        return look_at_tiles(image, tile_grid((image.shape[1], image.shape[0]), size, overlap), self._look)
+        return detect_in_tiles(image, tile_grid((image.shape[1], image.shape[0]), size, overlap), self._detect_fitted)
 
     def _tile(self, image: Image, gsd_m: float | None) -> tuple[tuple[int, int], float] | None:
         """(width, height) and overlap, px of the image, of the tiles that keep vehicles visible; None: no need."""
@@ -104,7 +104,7 @@ class YoloDetector:
             scale *= 0.9
         return None
 
-    def _look(self, images: Sequence[Image]) -> list[Detections]:
+    def _detect_fitted(self, images: Sequence[Image]) -> list[Detections]:
         """Vehicles of images, each fitted into the canvas, in its own pixels."""
         need, found = self._input, []
         step = need.stride if need.height is None and need.width is None else None

@@ -124,7 +124,7 @@ def _pairs(
 ) -> list[tuple[Detections, Truth]]:
     """Of each image, the counted objects that were found, row by row with their detections."""
     kept = [(by >= 0) & t.counts for t, by in zip(truth, seen, strict=True)]
-    return [(d.take(by[k]), t.take(k)) for d, t, by, k in zip(found, truth, seen, kept, strict=True)]
+    return [(d.select(by[k]), t.select(k)) for d, t, by, k in zip(found, truth, seen, kept, strict=True)]
 
 
 def _apart(found: Detections, truth: Truth) -> Floats:

@@ -67,7 +67,7 @@ def _beside(tiles: Sequence[Image]) -> Image:
 
 
 def _tile(labelled: LabelledImage, found: Detections, score: float, title: str) -> Image:
-    strong = found.take(found.score >= score)
+    strong = found.select(found.score >= score)
     number = match(strong, labelled.truth).truth[0]
     missed = labelled.truth.counts.copy()
     missed[number[number >= 0]] = False

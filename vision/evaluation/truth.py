@@ -53,7 +53,7 @@ class Truth:
     def __len__(self) -> int:
         return len(self.name)
 
-    def take(self, index: NDArray[np.bool_]) -> Truth:
+    def select(self, index: NDArray[np.bool_]) -> Truth:
         """The objects of a mask (n,)."""
         kept = {key: getattr(self, key)[index] for key in ("boxes", "heading", "name", "counts", "hidden")}
         return replace(self, **kept)
@@ -114,5 +114,5 @@ def choose_classes(
 def choose(truth: Truth, choice: Choice) -> Truth:
     """The objects that matter, with those set aside that count neither way."""
     counted, aside = (np.isin(truth.name, list(names)) for names in (choice.counts, choice.neither))
-    kept = truth.take(counted | aside)
+    kept = truth.select(counted | aside)
     return replace(kept, counts=kept.counts & counted[counted | aside])

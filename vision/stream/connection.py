@@ -145,10 +145,10 @@ def _input(source: Source, container: InputContainer) -> Input:
     tick_s = float(stream.time_base or 1e-6)
     drains = source.kind == "datagrams"
     opened = Input(stream=stream, tick_s=tick_s, packets=iter(()), container=container, drains=drains)
-    return replace(opened, packets=_told(opened, container))
+    return replace(opened, packets=_video_packets(opened, container))
 
 
-def _told(opened: Input, container: InputContainer) -> Packets:
+def _video_packets(opened: Input, container: InputContainer) -> Packets:
     """Packets of the video; metadata beside it is evaluated."""
     for packet in container.demux([opened.stream, *container.streams.data]):
         if packet.stream is opened.stream:
@@ -156,7 +156,7 @@ def _told(opened: Input, container: InputContainer) -> Packets:
         elif packet.pts is not None and packet.time_base is not None:
             taken_s = klv_time_s(bytes(packet))
             if taken_s is not None:
-                opened.exposures.see("KLV", float(packet.pts * packet.time_base), taken_s, time.time())
+                opened.exposures.add("KLV", float(packet.pts * packet.time_base), taken_s, time.time())
 
 
 def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None:
@@ -169,10 +169,10 @@ def listen(opened: Input, packet: Packet[CodedStream], arrival_s: float) -> None
     """
     stamp_s, taken_s = (packet.pts or 0) * opened.tick_s, sei_time_s(bytes(packet))
     if taken_s is not None:
-        opened.exposures.see("SEI", stamp_s, taken_s, arrival_s)
+        opened.exposures.add("SEI", stamp_s, taken_s, arrival_s)
     elif packet.has_sidedata("prft"):
         wall_us, _ = _PRODUCER_TIME.unpack_from(bytes(packet.get_sidedata("prft")))
-        opened.exposures.see("RTCP", stamp_s, wall_us * 1e-6, arrival_s)
+        opened.exposures.add("RTCP", stamp_s, wall_us * 1e-6, arrival_s)
 
 
 class _Bytes:
@@ -215,9 +215,9 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
     """Open at the first frame that decoding can begin with."""
     depacketizer, decided, exposures = Depacketizer(source.codec), threading.Event(), Exposures()
     units = _units(port, depacketizer, decided, exposures, guess=source.codec == "")
-    heard = False
+    received = False
     for unit in units:
-        heard = True
+        received = True
         if not unit.key:
             continue
         try:
@@ -232,7 +232,7 @@ def _rtp(source: Source, port: Port, go_on: Callable[[], bool]) -> Input | None:
         opened.container.close()
     if not go_on():
         return None
-    if heard:
+    if received:
         raise VideoError(
             f"video {source.text}: RTP comes, but no frame yet that decoding can begin with; let the sender repeat "
             "its SPS and PPS with every key frame, or name its .sdp file instead"
@@ -254,13 +254,13 @@ def _units(
             if guess and time.monotonic() - guessed_s > GUESS_S:
                 depacketizer.codec, guessed_s = "", time.monotonic()
         for report, arrival_s in ((data, port.arrival_s), *port.reports()):
-            told = sender_report(report)
-            stamp = depacketizer.full_time(told.source, told.time) if told is not None else None
-            if told is not None and stamp is not None:
-                exposures.see("RTCP", stamp / TICK_HZ, told.unix_s, arrival_s)
+            reported = sender_report(report)
+            stamp = depacketizer.full_time(reported.source, reported.time) if reported is not None else None
+            if reported is not None and stamp is not None:
+                exposures.add("RTCP", stamp / TICK_HZ, reported.unix_s, arrival_s)
         datagram = parse(data)
         if datagram is not None:
-            yield from depacketizer.feed(datagram)
+            yield from depacketizer.add(datagram)
 
 
 def _packets(first: Unit, units: Iterator[Unit], reordered: bool) -> Packets:

@@ -79,7 +79,7 @@ class Exposures:
         self.delay_s = self.error_s = 0.0
         self._offset_s: float | None = None
 
-    def see(self, told_by: str, stamp_s: float, taken_s: float, arrival_s: float) -> None:
+    def add(self, told_by: str, stamp_s: float, taken_s: float, arrival_s: float) -> None:
         """Add an exposure time from the stream.
 
         Args:

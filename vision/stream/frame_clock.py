@@ -32,7 +32,7 @@ class ArrivalClock:
         """Whether a packet was seen."""
         return self._offset_s is not None
 
-    def see(self, stamp_s: float, arrival_s: float) -> None:
+    def add(self, stamp_s: float, arrival_s: float) -> None:
         """A packet with time stamp ``stamp_s`` (s, any zero) arrived at Unix ``arrival_s``."""
         offset_s = arrival_s - stamp_s
         if self._offset_s is None or abs(offset_s - self._offset_s) > JUMP_S:
@@ -47,5 +47,5 @@ class ArrivalClock:
         return 0.0 if self._offset_s is None else arrival_s - stamp_s - self._offset_s
 
     def unix_s(self, stamp_s: float) -> float:
-        """Unix time of a time stamp; call ``see`` first."""
+        """Unix time of a time stamp; call ``add`` first."""
         return stamp_s + (self._offset_s or 0.0)

@@ -36,7 +36,7 @@ REMEMBERED = 256
 
 
 class NewestFrame:
-    """The newest decoded frame until somebody takes it."""
+    """The newest decoded frame until it is popped."""
 
     def __init__(self) -> None:
         self.skipped = 0
@@ -45,14 +45,14 @@ class NewestFrame:
         self._frame: tuple[int, int, VideoFrame] | None = None
 
     def put(self, index: int, t_us: int, frame: VideoFrame) -> None:
-        """A frame was decoded; one that nobody took is counted."""
+        """Keep a decoded frame; one that it replaces before it was popped is counted in ``skipped``."""
         with self._fresh:
             self.skipped += self._frame is not None
             self._frame = index, t_us, frame
             self._fresh.notify_all()
 
-    def take(self, timeout_s: float) -> tuple[int, int, VideoFrame] | None:
-        """The frame with index and time, None when none comes in time."""
+    def pop(self, timeout_s: float) -> tuple[int, int, VideoFrame] | None:
+        """Index, time (Unix µs) and frame of the newest, waited for; None when none comes in time."""
         with self._fresh:
             self._fresh.wait_for(lambda: self._frame is not None or self.over, timeout_s)
             frame, self._frame = self._frame, None
@@ -85,14 +85,14 @@ class StreamReader:
         self.lock = threading.Lock()
         """Held while packets are numbered and recorded."""
         self._send = send
-        self._told_s = 0.0
+        self._sent_s = 0.0
         self._connection: _OpenStream | None = None
 
     def report_alive(self, patience_s: float = READING_PATIENCE_S) -> None:
         """Report being alive and when the next report is due; not more often than needed."""
         now = time.monotonic()
-        if now - self._told_s > 0.25 or patience_s != self.progress.patience_s or self.progress.rows:
-            self.progress.patience_s, self._told_s = patience_s, now
+        if now - self._sent_s > 0.25 or patience_s != self.progress.patience_s or self.progress.rows:
+            self.progress.patience_s, self._sent_s = patience_s, now
             self.send_progress()
 
     def send_progress(self) -> None:
@@ -208,7 +208,7 @@ class _OpenStream:
                 self._clock = ArrivalClock()
             # what is drained at the end comes before its time
             if self._reader.go_on() or not self._clock.known:
-                self._clock.see(packet.pts * self._tick_s, arrival_s)
+                self._clock.add(packet.pts * self._tick_s, arrival_s)
                 if not self._paced:
                     listen(self._source, packet, arrival_s)
             learnt.append(packet)
@@ -217,7 +217,7 @@ class _OpenStream:
     def _use(self, packets: list[Coded]) -> None:
         for packet in packets:
             with self._reader.lock:
-                taken = self._take(packet)
+                taken = self._place(packet)
             if taken:
                 self._decode(packet)
 
@@ -227,7 +227,7 @@ class _OpenStream:
         self._placed.clear()
         self._key_pts = None
 
-    def _take(self, packet: Coded) -> bool:
+    def _place(self, packet: Coded) -> bool:
         """Record, number and time one packet, from the first key frame on; False for what has no place."""
         reader, order, pts = self._reader, self._reader.order, packet.pts or 0
         taken_s = self._taken_s(pts)

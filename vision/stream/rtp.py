@@ -101,12 +101,12 @@ class _ReorderBuffer:
         if ahead < 0:
             return []
         self._waiting[self._next + ahead] = datagram
-        turn = self._take()
+        turn = self._pop_in_order()
         if len(self._waiting) > MOST_WAITING or sum(d.marker for d in self._waiting.values()) >= 2:
             first = min(self._waiting)
             self.lost += first - self._next
             self._next = first
-            gap = self._take()
+            gap = self._pop_in_order()
             turn += [(gap[0][0], True), *gap[1:]]
         return turn
 
@@ -118,7 +118,7 @@ class _ReorderBuffer:
         """16 bits, counted on from the next one."""
         return 0 if self._next is None else (datagram.sequence - self._next + 0x8000) % 0x10000 - 0x8000
 
-    def _take(self) -> list[tuple[RtpPacket, bool]]:
+    def _pop_in_order(self) -> list[tuple[RtpPacket, bool]]:
         assert self._next is not None
         turn = []
         while self._next in self._waiting:
@@ -159,7 +159,7 @@ class Depacketizer:
             return None
         return self._full_time + (time - self._time + (1 << 31)) % (1 << 32) - (1 << 31)
 
-    def feed(self, datagram: RtpPacket) -> list[Unit]:
+    def add(self, datagram: RtpPacket) -> list[Unit]:
         """The access units that are complete with this packet."""
         if self._source == datagram.source and not self._order.far(datagram):
             return self._put(datagram)
@@ -180,9 +180,9 @@ class Depacketizer:
         return units + self._put(datagram)
 
     def _put(self, datagram: RtpPacket) -> list[Unit]:
-        return [unit for packet, gap in self._order.put(datagram) for unit in self._take(packet, gap)]
+        return [unit for packet, gap in self._order.put(datagram) for unit in self._add_in_order(packet, gap)]
 
-    def _take(self, packet: RtpPacket, gap: bool) -> list[Unit]:
+    def _add_in_order(self, packet: RtpPacket, gap: bool) -> list[Unit]:
         units: list[Unit] = []
         if gap:
             self._fragment, self._whole = None, False
@@ -194,14 +194,14 @@ class Depacketizer:
             self._time = packet.time
         self.codec = self.codec or guess_codec(packet.payload)
         if self.codec == "h264":
-            self._take_h264(packet.payload)
+            self._add_h264(packet.payload)
         elif self.codec == "hevc":
-            self._take_hevc(packet.payload)
+            self._add_hevc(packet.payload)
         if packet.marker:
             units += self._finish()
         return units
 
-    def _take_h264(self, payload: bytes) -> None:
+    def _add_h264(self, payload: bytes) -> None:
         kind = payload[0] & 31
         if kind == 24:
             self._aggregate(payload, 1)
@@ -213,7 +213,7 @@ class Depacketizer:
         else:
             self._whole = False
 
-    def _take_hevc(self, payload: bytes) -> None:
+    def _add_hevc(self, payload: bytes) -> None:
         kind = payload[0] >> 1 & 63
         if kind == 48:
             self._aggregate(payload, 2)

@@ -164,7 +164,7 @@ class _StreamWorker:
         os._exit(0)
 
     def _fetch(self, request: FrameRequest) -> FrameReply:
-        taken = self._reader.newest.take(request.wait_s)
+        taken = self._reader.newest.pop(request.wait_s)
         if taken is None:
             return FrameReply(number=request.number)
         index, t_us, frame = taken

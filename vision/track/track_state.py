@@ -60,7 +60,7 @@ class TrackState:
         table, seen = np.zeros((ROWS, len(index))), boxes.table.take(index, axis=1)
         table[TRACK_ID] = np.arange(first_id, first_id + len(index))
         _place(table, seen, noise, speed)
-        _see(table, seen, index)
+        _mark_seen(table, seen, index)
         return cls(table)
 
     @classmethod
@@ -142,7 +142,7 @@ class TrackState:
         whole.setflags(write=False)
         return reported, whole
 
-    def take(self, rows: Indices) -> TrackState:
+    def select(self, rows: Indices) -> TrackState:
         """Copies of the tracks ``rows``."""
         return TrackState(self.table.take(rows, axis=1))
 
@@ -173,14 +173,14 @@ class TrackState:
         known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
         _move(known, *kalman.correct(known[X].T, _square(known), seen[:2].T, noise))
         _reshape(known, seen)
-        _see(known, seen, index)
+        _mark_seen(known, seen, index)
         self.table[:, rows] = known
 
     def restart(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats, speed: Floats) -> None:
         """Tracks ``rows`` (q,) are found again elsewhere: as new in motion, the same in id and age."""
         known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
         _place(known, seen, noise, speed)
-        _see(known, seen, index)
+        _mark_seen(known, seen, index)
         self.table[:, rows] = known
 
 
@@ -207,7 +207,7 @@ def _measure(table: Floats) -> None:
     table[LENGTH] = np.maximum(np.sqrt(table[W] * table[H]), 1.0)
 
 
-def _see(table: Floats, seen: Floats, index: Indices) -> None:
+def _mark_seen(table: Floats, seen: Floats, index: Indices) -> None:
     """Note in a table that its tracks were seen as the detections ``index``."""
     table[SCORE], table[DETECTION], table[GAP] = seen[SEEN_SCORE], index, 0.0
     table[HITS] += 1.0

@@ -161,7 +161,7 @@ class Tracker:
         params, state = self.params, self._state
         reach = state.length * (1.0 + params.top_speed * state.gap_s)
         row, column = np.nonzero(apart < (reach * reach)[:, None])
-        near = state.take(row)
+        near = state.select(row)
         noise, close = self._noise_of(near.length), params.near * near.length
         offset = boxes.table[:2].take(column, axis=1).T - near.x[:, :2]
         squared, det = kalman.mahalanobis(offset, near.P, noise)
@@ -228,7 +228,7 @@ class Tracker:
             brief |= ((centre < 0) | (centre > params.frame_size)).any(axis=1)
         alive = gap <= np.where(brief, params.tentative_s, patience)
         if np.count_nonzero(alive) < len(alive):
-            self._state = state.take(np.flatnonzero(alive))
+            self._state = state.select(np.flatnonzero(alive))
 
     def _begin(self, boxes: Detections, free: Flags) -> None:
         """Begin a track on each box that is left, unless it repeats a box that has a track."""

@@ -21,7 +21,7 @@ from vision.detect.detections import Detections
 from vision.detect.onnx_model import metadata, open_session
 from vision.training.quality import Quality, measure
 
-__all__ = ["HeldOut", "by_condition", "look", "read_held_out"]
+__all__ = ["HeldOut", "by_condition", "detect", "read_held_out"]
 
 FloatArray = NDArray[np.float64]
 SIZES = ((10.0, 16.0), (16.0, 24.0), (24.0, 48.0), (48.0, 120.0))
@@ -57,7 +57,7 @@ def read_held_out(folder: Path) -> HeldOut:
     return HeldOut(images=np.concatenate(images), truth=truth, about=np.concatenate(about))
 
 
-def look(model: Path, held_out: HeldOut, score: float = 0.05) -> list[Detections]:
+def detect(model: Path, held_out: HeldOut, score: float = 0.05) -> list[Detections]:
     """What a model finds on each image."""
     session = open_session(model, ("CPUExecutionProvider",), 1)
     stride = int(metadata(session)["stride"])
@@ -102,7 +102,7 @@ def _limited(found: Detections, truth: FloatArray, span: tuple[float, float]) ->
     if len(found) and inside.any():
         boxes = np.column_stack([truth[inside, :4], truth[inside, 4] - 0.5 * np.pi])
         mine |= rotated_iou(found.boxes, boxes).max(axis=1) >= 0.5
-    return found.take(np.flatnonzero(mine)), truth
+    return found.select(np.flatnonzero(mine)), truth
 
 
 def main() -> None:
@@ -113,7 +113,7 @@ def main() -> None:
     args = parser.parse_args()
     held_out = read_held_out(args.pictures)
     rows = ["| on | AP50 | recall | precision | centre | heading | turned about |", "|---|---|---|---|---|---|---|"]
-    for name, q in by_condition(look(args.model, held_out), held_out):
+    for name, q in by_condition(detect(args.model, held_out), held_out):
         rows.append(
             f"| {name} | {q.ap50:.3f} | {q.recall:.3f} | {q.precision:.3f} | {q.centre_px:.1f} px "
             f"| {q.heading_deg:.1f}° | {100.0 * q.flips:.1f} % |"

@@ -12,15 +12,17 @@ from vision.training.data import TrainingBatch
 from vision.training.net import STRIDE, Net
 from vision.training.quality import Quality, measure
 
-__all__ = ["evaluate", "look"]
+__all__ = ["detections_and_truth", "evaluate"]
 
 
 def evaluate(net: Net, batch: TrainingBatch) -> Quality:
     """Run a network over a batch and measure it."""
-    return measure(*look(net, batch))
+    return measure(*detections_and_truth(net, batch))
 
 
-def look(net: Net, batch: TrainingBatch, chunk: int = 32) -> tuple[list[Detections], list[NDArray[np.float64]]]:
+def detections_and_truth(
+    net: Net, batch: TrainingBatch, chunk: int = 32
+) -> tuple[list[Detections], list[NDArray[np.float64]]]:
     """What a network finds on each image of a batch, and what is there."""
     net.eval()
     found: list[Detections] = []

@@ -29,7 +29,7 @@ from torch import Tensor
 
 from vision.training.curves import draw_curves
 from vision.training.data import Pool, TrainingBatch
-from vision.training.evaluate import evaluate, look
+from vision.training.evaluate import detections_and_truth, evaluate
 from vision.training.export import PRECISION, export
 from vision.training.loss import losses
 from vision.training.net import Net
@@ -161,7 +161,7 @@ def run(
             _check(trainer, held_out, out, pool.refresh())
             tick = time.monotonic()
     _check(trainer, held_out, out, pool.refresh())
-    score = score_at_precision(*look(trainer.averaged(), held_out.all()), PRECISION)
+    score = score_at_precision(*detections_and_truth(trainer.averaged(), held_out.all()), PRECISION)
     log.info("%.0f %% of detections are right from score %.3f on", 100.0 * PRECISION, score)
     export(checkpoint, out / "model.onnx", version="3", score=score)
     draw_curves(out)

@@ -164,9 +164,9 @@ def test_detections_are_read_only_copies():
 
 def test_detections_take_by_index_and_by_mask():
     boxes = Detections(**sample(heading=np.array([np.nan, 1.0])))
-    assert boxes.take([1]).heading.tolist() == [1.0]
-    assert len(boxes.take(np.array([True, False]))) == 1
-    assert len(boxes.take([])) == len(Detections.empty()) == 0
+    assert boxes.select([1]).heading.tolist() == [1.0]
+    assert len(boxes.select(np.array([True, False]))) == 1
+    assert len(boxes.select([])) == len(Detections.empty()) == 0
     assert Detections.empty().corners().shape == (0, 4, 2)
     assert boxes.centre.shape == (2, 2)
 

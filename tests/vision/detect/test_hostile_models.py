@@ -17,7 +17,7 @@ from vision.detect.decode_yolo import MOST_CANDIDATES
 from vision.detect.detections import Detections
 from vision.detect.detector import open_detector
 from vision.detect.front import open_front_classifier
-from vision.detect.tiles import MOST_COMPARED, look_at_tiles, tile_grid
+from vision.detect.tiles import MOST_COMPARED, detect_in_tiles, tile_grid
 from vision.detect.yolo_nms import fast_nms
 from vision.errors import ModelError
 
@@ -88,7 +88,7 @@ def test_tiles_full_of_boxes_are_compared_in_bounded_memory():
     full = Detections(cx=50 * ones, cy=50 * ones, w=9 * ones, h=4 * ones, angle=0 * ones, score=ones, heading=ones)
     tiles = tile_grid((400, 400), (100, 100), 8.0)
     tracemalloc.start()
-    found = look_at_tiles(image, tiles, lambda parts: [full] * len(parts))
+    found = detect_in_tiles(image, tiles, lambda parts: [full] * len(parts))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(tiles) * 300 > MOST_COMPARED

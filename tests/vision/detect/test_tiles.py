@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vision.detect.detections import Detections
-from vision.detect.tiles import look_at_tiles, tile_grid
+from vision.detect.tiles import detect_in_tiles, tile_grid
 
 LENGTH = 16
 
@@ -39,7 +39,7 @@ def test_every_vehicle_is_seen_whole_and_once(seed, side):
     image = np.zeros((300, 500, 3), np.uint8)
     image[centres[:, 1], centres[:, 0]] = 255
 
-    def look(parts):
+    def detect(parts):
         return [found(part) for part in parts]
 
     def found(part):
@@ -52,12 +52,12 @@ def test_every_vehicle_is_seen_whole_and_once(seed, side):
         )
 
     tiles = tile_grid((500, 300), (side, side), 2 * LENGTH)
-    seen = look_at_tiles(image, tiles, look)
+    seen = detect_in_tiles(image, tiles, detect)
     assert sorted(map(tuple, seen.centre.tolist())) == sorted(map(tuple, centres.astype(float).tolist()))
     assert set(seen.w.tolist()) == {float(LENGTH)}
 
 
 def test_nothing_seen_is_nothing():
     tiles = tile_grid((300, 300), (100, 100), 10)
-    seen = look_at_tiles(np.zeros((300, 300, 3), np.uint8), tiles, lambda parts: [Detections.empty() for _ in parts])
+    seen = detect_in_tiles(np.zeros((300, 300, 3), np.uint8), tiles, lambda parts: [Detections.empty() for _ in parts])
     assert len(seen) == 0

@@ -166,7 +166,7 @@ def test_order_of_images_detections_and_objects_says_nothing(images, random):
     def shuffled(pair):
         found, truth = pair
         mask = np.array(random.sample(range(len(truth)), len(truth)))
-        return found.take(np.array(random.sample(range(len(found)), len(found)), int)), truth.take(mask)
+        return found.select(np.array(random.sample(range(len(found)), len(found)), int)), truth.select(mask)
 
     # scores differ between images, so that no two detections tie
     spread = [(replace_score(f, 0.001 * k), t) for k, (f, t) in enumerate(images)]

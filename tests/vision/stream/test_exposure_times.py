@@ -65,7 +65,7 @@ def test_what_is_cut_short_or_something_else_tells_nothing(cut):
 def test_a_senders_clock_is_believed_where_it_agrees_with_arrivals(delay_s, usable):
     exposures = Exposures()
     assert exposures.unix_s(5.0) is None
-    exposures.see("SEI", 5.0, UNIX_S, UNIX_S + delay_s)
+    exposures.add("SEI", 5.0, UNIX_S, UNIX_S + delay_s)
     assert (exposures.unix_s(6.0) == UNIX_S + 1.0) if usable else exposures.unix_s(6.0) is None
     assert bool(exposures.told_by) == usable and bool(exposures.error_s) != usable
 

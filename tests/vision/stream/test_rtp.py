@@ -26,7 +26,7 @@ def nals(unit):
 
 def feed(datagrams, codec=""):
     depacketizer = Depacketizer(codec)
-    units = [unit for data in datagrams if (packet := parse(data)) for unit in depacketizer.feed(packet)]
+    units = [unit for data in datagrams if (packet := parse(data)) for unit in depacketizer.add(packet)]
     return depacketizer, units
 
 
@@ -104,7 +104,7 @@ def test_damage_never_raises(packed):
         noise = rng.randbytes(rng.randrange(64))
         packet = parse(noise)
         if packet is not None:
-            Depacketizer(rng.choice(["", "h264", "hevc"])).feed(packet)
+            Depacketizer(rng.choice(["", "h264", "hevc"])).add(packet)
 
 
 @pytest.mark.parametrize(

@@ -235,13 +235,13 @@ def test_after_a_kill_the_recording_plays_to_a_second_before(tmp_path):
 def test_the_least_delay_is_the_anchor_and_may_only_creep_up():
     clock = ArrivalClock()
     for stamp, delay in ((0.0, 0.3), (0.1, 0.05), (0.2, 0.5), (0.3, 0.06)):
-        clock.see(stamp, 1000.0 + stamp + delay)
+        clock.add(stamp, 1000.0 + stamp + delay)
     assert clock.unix_s(0.3) == pytest.approx(1000.35, abs=1e-3)
     assert clock.lag_s(0.4, 1001.45) == pytest.approx(1.0, abs=1e-3)
     for second in range(1, 101):
-        clock.see(float(second), 1001.0 + second)
+        clock.add(float(second), 1001.0 + second)
     assert clock.unix_s(0.0) == pytest.approx(1000.05 + 101 * CREEP, abs=1e-3)
-    clock.see(0.0, 2000.0)  # the sender began anew
+    clock.add(0.0, 2000.0)  # the sender began anew
     assert clock.unix_s(0.0) == 2000.0
 
 

@@ -60,7 +60,7 @@ def test_order_of_detections_does_not_matter(seed):
     one, other = Tracker(), Tracker()
     for k, (seen, _) in enumerate(traffic(seed, noise=4.0, miss=0.2)):
         order = rng.permutation(len(seen))
-        a, b = one.update(seen, k * STEP), other.update(seen.take(order), k * STEP)
+        a, b = one.update(seen, k * STEP), other.update(seen.select(order), k * STEP)
         np.testing.assert_array_equal(a.track_id, b.track_id)
         np.testing.assert_allclose(a.boxes, b.boxes, rtol=1e-12)
         # the last entry answers for -1, unseen

@@ -9,7 +9,7 @@ import pytest
 from sim.training.crops import write_shard
 from vision.detect.detections import Detections
 from vision.detect.detector import BUNDLED
-from vision.training.conditions import HeldOut, by_condition, look, read_held_out
+from vision.training.conditions import HeldOut, by_condition, detect, read_held_out
 
 
 def found(rows):
@@ -78,7 +78,7 @@ def test_the_bundled_model_on_images_never_trained_on(tmp_path):
     """Seeds from 950000 on are kept for tests; the full figures are in the model card."""
     write_shard(tmp_path, 950_007, 24)
     p = read_held_out(tmp_path)
-    q = figures(look(BUNDLED, p), p)
+    q = figures(detect(BUNDLED, p), p)
     assert q["length 24 to 48 px"].ap50 > 0.5
     assert q["length 24 to 48 px"].heading_deg < 4.0
 

@@ -147,7 +147,7 @@ def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, correctio
     facing[known] = right
     vehicles = crops.vehicles(facing)
     held = np.arange(len(known)) * BLOCKS // len(known) % HELD_OUT_OF == HELD_OUT_OF // 2
-    training, held_out = vehicles.take(known[~held]), vehicles.take(known[held])
+    training, held_out = vehicles.select(known[~held]), vehicles.select(known[held])
     net = pretrained(args.weights, plan.classes)
     learn(net, training, held_out, plan, args.out)
     draw_curve(args.out)

@@ -64,7 +64,7 @@ def learn(net: ResNet18, vehicles: Vehicles, held_out: Vehicles, plan: TrainingP
     seen = _Mean()
     for step in range(done, plan.steps):
         rng = np.random.default_rng([plan.seed, step])
-        batch = _batch(vehicles.take(rng.integers(len(vehicles), size=plan.batch)), rng, plan, light=True)
+        batch = _batch(vehicles.select(rng.integers(len(vehicles), size=plan.batch)), rng, plan, light=True)
         seen.add(*_step(net, optimiser, batch, plan.rate * _pace(step / plan.steps)))
         if (step + 1) % plan.every == 0 or step + 1 == plan.steps:
             part = checkpoint.with_suffix(".part")

@@ -36,8 +36,8 @@ class Vehicles:
     def __len__(self) -> int:
         return len(self.images)
 
-    def take(self, index: NDArray[np.integer]) -> Vehicles:
-        """Some of them."""
+    def select(self, index: NDArray[np.integer]) -> Vehicles:
+        """The vehicles at ``index``, integers (k,) in that order."""
         return Vehicles(images=self.images[index], boxes=self.boxes[index])
 
     @classmethod
