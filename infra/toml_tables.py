@@ -1,4 +1,4 @@
-"""Tables of a TOML file into frozen dataclasses: every value checked, an unknown key refused with the nearest name.
+"""TOML tables as frozen dataclasses: every value is checked, an unknown key is refused with the nearest known name.
 
 Types and limits are those that the dataclass declares for its fields (``msgspec.Meta``). Whatever is wrong is a
 ValueError of one line that says in which file and table, which key, what it is, and what is needed.
@@ -24,20 +24,20 @@ Kind = TypeVar("Kind")
 MOST_TOML_BYTES = 256 << 10
 """Ten times what a mission with 255 vehicles, each with a comment, takes."""
 _MOST_DEPTH = 16
-"""Tables in tables; ours have two levels, and what is nested without end ends the programs that go through it."""
+"""Most levels of nesting; mission files have two, and unbounded nesting overflows the stack of recursive readers."""
 _MOST_SHOWN = 100
-"""Letters of a wrong value that a message repeats."""
+"""Characters of a wrong value that a message repeats."""
 _LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_DEPTH}}}""")
-"""A key of so many parts: the parser takes the square of their number in time and memory."""
+"""A dotted key of more parts than ``_MOST_DEPTH``: the parser needs time and memory quadratic in their number."""
 
 _PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
-"""A step of the path by which msgspec says where a value stands: ``$.ugv[0].system_id``."""
+"""One step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
 _WHOLE_FLOAT = 2.0**53
-"""Floats below are exact where they are whole."""
+"""Below this every whole number is exact as a float."""
 
 
 def parse_toml(data: bytes, where: str) -> dict[str, Any]:
-    """Parse a TOML file's bytes; ``where`` goes into messages.
+    """Parse a TOML file's bytes; ``where``, such as the file's name, begins error messages.
 
     Raises:
         ValueError: not UTF-8, not TOML, nested too deeply, or with a number beyond 64 bits.
@@ -64,29 +64,29 @@ def parse_toml(data: bytes, where: str) -> dict[str, Any]:
 
 
 def toml_text(table: Mapping[str, Any]) -> str:
-    """A table as TOML; letters that cannot be printed stand in it as escapes, which other programs read as well."""
+    """A table as TOML, with unprintable characters as escapes."""
     text = tomli_w.dumps(table)
     return text if text.replace("\n", "").isprintable() else "".join(map(_escaped, text))
 
 
-def _escaped(letter: str) -> str:
-    if letter.isprintable() or letter == "\n":
-        return letter
-    code = ord(letter)
-    if 0xD800 <= code < 0xE000:  # a byte of a path that is no UTF-8: no text can hold it
+def _escaped(character: str) -> str:
+    if character.isprintable() or character == "\n":
+        return character
+    code = ord(character)
+    if 0xD800 <= code < 0xE000:  # a surrogate: a byte of a path that is not UTF-8, which TOML cannot hold
         return "\N{REPLACEMENT CHARACTER}"
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 def build(kind: type[Kind], table: object, where: str) -> Kind:
-    """Check a parsed table and build a dataclass, and those in its fields.
+    """Build a dataclass, and those in its fields, from a parsed table.
 
-    A whole number may be written with a point. A ValueError of the dataclass itself is told with its place.
+    A whole number may be written as a float. A ValueError raised by a dataclass gets its place in the file in front.
 
     Args:
         kind: the dataclass.
         table: as parsed from TOML.
-        where: goes into messages, such as the file's name.
+        where: the start of error messages, such as the file's name.
 
     Raises:
         ValueError: not a table, an unknown or missing key, a value of another type or out of its limits.
@@ -110,7 +110,7 @@ def _type_info(kind: type) -> inspect.Type:
 
 
 def check_limits(part: object, where: str) -> None:
-    """Check the numbers of a dataclass that did not come out of a file, and of those in its fields.
+    """Check the numbers of a dataclass that was not built from a file, and of the dataclasses in its fields.
 
     Raises:
         ValueError: one is out of its limits.
@@ -129,7 +129,7 @@ def _fields(kind: inspect.Type) -> dict[str, inspect.Field]:
 
 
 def _options(kind: inspect.Type) -> tuple[inspect.Type, ...]:
-    """What a value may be: the parts of a union but None, else the type itself; without descriptions."""
+    """The types a value may have: the members of a union except None, else the type itself; metadata removed."""
     parts = kind.types if isinstance(kind, inspect.UnionType) else (kind,)
     plain = (part.type if isinstance(part, inspect.Metadata) else part for part in parts)
     return tuple(part for part in plain if not isinstance(part, inspect.NoneType))
@@ -148,7 +148,7 @@ def _step(kind: inspect.Type, name: str) -> inspect.Type:
 
 
 def _known_values(kind: inspect.Type, value: object, where: str) -> object:
-    """A value with unknown keys refused, and with whole numbers that were written with a point as whole numbers."""
+    """The value with whole floats as integers; a ValueError if a table in it has an unknown key."""
     for option in _options(kind):
         if isinstance(option, inspect.DataclassType):
             if not isinstance(value, Mapping):
@@ -171,7 +171,7 @@ def _known_values(kind: inspect.Type, value: object, where: str) -> object:
 
 
 def _place(where: str, name: str, kind: inspect.Type) -> str:
-    """How messages call the place of a table; other values are called by their key."""
+    """``where`` extended by a table's name; unchanged for other values, which messages name by their key."""
     if any(isinstance(option, inspect.DataclassType) for option in _options(kind)):
         return f"{where}: [{name}]"
     return f"{where}: [[{name}]]" if _fields(_step(kind, "")) else where
@@ -186,7 +186,7 @@ def _refuse_unknown(table: Mapping[str, object], known: Sequence[str], where: st
 
 
 def _explained(error: msgspec.ValidationError, kind: inspect.Type, value: Any, where: str) -> str:  # noqa: ANN401 - TOML
-    """Where a value stands, what it is, and what is needed there instead."""
+    """Message for an invalid value: its place, the value, and what is needed instead."""
     text, _, path = str(error).rpartition(" - at `$")
     name = ""
     of_field: tuple[inspect.Type, Any] = kind, value
@@ -209,7 +209,7 @@ def _explained(error: msgspec.ValidationError, kind: inspect.Type, value: Any, w
 
 
 def _out_of_limits(name: str, value: float, kind: inspect.Type) -> str:
-    """What to say of a number beyond its limits; empty where it is within, or of another kind."""
+    """Message for a number beyond its limits; empty if it is within them or of another type."""
     for option in _options(kind):
         if isinstance(option, inspect.FloatType) or (isinstance(option, inspect.IntType) and isinstance(value, int)):
             least, most = option.ge, option.le
@@ -219,7 +219,7 @@ def _out_of_limits(name: str, value: float, kind: inspect.Type) -> str:
 
 
 def _needed(kind: inspect.Type) -> str:
-    """What a field takes, in words."""
+    """Description of the values that a field accepts."""
     if isinstance(kind, inspect.Metadata):
         return f"{_needed(kind.type)} ({(kind.extra_json_schema or {}).get('description', '')})"
     if isinstance(kind, inspect.UnionType):
@@ -227,23 +227,23 @@ def _needed(kind: inspect.Type) -> str:
     if isinstance(kind, inspect.LiteralType):
         return " or ".join(map(repr, kind.values))
     if isinstance(kind, inspect.VarTupleType):
-        return f"a list of {_count(kind.min_length)}{_SEVERAL.get(type(kind.item_type), 'tables')}"
+        return f"a list of {_count(kind.min_length)}{_PLURAL.get(type(kind.item_type), 'tables')}"
     if isinstance(kind, inspect.TupleType):
-        return f"a list of {_count(len(kind.item_types))}{_SEVERAL.get(type(kind.item_types[0]), 'tables')}"
-    return _ONE.get(type(kind), "a table of keys and values")
+        return f"a list of {_count(len(kind.item_types))}{_PLURAL.get(type(kind.item_types[0]), 'tables')}"
+    return _SINGULAR.get(type(kind), "a table of keys and values")
 
 
 def _count(number: int | None) -> str:
     return f"{number} " if number else ""
 
 
-_ONE: Mapping[type, str] = {
+_SINGULAR: Mapping[type, str] = {
     inspect.BoolType: "true or false",
     inspect.IntType: "a whole number",
     inspect.FloatType: "a number",
     inspect.StrType: "text in quotes",
 }
-_SEVERAL: Mapping[type, str] = {
+_PLURAL: Mapping[type, str] = {
     inspect.IntType: "whole numbers",
     inspect.FloatType: "numbers",
     inspect.StrType: "texts",
@@ -251,8 +251,9 @@ _SEVERAL: Mapping[type, str] = {
 
 
 def _shown(value: object) -> str:
-    said = repr(value)
-    return said if len(said) <= _MOST_SHOWN else said[:_MOST_SHOWN] + "…"
+    """The value as messages show it, shortened."""
+    text = repr(value)
+    return text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "…"
 
 
 def _is_number(value: object) -> bool:

@@ -1,10 +1,10 @@
-"""Rows on their way to the disk, in shared memory: a disk that hangs holds nobody up, and who dies loses nothing.
+"""A queue of rows for files on disk, in shared memory: a hanging disk blocks no writer, and a crash loses no row.
 
 One process at a time uses it, with two threads: one puts rows in, the other writes them to their files
-(:class:`infra.files.journal_writer.JournalWriter`) and only then takes them out. When the process dies, the next one
-goes on with what is there; the end of the one and the start of the other order the memory of both. Rows of several
-files are kept in the order in which they were put. Past the bound new rows are lost, and counted; so those that are
-kept have numbers without gaps.
+(:class:`infra.files.journal_writer.JournalWriter`) and only then removes them. When the process dies, the next one
+continues with the rows that are left; that it starts after the other ended makes all of its writes visible. Rows of
+several files keep the order in which they were put. When the queue is full, new rows are dropped and counted; only
+accepted rows are numbered, so their numbers have no gaps.
 """
 
 from __future__ import annotations
@@ -21,38 +21,38 @@ from infra.shared_memory import make_memory, map_memory
 __all__ = ["PIECE_BYTES", "Journal", "Piece", "make_journal"]
 
 PIECE_BYTES = 1 << 18
-"""Written at once: the disk then asks for few system calls and no row waits long for those before it."""
+"""Bytes written at once: enough for few system calls, and few enough that no row waits long for earlier ones."""
 _RESERVE = 1 << 18
-"""Kept free for the other files: a record is of use only with what is noted of it."""
+"""Bytes kept free for the files after the first: their rows describe the records of the first."""
 _TRIM_BYTES = 1 << 20
-"""Memory is given back once so much was used."""
+"""Memory is returned to the system once more than this was used."""
 _WORDS_BYTES = 4096
+"""Size of the counters' part: one page, so that the rows can be released apart from it."""
 _ENTRY = struct.Struct("=QIIB")
-"""Before each entry: number of its first row, bytes, rows, file."""
-
+"""Header of each entry: number of its first row, bytes, rows, file."""
 
 _HEAD, _TAIL, _ROWS, _WRITTEN, _LOST = range(5)
-"""Counters of eight bytes each: bytes put in and bytes taken out, both back to nought whenever nothing waits; rows of
-the first file ever put in, and of those the ones that are in it; rows of all files for which there was no room."""
+"""Index of each counter (uint64): bytes put in and bytes removed, both reset to 0 whenever the queue is empty; rows of
+the first file accepted, and of those the ones written to it; rows of all files dropped for lack of room."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """The entries that have waited longest."""
+    """The oldest entries of the queue."""
 
     stop: int
-    """Where they end."""
+    """Byte count at which they end, for :meth:`Journal.remove`."""
     data: dict[int, bytes]
-    """File → whole rows, in order."""
+    """Index of a file → its whole rows, in order."""
     rows: dict[int, int]
-    """File → how many."""
+    """Index of a file → number of its rows."""
 
 
 def make_journal(size: int = RAM_BYTES) -> int:
-    """A file descriptor of memory for a new journal.
+    """Allocate the memory of a new journal; returns its file descriptor.
 
     Args:
-        size: bytes that may wait.
+        size: capacity in bytes.
 
     Raises:
         OSError: no memory is left.
@@ -61,13 +61,13 @@ def make_journal(size: int = RAM_BYTES) -> int:
 
 
 class Journal:
-    """One process's view of the memory.
+    """The journal as one process maps it.
 
     Args:
         fd: from :func:`make_journal`; stays the caller's.
 
     Attributes:
-        due: set when rows come while none waited.
+        due: event that is set when rows are put into the empty queue.
     """
 
     def __init__(self, fd: int) -> None:
@@ -81,26 +81,26 @@ class Journal:
 
     @property
     def rows(self) -> int:
-        """Rows of the first file ever accepted: the number of the next one."""
+        """Rows of the first file accepted so far: the number of the next one."""
         return self._words[_ROWS]
 
     @property
     def written(self) -> int:
-        """Of those, rows that are in the file."""
+        """Rows of the first file that are in it."""
         return self._words[_WRITTEN]
 
     @property
     def waiting_bytes(self) -> int:
-        """Bytes that are only here."""
+        """Bytes that are not in their files yet."""
         return max(self._words[_HEAD] - self._words[_TAIL], 0)
 
     @property
     def lost(self) -> int:
-        """Rows of all files for which there was no room."""
+        """Rows of all files dropped for lack of room."""
         return self._words[_LOST]
 
-    def take_over(self) -> bool:
-        """Puts in order what a process left that died at any moment; whether rows wait."""
+    def recover(self) -> bool:
+        """Restores consistent counters after a process died at any point; returns whether rows wait."""
         words = self._words
         if words[_TAIL] >= words[_HEAD]:
             words[_HEAD] = words[_TAIL] = 0
@@ -117,7 +117,7 @@ class Journal:
         return waits
 
     def put(self, file: int, data: bytes, rows: int) -> int | None:
-        """Accepts whole rows.
+        """Append whole rows to the queue.
 
         Args:
             file: index of the file; the rows of the first are numbered.
@@ -125,7 +125,7 @@ class Journal:
             rows: how many.
 
         Returns:
-            The number of the first of them, None when there is no room: they are lost, and counted.
+            The number of the first of them; None if there is no room: the rows are dropped and counted.
         """
         words, size = self._words, _ENTRY.size + len(data)
         with self._lock:
@@ -142,7 +142,7 @@ class Journal:
         return number
 
     def oldest(self) -> Piece | None:
-        """The entries that have waited longest, about ``PIECE_BYTES`` of them; they stay until :meth:`done`."""
+        """The oldest entries, about ``PIECE_BYTES`` of them, without removing them; None if the queue is empty."""
         with self._lock:
             place, head = self._words[_TAIL], self._words[_HEAD]
         if place == head:
@@ -160,8 +160,8 @@ class Journal:
             at = stop
         return Piece(place + at, {file: b"".join(parts[file]) for file in sorted(parts)}, rows)
 
-    def done(self, piece: Piece) -> None:
-        """They are in their files."""
+    def remove(self, piece: Piece) -> None:
+        """Remove the oldest entries, which are in their files now."""
         words = self._words
         with self._lock:
             words[_TAIL] = piece.stop
@@ -171,11 +171,11 @@ class Journal:
             words[_HEAD] = 0  # first, so that a process that dies between the two leaves nothing twice
             words[_TAIL] = 0
         if piece.stop > _TRIM_BYTES and hasattr(mmap, "MADV_REMOVE"):
-            self._give_back()
+            self._release_memory()
 
-    def _give_back(self) -> None:
-        """The memory of a long wait."""
-        with self._lock, contextlib.suppress(OSError):  # where the system cannot, it stays ours
+    def _release_memory(self) -> None:
+        """Return the pages of the empty queue to the system."""
+        with self._lock, contextlib.suppress(OSError):  # not supported everywhere: then the pages stay allocated
             if not self._words[_HEAD]:
                 self._map.madvise(mmap.MADV_REMOVE, _WORDS_BYTES, self._room)
 

@@ -68,7 +68,7 @@ class JournalWriter:
                 self._files[file].write(data, piece.rows[file])
         while any(self._files[file].has_waiting_rows for file in piece.data) and not self._stop.wait(_LOOK_S):
             continue  # the flusher repairs
-        self._journal.done(piece)
+        self._journal.remove(piece)
 
     def _without_written(self, piece: Piece) -> Piece:
         """What of the oldest rows is not yet in the files of a process that died while it wrote them.

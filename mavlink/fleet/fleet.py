@@ -276,7 +276,7 @@ class Fleet:
             return False
         self._origin.move_to(sample)
         if vehicle is self._uav:
-            self._origin.learn_home(sample)
+            self._origin.set_home_altitude(sample)
         for other, epoch, waiting in self._waiting:
             # boot times from before a reboot are those of another count
             if epoch == other.clock.epoch and self._origin.distance_m(waiting.sample) <= FLEET_SPAN_M:
@@ -289,7 +289,7 @@ class Fleet:
         sample, boot_us = report.sample, report.reading.boot_us
         fix, notices = vehicle.add_position(report, self.origin, self._origin.home_alt_m)
         if fix is not None and vehicle is self._uav:
-            self._origin.learn_home(sample)
+            self._origin.set_home_altitude(sample)
             if math.hypot(*fix[:3]) > LOCAL_REACH_M:
                 notices += self._move_origin(sample)
         elif fix is not None:

@@ -1,11 +1,12 @@
 """The newest timestamps of all streams in memory that outlives the process, so that writing them waits for no disk.
 
 The table on disk may be a second old when a process is killed. This one is exact: it is a file in the system's shared
-memory (``/dev/shm``), or beside the keys where there is none. It is lost in a power cut, and not
-needed after an orderly end.
+memory (``/dev/shm``), or beside the keys where there is none. It is lost in a power cut, and not needed after an
+orderly end.
 
-Every frame writes its timestamp, eight bytes in one step. The rest of a stream is written once a second, into two
-slots in turn, each with a checksum: whatever happens while one is written, the other is whole.
+Every frame writes its timestamp, eight bytes at once, which no reader sees half written. The rest of a stream is
+written once a second, alternately into two slots, each with a checksum: if writing one is interrupted, the other is
+intact.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from mavlink.signing.streams import MAX_STREAMS, StreamRow
 __all__ = ["RUN_BYTES", "StreamJournal"]
 
 RUN_BYTES = 8
+"""Length of a run's identifier."""
 _MAGIC = b"RCJRNL1\n"
 _SHARED = Path("/dev/shm")
 _HEAD, _SLOT_BYTES = struct.Struct("=8s36s8s"), 32  # magic, when the computer was started, run
@@ -37,13 +39,13 @@ _SUM, _BODY = struct.Struct("=I"), struct.Struct("=IQQQ")  # stream, timestamp, 
 
 
 class StreamJournal:
-    """One folder's journal; the caller holds the folder's lock.
+    """The journal of one key folder; the caller holds the folder's lock.
 
     Args:
         folder: of the keys.
 
     Raises:
-        SigningError: there is room for it neither in memory nor beside the keys.
+        SigningError: its file can be made neither in shared memory nor beside the keys.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -56,17 +58,17 @@ class StreamJournal:
                 failed = error
         else:
             raise SigningError(f"{self.path}: cannot be made: {failed.strerror or failed}") from None
-        self._turns = bytearray(MAX_STREAMS)
+        self._last_slot = bytearray(MAX_STREAMS)
         self.newest = memoryview(self._map)[_NEWEST_AT:_ROWS_AT].cast("Q")
         """The newest timestamp of the stream at each place."""
 
     def run(self) -> bytes:
-        """The run it is of, (8) bytes; empty for none, or when the computer was restarted since."""
+        """Identifier of the run that wrote the journal; empty for none, or if the computer restarted since."""
         magic, boot, run = _HEAD.unpack_from(self._map)
         return run if magic == _MAGIC and boot == _boot_id() != b"" else b""
 
     def rows(self) -> list[StreamRow]:
-        """The newest row of each stream, and perhaps the one before."""
+        """The rows of both slots of each stream: its newest row, and perhaps the one before."""
         rows = []
         for at in range(_ROWS_AT, _SIZE, _SLOT_BYTES):
             row = _row(self._map[at : at + _SLOT_BYTES])
@@ -76,20 +78,20 @@ class StreamJournal:
         return rows
 
     def begin(self, run: bytes) -> None:
-        """Empties it for a new run."""
+        """Empties the journal for a new run."""
         self._map[:] = bytes(_SIZE)
         _HEAD.pack_into(self._map, 0, _MAGIC, _boot_id(), run)
 
     def put(self, place: int, stream: int, timestamp: int, received: int, booted: int) -> None:
-        """As :class:`mavlink.signing.streams.StreamRecorder` has it."""
-        turn = self._turns[place] = self._turns[place] ^ 1
-        at = _ROWS_AT + (2 * place + turn) * _SLOT_BYTES
+        """Writes a stream's row; implements :class:`mavlink.signing.streams.StreamRecorder`."""
+        slot = self._last_slot[place] = self._last_slot[place] ^ 1
+        at = _ROWS_AT + (2 * place + slot) * _SLOT_BYTES
         body = _BODY.pack(stream, timestamp, received, booted)
         self._map[at : at + _SLOT_BYTES] = _SUM.pack(crc32(body)) + body
         self.newest[place] = timestamp
 
     def close(self, *, needed: bool) -> None:
-        """Closes it, and removes it where it is not needed any more."""
+        """Closes the journal; removes its file unless it is still needed."""
         if not needed:
             with contextlib.suppress(OSError):
                 self.path.unlink()
@@ -98,7 +100,7 @@ class StreamJournal:
 
 
 def _boot_id() -> bytes:
-    """Identifies one start of the computer; empty where the system has no such id."""
+    """The kernel's id of this boot; empty where the system has none."""
     try:
         return _BOOT_ID.read_bytes().strip()[:36]
     except OSError:
@@ -106,12 +108,16 @@ def _boot_id() -> bytes:
 
 
 def _mapped(path: Path) -> mmap.mmap:
-    """The file in memory, which is this process's own until it is closed."""
+    """Maps the file into memory, locked for this process until it is closed.
+
+    Raises:
+        OSError: it cannot be made, is not this user's own file, or another process has locked it.
+    """
     fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
     try:
         found = os.fstat(fd)
-        ours = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid() and found.st_nlink == 1
-        if not ours or found.st_mode & 0o077:
+        own = stat.S_ISREG(found.st_mode) and found.st_uid == os.geteuid() and found.st_nlink == 1
+        if not own or found.st_mode & 0o077:
             raise OSError("a file that is not this user's own")
         # allocated now: where memory is short, writing later would end the process
         if hasattr(os, "posix_fallocate"):
@@ -125,7 +131,7 @@ def _mapped(path: Path) -> mmap.mmap:
 
 
 def _row(slot: bytes) -> StreamRow | None:
-    """The row in a slot, None for an empty one or one that was not written to its end."""
+    """The row in a slot, None if it is empty or was not completely written."""
     body = slot[_SUM.size :]
     if _SUM.pack(crc32(body)) != slot[: _SUM.size]:
         return None

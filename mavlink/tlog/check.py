@@ -1,4 +1,4 @@
-"""Checks a log: is it complete, are its times plausible, did several programs write it."""
+"""Checks a telemetry log: is it complete, are its times plausible, did several programs write it."""
 
 from __future__ import annotations
 
@@ -18,11 +18,18 @@ from mavlink.tlog.timestamps import TIME_LENGTH, read_times
 
 __all__ = ["TlogCheck", "check"]
 
-_MOST_GAPS, _LONGEST = 1000, 300
-_SHORT_RUN = 8
-_WINDOW = 1 << 20  # bytes read at a time; one such window shows the byte order of the times
-_BACK_US = 1_000_000
-_CROSSED = 3
+_MOST_GAPS = 1000
+"""Damaged places in which split frames are searched for: bounds the time."""
+_LONGEST_GAP = 300
+"""Bytes: a longer damaged place holds more than a part of one frame (at most 280 bytes)."""
+_LEAST_CUT_FRAMES = 8
+"""Fewer frames without an end that follow each other may be chance."""
+_WINDOW = 1 << 20
+"""Bytes read at a time; one such window shows the byte order of the times."""
+_FAR_BACK_US = 1_000_000
+"""Times that step back further than this are counted apart from the jitter of several links."""
+_LEAST_COLLISIONS = 3
+"""Torn frames and crossed times from which several programs wrote the file; fewer may be other damage."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +40,9 @@ class TlogCheck:
     records: int
     """Whole frames."""
     whole_records: int
-    """Of those, with a time of their own; all of them in a file without times."""
+    """Records with a usable time; all of them in a file without times."""
     unknown: int
-    """Of messages that the dialect lacks."""
+    """Records of messages that are not in the dialect."""
     version_1: int
     version_2: int
     signed: int
@@ -43,9 +50,9 @@ class TlogCheck:
     bad_times: int
     """Records without a usable time, which got that of the record before; 0 in a file without times."""
     backward_steps: int
-    """Times earlier than the one before."""
+    """Records whose time is earlier than that of the record before."""
     far_backward_steps: int
-    """Of those, by more than a second."""
+    """Backward steps of more than a second."""
     clocks: tuple[SenderClock, ...]
     torn_by_others: int
     """Frames cut in two by other records and whole when put together: several programs wrote the file."""
@@ -54,16 +61,16 @@ class TlogCheck:
     cut_short: int
     """Frames of a log in which every frame lacks its end."""
     looks_like: str
-    """Another kind of file that it begins like; empty for none."""
+    """Another file type whose signature it begins with; empty for none."""
     sent_as_text: bool
-    """Every line feed follows a carriage return: something took the log for text."""
+    """Every line feed follows a carriage return: the log was transferred as text."""
     damaged_bytes: int
     damage: tuple[Damage, ...]
 
     @property
     def several_writers(self) -> bool:
         """Whether several programs wrote into the file at once."""
-        return self.torn_by_others + self.times_crossed >= _CROSSED and not self.sent_as_text
+        return self.torn_by_others + self.times_crossed >= _LEAST_COLLISIONS and not self.sent_as_text
 
     @property
     def speed(self) -> float:
@@ -95,7 +102,7 @@ def check(tlog: Tlog) -> TlogCheck:
         time_source=source,
         bad_times=0 if untimed else index.counts.bad_times,
         backward_steps=index.counts.backward_steps,
-        far_backward_steps=int(np.count_nonzero(back_us > _BACK_US)),
+        far_backward_steps=int(np.count_nonzero(back_us > _FAR_BACK_US)),
         clocks=sender_clocks(tlog) if len(index) else (),
         torn_by_others=_torn_by_others(tlog),
         times_crossed=int(np.isin(_record_starts(tlog)[1:][back_us > 0], [d.stop for d in index.damage]).sum()),
@@ -114,9 +121,9 @@ def _record_starts(tlog: Tlog) -> Ints:
 def _torn_by_others(tlog: Tlog) -> int:
     """Frames whose two halves lie in neighbouring gaps."""
     gaps = [
-        tlog.data[d.start : min(d.stop, d.start + _LONGEST)].tobytes()
+        tlog.data[d.start : min(d.stop, d.start + _LONGEST_GAP)].tobytes()
         for d in tlog.index.damage[:_MOST_GAPS]
-        if d.stop - d.start < _LONGEST and d.reason != "impossible time"
+        if d.stop - d.start < _LONGEST_GAP and d.reason != "impossible time"
     ]
     return sum(_joins(one, other) for one, other in pairwise(gaps))
 
@@ -152,6 +159,6 @@ def _cut_short(tlog: Tlog) -> tuple[int, TimeSource]:
         seen, count = seen + at.size, count + int(np.count_nonzero(chained))
         if not sample.offset.size:
             sample = Frames(at[chained], length[chained])
-    if count < max(_SHORT_RUN, seen // 4):
+    if count < max(_LEAST_CUT_FRAMES, seen // 4):
         return 0, "none"
     return count, read_times(data, sample)[2]

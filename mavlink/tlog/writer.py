@@ -85,7 +85,7 @@ class TlogWriter:
         self._journal_writer: JournalWriter | None = None
         self._abandoned = False
         if journal is not None:
-            goes_on = journal.take_over()
+            goes_on = journal.recover()
             self._journal_writer = JournalWriter(journal, self._files, _whole, goes_on=goes_on)
         self._flusher = Flusher(self._files, SYNC_S)
 

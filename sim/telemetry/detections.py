@@ -1,4 +1,4 @@
-"""A model of an oriented detector: what it would have returned for a frame, and what each row really is."""
+"""A model of an oriented detector: the detections it would return for a frame, and the true body of each."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from sim.telemetry.merging import merged_boxes
 from sim.world.boxes import Boxes, in_image, true_boxes, visible_share
 from sim.world.scenario import Scenario
-from sim.world.view import OCCLUDER
+from sim.world.view import OCCLUDER, Bodies, CameraView
 from sim.world.world import World, random_stream
 
-__all__ = ["DetectedRows", "DetectorModel", "seen_truth", "truth_rows", "wrapped"]
+__all__ = ["DetectedRows", "DetectorModel", "truth_rows"]
 
 FloatArray = NDArray[np.float64]
 
@@ -28,13 +28,13 @@ class DetectedRows:
     values: FloatArray
     """(m, 7) cx, cy, w, h, angle, score, heading; heading NaN unknown."""
     system_id: NDArray[np.int64]
-    """(m,) 0 for what is not ours."""
+    """(m,) 0 for clutter and bodies without a system id."""
     body: NDArray[np.int64]
-    """(m,) which body it is, in the order of ``World.roles``; −1 nothing."""
+    """(m,) body, in the order of ``World.roles``; −1 clutter."""
 
 
 class DetectorModel:
-    """Noise, misses, flips, clutter; frames are to be asked for in order."""
+    """Detections with noise, misses, flipped headings and clutter; reproducible if frames are requested in order."""
 
     def __init__(self, world: World) -> None:
         self._world = world
@@ -50,8 +50,7 @@ class DetectorModel:
         n = len(bodies.kind)
         noise = rng.normal(0.0, 1.0, (5, n))
         luck = rng.random((3, n))
-        seen = in_image(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
-        seen &= (luck[0] >= settings.miss) & ~self._hidden(t, n)
+        seen = _visible(view, bodies, boxes) & (luck[0] >= settings.miss) & ~self._hidden(t, n)
         clutter = self._clutter(int(rng.poisson(settings.clutter)))
         if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
             none = np.empty(0, dtype=np.int64)
@@ -75,7 +74,7 @@ class DetectorModel:
         w = np.maximum(boxes.w + settings.pixel_noise * noise[2], 2.0)
         h = np.maximum(boxes.h + settings.pixel_noise * noise[3], 2.0)
         flipped = luck[1] < settings.flip
-        angle = wrapped(boxes.angle + np.radians(settings.angle_noise_deg) * noise[4] + np.pi * flipped)
+        angle = _wrapped(boxes.angle + np.radians(settings.angle_noise_deg) * noise[4] + np.pi * flipped)
         score = _score(luck[2], settings.score)
         return _oriented(cx, cy, w, h, angle, score, settings.heading_missing)
 
@@ -88,7 +87,7 @@ class DetectorModel:
             draws[1] * camera.height,
             scale * (0.8 + 2.5 * draws[2]),
             scale * (0.6 + 1.2 * draws[3]),
-            wrapped(2.0 * np.pi * draws[4]),
+            _wrapped(2.0 * np.pi * draws[4]),
             _score(draws[5], max(0.35, settings.score - 0.3)),
             settings.heading_missing,
         )
@@ -100,36 +99,35 @@ class DetectorModel:
         return hidden
 
 
-def seen_truth(world: World, t: float) -> tuple[Boxes, NDArray[np.int64], NDArray[np.int64]]:
-    """What is visible at time t: boxes of all n bodies, the k rows of those seen, their system ids (k,)."""
-    view, bodies = world.view(t), world.bodies(t)
-    boxes = true_boxes(view, bodies)
-    seen = in_image(view, boxes) & (visible_share(view, bodies) > HIDDEN_SHARE) & (bodies.kind != OCCLUDER)
-    rows = np.flatnonzero(seen)
-    return boxes, rows, world.roles.system_id[rows]
+def _visible(view: CameraView, bodies: Bodies, boxes: Boxes) -> NDArray[np.bool_]:
+    """(n,) whether a body is in the image and not hidden by others."""
+    unhidden = visible_share(view, bodies) > HIDDEN_SHARE
+    return np.asarray(in_image(view, boxes) & unhidden & (bodies.kind != OCCLUDER))
 
 
 def truth_rows(world: World, t: float) -> list[str]:
     """``cx,cy,w,h,angle,system_id`` of everything visible at time t."""
-    boxes, rows, system_id = seen_truth(world, t)
+    view, bodies = world.view(t), world.bodies(t)
+    boxes = true_boxes(view, bodies)
+    rows = np.flatnonzero(_visible(view, bodies, boxes))
     columns = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle], axis=-1)[rows].tolist()
     return [
         f"{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f},{name}"
-        for (cx, cy, w, h, angle), name in zip(columns, system_id.tolist(), strict=True)
+        for (cx, cy, w, h, angle), name in zip(columns, world.roles.system_id[rows].tolist(), strict=True)
     ]
 
 
-def wrapped(angle: FloatArray) -> FloatArray:
+def _wrapped(angle: FloatArray) -> FloatArray:
     """Angles in [−π, π)."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def _oriented(
-    cx: FloatArray, cy: FloatArray, w: FloatArray, h: FloatArray, angle: FloatArray, score: FloatArray, blind: bool
+    cx: FloatArray, cy: FloatArray, w: FloatArray, h: FloatArray, angle: FloatArray, score: FloatArray, no_front: bool
 ) -> FloatArray:
     # heading = angle + π/2 (mod 2π); a detector without fronts knows the axis only, angle in [−π/2, π/2)
-    heading = np.full_like(angle, np.nan) if blind else wrapped(angle + np.pi / 2.0)
-    axis = (angle + np.pi / 2.0) % np.pi - np.pi / 2.0 if blind else angle
+    heading = np.full_like(angle, np.nan) if no_front else _wrapped(angle + np.pi / 2.0)
+    axis = (angle + np.pi / 2.0) % np.pi - np.pi / 2.0 if no_front else angle
     return np.stack([cx, cy, w, h, axis, score, heading], axis=-1)
 
 

@@ -1,6 +1,6 @@
-"""From a YOLO-OBB export's output to boxes in pixels of its canvas; ``vision.detect.yolo_layout`` draws the layouts.
+"""Decodes the output of a YOLO-OBB export to boxes in canvas pixels; ``vision.detect.yolo_layout`` draws the layouts.
 
-A row that cannot be a box costs only itself and is counted. The model does not know fronts: headings are NaN.
+A row that is no valid box is dropped and counted. The model does not distinguish front and rear: headings are NaN.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vision.detect.yolo_nms import Rivals, fast_nms
 __all__ = ["Dropped", "Rule", "decode_boxes", "decode_raw"]
 
 MOST_CANDIDATES = 2000
-"""Most boxes that go into suppression, the best ones; bounds the time for a model that sees vehicles everywhere."""
+"""Most boxes, the best ones, that enter suppression; bounds the time for a model with very many detections."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +26,7 @@ class Rule:
     """Which boxes are returned."""
 
     classes: NDArray[np.intp]
-    """(k,) class numbers that count."""
+    """(k,) class numbers of vehicles."""
     score: float
     """Boxes of this score or less are dropped, 0 to 1."""
     overlap: float = 0.45
@@ -40,14 +40,14 @@ class Rule:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dropped:
-    """What an output held that can be no box, or was too much."""
+    """Numbers of output rows that were dropped as invalid or surplus."""
 
     damaged: int = 0
-    """NaN or infinity, or a class that is none."""
+    """Rows with NaN or infinity, or with a class that the model lacks."""
     flat: int = 0
-    """A side of zero or less."""
+    """Boxes with a side of zero or less."""
     surplus: int = 0
-    """Whether there were more boxes than go into suppression or are returned."""
+    """Boxes beyond the number that enters suppression or is returned."""
 
     def __add__(self, other: Dropped) -> Dropped:
         damaged, flat, surplus = (a + b for a, b in zip(astuple(self), astuple(other), strict=True))
@@ -55,10 +55,11 @@ class Dropped:
 
 
 def decode_raw(rows: NDArray[np.floating], rule: Rule) -> tuple[Detections, Dropped]:
-    """Boxes of an output without suppression, best first.
+    """Boxes of an output that has not been through suppression, best first.
 
     Args:
-        rows: (4 + classes + 1, a): x, y, w, h, px; a score for each class; angle, rad. An anchor is of its best class.
+        rows: (4 + classes + 1, a): x, y, w, h, px; a score for each class; angle, rad. An anchor's class is its
+            best.
         rule: which are returned.
     """
     scores = rows[4:-1]
@@ -74,7 +75,7 @@ def decode_raw(rows: NDArray[np.floating], rule: Rule) -> tuple[Detections, Drop
 
 
 def decode_boxes(table: NDArray[np.floating], classes: int, rule: Rule) -> tuple[Detections, Dropped]:
-    """Boxes of an output that is suppressed already, best first.
+    """Boxes of an output that the model has already suppressed, best first.
 
     Args:
         table: (m, 7): x, y, w, h, px; score; class; angle, rad. Rows below the score, such as zeros, are no boxes.
@@ -96,7 +97,7 @@ def decode_boxes(table: NDArray[np.floating], classes: int, rule: Rule) -> tuple
 def _suppressed(
     table: NDArray[np.float64], kind: NDArray[np.intp], rule: Rule, rivals: Rivals | Literal["none"]
 ) -> tuple[Detections, Dropped]:
-    """Detections of candidates (m, 6) x y w h angle score and their classes (m,), those that ``rivals`` leaves."""
+    """Detections of candidates (m, 6) x y w h angle score of classes (m,), after suppression among ``rivals``."""
     finite = np.isfinite(table).all(axis=1)
     real = finite & (table[:, 2] > 0.0) & (table[:, 3] > 0.0)
     table, kind = table[real], kind[real]

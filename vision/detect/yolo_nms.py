@@ -1,4 +1,4 @@
-"""Suppression as YOLO-OBB models are run with: a box that overlaps any better one is dropped.
+"""Fast non-maximum suppression, as used with YOLO-OBB models: a box that overlaps any better one is dropped.
 
 Reference:
     D. Bolya, C. Zhou, F. Xiao, Y. J. Lee, "YOLACT: Real-time Instance Segmentation", arXiv:1904.02689, section 3.4
@@ -19,9 +19,9 @@ __all__ = ["Rivals", "fast_nms"]
 Rivals = Literal["any", "same", "other"]
 
 PAIRS = 1 << 20
-"""Pairs of boxes compared at once; bounds the memory."""
+"""Pairs of boxes compared in one step; bounds the memory."""
 FIRST = 16
-"""Best boxes that all others are compared with at first."""
+"""Boxes, the best ones, that all others are compared with in the first step; later steps double it."""
 
 
 def fast_nms(
@@ -39,7 +39,7 @@ def fast_nms(
         boxes: (m, 5) cx cy w h angle.
         score: (m,) higher is better.
         overlap: probabilistic IoU above which a box is dropped, 0 to 1.
-        kind: (m,) class numbers; needed unless any box rivals any other.
+        kind: (m,) class numbers; needed unless ``rivals`` is "any".
         rivals: which boxes drop each other: any, those of the same kind, or those of another.
 
     Returns:
@@ -51,7 +51,7 @@ def fast_nms(
     alive = np.ones(len(order), dtype=bool)
     start, step = 0, FIRST
     while start < len(order):
-        # the best ones by themselves: where thousands are of one object, they leave none to compare
+        # the best ones first: of thousands of boxes of one object they leave few to compare
         better = np.arange(start, min(start + step, len(order)))
         worse = start + np.flatnonzero(alive[start:])
         start, step = start + step, max(1, min(2 * step, PAIRS // len(order)))
@@ -69,7 +69,7 @@ def fast_nms(
 
 
 def _reach(rows: NDArray[np.float64], overlap: float) -> NDArray[np.float64]:
-    """(m,) px²: two boxes whose squared distance is above the sum of theirs do not overlap so much.
+    """(m,) px²: two boxes whose squared distance exceeds the sum of their values overlap by less than ``overlap``.
 
     1 − √(1 − e^−B) > t  ⇒  B < −ln(1 − (1 − t)²);  B ≥ ¼ d² / λ with λ ≤ (a² + b²) / 12, a and b the longer sides.
     """

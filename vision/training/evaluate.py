@@ -1,4 +1,4 @@
-"""How good a network is on images that it has not seen."""
+"""Quality of a network on images that it was not trained on."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from vision.training.quality import Quality, measure
 
 __all__ = ["detections_and_truth", "evaluate"]
 
+_LEAST_SCORE = 0.05
+"""Score from which boxes are kept: low, so that quality can be measured at any threshold above it."""
+
 
 def evaluate(net: Net, batch: TrainingBatch) -> Quality:
     """Run a network over a batch and measure it."""
@@ -23,7 +26,7 @@ def evaluate(net: Net, batch: TrainingBatch) -> Quality:
 def detections_and_truth(
     net: Net, batch: TrainingBatch, chunk: int = 32
 ) -> tuple[list[Detections], list[NDArray[np.float64]]]:
-    """What a network finds on each image of a batch, and what is there."""
+    """Detections of a network on each image of a batch, ``chunk`` at a time, and the true boxes of each image."""
     net.eval()
     found: list[Detections] = []
     with torch.no_grad():
@@ -32,6 +35,6 @@ def detections_and_truth(
             score = torch.sigmoid(out[:, :1])
             peak = torch.nn.functional.max_pool2d(score, 3, 1, 1) == score
             cells = torch.cat([score * peak, out[:, 1:]], dim=1).cpu().numpy()
-            found += [decode(c, STRIDE, 0.05) for c in cells]
+            found += [decode(c, STRIDE, _LEAST_SCORE) for c in cells]
     truth = [b[r].astype(np.float64) for b, r in zip(batch.boxes.numpy(), batch.real.numpy(), strict=True)]
     return found, truth

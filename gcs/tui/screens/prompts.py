@@ -1,4 +1,4 @@
-"""A question in one line: a time to go to, a file to save to, an order to confirm."""
+"""Modal prompts: an answer typed in one line, such as a time or a file name, and a question to confirm."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ Answer = TypeVar("Answer")
 
 
 class Prompt(ModalScreen[Answer | None]):
-    """Asks until the answer can be understood, or escape."""
+    """Asks for one line until it can be parsed; None after escape."""
 
     AUTO_FOCUS: ClassVar[str | None] = "Input"
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape", "cancel", "Cancel", id="ask.cancel", tooltip="Close without an answer"),
     ]
 
-    def __init__(self, question: str, hint: str, understand: Callable[[str], Answer], *, value: str = "") -> None:
-        """Prompt something.
+    def __init__(self, question: str, hint: str, parse: Callable[[str], Answer], *, value: str = "") -> None:
+        """Make a prompt.
 
         Args:
             question: One line, plain text.
-            hint: Below the answer until it is refused.
-            understand: Turns the answer into a value; its ValueError or OSError is shown to the operator.
-            value: Answer to begin with.
+            hint: Shown below the input until an answer is refused.
+            parse: Converts the typed text to the answer; its ValueError or OSError is shown to the operator.
+            value: Initial text.
         """
         super().__init__()
-        self._question, self._hint, self._understand, self._value = question, hint, understand, value
+        self._question, self._hint, self._parse, self._value = question, hint, parse, value
 
     def compose(self) -> ComposeResult:
         """Question, answer, hint."""
@@ -48,22 +48,22 @@ class Prompt(ModalScreen[Answer | None]):
             yield Static(Text(self._hint, ink(FAINT)), id="hint", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Hand the answer over or say what is wrong with it."""
+        """Close with the parsed answer, or show why it was refused."""
         try:
-            answer = self._understand(event.value)
+            answer = self._parse(event.value)
         except (ValueError, OSError) as error:
-            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self.query_one("#hint", Static).update(Text(plain(said), ink(ALARM)))
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            self.query_one("#hint", Static).update(Text(plain(reason), ink(ALARM)))
             return
         self.dismiss(answer)
 
     def action_cancel(self) -> None:
-        """No answer."""
+        """Close without an answer."""
         self.dismiss(None)
 
 
 class Confirm(ModalScreen[bool]):
-    """Yes by its own key only: the key that chose must not confirm as well."""
+    """Asks yes or no. Only y confirms: the key that opened the question must not answer it too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("y", "answer(True)", "Yes", id="confirm.yes", tooltip="Do it"),
@@ -76,7 +76,7 @@ class Confirm(ModalScreen[bool]):
     """
 
     def __init__(self, question: str) -> None:
-        """Prompt for a yes.
+        """Make a question.
 
         Args:
             question: One line, plain text.
@@ -91,5 +91,5 @@ class Confirm(ModalScreen[bool]):
             yield Static(Text("y yes   n no", ink(FAINT)), markup=False)
 
     def action_answer(self, yes: bool) -> None:
-        """Hand the answer over."""
+        """Close with the answer."""
         self.dismiss(yes)

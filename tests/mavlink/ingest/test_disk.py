@@ -214,13 +214,13 @@ def test_a_process_that_died_between_two_words_leaves_the_journal_readable(journ
     for k in range(5):
         journal.put(0, record(k), 1)
     journal.put(1, b"note\n", 1)
-    journal.done(journal.oldest())
+    journal.remove(journal.oldest())
     assert (journal.rows, journal.written, journal.waiting_bytes) == (5, 5, 0)
     journal._words[1] = 777  # between the two words that are set back
-    assert not journal.take_over() and journal.waiting_bytes == 0
+    assert not journal.recover() and journal.waiting_bytes == 0
     journal.put(0, record(5), 1)
     journal._words[2] = 5  # died before the row was counted
-    assert journal.take_over() and (journal.rows, journal.written) == (6, 5)
+    assert journal.recover() and (journal.rows, journal.written) == (6, 5)
     assert journal.oldest().data == {0: record(5)}
 
 
@@ -234,9 +234,9 @@ def test_rows_come_out_as_they_went_in_for_many_rounds(journal):
         if k % 7 == 6:
             piece = journal.oldest()
             got += piece.data[0]
-            journal.done(piece)
+            journal.remove(piece)
     while (piece := journal.oldest()) is not None:
         got += piece.data[0]
-        journal.done(piece)
+        journal.remove(piece)
     assert got == expected and journal.lost == 0
     assert journal.written == journal.rows == number
