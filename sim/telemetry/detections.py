@@ -13,7 +13,7 @@ from sim.world.scenario import Scenario
 from sim.world.view import OCCLUDER, Bodies, CameraView
 from sim.world.world import World, random_stream
 
-__all__ = ["DetectedRows", "DetectorModel", "truth_rows"]
+__all__ = ["DetectedRows", "DetectorModel", "truth_rows", "wrapped"]
 
 FloatArray = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class DetectorModel:
         w = np.maximum(boxes.w + settings.pixel_noise * noise[2], 2.0)
         h = np.maximum(boxes.h + settings.pixel_noise * noise[3], 2.0)
         flipped = luck[1] < settings.flip
-        angle = _wrapped(boxes.angle + np.radians(settings.angle_noise_deg) * noise[4] + np.pi * flipped)
+        angle = wrapped(boxes.angle + np.radians(settings.angle_noise_deg) * noise[4] + np.pi * flipped)
         score = _score(luck[2], settings.score)
         return _oriented(cx, cy, w, h, angle, score, settings.heading_missing)
 
@@ -87,7 +87,7 @@ class DetectorModel:
             draws[1] * camera.height,
             scale * (0.8 + 2.5 * draws[2]),
             scale * (0.6 + 1.2 * draws[3]),
-            _wrapped(2.0 * np.pi * draws[4]),
+            wrapped(2.0 * np.pi * draws[4]),
             _score(draws[5], max(0.35, settings.score - 0.3)),
             settings.heading_missing,
         )
@@ -117,7 +117,7 @@ def truth_rows(world: World, t: float) -> list[str]:
     ]
 
 
-def _wrapped(angle: FloatArray) -> FloatArray:
+def wrapped(angle: FloatArray) -> FloatArray:
     """Angles in [−π, π)."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
@@ -126,7 +126,7 @@ def _oriented(
     cx: FloatArray, cy: FloatArray, w: FloatArray, h: FloatArray, angle: FloatArray, score: FloatArray, no_front: bool
 ) -> FloatArray:
     # heading = angle + π/2 (mod 2π); a detector without fronts knows the axis only, angle in [−π/2, π/2)
-    heading = np.full_like(angle, np.nan) if no_front else _wrapped(angle + np.pi / 2.0)
+    heading = np.full_like(angle, np.nan) if no_front else wrapped(angle + np.pi / 2.0)
     axis = (angle + np.pi / 2.0) % np.pi - np.pi / 2.0 if no_front else angle
     return np.stack([cx, cy, w, h, axis, score, heading], axis=-1)
 
