@@ -23,10 +23,12 @@ from sim.world.world import World
 __all__ = ["PlaybackCounts", "play"]
 
 TICK_S = 0.2
+"""Between calls of ``on_tick``, and the longest wait before ``stop`` is looked at."""
 LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4
 """Time to prepare before the first packet is due: readings are computed for the whole flight."""
 
 BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
+"""Bytes that are no MAVLink, such as an autopilot prints on its port while it boots."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

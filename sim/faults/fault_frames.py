@@ -21,8 +21,11 @@ _BODY: Final = {
     POSITION: Struct("<IiiiihhhH"),
     TEXT: Struct("<B50s"),
 }
+"""Payloads of the messages above, fields in MAVLink's wire order."""
 _V1, _V2, _STAMP, _CRC = Struct("<BBBBBB"), Struct("<BBBBBBBHB"), Struct("<BIH"), Struct("<H")
+"""Headers of MAVLink 1 and 2, the signature's link and time stamp, and the checksum."""
 _SIGNING_EPOCH_US = 1_420_070_400_000_000
+"""Unix time of 2015-01-01, from which MAVLink signatures count their time."""
 
 
 class SenderEncoder:

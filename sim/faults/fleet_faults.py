@@ -24,12 +24,18 @@ LIES = ("zero", "prefix", "jump", "nan", "other", "altitude")
 """No fix as 0/0; as ArduPilot before its first fix; 500 m away for a second of five; impossible numbers; in the place
 of the next vehicle; 600 m too high."""
 LIE_AFTER_S = 5.0
+"""True positions are reported until then: a receiver has a position that the false ones contradict."""
 ORIGIN_DEG, ALTITUDE_M, AGL_M = (47.397742, 8.545594), 488.0, 40.0
+"""Latitude and longitude, metres above the ellipsoid, and the UAV's height above ground: the place is a choice
+(Zurich)."""
 SPACING_M = 30.0
+"""Between centres of neighbouring circles: more than two of the largest radius, 12 m, so vehicles never meet."""
 GO_S, REST_S = 8.0, 4.0
+"""Of ``stop_and_go``: drive, then stand still; a choice."""
 SILENT_S = 1.3
 """A reboot takes so long."""
 _INT32_MAX = 2**31 - 1
+"""What an int32 field cannot exceed; as degrees it is no place on the globe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,7 @@ __all__ = ["Exposure", "expose"]
 
 Image = NDArray[np.uint8]
 NOISE_ROOM = 64
+"""px by which the noise is larger than the image in each direction, so that every frame is given another part of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

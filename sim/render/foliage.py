@@ -16,6 +16,7 @@ __all__ = ["Tree", "draw_tree", "tree_shadow"]
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 SHIFT = 4
+"""Fraction bits of OpenCV's drawing coordinates: 1/16 px."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

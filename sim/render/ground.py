@@ -22,8 +22,11 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 
 GRASS, SOIL, GRAVEL, ASPHALT, KERB, MARK, TAR = range(7)
+"""Materials of the ground."""
 GRAIN_PX = 512
+"""Side of the tile of grain that repeats; divides the side of a window."""
 KEPT_WINDOWS = 3
+"""Painted windows of ground in memory, the oldest is dropped; a choice of memory against painting again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

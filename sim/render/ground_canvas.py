@@ -14,6 +14,7 @@ __all__ = ["Color", "Sheet", "near"]
 Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 SHIFT = 4
+"""Fraction bits of OpenCV's drawing coordinates: 1/16 px."""
 
 
 def near(color: Color, spread: float, rng: np.random.Generator) -> Color:

@@ -37,6 +37,7 @@ __all__ = [
 FIRST_KIND = 10
 """Kinds below are those of ``Bodies``; kinds from ``FIXED_KIND`` on are those of ``SIZES``."""
 FIXED_KIND = 40
+"""First kind of those with a fixed entry; above every kind of a random catalogue, which begin at ``FIRST_KIND``."""
 Range = tuple[float, float]
 Draw = Callable[[np.random.Generator], Model]
 
@@ -96,11 +97,14 @@ ROAD: tuple[Entry, ...] = (
     ("bus", 0.03, (7.0, 12.5), (2.3, 2.6), (2.7, 3.4), bus),
     ("trailer truck", 0.03, (12.0, 16.5), (2.45, 2.6), (3.3, 4.0), trailer_truck),
 )
+"""Road vehicles: name, share of its group, ranges of length, width and height in metres, and what draws its shape.
+Sizes are those of common models, shares a choice."""
 ROVERS: tuple[Entry, ...] = (
     ("rover", 0.5, (1.4, 2.8), (0.9, 1.7), (0.6, 1.2), _rover(2)),
     ("rover with six wheels", 0.3, (1.8, 3.2), (1.1, 1.8), (0.6, 1.3), _rover(3)),
     ("tracked rover", 0.2, (1.2, 2.8), (0.8, 1.7), (0.5, 1.2), _tracked),
 )
+"""Ground robots, in the same columns; sizes and shares are a choice."""
 CLUTTER: tuple[Entry, ...] = (
     ("person", 0.2, (0.35, 0.6), (0.4, 0.7), (1.5, 1.9), lambda _: person()),
     ("bicycle", 0.07, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
@@ -116,9 +120,11 @@ CLUTTER: tuple[Entry, ...] = (
     ("tent", 0.04, (2.0, 6.0), (2.0, 5.0), (2.2, 3.5), tent),
     ("building", 0.1, (6.0, 30.0), (4.0, 16.0), (2.5, 14.0), building),
 )
+"""What must not be detected, in the same columns; sizes and shares are a choice."""
 
 
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
+"""Every entry, numbered from ``FIXED_KIND`` on."""
 VEHICLES: tuple[int, ...] = (UGV, STRANGER, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
 """Kinds of ``SIZES`` that are vehicles."""
 _OF_KIND: Mapping[int, Entry] = {
@@ -127,6 +133,7 @@ _OF_KIND: Mapping[int, Entry] = {
     PERSON: CLUTTER[0],
     **{FIXED_KIND + k: e for k, e in enumerate(_ENTRIES)},
 }
+"""Entry of each kind."""
 SIZES: Mapping[int, tuple[Range, Range, Range]] = {
     **{kind: entry[2:5] for kind, entry in _OF_KIND.items()},
     OCCLUDER: ((1.5, 8.0), (1.5, 8.0), (2.0, 10.0)),

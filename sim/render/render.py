@@ -28,6 +28,7 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 
 DEFAULT_MODELS: Mapping[int, Model] = {UGV: rover(), STRANGER: car(), PERSON: person()}
+"""Shape of each kind of body where a style names no others."""
 FACES = np.array([[4, 5, 6, 7], [3, 2, 6, 7], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5]])
 """Corners of a block's top, front, rear, left and right."""
 ROUND_FACES = np.array([[12, 15, 18, 21], *([j, (j + 1) % 12, 12 + (j + 1) % 12, 12 + j] for j in range(12))])
@@ -35,9 +36,11 @@ ROUND_FACES = np.array([[12, 15, 18, 21], *([j, (j + 1) % 12, 12 + (j + 1) % 12,
 ROUND_SIDES = np.array([0, 3, 2, 2, 2, 4, 4, 4, 1, 1, 1, 3, 3])
 """Which of top, front, rear, left and right each of them is."""
 _UNIT_BOX = Model.of(Block(x=(-0.5, 0.5), y=(-0.5, 0.5), z=(0.0, 1.0)))
+"""A block of length, width and height 1, scaled to a body's size."""
 SHIFT = 4
 """Fraction bits of OpenCV's drawing coordinates."""
 SKY = (214, 190, 168)
+"""BGR above the horizon: a pale blue."""
 FAR = 6.0
 """Beyond so many heights of the camera the ground is drawn wherever it comes from."""
 

@@ -21,6 +21,7 @@ from sim.world.world import World, random_stream
 __all__ = ["Scenery", "joined", "random_scenery"]
 
 THINGS, TREES = 260, 160
+"""Objects and trees beside the road of one scene; a choice, so that views are neither empty nor full."""
 REACH_M = 45.0
 """How far from where vehicles drive things are put."""
 CLEAR_M = 1.5

@@ -18,13 +18,21 @@ from sim.world.view import FloatArray
 __all__ = ["Slots", "TrainingGround", "random_training_ground"]
 
 NONE = np.zeros(0)
+"""Column of no entries."""
 SIDE_PX = 2048
+"""Side of the image that repeats, 143 m at ``M_PER_PX``; a choice of variety against memory."""
 M_PER_PX = 0.07
+"""Resolution of the ground: a choice of detail against memory."""
 WHITE, YELLOW, BLUE = (225, 228, 230), (60, 165, 215), (190, 150, 70)
+"""BGR of road markings."""
 GREEN_GROUND = ((62, 105, 92), (60, 95, 75), (75, 130, 130), (85, 120, 145), (95, 135, 165))
+"""BGR of grass and shrubs, from lush to dry."""
 BARE_GROUND = ((92, 122, 146), (136, 142, 146), (140, 180, 205), (120, 150, 170), (228, 226, 224))
+"""BGR of soil, gravel, sand, dry earth and snow."""
 PAVED_GROUND = ((95, 92, 90), (110, 108, 106), (128, 126, 124), (150, 152, 154), (175, 178, 180), (80, 76, 74))
+"""BGR of asphalt and concrete, new and old."""
 COLOURED_GROUND = ((85, 80, 160), (90, 110, 60), (120, 170, 110), (110, 120, 170))
+"""BGR of painted or coated ground."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

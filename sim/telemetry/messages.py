@@ -21,6 +21,7 @@ IntArray = NDArray[np.int64]
 Stream = Iterator[tuple[float, Any]]
 
 COPTER_GUIDED, ROVER_AUTO = 4, 10
+"""ArduPilot's custom modes: Guided of Copter, Auto of Rover."""
 
 
 class BootClock:

@@ -15,7 +15,9 @@ __all__ = ["Sensors", "UavReading", "UgvReading", "gauss_markov"]
 FloatArray = NDArray[np.float64]
 
 BIAS_STEP_S = 0.1
+"""Sampling of the position's bias, far below its correlation time."""
 RATE_STEP_S = 0.05
+"""Half the span of the central difference that gives rates; the true motion is smooth over it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

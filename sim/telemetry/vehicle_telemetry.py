@@ -28,6 +28,7 @@ TELEMETRY_FROM_S, TELEMETRY_AFTER_S = -2.0, 1.0
 """Telemetry begins before the first frame and ends after the last."""
 
 UAV_ATTITUDE_HZ, UAV_POSITION_HZ, GIMBAL_HZ, FIX_HZ, TEXT_HZ = 20.0, 10.0, 10.0, 2.0, 1.0 / 15.0
+"""Rates of the UAV's attitude, position and gimbal, and of every vehicle's fix and texts; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,8 +25,11 @@ __all__ = ["FrontCrop", "front_crop", "write_shard"]
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 SIDE = 128
+"""Side of a crop, px: holds the longest vehicle, 80 px, at any angle and some ground around it."""
 LEAST_LENGTH_PX, MOST_LENGTH_PX = 12.0, 80.0
+"""Range of a vehicle's length in the crops; a choice."""
 PER_GROUND = 50
+"""Crops until the ground is drawn anew: making it costs more than a crop."""
 log = logging.getLogger(__name__)
 
 

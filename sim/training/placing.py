@@ -14,6 +14,7 @@ from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ra
 __all__ = ["random_bodies"]
 
 MOST_IN_SLOTS = 70
+"""Bodies after which no more bays are filled: stays below the 80 boxes that a crop keeps."""
 LARGE_M = 9.0
 """Clutter of this length or more keeps off bays and lanes."""
 

@@ -20,8 +20,11 @@ __all__ = ["Actors", "Roles", "choose_roles", "simulate_actors"]
 FloatArray = NDArray[np.float64]
 
 UGV_COLOR = (70, 120, 60)
+"""BGR of our vehicles, an olive green; a choice."""
 CAR_SIZE, PERSON_SIZE = (4.3, 1.8, 1.5), (0.5, 0.5, 1.7)
+"""Length, width and height, metres: a medium car and a person seen from above."""
 WALK_MPS = 1.3
+"""A pedestrian's usual pace."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

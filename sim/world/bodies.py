@@ -19,6 +19,7 @@ Color = tuple[float, float, float]
 
 PAINT: Color = (-1.0, -1.0, -1.0)
 """Code for the body's own colour; −k is k times that colour."""
+# BGR of what has no paint of the body's own; each a choice
 GLASS: Color = (52.0, 44.0, 38.0)
 TYRE: Color = (34.0, 34.0, 36.0)
 DARK: Color = (58.0, 56.0, 55.0)

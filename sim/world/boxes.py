@@ -14,7 +14,9 @@ __all__ = ["Boxes", "in_image", "true_boxes", "visible_share"]
 FloatArray = NDArray[np.float64]
 
 _CORNERS: FloatArray = np.array([(u, v, w) for w in (0.0, 1.0) for u in (-0.5, 0.5) for v in (-0.5, 0.5)])
+"""Corners of a body of length, width and height 1."""
 _ROOF: FloatArray = np.array([(u, v, 1.0) for u in (-0.4, -0.2, 0.0, 0.2, 0.4) for v in (-0.35, 0.0, 0.35)])
+"""Points of its top, inside the edge, at which it is judged how much of it is seen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

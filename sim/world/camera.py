@@ -14,6 +14,7 @@ __all__ = ["CAMERA_IN_MOUNT", "ENU_FROM_NED", "body_rotation", "mount_rotation",
 FloatArray = NDArray[np.float64]
 
 ENU_FROM_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""Rotation of north-east-down into east-north-up."""
 
 CAMERA_IN_MOUNT: FloatArray = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Camera (x right, y down, z along the optical axis) to mount (x along the optical axis, y right, z down)."""

@@ -10,8 +10,11 @@ __all__ = ["to_geodetic"]
 FloatArray = NDArray[np.float64]
 
 A_M = 6378137.0
+"""WGS-84: semi-major axis."""
 F = 1.0 / 298.257223563
+"""WGS-84: flattening."""
 E2 = F * (2.0 - F)
+"""First eccentricity squared."""
 
 
 def to_geodetic(

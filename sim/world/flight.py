@@ -16,6 +16,7 @@ __all__ = ["UavMotion", "UavTruth", "fly"]
 FloatArray = NDArray[np.float64]
 
 FOLLOW_SMOOTHING_S = 2.0
+"""Standard deviation of the Gaussian that smooths the path of the fleet's middle, which the UAV follows; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -48,6 +48,7 @@ def curved_road(seed: int = 2) -> Scenario:
 
 
 PRESETS: dict[str, Callable[[], Scenario]] = {"nominal": nominal, "curved-road": curved_road}
+"""Scenarios by the name that the command line knows."""
 
 
 def preset(name: str) -> Scenario:

@@ -32,7 +32,9 @@ __all__ = [
 ]
 
 UAV_ID = 1
+"""MAVLink system id of the UAV."""
 FIRST_UGV_ID = 11
+"""MAVLink system id of the first ground vehicle; the others count on from it."""
 MOST_REPORTING = 240
 """Ground vehicles, filmed and outside; system ids end at 255."""
 

@@ -24,6 +24,7 @@ IntArray = NDArray[np.int64]
 
 ACCEL, BRAKE, HARD_BRAKE = 1.5, 2.0, 6.0  # m/s²
 STANDSTILL_M, HEADWAY_S = 2.0, 0.7
+"""Gap to the vehicle ahead: at rest, and the time that is added with speed."""
 SIDE_M = 0.5  # lateral clearance below which two vehicles are in each other's way
 MAX_SLOPE, SLOPE_PER_M, SLOPE_GAIN = 0.2, 0.06, 0.1  # sideways per metre driven
 

@@ -22,6 +22,7 @@ LEAD_S, TAIL_S = 5.0, 2.0
 """How long the world exists before the first and after the last frame."""
 
 CANOPY_COLOR = (40, 80, 45)
+"""BGR of tree crowns, a dark green; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,9 +27,13 @@ __all__ = ["FORMATS", "Folder", "Format", "open_folder"]
 Image = NDArray[np.uint8]
 Format = Literal["yolo", "dota", "visdrone", "shards"]
 FORMATS: tuple[Format, ...] = get_args(Format)
+"""Label formats, as given on the command line."""
 IMAGES = frozenset((".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp"))
+"""Suffixes of files that are read as images."""
 LABEL_FOLDERS = ("labels", "labelTxt", "annotations")
+"""Folders of label files in place of ``images``: of YOLO, DOTA, and others."""
 NAME_FILES = ("data.yaml", "dataset.yaml", "classes.txt", "obj.names")
+"""Files with the names of classes: of YOLO and Darknet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,6 +25,7 @@ THRESHOLDS: Floats = np.linspace(0.5, 0.95, 10)
 FALSE_ALARM, ASIDE = -1, -2
 """In place of an object's number: nothing is there; what is there does not count."""
 MOSTLY = 0.5
+"""A detection with this share inside an object that does not count is set aside: more of it inside than outside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

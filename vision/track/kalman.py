@@ -20,10 +20,15 @@ __all__ = ["correct", "initial", "jacobian", "mahalanobis", "predict", "warp"]
 Floats = NDArray[np.float64]
 
 _MOVE = np.eye(4, k=2)
+"""N of F = I + dt N: position changes by velocity."""
 _STILL = np.eye(4)
+"""I of the four states."""
 _MOVE_EITHER = np.kron(_MOVE, _STILL) + np.kron(_STILL, _MOVE)
+"""F ⊗ F = I + dt (N ⊗ I + I ⊗ N) + dt² N ⊗ N: its linear part, for vec P."""
 _MOVE_BOTH = np.kron(_MOVE, _MOVE)
+"""Its quadratic part."""
 _STILL_BOTH = np.eye(16)
+"""Its constant part."""
 
 
 def initial(centre: Floats, noise: Floats, speed: Floats) -> tuple[Floats, Floats]:

@@ -21,6 +21,7 @@ __all__ = ["Pool", "TrainingBatch"]
 SIDE = 256
 """Side of the images that training sees, cut from larger ones."""
 SCALES = (0.68, 1.6)
+"""Range of the scale of a cut; at the least one it shows nearly all of a crop of 384 px."""
 LEAST_LENGTH_PX, LEAST_WIDTH_PX = 8.0, 3.0
 """Smaller vehicles count neither way."""
 

@@ -23,7 +23,9 @@ from vision.training.net import STRIDE, ConvNorm, Grow, Net, Residual
 __all__ = ["export", "to_onnx"]
 
 OPSET = 17
+"""ONNX operator set of the file; ONNX Runtime reads it from 1.12 on."""
 NOMINAL_LENGTH_PX = 29.0
+"""Length of a 2.5 m vehicle at which the network is best; the detector scales images to it."""
 SCORE, PRECISION = 0.3, 0.85
 """Scores of a file that is written are shifted so that from here on this share of detections is right on held-out
 images: a false alarm costs an operator more than a vehicle found a frame later."""

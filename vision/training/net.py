@@ -14,7 +14,9 @@ from torch import Tensor, nn
 __all__ = ["CHANNELS", "STRIDE", "ConvNorm", "Grow", "Net", "Residual"]
 
 STRIDE = 4
+"""Pixels of the input for each cell of the map, on a side."""
 CHANNELS = 9
+"""Of the map, as ``vision.detect.decode_heatmap`` reads it."""
 
 
 class ConvNorm(nn.Module):  # type: ignore[misc]  # torch is not typed here

@@ -39,10 +39,15 @@ __all__ = ["Trainer"]
 
 log = logging.getLogger(__name__)
 BATCH = 16
+"""Images of one step; a choice."""
 WARM_UP_STEPS = 200
+"""Steps in which the learning rate rises to its full value; a choice."""
 AVERAGE_KEEP = 0.999
+"""Share of the weights' running average that one step keeps: it averages over about 1,000 steps."""
 HELD_OUT_SEED = 900_000
+"""Shard of the held-out crops: training begins at 1000 × seed, so no seed below 900 has them among its own."""
 PER_SHARD, HELD_OUT_CROPS = 250, 500
+"""Crops in a file of training data, and those held out."""
 
 
 class Trainer:

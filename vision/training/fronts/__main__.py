@@ -38,9 +38,11 @@ from vision.training.fronts.sheets import (
 )
 
 MARGIN = 0.15
+"""How much more than its box a crop from a video shows the classifier, a share of the sides; a choice."""
 BLOCKS, HELD_OUT_OF = 50, 5
 """Crops in the order of time fall into blocks and every fifth is held out: neighbours in time look alike."""
 LEAST = 50
+"""Crops with a known front that training needs: one for each of the ``BLOCKS``."""
 log = logging.getLogger(__name__)
 
 

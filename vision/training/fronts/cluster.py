@@ -17,8 +17,11 @@ __all__ = ["Clusters", "ends_apart", "paired_kmeans"]
 
 FloatArray = NDArray[np.float64]
 DIMENSIONS = 24
+"""Principal components that are kept of the features; a choice."""
 ROUNDS = 100
+"""Most rounds of k-means; bounds its time where it does not converge."""
 STARTS = 8
+"""Random starts of k-means, the best is kept: a start may end in a poor local minimum."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,7 +36,9 @@ WIDE = 0.5
 LEAST_PX = 8.0
 """A vehicle of a shorter box shows no front."""
 IMAGES = (".png", ".jpg", ".jpeg")
+"""Suffixes of files that are read as images."""
 COLUMNS = ("crop", "frame", "cx", "cy", "w", "h", "angle", "score")
+"""Of ``crops.csv``: number of crop and frame, box in px and rad, detector's score."""
 log = logging.getLogger(__name__)
 
 

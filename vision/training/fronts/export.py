@@ -20,8 +20,11 @@ from vision.training.fronts.vehicles import MEAN, STD
 __all__ = ["metadata", "read_weights", "to_onnx"]
 
 OPSET = 17
+"""ONNX operator set of the file; ONNX Runtime reads it from 1.12 on."""
 STAGES = 4
+"""Stages of two residual blocks in a ResNet-18."""
 SCALE = ".scale"
+"""Suffix of the tensor that int8 weights are multiplied by."""
 Weights = Mapping[str, NDArray[np.float32]]
 
 

@@ -21,6 +21,7 @@ __all__ = ["features", "guesses", "pretrained"]
 AGREED = 0.7
 """Least share of a cluster's crops that must face one way for a guess."""
 CHUNK = 64
+"""Crops that go through the network at once, so that memory stays bounded."""
 log = logging.getLogger(__name__)
 
 

@@ -25,9 +25,11 @@ __all__ = ["TrainingPlan", "draw_curve", "learn", "logits_of", "save"]
 
 log = logging.getLogger(__name__)
 WARM_UP = 0.05
+"""Share of the steps in which the learning rate rises to its full value; a choice."""
 SMOOTHING = 0.02
 """Of the labels; some are wrong."""
 WEIGHT_DECAY = 0.05
+"""Of AdamW; a usual choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

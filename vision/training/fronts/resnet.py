@@ -17,6 +17,7 @@ from vision.training.fronts.export import read_weights
 __all__ = ["ResNet18", "ResidualBlock", "load_weights"]
 
 WIDTHS = (64, 128, 256, 512)
+"""Channels of the four stages, as published."""
 
 
 class ResidualBlock(nn.Module):  # type: ignore[misc]  # torch is not typed here

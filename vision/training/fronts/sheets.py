@@ -28,12 +28,17 @@ __all__ = ["Corrections", "draw_sheets", "fronts", "read_corrections", "write_co
 
 Image = NDArray[np.uint8]
 RIGHT, LEFT, NONE, UNDECIDED = "right", "left", "none", "?"
+"""What a person may write in ``corrections.csv``."""
 COLUMNS = 16
+"""Crops side by side on a sheet."""
 ROWS = 12
+"""And below each other: a sheet is 1,536 px wide."""
 WIDTH, HEIGHT = 96, 64
 """Of a crop on a sheet, px."""
 LINE = 16
+"""Height of a line of text, px."""
 COLUMN_NAMES = ("what", "number", "front")
+"""Of ``corrections.csv``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

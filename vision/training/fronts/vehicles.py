@@ -14,12 +14,13 @@ __all__ = ["MEAN", "STD", "CropBatch", "Vehicles", "crops_of", "jittered", "plan
 FloatArray = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
+# ImageNet's, of RGB in 0..1, as published weights expect it
 MEAN = np.array([0.485, 0.456, 0.406], np.float32)
 STD = np.array([0.229, 0.224, 0.225], np.float32)
-"""ImageNet's, of RGB in 0..1, as published weights expect it."""
 CENTRE, SIZE, ANGLE = 0.04, 0.07, np.radians(3.0)
 """Deviations of a detector's boxes: centre as a share of the sides, logarithm of the sides, radians."""
 CENTRE_PX = 0.5
+"""Deviation of the centre in pixels, beside that which grows with the box."""
 SQUARE = 1.5
 """Boxes up to this ratio of sides are also learnt with the front at a longer side, if there are four classes."""
 
