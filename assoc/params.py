@@ -1,4 +1,4 @@
-"""Numbers of the identifier, each with its unit, its reason and what it does when changed."""
+"""Parameters of the identifier, each with its unit, its reason and the effect of changing it."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ class ScheduleParams:
     slowest_factor: float = 4.0
     """Most by which that time is stretched for more pairs than ``MANY_PAIRS``."""
     begun_factor: float = 0.25
-    """Share of that time after which an update is due in a frame in which a track begins: it wants a name at once."""
+    """Share of that time after which an update is due when a track begins: it should get a name quickly."""
     young_factor: float = 0.5
     """The same while a track is younger than ``young_s``."""
     young_s: float = 0.5
     """Age up to which a track counts as young, seconds."""
     idle_factor: float = 3.0
-    """How much longer an update may wait while the search is locked: the answer hardly changes then."""
+    """Factor on that time while the search is locked: the answer hardly changes then."""
     residual_jump_m: float = 1.5
     """A named track whose distance to its report grows by more than this between two frames, metres, makes an update
     due at once."""
     full_rate_s: float = 3.0
-    """For so long after such a jump updates are not made rarer, seconds."""
+    """Time after such a jump during which ``idle_factor`` is not applied, seconds."""
     rewind_s: float = 1.0
     """A frame that is older than the newest one by more than this, seconds, is another video: everything is reset."""
 
@@ -47,10 +47,10 @@ class SearchParams:
     start_hypotheses: int = 3
     """How many of them the next update starts from."""
     spread_every: int = 6
-    """One update in so many also starts from the prior's mean, turned and shifted in time."""
+    """Every n-th update also starts from the prior's mean, turned and shifted in time."""
     shift_every: int = 3
-    """One update in so many tries the whole image shifted onto other vehicles; among many pairs also: one update in so
-    many starts from the best hypothesis and one other, the rest from the best alone."""
+    """Every n-th update tries the whole image shifted onto other vehicles; with more pairs than ``MANY_PAIRS``, every
+    n-th update starts from the best hypothesis and one other, the rest from the best alone."""
     shifts: int = 8
     """Shifted starts that are tried."""
     shifts_many: int = 2
@@ -76,11 +76,11 @@ class LockParams:
     share: float = 0.7
     """Share of the tracks that must be certain if not all are."""
     least_tracks: float = 3.0
-    """Certain tracks that are then needed at least: two hold the pose, the third confirms it."""
+    """Least number of certain tracks then: two determine the pose, the third confirms it."""
     hypothesis_share: float = 0.9
     """Posterior weight that the best hypothesis must then have."""
     after_s: float = 4.0
-    """Since the first frame and since the last score drop so much time must have passed, seconds."""
+    """Least time since the first frame and since the last score drop, seconds."""
     score_drop: float = 12.0
     """A fall of a seen track's best score by this much from one update to the next, nats, unlocks the search."""
 
@@ -90,11 +90,11 @@ class LearningParams:
     """What is learnt from answers, and how certain these must be."""
 
     confidence: float = 0.9
-    """Probability from which an answer is learnt from."""
+    """Probability above which an answer is learnt from."""
     least_age_s: float = 1.5
     """Age from which a track is learnt from, seconds: first answers are corrected most."""
     noise_confidence: float = 0.8
-    """Probability from which a pair helps to learn how large the position biases are."""
+    """Probability above which a pair is used to learn the size of the position biases."""
     noise_every_s: float = 3.0
     """Time between two steps of learning them, seconds."""
     clutter_age_s: float = 2.5
@@ -102,11 +102,11 @@ class LearningParams:
     clutter_memory_s: float = 30.0
     """How long after that clutter is expected, seconds."""
     spare_tracks: float = 0.5
-    """So many tracks more than vehicles expected in view are not clutter yet: the expectation is a sum of chances."""
+    """Tracks beyond the vehicles expected in view that do not count as clutter: the expectation is uncertain."""
     offset_tension: float = 1.5
     """How many σ of its prior the clock offset may be off while the search is locked."""
     offset_tension_s: float = 3.0
-    """After so long beyond that, seconds, the offset is taken for unknown."""
+    """Time beyond that limit, seconds, after which the prior is widened to ``unknown_offset_std_s``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,13 +128,13 @@ class IdentifierParams:
     bias_tau_s: float = 60.0
     """Its correlation time, seconds."""
     mean_floor_m: float = 0.12
-    """1σ of what block means never resolve, metres: box centre against antenna, lens."""
+    """Least 1σ of a block mean, metres, however many samples: box centre against antenna, lens distortion."""
     pixel_std: float = 1.5
     """1σ of a box centre, pixels."""
     yaw_std_deg: float = 7.0
     """Prior 1σ of the camera's heading error. Raise → starts from worse compasses, more ambiguity."""
     yaw_rate_std_deg_s: float = 0.05
-    """Prior 1σ of its drift."""
+    """Prior 1σ of that error's drift."""
     tilt_std_deg: float = 1.2
     """Prior 1σ of pitch and roll errors."""
     position_std_m: float = 1.3
@@ -142,15 +142,15 @@ class IdentifierParams:
     height_std_m: float = 1.0
     """Prior 1σ of the camera's height above the ground, metres."""
     time_offset_std_s: float = 0.06
-    """Prior 1σ of video time minus telemetry time, seconds. Give that of the next when the offset is unknown."""
+    """Prior 1σ of video time minus telemetry time, seconds; ``unknown_offset_std_s`` where the offset is unknown."""
     unknown_offset_std_s: float = 0.35
-    """The same of a stream whose offset is unknown, and of one whose offset proved to be far from its prior."""
+    """The same for a stream whose offset is unknown or proved to be far from its prior."""
     prior_log_odds: float = 2.5
     """ln odds, before any evidence, that a track close to a vehicle's report is that vehicle. Lower → more boxes stay
     unnamed at first."""
     in_view_log_odds: float = 4.0
-    """What those odds gain for a vehicle that should be in view and lose for one that should not: one in view has a box
-    of its own, which would be missing if this were another's. Raise → fewer boxes unnamed, more clutter named."""
+    """Added to those odds for a vehicle that should be in view, subtracted for one that should not: a vehicle in view
+    has a box of its own. Raise → fewer boxes unnamed, more clutter named."""
     in_view_bonus: float = 1.2
     """What each block adds for a vehicle that should be in view, nats: position errors wander in ways that no model
     has. Raise → names are kept longer under bad GNSS, but also on clutter that moves alike."""
@@ -161,19 +161,19 @@ class IdentifierParams:
     switch_rate_close: float = 1e-8
     """The same while another box is near or the track is not being seen."""
     switch_rate_leap: float = 0.05
-    """The same in a second in which the track moved further than a vehicle can, or across a hole in it."""
+    """The same in a second in which the track moved further than a vehicle can, or over a gap in it."""
     close_m: float = 3.0
     """Boxes nearer than this, metres, may be swapped by a tracker."""
     gap_max_s: float = 0.6
-    """Longest hole in a track that is bridged by interpolation, seconds."""
+    """Longest gap in a track that is bridged by interpolation, seconds."""
     clutter: float = 0.003
     """Chance that a track which moves like one of our vehicles is none, while no more is seen than expected."""
     clutter_seen: float = 0.1
-    """The same for a while after a track was judged none of ours; in between by the share of surplus tracks."""
+    """The same for ``clutter_memory_s`` after a track was judged none of ours; else between both by surplus tracks."""
     stitch_confidence: float = 0.8
     """Probability of its name from which a lost track may be continued by its vehicle's report."""
     predicted_floor_m2: float = 0.1
-    """Variance per axis of a box against its vehicle, square metres, when a lost track is continued."""
+    """Variance per axis of a box centre about its vehicle's position, m², when a lost track is continued."""
     predicted_speed_std_mps: float = 0.7
     """1σ of a vehicle's speed while its report is extrapolated to continue a lost track."""
     schedule: ScheduleParams = field(default_factory=ScheduleParams)

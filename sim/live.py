@@ -1,4 +1,4 @@
-"""A scenario in real time: telemetry over UDP, one socket per vehicle, and video as MPEG-TS over UDP."""
+"""Plays a scenario in real time: telemetry over UDP, one socket per vehicle, and video as MPEG-TS over UDP."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from sim.world.world import World
 __all__ = ["PlaybackCounts", "play"]
 
 TICK_S = 0.2
-"""Between calls of ``on_tick``, and the longest wait before ``stop`` is looked at."""
+"""Interval of ``on_tick``, and longest time until ``stop`` is noticed."""
 LEAD_S, LEAD_PER_VEHICLE_SECOND = 0.3, 1e-4
-"""Time to prepare before the first packet is due: readings are computed for the whole flight."""
+"""Time before the first packet is due, and more per vehicle and second of flight: readings are computed in advance."""
 
 BOOT_NOISE = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
-"""Bytes that are no MAVLink, such as an autopilot prints on its port while it boots."""
+"""Plain text of an autopilot's boot console, which receivers must skip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +38,7 @@ class PlaybackCounts:
     packets: dict[int, int]
     """MAVLink packets by system id."""
     frames: int
+    """Video frames."""
     frames_skipped: int
     """Frames that were due before they could be drawn."""
     start_us: int
@@ -55,7 +56,7 @@ def play(
     boot_noise: bool = False,
     truth_path: Path | None = None,
 ) -> PlaybackCounts:
-    """Send until the duration is over or ``stop`` is set.
+    """Play a scenario until its duration is over or ``stop`` is set.
 
     Telemetry begins two seconds before the video. Each vehicle has a socket, hence a source port, of its own. Frames
     are exposed on time or skipped, never queued; their time stamps are their true exposure times.
@@ -101,7 +102,7 @@ def play(
 def _on_time(
     packets: Iterable[TelemetryPacket], start_us: int, stop: threading.Event, on_tick: Callable[[float], None] | None
 ) -> Iterator[TelemetryPacket]:
-    """The packets, each at its time of arrival."""
+    """Yield each packet at its time of arrival; ends when ``stop`` is set."""
     next_tick = -np.inf
     for packet in packets:
         while (wait_s := packet.t_us / 1e6 - time.time()) > 0.0:

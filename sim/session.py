@@ -1,4 +1,4 @@
-"""A scenario written as a session folder, as if it had been flown and recorded."""
+"""Writes a scenario as a session folder, as if it had been flown and recorded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sim.world.scenario import UAV_ID, Scenario
 from sim.world.scenario_file import save_scenario
 from sim.world.world import World, random_stream
 
-__all__ = ["frame_times", "session_toml", "write_session"]
+__all__ = ["frame_times", "session_toml", "write_session", "write_visible_truth"]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,17 +27,17 @@ FloatArray = NDArray[np.float64]
 def write_session(
     scenario: Scenario, folder: Path, *, video: bool = False, report: Callable[[int, int], None] | None = None
 ) -> World:
-    """Write ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv``, ``scenario.toml`` and what was seen.
+    """Write a session: ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv`` and ``scenario.toml``.
 
-    Without video, what was seen is ``detections.csv``, and ``truth.csv`` has its rows with the true system ids. With
-    video it is ``video.mp4``, and ``truth.csv`` has the true boxes of what is visible. Equal scenarios give equal
+    Without video, ``detections.csv`` is written, and ``truth.csv`` has its rows with the true system ids. With
+    video, ``video.mp4`` is written, and ``truth.csv`` has the true boxes of what is visible. Equal scenarios give equal
     bytes.
 
     Args:
         scenario: what is flown.
         folder: must not exist yet.
         video: render and encode the video instead of modelling a detector.
-        report: called with the frames that are rendered so far, and all there are.
+        report: called with the numbers of rendered frames and of all frames.
 
     Returns:
         the world that was recorded.
@@ -63,10 +63,10 @@ def write_session(
     _write_frames(folder / FRAMES.name, stamps_us)
     _write_tlog(folder / LOG, world)
     if video:
-        # the renderer and the encoder are loaded only by those who need them
+        # renderer and encoder are imported only where they are needed: that takes time
         from sim.render.film import write_video
 
-        _write_visible_truth(folder / TRUTH.name, world, t)
+        write_visible_truth(folder / TRUTH.name, world, t)
         write_video(world, t, folder / "video.mp4", report)
     else:
         _write_detections(folder, world, t)
@@ -131,6 +131,7 @@ def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
     (folder / TRUTH.name).write_bytes("".join(truth).encode())
 
 
-def _write_visible_truth(path: Path, world: World, t: FloatArray) -> None:
+def write_visible_truth(path: Path, world: World, t: FloatArray) -> None:
+    """Write the true boxes of what is visible at the frame times t (k,), seconds."""
     rows = "".join(f"{frame},{row}\n" for frame, now in enumerate(t.tolist()) for row in truth_rows(world, now))
     path.write_bytes((TRUTH.header + rows).encode())

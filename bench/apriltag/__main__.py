@@ -11,7 +11,7 @@ def main() -> None:
     parser.add_argument("--workers", type=count, default=WORKERS)
     options = parser.parse_args()
     with progress("apriltag") as report:
-        text = run(options.out, options.quick, workers=options.workers, say=print_note, report=report)
+        text = run(options.out, options.quick, workers=options.workers, print_note=print_note, report=report)
     print_results(text, options.out / "apriltag.csv", as_json=options.json)
 
 

@@ -22,12 +22,12 @@ __all__ = ["SETTLED_S", "TagCase", "TagCount", "TagOutcome", "count_tags", "play
 Bools = NDArray[np.bool_]
 
 SETTLED_S = 4.0
-"""A name needs motion: shares are also told from this moment on."""
+"""Identification needs motion: results are also counted from this time on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCase:
-    """What is flown."""
+    """Parameters of one flight."""
 
     camera: str
     height_m: float
@@ -38,18 +38,18 @@ class TagCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagCount:
-    """Boxes of the vehicles with tags of one side."""
+    """Numbers of boxes of the vehicles with tags of one size."""
 
     side_m: float
     boxes: int
     plain: int
-    """With the right number, in the whole image, with OpenCV's own settings."""
+    """Boxes whose tag is read correctly in the whole image with OpenCV's default settings."""
     read: int
-    """With the right number, in a crop about the vehicle."""
+    """Boxes whose tag is read correctly in a crop about the vehicle."""
     known: int
-    """The same, in this frame or an earlier one: with a tracker that never loses a vehicle."""
+    """As ``read``, in this frame or an earlier one: with a tracker that never loses a vehicle."""
     wrong: int
-    """With a number that is not on the vehicle."""
+    """Boxes in which a number is read that is not on the vehicle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,16 +62,17 @@ class TagOutcome:
     tags: tuple[TagCount, ...]
     boxes: int
     right: int
-    """That the product names rightly."""
+    """Boxes that the product names correctly."""
     named: int
-    """Boxes of ours and of the look-alike that it gives any name."""
+    """Boxes of our vehicles and of the look-alike that the product gives any name."""
     late_boxes: int
-    """From SETTLED_S on."""
+    """Boxes from ``SETTLED_S`` on."""
     late_right: int
+    """Of those, boxes that the product names correctly."""
 
 
 def play(case: TagCase) -> TagOutcome:
-    """Film a flight, read its tags, let the product name its vehicles."""
+    """Render a flight, read its tags, and have the product identify its vehicles."""
     scenario = scenario_of(case.camera, case.height_m, case.duration_s, case.fps, case.seed)
     with tempfile.TemporaryDirectory(prefix="apriltag-") as folder:
         session = Path(folder) / "session"
@@ -88,7 +89,7 @@ def play(case: TagCase) -> TagOutcome:
         tags=tags,
         boxes=int(ours.sum()),
         right=int(right.sum()),
-        # boxes that are less than half in the image have no truth to be held against
+        # boxes less than half in the image have no truth to compare with
         named=int(((matched.named > 0) & (matched.truth >= 0)).sum()),
         late_boxes=int(late.sum()),
         late_right=int((right & late).sum()),
@@ -100,7 +101,7 @@ def count_tags(scenario: Scenario, video: Path, truth: Table) -> tuple[TagCount,
     side = {tag.number: tag.side_m for tag in tags_of(scenario)}
     boxes = dict.fromkeys(SIDES_M, 0)
     plain, read, known, wrong = dict(boxes), dict(boxes), dict(boxes), dict(boxes)
-    met: set[int] = set()
+    read_so_far: set[int] = set()
     with VideoFile.open(video) as film:
         for frame in film.frames():
             mine = np.flatnonzero((truth["frame"] == frame.index) & (truth["system_id"] > 0))
@@ -109,11 +110,11 @@ def count_tags(scenario: Scenario, video: Path, truth: Table) -> tuple[TagCount,
             numbers = truth["system_id"][mine].astype(int).tolist()
             for number, seen in zip(numbers, read_tags(frame.image, places), strict=True):
                 size = side[number]
-                met |= {number} & seen
+                read_so_far |= {number} & seen
                 boxes[size] += 1
                 plain[size] += number in everywhere
                 read[size] += number in seen
-                known[size] += number in met
+                known[size] += number in read_so_far
                 wrong[size] += bool(seen - {number})
     return tuple(
         TagCount(side_m=s, boxes=boxes[s], plain=plain[s], read=read[s], known=known[s], wrong=wrong[s])

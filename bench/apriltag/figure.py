@@ -1,4 +1,4 @@
-"""Share identified against height, drawn from ``apriltag.csv``."""
+"""Plot of the share of identified vehicles over the camera's height, from ``apriltag.csv``."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from bench.apriltag.flight import CAMERAS, SIDES_M
-from bench.drawing import MISSING, pyplot, read_rows
+from bench.drawing import pyplot, read_rows
 
-__all__ = ["MISSING", "draw_heights"]
+__all__ = ["draw_heights"]
 
 TAG_COLORS = ("#d95f02", "#7570b3")
 
 
 def draw_heights(table: Path, out: Path) -> bool:
-    """One panel a camera; False when matplotlib is missing."""
+    """Draw one panel a camera; returns False if matplotlib is missing."""
     plot = pyplot()
     if plot is None:
         return False
@@ -36,8 +36,8 @@ def draw_heights(table: Path, out: Path) -> bool:
 def _draw(panel: Any, rows: list[dict[str, str]]) -> None:  # noqa: ANN401  (axes of a library without types)
     height = [float(row["height_m"]) for row in rows]
 
-    def line(name: str, **look: Any) -> None:  # noqa: ANN401  (matplotlib's own words)
-        panel.plot(height, [100.0 * float(row[name]) for row in rows], label=name, **look)
+    def line(name: str, **style: Any) -> None:  # noqa: ANN401  (matplotlib's own keywords)
+        panel.plot(height, [100.0 * float(row[name]) for row in rows], label=name, **style)
 
     line("product", color="#1b9e77", marker="o", linewidth=2.2)
     for side, color in zip(SIDES_M, TAG_COLORS, strict=True):

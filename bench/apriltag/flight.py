@@ -1,6 +1,6 @@
 """A short flight at one height, filmed with tags on the roofs, as a session folder.
 
-Order of things: the scene, tags on it; motion blur and lens; light and sensor noise; H.264.
+Order of rendering: the scene with its tags, motion blur and lens, vignetting and sensor noise, H.264.
 """
 
 from __future__ import annotations
@@ -15,32 +15,35 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.apriltag.tags import Tag, stick_tags
-from infra.session_format import TRUTH
+from bench.apriltag.tags import Tag, draw_tags
+from infra.session_format import DETECTIONS, TRUTH
 from sim.render.exposure import Exposure, expose
 from sim.render.render import Renderer
-from sim.session import frame_times, write_session
-from sim.telemetry.detections import truth_rows
+from sim.session import frame_times, write_session, write_visible_truth
 from sim.world.presets import nominal
 from sim.world.scenario import Gnss, Scenario, ScenarioAttitude, ScenarioCamera, ScenarioFlight, Targets
 from sim.world.view import project
 from sim.world.world import World
 
-__all__ = ["CAMERAS", "SIDES_M", "camera_of", "filmed", "scenario_of", "tags_of", "write_flight"]
+__all__ = ["CAMERAS", "SIDES_M", "camera_of", "render_frame", "scenario_of", "tags_of", "write_flight"]
 
 Image = NDArray[np.uint8]
 
 CAMERAS = {"1080p": (1920, 1080), "4K": (3840, 2160)}
 DIAGONAL_DEG = 84.0
-"""Field of view of the usual consumer drone."""
+"""Diagonal field of view of a typical consumer drone."""
 SIDES_M = (0.3, 0.5)
-"""Of the tags' black squares: every other vehicle has the larger."""
+"""Sides of the tags' black squares, given to the vehicles in turn."""
 SPACING_M = 5.0
+"""Distance between neighbouring vehicles."""
 SHUTTER_S = 1.0 / 100.0
-"""Of a dull day."""
+"""Exposure time on an overcast day."""
 SOFTNESS_PX, NOISE, CRF = 0.6, 3.0, 23
+"""Blur of the lens, 1σ of the sensor's noise in grey values, and quality of the encoder (libx264's default)."""
 NO_CAMERA = Exposure(vignette=0.0, noise=0.0)
+"""Renders the scene without lens and sensor effects, which follow once the tags are drawn."""
 CLOCK = 90_000
+"""Ticks a second of the video's time stamps."""
 
 
 def camera_of(name: str) -> ScenarioCamera:
@@ -75,18 +78,18 @@ def tags_of(scenario: Scenario) -> tuple[Tag, ...]:
     )
 
 
-def filmed(world: World, renderer: Renderer, t: float, index: int) -> Image:
+def render_frame(world: World, renderer: Renderer, t: float, index: int) -> Image:
     """The frame exposed at time t as the camera gives it to its encoder: (height, width, 3) BGR."""
     view, bodies = world.view(t), world.bodies(t)
     bare = renderer.draw(view, bodies, index, NO_CAMERA)
-    shown = stick_tags(bare, view, bodies, tags_of(world.scenario))
+    shown = draw_tags(bare, view, bodies, tags_of(world.scenario))
     length, direction = _blur(world, t)
     lens = Exposure(blur_px=length, blur_direction=direction, softness_px=SOFTNESS_PX, noise=NOISE)
     return expose(shown, lens, np.random.default_rng([world.scenario.seed, index]))
 
 
 def _blur(world: World, t: float) -> tuple[float, float]:
-    """How far, px, and in which direction our vehicles move over the image while the shutter is open: the median."""
+    """Median motion of our vehicles in the image while the shutter is open: length, px, and direction, radians."""
     places = []
     for moment in (t - 0.5 * SHUTTER_S, t + 0.5 * SHUTTER_S):
         at = world.at(moment).xy[: world.scenario.fleet_size]
@@ -98,16 +101,15 @@ def _blur(world: World, t: float) -> tuple[float, float]:
 def write_flight(scenario: Scenario, folder: Path) -> World:
     """Write a session whose video shows the tags; ``truth.csv`` holds what can be seen."""
     world = write_session(scenario, folder)
-    (folder / "detections.csv").unlink()
+    (folder / DETECTIONS.name).unlink()
     t, _ = frame_times(scenario)
-    rows = "".join(f"{k},{row}\n" for k, now in enumerate(t.tolist()) for row in truth_rows(world, now))
-    (folder / "truth.csv").write_text(TRUTH.header + rows)
+    write_visible_truth(folder / TRUTH.name, world, t)
     _encode(world, t, folder / "video.mp4")
     return world
 
 
 def _encode(world: World, t: NDArray[np.float64], path: Path) -> None:
-    """One thread and no look-ahead: equal flights give equal bytes."""
+    """Encode the video, in one thread and without look-ahead: equal flights give equal bytes."""
     camera = world.scenario.camera
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=Fraction(world.scenario.fps).limit_denominator(1000))
@@ -122,6 +124,6 @@ def _encode(world: World, t: NDArray[np.float64], path: Path) -> None:
 def _frames(world: World, t: NDArray[np.float64]) -> Iterator[Any]:
     renderer = Renderer(world.scene, seed=world.scenario.seed)
     for index, now in enumerate(t.tolist()):
-        frame = av.VideoFrame.from_ndarray(filmed(world, renderer, now, index), format="bgr24")
+        frame = av.VideoFrame.from_ndarray(render_frame(world, renderer, now, index), format="bgr24")
         frame.pts, frame.time_base = round((now - float(t[0])) * CLOCK), Fraction(1, CLOCK)
         yield frame

@@ -1,4 +1,4 @@
-"""All heights and cameras in worker processes, and the files they end in."""
+"""Runs all heights and cameras in worker processes and writes the result files."""
 
 from __future__ import annotations
 
@@ -10,19 +10,23 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 from bench.apriltag.case import TagCase, TagOutcome, play
-from bench.apriltag.figure import MISSING, draw_heights
+from bench.apriltag.figure import draw_heights
 from bench.apriltag.flight import CAMERAS
 from bench.apriltag.tables import report as tables
 from bench.apriltag.tables import write_csv
+from bench.drawing import MISSING
 
 __all__ = ["cases", "run"]
 
 WORKERS = 2
+"""One for each core of a small machine."""
 HEIGHTS_M = (10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 100.0, 120.0)
 QUICK_HEIGHTS_M = (10.0, 40.0, 120.0)
 DURATION_S, FPS = 8.0, 4.0
 QUICK_S = 5.0
+"""Length of a quick flight: one second after the results settle."""
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables that limit numerical libraries to one thread in each worker."""
 
 
 def cases(quick: bool) -> list[TagCase]:
@@ -37,17 +41,17 @@ def run(
     quick: bool = False,
     *,
     workers: int = WORKERS,
-    say: Callable[[str], None] = lambda _: None,
+    print_note: Callable[[str], None] = lambda _: None,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
-    """Fly everything; write ``apriltag.md``, ``apriltag.csv`` and ``apriltag.png``.
+    """Run all flights; write ``apriltag.md``, ``apriltag.csv`` and ``apriltag.png``.
 
     Args:
         out: is made; files of these names in it are replaced.
-        quick: a few heights and one camera, for a look.
-        workers: processes.
-        say: what the run has to say beside its tables.
-        report: called with the flights that are over so far, and all there are.
+        quick: a few heights and one camera.
+        workers: number of processes.
+        print_note: called with messages about the run that are not part of its tables.
+        report: called with the numbers of finished flights and of all flights.
 
     Returns:
         the text of ``apriltag.md``.
@@ -59,8 +63,8 @@ def run(
     text = tables(outcomes, quick)
     (out / "apriltag.md").write_text(text, encoding="utf-8")
     if not draw_heights(out / "apriltag.csv", out / "apriltag.png"):
-        say(MISSING)
-    say(f"{len(outcomes)} flights in {time.monotonic() - began:.0f} s; wrote {out}")
+        print_note(MISSING)
+    print_note(f"{len(outcomes)} flights in {time.monotonic() - began:.0f} s; wrote {out}")
     return text
 
 

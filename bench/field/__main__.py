@@ -34,7 +34,7 @@ def main() -> None:
             families=options.family,
             versions=versions,
             workers=options.workers,
-            say=print_note,
+            print_note=print_note,
             report=report,
         )
     print_results(text, options.out / "sessions.csv", as_json=options.json)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from bench.drawing import MISSING, pyplot, read_rows
+from bench.drawing import pyplot, read_rows
 
-__all__ = ["MISSING", "draw_reliability"]
+__all__ = ["draw_reliability"]
 
 
 def draw_reliability(table: Path, out: Path) -> bool:

@@ -11,8 +11,9 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from bench.drawing import MISSING
 from bench.field.families import FAMILIES, Split, label_of, scenario_of, seeds_of
-from bench.field.figure import MISSING, draw_reliability
+from bench.field.figure import draw_reliability
 from bench.field.measure import BoxCounts, matched_names, tally
 from bench.field.product import identify
 from bench.field.residual import mean_residual
@@ -111,7 +112,7 @@ def run(
     families: Sequence[int] = (),
     versions: Sequence[bool] = (False, True),
     workers: int = WORKERS,
-    say: Callable[[str], None] = lambda _: None,
+    print_note: Callable[[str], None] = lambda _: None,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
     """Play the suite; write ``field.md``, ``sessions.csv``, ``reliability.csv`` and ``reliability.png`` into a folder.
@@ -123,7 +124,7 @@ def run(
         families: numbers; empty: all.
         versions: False standard, True hard.
         workers: processes.
-        say: what the run has to say beside its tables.
+        print_note: called with messages about the run that are not part of its tables.
         report: called with the sessions that are played so far, and all there are.
 
     Returns:
@@ -139,8 +140,8 @@ def run(
     write_sessions(outcomes, out / "sessions.csv")
     write_reliability(outcomes, out / "reliability.csv")
     if not draw_reliability(out / "reliability.csv", out / "reliability.png"):
-        say(MISSING)
-    say(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {out}")
+        print_note(MISSING)
+    print_note(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {out}")
     return text
 
 

@@ -1,4 +1,4 @@
-"""Where the camera really is: the mount on the UAV. Written apart from the program's own camera, as its oracle."""
+"""True camera pose from the UAV's and the mount's. Independent of the program's own camera model, to test that."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["CAMERA_IN_MOUNT", "ENU_FROM_NED", "body_rotation", "mount_rotation",
 FloatArray = NDArray[np.float64]
 
 ENU_FROM_NED: FloatArray = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""Rotation of north-east-down into east-north-up."""
+"""Rotation from north-east-down to east-north-up."""
 
 CAMERA_IN_MOUNT: FloatArray = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Camera (x right, y down, z along the optical axis) to mount (x along the optical axis, y right, z down)."""
@@ -39,7 +39,7 @@ def mount_rotation(scenario: Scenario) -> FloatArray:
 
 
 def view_from(scenario: Scenario, uav: UavTruth) -> CameraView:
-    """The true camera. A stabilized mount keeps level but for its own tilt error and turns with the nose."""
+    """The true camera. A stabilized mount follows the UAV's yaw and stays level except for its own tilt error."""
     yaw = float(uav.yaw)
     if scenario.camera.mount == "fixed":
         carrier = body_rotation(yaw, float(uav.pitch), float(uav.roll))

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from bench.apriltag.case import TagCase, TagCount, TagOutcome
-from bench.apriltag.flight import CAMERAS, DIAGONAL_DEG, SIDES_M, camera_of, filmed, scenario_of, tags_of
+from bench.apriltag.flight import CAMERAS, DIAGONAL_DEG, SIDES_M, camera_of, render_frame, scenario_of, tags_of
 from bench.apriltag.suite import cases
 from bench.apriltag.tables import METHODS, report, shares, write_csv
-from bench.apriltag.tags import Tag, read_image, read_tags, stick_tags, tag_corners
+from bench.apriltag.tags import Tag, draw_tags, read_image, read_tags, tag_corners
 from sim.render.ground import GroundStyle
 from sim.render.render import Renderer, Style
 from sim.world.boxes import in_image, true_boxes
@@ -55,7 +55,7 @@ def seen_by_opencv(image):
 @pytest.mark.parametrize("heading", [0.0, 0.7, 3.0, 5.1])
 def test_opencv_finds_the_corners_where_they_are_projected(heading):
     view, bodies, tag = straight_down(9.0), one_rover(heading), Tag(body=0, number=77, side_m=0.5)
-    image = stick_tags(np.full((480, 640, 3), 110, np.uint8), view, bodies, [tag])
+    image = draw_tags(np.full((480, 640, 3), 110, np.uint8), view, bodies, [tag])
     expected, _ = project(view, tag_corners(bodies, tag, 0.5))
     # front left, front right, rear right, rear left: as the tag is printed with its upper edge to the front
     np.testing.assert_allclose(seen_by_opencv(image)[77], expected, atol=0.6)
@@ -64,7 +64,7 @@ def test_opencv_finds_the_corners_where_they_are_projected(heading):
 def test_a_tag_covers_its_plate_and_nothing_else():
     view, bodies, tag = straight_down(20.0), one_rover(), Tag(body=0, number=5, side_m=0.3)
     before = np.full((480, 640, 3), 110, np.uint8)
-    after = stick_tags(before, view, bodies, [tag])
+    after = draw_tags(before, view, bodies, [tag])
     changed = (after != before).any(axis=-1)
     # side of the plate with its rim: 10/8 of 0.3 m, 19.1 m below the camera
     side = 0.375 * 1200.0 / 19.1
@@ -78,7 +78,7 @@ def test_a_tag_covers_its_plate_and_nothing_else():
 def test_a_tag_that_is_not_wholly_in_the_image_is_left_out():
     view = straight_down(9.0)
     before = np.full((480, 640, 3), 110, np.uint8)
-    after = stick_tags(before, view, one_rover(x=2.15, y=0.0), [Tag(body=0, number=5, side_m=0.5)])
+    after = draw_tags(before, view, one_rover(x=2.15, y=0.0), [Tag(body=0, number=5, side_m=0.5)])
     np.testing.assert_array_equal(after, before)
 
 
@@ -91,7 +91,7 @@ def looks():
         world = World(scenario)
         # a smaller sheet of ground than films have is painted sooner
         renderer = Renderer(world.scene, Style(ground=GroundStyle(side_px=1024)))
-        image = filmed(world, renderer, 0.5, 0)
+        image = render_frame(world, renderer, 0.5, 0)
         image = cv2.imdecode(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 85])[1], cv2.IMREAD_COLOR)
         view, bodies = world.view(0.5), world.bodies(0.5)
         boxes = true_boxes(view, bodies)
