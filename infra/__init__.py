@@ -2,5 +2,5 @@
 
 import logging
 
-# quiet until somebody asks for a log (infra.program_log)
+# quiet until a log is asked for (infra.program_log)
 logging.getLogger("infra").addHandler(logging.NullHandler())

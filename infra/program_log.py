@@ -1,6 +1,6 @@
 """The program's log: records of the standard library's ``logging`` into files, from several processes into one.
 
-Quiet until somebody asks for a file. Nobody who logs waits for the disk: a thread of each file writes. A file is
+Quiet until a log file is asked for. Logging never waits for the disk: a thread of each file writes. A file is
 bounded in size; what is not ours, a text from the air for instance, can neither begin a line of its own nor speak to a
 terminal.
 """
@@ -57,7 +57,7 @@ def conceal_with(conceal: Callable[[str], str]) -> None:
 
 
 def least_level(otherwise: int) -> int:
-    """The lowest level that somebody asked for, or the given one if that is lower."""
+    """The lowest level that was asked for, or the given one if that is lower."""
     return min([otherwise, *(handler.level for handler in _handlers)])
 
 

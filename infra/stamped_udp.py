@@ -1,4 +1,4 @@
-"""UDP sockets whose datagrams the kernel stamps when they arrive, however long they lie until somebody reads them."""
+"""UDP sockets whose datagrams the kernel stamps when they arrive, however long they wait to be read."""
 
 from __future__ import annotations
 

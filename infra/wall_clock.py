@@ -1,4 +1,4 @@
-"""The wall clock, and when somebody sets it."""
+"""The wall clock, and when it is set."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def now_us() -> int:
 
 
 class ClockWatch:
-    """Compares the wall clock with the monotonic one, which nobody can set; slewing moves both and is no step.
+    """Compares the wall clock with the monotonic one, which cannot be set; slewing moves both and is no step.
 
     Args:
         wall_ns: Unix ns.

@@ -5,5 +5,5 @@ SI units, radians, ENU metres, Unix µs. Degrees, millimetres and centimetres pe
 
 import logging
 
-# quiet until somebody asks for a log (infra.program_log)
+# quiet until a log is asked for (infra.program_log)
 logging.getLogger("mavlink").addHandler(logging.NullHandler())

@@ -61,8 +61,8 @@ gimbal by 0.7° and 0.5°.
 tag: AprilTag 36h11 with a black square of that side, level and clean on the roof; every other vehicle has the larger
 one. A tag that the image's edge cuts cannot be read. plain: read in the whole image by OpenCV's ArUco detector as
 it comes. Without that word: in a crop about every vehicle's true place, enlarged, with settings for small squares:
-the most that tags can give. remembered: the same in
-this frame or in an earlier one, as if a tracker never lost anybody. product: the bundled detector, the tracker and the
+the most that tags can give. remembered: the same in this
+frame or in an earlier one, as if a tracker never lost a vehicle. product: the bundled detector, the tracker and the
 identifier on the same decoded frames; right names of our boxes, from the first frame on, and later: from second
 {SETTLED_S:g} on. wrong of names: those that are not right of the names it gives, to ours or to the other. It reads no
 tags, and needs every vehicle's telemetry; a tag needs none."""

@@ -143,7 +143,7 @@ def judge(flown: Flown, case: TakeoverCase) -> AttackRow:
     true_s = sum(estimate.used for estimate in seen if estimate.t_s >= since_s) / 5.0 - wrong_s
     note = "" if alarm or held else "no alarm"
     if case.messages == ("position",) or case.autopilot == NO_AUTOPILOT:
-        # nobody who is no autopilot may speak for the vehicle: to go on believing the true one is as good as an alarm
+        # only an autopilot may speak for the vehicle: to go on using the true positions is as good as an alarm
         held = wrong_s == 0.0 and not counts["lost"] and (bool(alarm) or true_s > 1.0)
         note = "" if alarm else "the true one is believed, without an alarm" if held else "no alarm"
     return AttackRow(

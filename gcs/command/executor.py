@@ -4,7 +4,7 @@ That an autopilot accepts to point the camera says little: ArduPilot accepts to 
 and nothing moves. So pointing counts as done when the gimbal reports to look there; else the next way is tried.
 
 A stream follows a ground vehicle by the positions heard here. It waits while they are missing, ends after a while
-without them, and ends at the first refusal or when somebody else changes the flight mode: it never takes the UAV back
+without them, and ends at the first refusal or when another sender changes the flight mode: it never takes the UAV back
 from a pilot.
 """
 
@@ -284,7 +284,7 @@ class CommandExecutor:
                 return not instead
 
     def _mode_watch(self) -> Callable[[], str]:
-        """Ends when somebody else changes the flight mode."""
+        """Ends when another sender changes the flight mode."""
         since_s, mode = time.monotonic(), ""
 
         def watch() -> str:

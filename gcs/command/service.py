@@ -33,7 +33,7 @@ LOOK_S = 1.0
 
 
 class CommandService:
-    """Commands the UAV, and nobody else.
+    """Commands the UAV, and no other vehicle.
 
     Args:
         uav: system id of the UAV.
@@ -79,7 +79,7 @@ class CommandService:
         self._thread.start()
 
     def receive(self, packet: Packet) -> None:
-        """Every packet that came, of anybody; what is not believed is left out."""
+        """Handles a received packet of any sender; rejected ones are left out."""
         self._transmitter.note_packet(packet)
         if packet.auth > Auth.GOOD:
             return

@@ -57,7 +57,7 @@ class Uav:
         self.gimbal_component = 1
         """Component of the gimbal manager that speaks, the autopilot's without one."""
         self.gimbal_holder: tuple[int, int] | None = None
-        """System and component in primary control of the gimbal, (0, 0) for nobody, None while it does not tell."""
+        """System and component in primary control of the gimbal, (0, 0) for none, None while it is not reported."""
 
     def receive(self, packet: Packet) -> None:
         """A packet of the UAV that is believed."""

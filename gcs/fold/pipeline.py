@@ -139,7 +139,7 @@ class Pipeline:
             t_us: When it was taken, Unix µs on the video's clock.
             image: (H, W, 3) BGR, only passed on.
             size: Width and height, px, of a frame that is not there; None: as the last one.
-            detections: Boxes found; None: nobody looked, and tracks are left as they are.
+            detections: Boxes found; None: the detector did not run, and tracks are left as they are.
             health: How the program is doing, passed on.
             heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.

@@ -1,4 +1,4 @@
-"""Keeps the event log readable when somebody talks without end: a few notices of each sender, then only how many more.
+"""Keeps the event log readable when a sender floods it: a few notices of each sender, then only how many more.
 
 Nothing is lost by it: every packet is in the raw log before anything here is asked.
 """

@@ -17,7 +17,7 @@ BEHIND_S = 2.0
 LATE_S = 1.0
 """A vehicle at 5 m/s is five metres from where an older frame shows it."""
 LATE_FOR_S = 3.0
-"""A hold-up of the video that is over by then needs nobody to act."""
+"""A hold-up of the video that is over by then needs no action."""
 CLOCK_OFFSET_S = 0.1
 """A vehicle at 5 m/s is half a metre elsewhere after a tenth of a second; also the 1σ up to which it is known."""
 CLOCK_OFFSET_FOR_S = 5.0

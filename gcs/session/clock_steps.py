@@ -5,7 +5,7 @@ records and frames keep their order and their distances.
 
 Without that table steps are inferred from the log: a vehicle's boot clock goes on while the stamps leap, which gives
 the step. What no boot clock explains, a day and more forwards (another flight in the same file, a clock that was never
-set before) or half an hour back, is closed up to a second. A pause of hours stays: somebody may count from the log's
+set before) or half an hour back, is closed up to a second. A pause of hours stays: a reader may count from the log's
 first message.
 """
 

@@ -1,7 +1,7 @@
 """Files in folders that others may write to: only regular files are opened, and no link leads a writer elsewhere.
 
 A named pipe in a file's place would be waited on for ever, a device may do anything when it is opened, and a symbolic
-link would have a writer change a file that somebody else chose.
+link would have a writer change a file that another user chose.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def open_to_append(path: Path | str) -> int:
 def is_shared(folder: Path) -> bool:
     """Whether others than its owner, who is this user or root, may make and rename files in a folder.
 
-    A group that is nobody's but this user's own, as many systems make one for each user, is no other.
+    A group of which this user is the only member, as many systems make for each user, is no other.
     """
     status = folder.stat()
     mode, user = stat.S_IMODE(status.st_mode), os.geteuid()

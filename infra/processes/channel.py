@@ -41,7 +41,7 @@ class MessageChannel(Generic[Received]):
     ) -> None:
         self._reading, self._writing = reading, writing
         self._decoder: msgspec.msgpack.Decoder[Received] = msgspec.msgpack.Decoder(received)
-        # two threads that close one pipe may close the descriptor of somebody else
+        # two threads that close one pipe may close a descriptor that was reused meanwhile
         self._sending = threading.Lock()
 
     def fileno(self) -> int:

@@ -51,7 +51,7 @@ class OutputCounts:
     name: str
     sent: int = 0
     dropped: int = 0
-    """Not taken: nobody there, or too slow."""
+    """Packets that were not accepted: no receiver, or one that is too slow."""
     withheld: int = 0
     """Refused for their signature, a key, or a copy."""
     returned: int = 0

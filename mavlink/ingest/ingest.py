@@ -61,10 +61,10 @@ class Ingest:
     Args:
         urls: links, as :func:`mavlink.links.kinds.parse_url` has them.
         log: of the first segment of the raw log; must not exist.
-        system_ids: whose frames make a sender known, so that it always passes while strangers flood; empty: anybody's.
+        system_ids: whose frames make a sender known, so that it always passes while unknown senders flood; empty: any.
         signing: keys.
         outputs: where packets go on to.
-        ring_bytes: packets wait in so much memory while nobody reads.
+        ring_bytes: size of the memory in which packets wait to be read.
 
     Raises:
         LinkError: a link or output cannot be opened; the message says what to do.
@@ -233,7 +233,7 @@ class Ingest:
         self._stopping.set()
         self.supervisor.stop()
         record = self.health().record
-        if record.waiting:  # the disk does not answer: nobody will write them
+        if record.waiting:  # the disk does not answer: they will not be written
             lost = replace(record, waiting=0, waiting_bytes=0, lost=record.lost + record.waiting)
             self._health = replace(self._health, record=lost)
             self._memory.status.put(b"")
@@ -326,7 +326,7 @@ class Ingest:
         self._memory.status.put(self._health.encode())
 
     def _note_gap(self, failure: str, alive_s: float) -> None:
-        """Waits until the next process has opened everything, and notes for how long nobody received."""
+        """Waits until the next process has opened everything, and notes for how long no process received."""
         trouble = ""
         try:
             self._require_opened(self.supervisor.process)

@@ -57,7 +57,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     generation: int = 1
     """Counts the processes of one flight."""
     system_ids: tuple[int, ...] = ()
-    """Whose frames make a sender known; empty: anybody's."""
+    """System ids whose frames make a sender known; empty: all."""
     signing: Signing = Signing()
     outputs: Outputs = Outputs()
 

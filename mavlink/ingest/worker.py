@@ -38,7 +38,7 @@ TICK_S = 0.05
 PAUSE_S = 0.004
 """Datagrams of so long are read together; when each came the kernel has noted."""
 HEALTH_S, HEALTH_SOON_S = 0.2, 0.05
-"""How often the station is told how it goes, and how soon where somebody new is heard: alarms name his address."""
+"""How often health is reported to the station, and how soon after a new sender: alarms name its address."""
 _FEW = 128
 """After a batch of fewer packets the other links have their turn."""
 _ROUNDS = 8

@@ -23,7 +23,7 @@ class LinkOptions:
     sock: socket.socket | None = None
     """The socket that :meth:`Link.prepare` gave; None: the link opens one."""
     system_ids: Collection[int] = ()
-    """Whose frames make a sender known; empty: anybody's."""
+    """System ids whose frames make a sender known; empty: all."""
     trusts_checksums: bool = True
     """Whether a valid checksum makes a sender known; otherwise :meth:`Link.trust` does, after a check of signatures."""
     waits_for_device: bool = False

@@ -59,7 +59,7 @@ class FloodLimiter:
         self._socket = sock
         self.shares = Shares()
         self.dropped = 0
-        """Datagrams that the system threw away because nobody read them in time."""
+        """Datagrams that the system dropped because they were not read in time."""
         self.turned_away = 0
         """Datagrams that the filter dropped."""
         self.is_unsupported = False

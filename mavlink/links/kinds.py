@@ -66,7 +66,7 @@ def open_link(url: str | LinkUrl, options: LinkOptions | None = None) -> Link:
 
     Args:
         url: as :func:`parse_url` has it, for instance ``udpin:0.0.0.0:14550``.
-        options: what it is for; None: to receive from anybody.
+        options: what it is for; None: to receive from any sender.
 
     Raises:
         LinkError: bad URL, port in use, no such device or host; one line that says what to do.

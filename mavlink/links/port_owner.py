@@ -36,7 +36,7 @@ def owner_of(protocol: _Protocol, port: int) -> str:
             if any(held.laddr and held.laddr.port == port for held in process.net_connections(f"{protocol}4")):
                 holders.append((process.create_time(), process.pid, process.name()))
         except (psutil.Error, OSError):
-            continue  # gone meanwhile, or somebody else's
+            continue  # gone meanwhile, or another user's
     if not holders:
         return ""
     _, process_id, name = min(holders)

@@ -24,7 +24,7 @@ class LinkCounts:
     unknown: int = 0
     """Frames of unknown messages among the packets."""
     dropped: int = 0
-    """Datagrams that the system threw away because nobody read them in time."""
+    """Datagrams that the system dropped because they were not read in time."""
     turned_away: int = 0
     """Datagrams that the filter dropped during floods."""
     silent_s: float = math.inf

@@ -64,7 +64,7 @@ class SerialLink(StreamLink):
 
 
 def patience_s(baud: int) -> float:
-    """Twice what the longest frame takes at this rate, where that is longer than anybody pauses."""
+    """Twice what the longest frame takes at this rate, where that is longer than any sender pauses."""
     return max(PATIENCE_S, 2.0 * _FRAME_BITS / baud)
 
 

@@ -58,6 +58,6 @@ def pixel_images(graphics: Graphics) -> Pixels | None:
 
 
 def has_terminal() -> bool:
-    """Whether somebody sits at both ends: keys in, screen out."""
+    """Whether input and output both are a terminal."""
     streams = (sys.__stdin__, sys.__stdout__)
     return all(stream is not None and not stream.closed and stream.isatty() for stream in streams)

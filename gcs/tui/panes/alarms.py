@@ -39,7 +39,7 @@ def token(alarm: Alarm) -> tuple[str, int, str]:
 
 
 def unseen(alarms: Iterable[Alarm], seen: Seen) -> list[Alarm]:
-    """Alarms that nobody has acknowledged."""
+    """Alarms that are not acknowledged."""
     return [alarm for alarm in alarms if token(alarm) not in seen]
 
 

@@ -101,7 +101,7 @@ def _item(rank: int, text: str, colour: tuple[int, int, int]) -> Item:
 
 
 def _open(health: Health) -> list[Item]:
-    """Said for as long as anybody can pose as a vehicle."""
+    """Shown for as long as any sender can pose as a vehicle."""
     if health.keys:
         return [_item(6, f"{health.keys} key{'s' if health.keys > 1 else ''}", FAINT)]
     return [_item(1, "NOTHING IS AUTHENTICATED", WARN)] if health.keys == 0 else []
