@@ -23,7 +23,7 @@ GROUND_PX, CONTRAST, SMALLEST_PX = 101, 40, 200.0
 
 
 def detect(image: NDArray[np.uint8]) -> Detections:
-    """What stands out from the ground, as oriented boxes (pixels, radians). Put your network here."""
+    """What differs in brightness from the ground, as oriented boxes (pixels, radians). Put your network here."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     small = cv2.medianBlur(cv2.resize(grey, None, fx=0.25, fy=0.25), GROUND_PX // 4)
     ground = cv2.resize(small, (grey.shape[1], grey.shape[0]))

@@ -1,4 +1,4 @@
-"""Telemetry projected onto a frame: a cross where each vehicle says it is.
+"""Telemetry projected onto a frame: a cross where each vehicle reports to be.
 
 python examples/project_telemetry.py sitl_logs/curved-road 60 crosses.png
 """
@@ -31,7 +31,7 @@ def main(folder: str, index: int, out: str) -> None:
         if packet.t_us > frame.t_us:
             break
         fleet.add_packet(packet)
-    state = fleet.at(frame.t_us)  # everybody at the time of the frame, ENU metres
+    state = fleet.at(frame.t_us)  # all vehicles at the time of the frame, ENU metres
     pose = camera_pose(mount_of(mission.camera), state.uav.p_enu, state.uav.R_enu_body, state.uav.R_enu_gimbal)
     places = state.p_enu.copy()
     places[:, 2] = state.uav.p_enu[2] - state.uav.height_m  # on the ground

@@ -16,7 +16,7 @@ from sim.faults.fault_frames import ATTITUDE, GPS, HEARTBEAT, POSITION, TEXT, Se
 from sim.faults.fault_texts import BOOT_WORDS, HOSTILE_TEXTS, poison
 from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, places
 
-__all__ = ["STRANGER", "FaultTraffic", "ScheduledDatagram", "traffic"]
+__all__ = ["UNKNOWN_SENDER", "FaultTraffic", "ScheduledDatagram", "traffic"]
 
 BATCH_S = 0.1
 """Datagrams are computed in spans of this length: a choice between memory and calls of numpy."""
@@ -25,7 +25,7 @@ REPLAY_AFTER_S = 10.0
 COPTER_GUIDED, ROVER_AUTO, ARMED_CUSTOM, ACTIVE = 4, 10, 129, 4
 """HEARTBEAT: ArduPilot's custom modes Guided (Copter) and Auto (Rover), base mode armed with a custom mode,
 MAV_STATE_ACTIVE."""
-STRANGER = -1
+UNKNOWN_SENDER = -1
 """Outlet of datagrams that are no vehicle's; ``-2 - k`` is that of part k's replayed frames."""
 
 
@@ -153,7 +153,7 @@ class _SenderCounters:
         plan = self._plan
         due += [self._text(t) for t in _moments(plan.flood_hz, from_s, until_s)]
         due += [
-            ScheduledDatagram(t, next(self._order), STRANGER, "garbage", poison(self._rng, self._good))
+            ScheduledDatagram(t, next(self._order), UNKNOWN_SENDER, "garbage", poison(self._rng, self._good))
             for t in _moments(plan.garbage_hz, from_s, until_s)
         ]
         return due

@@ -35,7 +35,7 @@ def as_footage(image: Image, rng: np.random.Generator) -> Image:
 
 
 def _under_shadows(image: Image, rng: np.random.Generator) -> Image:
-    """Shadows of roofs, poles and crowns that stand beyond the image."""
+    """Shadows of roofs, poles and crowns beyond the image."""
     height, width = image.shape[:2]
     mask = np.zeros((height, width), np.uint8)
     for _ in range(int(rng.integers(1, 5))):

@@ -20,7 +20,7 @@ from sim.render.props import animal, bicycle, building, container, cooler, panel
 from sim.render.render import Style
 from sim.world.bodies import AMBER, DARK, PAINT, STEEL, WHITE, Model, crate, person, pole, rover, tracked
 from sim.world.road_vehicles import bus, lorry, passenger, pickup_truck, shade, trailer_truck, van_body
-from sim.world.view import OCCLUDER, PERSON, STRANGER, UGV
+from sim.world.view import OCCLUDER, OTHER_VEHICLE, PERSON, UGV
 
 __all__ = [
     "FIRST_KIND",
@@ -125,11 +125,11 @@ CLUTTER: tuple[Entry, ...] = (
 
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
 """Every entry, numbered from ``FIXED_KIND`` on."""
-VEHICLES: tuple[int, ...] = (UGV, STRANGER, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
+VEHICLES: tuple[int, ...] = (UGV, OTHER_VEHICLE, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
 """Kinds of ``SIZES`` that are vehicles."""
 _OF_KIND: Mapping[int, Entry] = {
     UGV: ROVERS[0],
-    STRANGER: ROAD[0],
+    OTHER_VEHICLE: ROAD[0],
     PERSON: CLUTTER[0],
     **{FIXED_KIND + k: e for k, e in enumerate(_ENTRIES)},
 }

@@ -20,14 +20,14 @@ from sim.render.foliage import Tree, draw_tree, tree_shadow
 from sim.render.ground import Ground, GroundStyle, GroundWindow
 from sim.render.training_ground import TrainingGround
 from sim.world.bodies import Block, Model, car, person, rover
-from sim.world.view import PERSON, STRANGER, UGV, Bodies, CameraView, Scene, project, ray_ground
+from sim.world.view import OTHER_VEHICLE, PERSON, UGV, Bodies, CameraView, Scene, project, ray_ground
 
 __all__ = ["DEFAULT_MODELS", "Renderer", "Style", "body_outline"]
 
 Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 
-DEFAULT_MODELS: Mapping[int, Model] = {UGV: rover(), STRANGER: car(), PERSON: person()}
+DEFAULT_MODELS: Mapping[int, Model] = {UGV: rover(), OTHER_VEHICLE: car(), PERSON: person()}
 """Shape of each kind of body where a style names no others."""
 FACES = np.array([[4, 5, 6, 7], [3, 2, 6, 7], [0, 1, 5, 4], [0, 3, 7, 4], [1, 2, 6, 5]])
 """Corners of a block's top, front, rear, left and right."""

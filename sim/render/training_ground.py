@@ -1,6 +1,6 @@
 """Ground for training images: random lawns, fields, streets, car parks and squares, with their markings.
 
-It is one image that repeats without end. Places where vehicles stand or drive in order, bays and lanes, are given as
+It is one image that repeats without end. Places where vehicles park or drive in order, bays and lanes, are given as
 slots, so that parked rows and queues come about as they do in towns.
 """
 

@@ -1,4 +1,4 @@
-"""Everything that moves or stands on the ground: our vehicles, other ones, persons; sizes, appearance and motion."""
+"""Everything that moves or is parked on the ground: our vehicles, other ones, persons; sizes, appearance and motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sim.world.open_ground import Robots, drive_open, scatter
 from sim.world.roads import Path, winding_path
 from sim.world.scenario import Scenario
 from sim.world.traffic import RoadAgents, drive_road
-from sim.world.view import PERSON, STRANGER, UGV, Road, Scene
+from sim.world.view import OTHER_VEHICLE, PERSON, UGV, Road, Scene
 
 __all__ = ["Actors", "Roles", "choose_roles", "simulate_actors"]
 
@@ -70,7 +70,7 @@ def choose_roles(scenario: Scenario, rng: np.random.Generator) -> Roles:
     like_ours = ours | np.isin(role, ("lookalike", "parked"))
     system_id = np.zeros(n, dtype=np.int64)
     system_id[ours] = scenario.ugv_ids
-    kind = np.where(like_ours, UGV, np.where(role == "person", PERSON, STRANGER)).astype(np.int8)
+    kind = np.where(like_ours, UGV, np.where(role == "person", PERSON, OTHER_VEHICLE)).astype(np.int8)
     size = np.empty((n, 3))
     size[like_ours] = ground.length_m, ground.width_m, ground.height_m
     size[role == "moving"] = CAR_SIZE
@@ -179,8 +179,8 @@ def _in_formation(scenario: Scenario, roles: Roles, path: Path, t: FloatArray, r
     outside = np.stack([away + np.sign(away) * half_length, np.zeros(len(away))], axis=-1)
     i = np.arange(scenario.targets.moving)
     moving = np.stack([(i // 2) * 9.0 - 6.0, np.where(i % 2 == 0, beside, -beside)], axis=-1)
-    everybody = np.concatenate([places[: ground.vehicles], outside, places[ground.vehicles :], moving])
-    return drive_formation(path, t, everybody, ground, rng)
+    all_places = np.concatenate([places[: ground.vehicles], outside, places[ground.vehicles :], moving])
+    return drive_formation(path, t, all_places, ground, rng)
 
 
 def _roadside(
@@ -210,19 +210,19 @@ def _on_open_ground(scenario: Scenario, roles: Roles, t: FloatArray, rng: np.ran
     distance = 1.8 * reach_m(scenario) + 0.5 * np.hypot(*ground.area_m)
     centre = np.where(away[:, None], distance * np.stack([np.sin(bearing), np.cos(bearing)], axis=-1), 0.0)
     area = np.broadcast_to(np.array(ground.area_m), (n, 2)).copy()
-    stands = np.isin(roles.role, ("parked", "still"))
+    still = np.isin(roles.role, ("parked", "still"))
     if ground.kind == "parked":
-        stands |= np.isin(roles.role, ("filmed", "outside", "lookalike"))
+        still |= np.isin(roles.role, ("filmed", "outside", "lookalike"))
     person = roles.role == "person"
     speed = ground.speed_mps * rng.uniform(0.75, 1.1, n)
     radius = 0.5 * np.hypot(roles.size[:, 0], roles.size[:, 1])
     apart = max(0.5, ground.spacing_m - 2.0 * float(radius.max())) if ground.kind == "parked" else 0.8
     xy = scatter(centre, area, radius, apart, rng)
-    eight = ~person & ~stands & ~away & (rng.random(n) < 0.25)
+    eight = ~person & ~still & ~away & (rng.random(n) < 0.25)
     robots = Robots(
         xy=xy,
         radius=radius,
-        speed=np.where(stands, 0.0, np.where(person, WALK_MPS, speed)),
+        speed=np.where(still, 0.0, np.where(person, WALK_MPS, speed)),
         pivots=person | (rng.random(n) < 0.4),
         eight=eight,
         centre=np.where(eight[:, None], 0.5 * xy, centre),

@@ -299,7 +299,7 @@ class Scenario:
 
 
 def _check(scenario: Scenario) -> None:
-    """Limits of single numbers stand at their fields; here, relations between several."""
+    """Check relations between several numbers; limits of single ones are at their fields."""
     try:
         check_limits(scenario, "scenario")
     except ValueError as error:

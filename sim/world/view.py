@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "OCCLUDER",
+    "OTHER_VEHICLE",
     "PERSON",
-    "STRANGER",
     "UGV",
     "Bodies",
     "CameraView",
@@ -27,7 +27,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-UGV, STRANGER, PERSON, OCCLUDER = 0, 1, 2, 3
+UGV, OTHER_VEHICLE, PERSON, OCCLUDER = 0, 1, 2, 3
 """Values of ``Bodies.kind``."""
 
 

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.framing import split
 from mavlink.protocol.packet import Packet
-from sim.faults.fault_traffic import STRANGER, FaultTraffic, traffic
+from sim.faults.fault_traffic import UNKNOWN_SENDER, FaultTraffic, traffic
 from sim.fleet_process import _parser, fleet_of, main, read_keys, system_ids
 
 START_US = 1_795_170_792_000_000
@@ -121,7 +121,7 @@ def test_replayed_frames_are_the_same_bytes_ten_seconds_later():
 
 def test_garbage_comes_from_a_stranger_and_holds_no_good_frame():
     garbage = [d for d in sent(3.0, "--garbage", "100") if d.label == "garbage"]
-    assert len(garbage) == 300 and {d.outlet for d in garbage} == {STRANGER}
+    assert len(garbage) == 300 and {d.outlet for d in garbage} == {UNKNOWN_SENDER}
     assert sum(split(d.raw)[1].good for d in garbage) == 0
 
 

@@ -37,7 +37,7 @@ LEAST_COVERAGE = 0.6
 WORST_FOCAL = 0.005
 """1σ of a focal length, as a share of it."""
 LEAST_TILT = np.deg2rad(15.0)
-"""That a quarter of the views reach; boards that face the camera cannot tell its focal length from their distance."""
+"""That a quarter of the views reach; boards that face the camera leave focal length and distance undetermined."""
 CELLS = (24, 18)
 """Columns and rows in which coverage is counted."""
 PLACES = (

@@ -118,11 +118,11 @@ class FrontedDetector:
     def detect(self, image: Image, *, gsd_m: float | None = None) -> Detections:
         """See ``vision.detect.detector.Detector``."""
         found = self._detector.detect(image, gsd_m=gsd_m)
-        untold = np.flatnonzero(np.isnan(found.heading))
-        if not len(untold):
+        unknown = np.flatnonzero(np.isnan(found.heading))
+        if not len(unknown):
             return found
         heading = found.heading.copy()
-        heading[untold] = self._classifier.classify(image, found.boxes[untold]).heading
+        heading[unknown] = self._classifier.classify(image, found.boxes[unknown]).heading
         return _pointed(found, heading)
 
 

@@ -4,7 +4,7 @@ One input [N, 3, S, S] float32 or float16, RGB normalised; one output [N, classe
 for an image classifier. Its metadata has the rest, with these defaults:
 
     front_deg   where the front of each class is, degrees clockwise on the crop from +x, or ``nan`` for a class that
-                tells no front; "0 180" of two classes, "0 90 180 270" of four; other counts must say it
+                has no front; "0 180" of two classes, "0 90 180 270" of four; other counts must give it
     margin      how much more than the box is on the crop, a share of its sides: "0"
     mean, std   of the normalisation, of values in 0..1: ImageNet's
     size        side S where the input's is open: "224"
@@ -111,7 +111,7 @@ def _fronts(notes: Mapping[str, str], classes: object, where: str) -> NDArray[np
     degrees = np.array(_numbers(notes, "front_deg", " ".join(map(str, default)), where))
     if not len(degrees) or (isinstance(classes, int) and len(degrees) != classes):
         raise ModelError(
-            f"{where}: it has {classes} classes and its metadata 'front_deg' tells {len(degrees)} fronts; one is "
+            f"{where}: it has {classes} classes and its metadata 'front_deg' gives {len(degrees)} fronts; one is "
             "needed for each class, degrees clockwise on the crop from +x, such as '0 180', or nan for no front"
         )
     front = np.radians(np.where(np.isfinite(degrees), degrees, np.nan))

@@ -108,7 +108,7 @@ def _check_map(session: ort.InferenceSession, where: str) -> None:
     )
     if not fits:
         raise ModelError(
-            f"{where}: says it is Rollcall's, but is not of its shape: {described(session)}; accepted are {ACCEPTED}"
+            f"{where}: is marked as Rollcall's, but is not of its shape: {described(session)}; accepted are {ACCEPTED}"
         )
 
 

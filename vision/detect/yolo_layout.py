@@ -85,7 +85,7 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
     notes = metadata(session)
     task = notes.get("task", "obb")
     if task != "obb":
-        raise ValueError(f"its notes say that it is made for the task {task!r}; oriented boxes are the task 'obb'")
+        raise ValueError(f"its metadata name the task {task!r}; oriented boxes are the task 'obb'")
     inputs, outputs = session.get_inputs(), session.get_outputs()
     if len(inputs) != 1 or len(outputs) != 1 or not _takes_images(inputs[0]) or len(outputs[0].shape) != 3:
         raise ValueError(f"not a detector of a known shape: {described(session)}")

@@ -1,7 +1,7 @@
 """A folder of labelled images in any of the known layouts.
 
 Labels lie beside the images, or in ``labels``, ``labelTxt`` or ``annotations`` where the images lie in ``images``.
-An empty label file says that nothing is there; an image without one is not judged and is counted.
+An empty label file means that nothing is there; an image without one is not judged and is counted.
 """
 
 from __future__ import annotations

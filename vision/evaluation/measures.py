@@ -30,9 +30,9 @@ class Directions:
 
     axis_deg: float
     """Median error of the long axis, of boxes that are a fifth longer than wide; NaN with upright labels."""
-    told: int
+    given: int
     """Objects of which labels and detections have the front."""
-    untold: int
+    missing: int
     """Objects whose labels do, and whose detections do not."""
     heading_deg: float
     """Median error of the front."""
@@ -132,17 +132,17 @@ def _apart(found: Detections, truth: Truth) -> Floats:
 
 
 def _directions(pairs: Sequence[tuple[Detections, Truth]], upright: bool) -> Directions:
-    said, true = (np.concatenate([np.empty(0), *(p[k].heading for p in pairs)]) for k in (0, 1))
-    known, told = np.isfinite(true), np.isfinite(true) & np.isfinite(said)
+    estimated, true = (np.concatenate([np.empty(0), *(p[k].heading for p in pairs)]) for k in (0, 1))
+    known, given = np.isfinite(true), np.isfinite(true) & np.isfinite(estimated)
     # smallest turn between two directions, and between two axes
-    off = np.degrees(np.abs(np.angle(np.exp(1j * (said[told] - true[told])))))
+    off = np.degrees(np.abs(np.angle(np.exp(1j * (estimated[given] - true[given])))))
     boxes, wanted = (np.concatenate([np.empty((0, 5)), *rows]) for rows in zip(*_rows_of(pairs), strict=True))
     longer = np.maximum(wanted[:, 2], wanted[:, 3]) > 1.2 * np.minimum(wanted[:, 2], wanted[:, 3])
     double = 2.0 * (_axis(boxes[longer]) - _axis(wanted[longer]))
     return Directions(
         axis_deg=float("nan") if upright else _median(np.degrees(0.5 * np.abs(np.angle(np.exp(1j * double))))),
-        told=int(told.sum()),
-        untold=int(known.sum() - told.sum()),
+        given=int(given.sum()),
+        missing=int(known.sum() - given.sum()),
         heading_deg=_median(off),
         turned_about=float((off > 90.0).mean()) if len(off) else float("nan"),
     )

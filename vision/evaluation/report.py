@@ -76,11 +76,11 @@ def _figures(r: Evaluation) -> list[tuple[str, str]]:
         ("median distance of centres, px", number(r.centre_px, 2)),
         ("median error of the long axis, °", number(d.axis_deg, 1)),
     ]
-    if d.told or d.untold:
+    if d.given or d.missing:
         rows += [
             ("median error of the heading, °", number(d.heading_deg, 1)),
             ("fronts more than 90° off, %", number(100.0 * d.turned_about, 1)),
-            ("fronts not told, %", number(100.0 * d.untold / (d.told + d.untold), 1)),
+            ("fronts not given, %", number(100.0 * d.missing / (d.given + d.missing), 1)),
         ]
     return rows
 

@@ -69,21 +69,21 @@ class Exposures:
     """One connection's time stamps and the exposure times that belong to them.
 
     Attributes:
-        told_by: ``SEI``, ``KLV`` or ``RTCP``, empty while there was nothing usable.
+        source: ``SEI``, ``KLV`` or ``RTCP``, empty while there was nothing usable.
         delay_s: from exposure to arrival, at the last one received.
         error_s: how far off the sender's clock is where it cannot be used, 0 where it can.
     """
 
     def __init__(self) -> None:
-        self.told_by = ""
+        self.source = ""
         self.delay_s = self.error_s = 0.0
         self._offset_s: float | None = None
 
-    def add(self, told_by: str, stamp_s: float, taken_s: float, arrival_s: float) -> None:
+    def add(self, source: str, stamp_s: float, taken_s: float, arrival_s: float) -> None:
         """Add an exposure time from the stream.
 
         Args:
-            told_by: by which way.
+            source: ``SEI``, ``KLV`` or ``RTCP``.
             stamp_s: its time stamp, s, any zero.
             taken_s: Unix time by the sender's clock.
             arrival_s: Unix time at which it came.
@@ -91,9 +91,9 @@ class Exposures:
         delay_s = arrival_s - taken_s
         if not -EARLY_S <= delay_s <= LATE_S:
             self.error_s = delay_s
-            self._offset_s, self.told_by = None, ""
+            self._offset_s, self.source = None, ""
             return
-        self.told_by, self.delay_s, self.error_s = told_by, delay_s, 0.0
+        self.source, self.delay_s, self.error_s = source, delay_s, 0.0
         self._offset_s = taken_s - stamp_s
 
     def unix_s(self, stamp_s: float) -> float | None:

@@ -1,7 +1,7 @@
 """Messages between a video stream and its process; the images of frames go through memory that both share.
 
-Nothing that comes from the process is more than numbers and text, so a process that a hostile stream took over can tell
-lies about video and nothing else. The memory holds one image at a time: it is written before its reply is sent and read
+Nothing that comes from the process is more than numbers and text, so a process that a hostile stream took over can
+falsify video and nothing else. The memory holds one image at a time: it is written before its reply is sent and read
 after the reply was received, and system calls order memory.
 """
 
@@ -65,9 +65,9 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     undecoded: int = 0
     damaged: int = 0
     strangers: int = 0
-    told_by: str = ""
+    exposure_source: str = ""
     """Which data of the stream dates its frames, empty where none does."""
-    told_delay_s: float = 0.0
+    exposure_delay_s: float = 0.0
     told_error_s: float = 0.0
     segment: int = -1
     error: str = ""

@@ -167,7 +167,7 @@ class _OpenStream:
                 arrival_s = self._arrive(packet)
                 reader.progress.connected = self._source.live()
                 exposures = self._source.exposures
-                reader.progress.told_by, reader.progress.told_delay_s = exposures.told_by, exposures.delay_s
+                reader.progress.exposure_source, reader.progress.exposure_delay_s = exposures.source, exposures.delay_s
                 reader.progress.told_error_s = exposures.error_s
                 if held is not None:
                     # packets buffered while opening came earlier than now: hold them until one comes that is on time

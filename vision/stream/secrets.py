@@ -1,6 +1,6 @@
 """Passwords in the address of a video: passed to FFmpeg, concealed everywhere else.
 
-A user and his password stand before an @, and cameras take them as values too, in the query or in the path
+User name and password come before an @, and cameras take them as values too, in the query or in the path
 (``/user=admin&password=…``), so every value is one. Addresses of datagrams have none.
 """
 
@@ -50,8 +50,8 @@ def conceal_in(text: str, address: str) -> str:
 def _parts(address: str) -> tuple[str, str, str, str]:
     """Scheme with its ://, user and password, the @ behind them, and the rest.
 
-    A password may hold what it should not, a / or an @: what stands before the last @ is the user's. An @ behind a =
-    may be in a value, which then ends further on.
+    A password may hold what it should not, a / or an @: what comes before the last @ is user and password. An
+    @ behind a = may be in a value, which then ends further on.
     """
     scheme = _SCHEME.match(address)
     if scheme is None and not _FORGOTTEN.match(address):

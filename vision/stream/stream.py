@@ -36,7 +36,7 @@ from vision.video.video import Frame
 
 __all__ = ["VideoStream"]
 
-_TOLD = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
+_EXPOSURE_SOURCES = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
 
 STALL_S = 1.0
 """Without a frame for so long, seconds, the stream is stalled."""
@@ -169,8 +169,8 @@ class VideoStream:
     def exposure(self) -> str:
         """How frames are dated, in words; empty while it is by their arrival."""
         progress = self._progress
-        if progress.told_by:
-            word, delay_s = _TOLD.get(progress.told_by, "word"), progress.told_delay_s
+        if progress.exposure_source:
+            word, delay_s = _EXPOSURE_SOURCES.get(progress.exposure_source, "word"), progress.exposure_delay_s
             return f"by the stream's own {word}, {delay_s:.2f} s before they come"
         if progress.told_error_s:
             return f"by when they come: the stream's own clock is {progress.told_error_s:+.1f} s off and not used"

@@ -2,7 +2,7 @@
 
 Nine channels: score logit; centre offset x, y in cells from the cell's middle; log length and log width in cells; front
 as (sin, cos) of the heading clockwise from image up; axis as (sin, cos) of twice the heading. The axis is the same for
-both directions of travel, so a vehicle whose front is uncertain keeps a sharp box, and the front vector's length says
+both directions of travel, so a vehicle whose front is uncertain keeps a sharp box, and the front vector's length gives
 how sure the front is: under squared error, a front that is right with probability p has length 2p − 1.
 """
 

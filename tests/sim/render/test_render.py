@@ -9,7 +9,7 @@ from sim.render.exposure import Exposure
 from sim.render.ground import Ground, GroundStyle
 from sim.render.render import SKY, Renderer, Style, body_outline
 from sim.world.bodies import PAINT, Block, Model, crate
-from sim.world.view import OCCLUDER, STRANGER, UGV, Bodies, CameraView, Road, Scene, project, ray_ground
+from sim.world.view import OCCLUDER, OTHER_VEHICLE, UGV, Bodies, CameraView, Road, Scene, project, ray_ground
 
 PLAIN = GroundStyle(side_px=1024)
 STILL = Exposure(noise=0.0, vignette=0.0)
@@ -133,7 +133,9 @@ def test_a_tree_hides_what_stands_below_it():
 def test_shadows_fall_away_from_the_sun():
     style = Style(ground=PLAIN, exposure=STILL, sun_azimuth=np.pi / 2, sun_elevation=0.7, shadow=0.6)  # sun in the east
     renderer = Renderer(Scene(), style)
-    lit, none = (renderer.draw(camera(), b).astype(int) for b in (bodies((STRANGER, 0, 0, 0, 4, 2, 1.5)), bodies()))
+    lit, none = (
+        renderer.draw(camera(), b).astype(int) for b in (bodies((OTHER_VEHICLE, 0, 0, 0, 4, 2, 1.5)), bodies())
+    )
     west, east = (slice(170, 190), slice(298, 306)), (slice(170, 190), slice(334, 342))
     assert lit[west].mean() < 0.6 * none[west].mean()
     assert lit[east].mean() > 0.95 * none[east].mean()
@@ -187,7 +189,7 @@ def test_a_colour_of_minus_k_is_k_times_the_bodys():
 
 
 def test_wide_penumbras_soften_shadows_and_contact_darkens_the_ground_about_a_body():
-    box = bodies((STRANGER, 0, 0, 0, 4, 2, 1.5))
+    box = bodies((OTHER_VEHICLE, 0, 0, 0, 4, 2, 1.5))
 
     def drawn(**look):
         style = Style(ground=PLAIN, exposure=STILL, sun_azimuth=np.pi / 2, sun_elevation=0.7, **look)
@@ -217,7 +219,7 @@ def test_models_have_a_front():
     """No vehicle looks the same turned about: its image, turned by half a turn, differs clearly."""
     style = Style(ground=PLAIN, exposure=STILL, shadow=0.0)
     renderer = Renderer(Scene(), style)
-    for kind, size in ((UGV, (2.2, 1.4, 0.9)), (STRANGER, (4.5, 1.8, 1.5))):
+    for kind, size in ((UGV, (2.2, 1.4, 0.9)), (OTHER_VEHICLE, (4.5, 1.8, 1.5))):
         image = renderer.draw(camera(focal=1200.0), bodies((kind, 0, 0, 0, *size), color=(60, 140, 60)))
         part = image[130:230, 290:350].astype(int)
         assert np.abs(part - part[::-1, ::-1]).mean() > 10

@@ -11,7 +11,7 @@ import pytest
 from sim.render.ground import GroundStyle
 from sim.render.render import Renderer, Style
 from sim.world.boxes import true_boxes
-from sim.world.view import OCCLUDER, PERSON, STRANGER, UGV, Bodies, CameraView, Road, Scene
+from sim.world.view import OCCLUDER, OTHER_VEHICLE, PERSON, UGV, Bodies, CameraView, Road, Scene
 from tests.support.onnx_models import UINT8, model
 from vision.detect import decode_heatmap
 from vision.detect.boxes import wrap
@@ -36,7 +36,7 @@ def camera(height=40.0, size=(1280, 720), focal=1200.0, xy=(0.0, 0.0)):
     )
 
 
-SIZE = {UGV: (2.2, 1.4, 0.9), STRANGER: (4.5, 1.8, 1.5), PERSON: (0.5, 0.5, 1.75), OCCLUDER: (4.0, 4.0, 6.0)}
+SIZE = {UGV: (2.2, 1.4, 0.9), OTHER_VEHICLE: (4.5, 1.8, 1.5), PERSON: (0.5, 0.5, 1.75), OCCLUDER: (4.0, 4.0, 6.0)}
 
 
 def bodies(*rows, colors=((60, 140, 60),)):
@@ -52,7 +52,7 @@ def truth(view, things):
     boxes = true_boxes(view, things)
     weight = np.ones(len(boxes.cx))
     rows = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle + np.pi / 2, weight], axis=1)
-    return rows[np.isin(things.kind, (UGV, STRANGER))]
+    return rows[np.isin(things.kind, (UGV, OTHER_VEHICLE))]
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +75,7 @@ def team(seed, n=9):
     rows = []
     for i, c in enumerate(rng.permutation(len(cells))):
         x, y = np.array(cells[c]) + rng.uniform(-1, 1, 2)
-        rows.append((UGV if i < n - 2 else STRANGER if i < n else PERSON, x, y, rng.uniform(0, 2 * np.pi)))
+        rows.append((UGV if i < n - 2 else OTHER_VEHICLE if i < n else PERSON, x, y, rng.uniform(0, 2 * np.pi)))
     return bodies(*rows, colors=((60, 140, 60),) if seed % 2 else ((40, 60, 190), (150, 150, 150)))
 
 

@@ -9,7 +9,7 @@ import pytest
 from sim.render.ground import GroundStyle
 from sim.render.render import Renderer, Style
 from sim.world.boxes import true_boxes
-from sim.world.view import STRANGER, UGV, Bodies, CameraView, Scene
+from sim.world.view import OTHER_VEHICLE, UGV, Bodies, CameraView, Scene
 from tests.support.onnx_models import FLOAT16, brightest_side, classifier
 from vision.detect.boxes import wrap
 from vision.detect.detections import Detections
@@ -207,7 +207,7 @@ def test_the_bundled_model_tells_rendered_vehicles_both_ways():
     )  # fmt: skip
     n = 30
     x, y = np.meshgrid(np.linspace(-18, 18, 6), np.linspace(-9, 9, 5))
-    kind = np.where(np.arange(n) % 3 == 2, STRANGER, UGV).astype(np.int8)
+    kind = np.where(np.arange(n) % 3 == 2, OTHER_VEHICLE, UGV).astype(np.int8)
     size = np.where(kind[:, None] == UGV, [[2.2, 1.4, 0.9]], [[4.5, 1.8, 1.5]])
     things = Bodies(
         kind=kind,

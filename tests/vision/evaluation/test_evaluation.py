@@ -237,7 +237,7 @@ def test_headings_are_judged_where_both_tell_them():
     truth = truth_of(boxes, heading=[0.1, 1.0, 2.0, np.nan])
     found = found_of(boxes, [0.9, 0.8, 0.7, 0.6], np.array([0.1 + np.radians(8.0), 1.0 + np.pi, np.nan, 3.0]))
     d = evaluate([found], [truth]).directions
-    assert (d.told, d.untold, d.turned_about) == (2, 1, 0.5)
+    assert (d.given, d.missing, d.turned_about) == (2, 1, 0.5)
     assert d.heading_deg == pytest.approx((8.0 + 180.0) / 2)
     assert d.axis_deg == pytest.approx(0.0, abs=1e-6)
 

@@ -67,7 +67,7 @@ def test_a_senders_clock_is_believed_where_it_agrees_with_arrivals(delay_s, usab
     assert exposures.unix_s(5.0) is None
     exposures.add("SEI", 5.0, UNIX_S, UNIX_S + delay_s)
     assert (exposures.unix_s(6.0) == UNIX_S + 1.0) if usable else exposures.unix_s(6.0) is None
-    assert bool(exposures.told_by) == usable and bool(exposures.error_s) != usable
+    assert bool(exposures.source) == usable and bool(exposures.error_s) != usable
 
 
 class _Sink:

@@ -142,7 +142,7 @@ def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, correctio
     known, right = fronts(clusters, corrections)
     log.info("%d of %d crops have a front", len(known), len(crops))
     if len(known) < LEAST:
-        raise LabelError(f"{args.out / 'corrections.csv'}: too few crops have a front; say right or left of a cluster")
+        raise LabelError(f"{args.out / 'corrections.csv'}: too few crops have a front; enter right or left in it")
     plan = TrainingPlan(seed=args.seed, steps=args.steps, side=args.side, margin=margin, every=max(args.steps // 10, 1))
     _forget_if_changed(args.out, known, right, plan)
     facing = np.zeros(len(crops), dtype=bool)

@@ -62,7 +62,7 @@ def guesses(
         share = float(votes.mean()) if len(votes) else 0.5
         found[cluster] = RIGHT if share >= AGREED else LEFT if share <= 1.0 - AGREED else UNDECIDED
         log.info(
-            "cluster %d: %d crops, %.0f %% of %d votes say right",
+            "cluster %d: %d crops, %.0f %% of %d votes are right",
             cluster,
             (number == cluster).sum(),
             100.0 * share,

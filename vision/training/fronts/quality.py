@@ -38,9 +38,9 @@ def quality(model: Path, held_out: Vehicles, length_px: NDArray[np.float64], see
     """
     classifier = open_front_classifier(model, sure=0.0)
     boxes = jittered(held_out.boxes, np.random.default_rng([seed, 2]))
-    told = [classifier.classify(image, box) for image, box in zip(held_out.images, boxes, strict=True)]
-    heading = np.array([t.heading[0] for t in told])
-    confidence = np.array([t.confidence[0] for t in told])
+    returned = [classifier.classify(image, box) for image, box in zip(held_out.images, boxes, strict=True)]
+    heading = np.array([t.heading[0] for t in returned])
+    confidence = np.array([t.confidence[0] for t in returned])
     right = np.cos(heading - held_out.boxes[:, 4] - 0.5 * np.pi) > np.cos(np.radians(45.0))
     spans = [*pairwise(LENGTHS_PX), (LENGTHS_PX[0], LENGTHS_PX[-1])]
     chosen = [((length_px >= a) & (length_px < b), a, b) for a, b in spans]
@@ -60,14 +60,14 @@ def write_quality(path: Path, rows: Sequence[dict[str, float]]) -> None:
 def _row(
     right: NDArray[np.bool_], confidence: NDArray[np.float64], chosen: NDArray[np.bool_], a: float, b: float
 ) -> dict[str, float]:
-    told = chosen & (confidence >= SURE)
+    returned = chosen & (confidence >= SURE)
     return {
         "from_px": a,
         "to_px": b,
         "vehicles": int(chosen.sum()),
         "right": _share(right, chosen),
-        "told": _share(told, chosen),
-        "right_of_told": _share(right, told),
+        "told": _share(returned, chosen),
+        "right_of_told": _share(right, returned),
     }
 
 
