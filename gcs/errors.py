@@ -13,7 +13,7 @@ __all__ = ["ConfigError", "FlightError", "GcsError", "ScoreError", "SessionError
 
 
 class GcsError(Exception):
-    """Base; the message is one line that says what, where, and what to do."""
+    """Base; the message is one line: what, where, and what to do."""
 
 
 class ConfigError(GcsError):

@@ -1,7 +1,7 @@
 """One frozen record per frame: all that screens, overlays and logs may read.
 
 Units and frames: ENU metres, radians, Unix microseconds; image quantities in pixels. NaN is an unknown number,
-0 an unknown system id, ``inf`` an age of something never heard.
+0 an unknown system id, ``inf`` an age of something never received.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """Something that is wrong now, until it is over; it is told once when it comes and once when it goes."""
+    """Something that is wrong now, until it is over; it is reported once when it comes and once when it goes."""
 
     key: str
     """What it is about: the same trouble of the same thing always has the same one."""
@@ -53,7 +53,7 @@ class Alarm:
     kind: str
     """As an event's."""
     text: str
-    """What is wrong, and with whom: plain text, possibly with names and reasons from the air."""
+    """What is wrong, and with what: plain text, possibly with names and reasons from the air."""
     advice: str
     """What to do."""
     since_us: int
@@ -91,7 +91,7 @@ class VehicleRow:
     confidence: float = NAN
     """Probability of that identity, NaN without one."""
     contested: bool = False
-    """Several senders use its system id: none of them is believed."""
+    """Several senders use its system id: none of them is accepted."""
     signed: int = 0
     """Packets with a right signature."""
     unsigned: int = 0
@@ -146,7 +146,7 @@ class Box:
     topology: float = NAN
     fused: float = NAN
     p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
-    """(3,) where the box stands on the ground, NaN when the camera's pose is unknown."""
+    """(3,) where the box is on the ground, NaN when the camera's pose is unknown."""
     lat_deg: float = NAN
     lon_deg: float = NAN
 
@@ -185,7 +185,7 @@ class Health:
     lag_s: float = 0.0
     """How far the frame on screen is behind the newest one."""
     behind_s: float = 0.0
-    """How far the telemetry that was taken in is behind: a computer that cannot keep up. Ages are told without it."""
+    """How far the telemetry that was taken in is behind: a computer that cannot keep up. Ages are given without it."""
     frames: int = 0
     skipped_frames: int = 0
     video: str = "none"

@@ -14,7 +14,7 @@ class Commands(Protocol):
     """What an operator may order of the UAV; both methods may be called from the screen's thread and return at once."""
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:
-        """Orders that make sense while a vehicle is selected, 0 for none: a key for each, and words that name whom."""
+        """Orders that make sense while a vehicle is selected, 0 for none: a key for each, and words with its name."""
 
     def submit(self, key: str, system_id: int) -> None:
         """Carry an order out, which the operator has confirmed; what becomes of it comes as events.
@@ -37,7 +37,7 @@ class Timeline(Protocol):
 
     @property
     def now_us(self) -> int:
-        """Where it stands."""
+        """Where it is."""
 
     @property
     def playing(self) -> bool:

@@ -31,11 +31,11 @@ def plain(text: str) -> str:
 
 def to_cell(text: str) -> str:
     """Words as a cell of a table that spreadsheets open: one plain line, never a formula. Numbers go in as they are."""
-    said = plain(text)
-    return _AS_TEXT + said if said.lstrip(" " + _AS_TEXT).startswith(_FORMULA) else said
+    text = plain(text)
+    return _AS_TEXT + text if text.lstrip(" " + _AS_TEXT).startswith(_FORMULA) else text
 
 
 def from_cell(cell: str) -> str:
     """The words of a cell."""
-    said = cell.removeprefix(_AS_TEXT)
-    return said if to_cell(said) == cell else cell
+    text = cell.removeprefix(_AS_TEXT)
+    return text if to_cell(text) == cell else cell

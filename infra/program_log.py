@@ -44,7 +44,7 @@ MOST_WAITING = 10_000
 CLOSE_S = 1.0
 """Closing waits so long for a disk that hangs."""
 _VARIABLE = "ROLLCALL_LOG"
-"""Tells child processes the files and levels, as JSON."""
+"""Passes the files and levels to child processes, as JSON."""
 
 _log = logging.getLogger(__name__)
 _handlers: list[logging.Handler] = []

@@ -63,7 +63,7 @@ class Ring:
 
     @property
     def written(self) -> int:
-        """Bytes ever put in: where the next record will stand."""
+        """Bytes ever put in: where the next record will begin."""
         return self._cursors[_WRITTEN]
 
     @property

@@ -1,7 +1,7 @@
 """TOML tables as frozen dataclasses: every value is checked, an unknown key is refused with the nearest known name.
 
 Types and limits are those that the dataclass declares for its fields (``msgspec.Meta``). Whatever is wrong is a
-ValueError of one line that says in which file and table, which key, what it is, and what is needed.
+ValueError of one line that names in which file and table, which key, what it is, and what is needed.
 """
 
 from __future__ import annotations

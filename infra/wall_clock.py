@@ -10,7 +10,7 @@ __all__ = ["STEP_US", "ClockWatch", "now_us"]
 STEP_US = 50_000
 """A clock that is set by less is taken for one that is slewed."""
 _READ_NS = 5_000_000
-"""Two clocks read further apart than this say nothing: the thread was held up between them."""
+"""Two clocks read further apart than this are not compared: the thread was held up between them."""
 
 
 def now_us() -> int:

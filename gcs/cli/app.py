@@ -31,7 +31,7 @@ _COMMANDS: dict[str, str] = {
     "calibrate": "Measure a camera: focal length, centre, lens distortion.",
     "eval-detector": "Measure a detector on labelled images.",
     "sim": "Simulate a flight with truth, as a session or live.",
-    "doctor": "Say what this machine has for a flight, and what to mend.",
+    "doctor": "Show what this machine has for a flight, and what to mend.",
     "demo": "Replay the bundled recording.",
     "bench": "Run a benchmark.",
 }
@@ -65,7 +65,7 @@ class _CommandTable(TyperGroup):
 app = typer.Typer(
     name="gcs",
     cls=_CommandTable,
-    help="Rollcall: tells identical ground vehicles apart from the air.",
+    help="Rollcall: identifies identical ground vehicles from the air.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -90,7 +90,7 @@ def _root(
         Path | None, typer.Option("--log-file", help="Log what the program does to the end of a file; else to stderr.")
     ] = None,
 ) -> None:
-    """Rollcall: tells identical ground vehicles apart from the air."""
+    """Rollcall: identifies identical ground vehicles from the air."""
     if log_level or log_file:
         start_log(log_level, log_file)
 

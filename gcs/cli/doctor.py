@@ -26,7 +26,7 @@ def doctor(
     sessions: Annotated[Path, typer.Option(help="Where flights are recorded.")] = Path("sessions"),
     as_json: AsJson = False,
 ) -> None:
-    """Say what this machine has: versions, detector speed, video, ports, disk, clock, terminal; and what to do."""
+    """Show what this machine has: versions, detector speed, video, ports, disk, clock, terminal; and what to do."""
     found = [*checks(sessions), _terminal()]
     if as_json:
         print_json({"checks": [asdict(check) for check in found]})

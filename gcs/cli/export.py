@@ -24,7 +24,7 @@ def export(
     session: Annotated[Path, typer.Argument(help="Session folder, or a telemetry log.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write; the ending names the format.")],
     form: Annotated[str | None, typer.Option("--format", "-f", help=f"One of {', '.join(FORMATS)}.")] = None,
-    identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it stands.")] = None,
+    identity: Annotated[Path | None, typer.Option(help="Export this identity.csv as it is.")] = None,
     video: Annotated[Path | None, typer.Option(help="Video file of a bare telemetry log.")] = None,
     video_start: VideoStart = 0.0,
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,

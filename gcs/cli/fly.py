@@ -58,18 +58,18 @@ def fly(
         typer.Option(
             "--out",
             help="Where packets go on to, untouched (udpout:127.0.0.1:14551); may be repeated. Programs there only "
-            "listen; ?rw behind it lets them speak to the UAV, ?rw=11 to vehicle 11 too (needs --command).",
+            "listen; ?rw behind it lets them send to the UAV, ?rw=11 to vehicle 11 too (needs --command).",
         ),
     ] = None,
     command: Annotated[
-        bool, typer.Option("--command", help="May speak to the UAV, and to it alone: heartbeat, message rates, orders.")
+        bool, typer.Option("--command", help="May send to the UAV, and to it alone: heartbeat, message rates, orders.")
     ] = False,
     accept_late: Annotated[
         list[int] | None,
         typer.Option(
             "--accept-late",
             metavar="ID",
-            help="Believe this vehicle's signatures without a proof that they are new; may be repeated.",
+            help="Accept this vehicle's signatures without a proof that they are new; may be repeated.",
         ),
     ] = None,
     sessions: Annotated[Path, typer.Option(help="Folder for recordings.")] = Path("sessions"),

@@ -56,9 +56,9 @@ def new(
         print_lines(f"Passphrase: {passphrase}")
         print_lines("It is shown this once. Put it into the vehicle over a cable, never over the air, with MAVProxy:")
         print_lines("  signing setup PASSPHRASE")
-        print_lines("or with Mission Planner. docs/signing.md says how.")
+        print_lines("or with Mission Planner; see docs/signing.md.")
     else:
-        print_lines("Put it into the vehicle over a cable, never over the air: docs/signing.md says how.")
+        print_lines("Put it into the vehicle over a cable, never over the air; see docs/signing.md.")
 
 
 @app.command("add")
@@ -108,7 +108,7 @@ def check(
 ) -> None:
     """Whether a folder is fit to fly with.
 
-    With --log: how many frames of a recording would be believed, and what is wrong with the others.
+    With --log: how many frames of a recording would be accepted, and what is wrong with the others.
     """
     folder = keys or user_keys()
     ring = read_ring(folder)
@@ -133,7 +133,7 @@ def check(
 def verdicts(checker: Verifier, path: Path) -> Counter[tuple[int, Auth, Auth]]:
     """How often which verdict is given to each system of a log at the times of its records, and was in flight.
 
-    The flight's is ``GOOD`` for all that it believed; for a log without a session's tables it is the same as here.
+    The flight's is ``GOOD`` for all that it accepted; for a log without a session's tables it is the same as here.
     """
     flown = path.name == LOG and bool(segments(path.with_name(REFUSED.name)))
     log = SessionLog(path) if flown else Tlog.open(path)
@@ -151,7 +151,7 @@ def flight_lines(judged: Counter[tuple[int, Auth, Auth]]) -> list[str]:
         if here <= Auth.GOOD < flown:
             lines.append(f"system {system_id}: {count} of these were refused in flight, {flown.name.lower()}")
         elif flown <= Auth.GOOD < here:
-            lines.append(f"system {system_id}: {count} were believed in flight that are {here.name.lower()} here")
+            lines.append(f"system {system_id}: {count} were accepted in flight that are {here.name.lower()} here")
     return [*lines, "The flight knew of frames from before it, and what its operator accepted."] if lines else []
 
 
@@ -169,12 +169,12 @@ def _print_verdicts(path: Path, judged: Counter[tuple[int, Auth, Auth]]) -> None
         counts[system_id, here] += count
     systems = sorted({system_id for system_id, _ in counts})
     good = sum(count for (_, verdict), count in counts.items() if verdict is Auth.GOOD)
-    print_lines(f"{path}: {good} of {counts.total()} frames would be believed")
+    print_lines(f"{path}: {good} of {counts.total()} frames would be accepted")
     shown = [verdict for verdict in Auth if verdict is not Auth.OPEN or any((s, Auth.OPEN) in counts for s in systems)]
     columns = ("system", *(verdict.name.lower() for verdict in shown))
     print_table(columns, ((str(s), *(str(counts[s, verdict]) for verdict in shown)) for s in systems), right=columns)
     if Auth.OPEN in shown:
-        print_lines(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and says nothing about a vehicle")
+        print_lines(f"open: RADIO_STATUS ({RADIO_STATUS}), which may come unsigned and reports nothing about a vehicle")
 
 
 def _system_id(who: str) -> int:

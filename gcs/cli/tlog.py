@@ -38,7 +38,7 @@ DAMAGED = 5
 
 @app.command("info")
 def info(log: Annotated[Path, typer.Argument(help="Telemetry log.")], as_json: AsJson = False) -> None:
-    """Who speaks in a log, what, how often, and what is damaged."""
+    """Which systems send in a log, what, how often, and what is damaged."""
     found = summarise(Tlog.open(log))
     if as_json:
         print_json({"path": str(log), **asdict(found), "span_s": found.span_s})

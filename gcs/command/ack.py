@@ -1,4 +1,4 @@
-"""What the autopilot said to a command, in its own words."""
+"""How the autopilot answered a command: its result and its texts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["ACCEPTED", "CommandAck"]
 
 ACCEPTED, UNSUPPORTED, FAILED, INT_ONLY = 0, 3, 4, 8
 _NOT_KNOWN = (UNSUPPORTED, FAILED, INT_ONLY)
-"""Results of autopilots that do not have a command; ArduPilot says FAILED where UNSUPPORTED is meant."""
+"""Results of autopilots that do not have a command; ArduPilot answers FAILED where UNSUPPORTED is meant."""
 _NO_PROGRESS = 255
 
 
@@ -21,7 +21,7 @@ class CommandAck:
     result: int | None
     """MAV_RESULT, None when nothing came."""
     progress: int = _NO_PROGRESS
-    """Percent it had come to, 255 for none told."""
+    """Percent done, 255: not reported."""
     texts: tuple[str, ...] = ()
     """STATUSTEXT while it was carried out: text from the air, never markup."""
     reason: str = "no answer"
@@ -40,11 +40,11 @@ class CommandAck:
     @property
     def words(self) -> str:
         """``accepted``, ``refused (DENIED): requires position``, ``no answer``."""
-        said = "; ".join(dict.fromkeys(self.texts))
+        texts = "; ".join(dict.fromkeys(self.texts))
         if self.result is None:
-            return self.reason + (f": {said}" if said else "")
+            return self.reason + (f": {texts}" if texts else "")
         entry = ardupilotmega.enums["MAV_RESULT"].get(self.result)
         name = str(entry.name).removeprefix("MAV_RESULT_") if entry is not None else f"result {self.result}"
         at = f" at {self.progress} %" if 0 < self.progress <= 100 and not self.accepted else ""
         head = "accepted" if self.accepted else f"refused ({name}{at})"
-        return f"{head}: {said}" if said and not self.accepted else head
+        return f"{head}: {texts}" if texts and not self.accepted else head

@@ -1,6 +1,6 @@
 """How each order is carried out: asked once, another way when the first is not known, or again and again in a stream.
 
-That an autopilot accepts to point the camera says little: ArduPilot accepts to follow a vehicle that it does not hear,
+That an autopilot accepts to point the camera proves little: ArduPilot accepts to follow a vehicle it does not receive,
 and nothing moves. So pointing counts as done when the gimbal reports to look there; else the next way is tried.
 
 A stream follows a ground vehicle by the positions heard here. It waits while they are missing, ends after a while
@@ -105,7 +105,7 @@ class CommandExecutor:
         await self._by_key[key](ugv, report)
 
     async def _ask(self, command: Command) -> CommandAck:
-        """An answer with what the autopilot said meanwhile."""
+        """An answer, with the texts that the autopilot sent meanwhile."""
         since_s = time.monotonic()
         self._uav.take_progress(command.number)
         answer = await self._sender.send(command)
@@ -133,9 +133,9 @@ class CommandExecutor:
             report("warning", answer.words)
             return
         if answer.not_known:
-            report("info", f"{answer.words}; by the positions heard here instead")
+            report("info", f"{answer.words}; by the positions received here instead")
         else:
-            report("warning", f"{await self._left_alone(ugv, report)}; by the positions heard here instead")
+            report("warning", f"{await self._left_alone(ugv, report)}; by the positions received here instead")
         await self._track(ugv, report)
 
     async def _left_alone(self, ugv: int, report: Report) -> str:
@@ -147,13 +147,13 @@ class CommandExecutor:
                 return f"the camera does not follow: {_off(monitor)}" if done else f"accepted, but {_words(monitor)}"
             if verdict == "done" and not done:
                 done = True
-                report("info", "done: the camera looks there; the autopilot follows the positions that it hears itself")
+                report("info", "done: the camera looks there; the autopilot follows the positions it receives itself")
             if verdict != "not yet":
                 monitor = self._pointing_monitor()
             await asyncio.sleep(_SEE_PERIOD_S)
 
     async def _track(self, ugv: int, report: Report) -> None:
-        """By the positions heard here: in one way after the other, until the camera is seen to turn."""
+        """By the positions received here: in one way after the other, until the camera is seen to turn."""
         uav = self._uav
 
         def place(place: GeoPoint, first: bool) -> Command | None:
@@ -297,7 +297,7 @@ class CommandExecutor:
         return watch
 
     def _camera_watch(self, ugv: int, report: Report) -> Callable[[], str]:
-        """Ends when the camera is seen not to turn at all; tells whether it follows, or that nothing reports it."""
+        """Ends when the camera is seen not to turn at all; reports whether it follows, or that this is not known."""
         monitor: PointingMonitor | None = None
         reported: Verdict = "not yet"
         done = False

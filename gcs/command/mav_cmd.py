@@ -35,7 +35,7 @@ __all__ = [
 
 NAN = math.nan
 AUTOPILOT = 1
-"""Component id of an autopilot, which stands in for cameras and gimbals that have none of their own."""
+"""Component id of an autopilot, which cameras and gimbals without one of their own use."""
 _FRAME_GLOBAL = 0
 _ROI_LOCATION, _ROI_NONE, _ROI_SYSTEM = 195, 197, 198
 _PITCHYAW, _CONFIGURE, _MOUNT_CONTROL = 1000, 1001, 205
@@ -103,7 +103,7 @@ class Command:
 
 
 def point_at_system(system_id: int) -> Command:
-    """The autopilot points its gimbal at another vehicle, by the positions that it hears itself."""
+    """The autopilot points its gimbal at another vehicle, by the positions that it receives itself."""
     return Command(number=_ROI_SYSTEM, params=(system_id,))
 
 

@@ -1,8 +1,8 @@
-"""MAVSDK, in one file: it hears only the UAV, and what it says goes through our own way out.
+"""MAVSDK, in one file: it receives only the UAV's packets, and what it sends goes through our own transmitter.
 
-Its `raw://` connection leaves sockets, recording and signing to us. By itself it beats and asks every system it hears
-for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the station's
-loop.
+Its `raw://` connection leaves sockets, recording and signing to us. By itself it beats and asks every system it
+receives for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the
+station's loop.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mavlink.protocol.packet import Packet
 __all__ = ["MavsdkClient"]
 
 _HEARTBEAT = 0
-_REASONS = {"TIMEOUT": "no answer", "NO_SYSTEM": "not heard", "CONNECTION_ERROR": "no link to it"}
+_REASONS = {"TIMEOUT": "no answer", "NO_SYSTEM": "UAV not received", "CONNECTION_ERROR": "no link to it"}
 
 
 class MavsdkClient:
@@ -29,7 +29,7 @@ class MavsdkClient:
 
     Args:
         uav: its system id.
-        own: system and component id that we speak as.
+        own: system and component id that we send as.
         out: given every frame that MAVSDK wants to send but its heartbeats, in a thread of its own.
     """
 
@@ -51,7 +51,7 @@ class MavsdkClient:
         self._mavsdk.subscribe_raw_bytes_to_be_sent(self._send_frames)
 
     def receive(self, packet: Packet) -> None:
-        """A packet of the UAV that is believed; others are left out."""
+        """Pass on a packet of the UAV that was accepted; others are left out."""
         if packet.system_id != self._uav:
             return
         with self._lock:
@@ -64,7 +64,7 @@ class MavsdkClient:
 
         direct = self._direct_to_uav()
         if direct is None:
-            return CommandAck(result=None, reason="not heard")
+            return CommandAck(result=None, reason="UAV not received")
         message = MavlinkMessage(command.message, *self._own, self._uav, command.component, command.fields(self._uav))
         try:
             ack = await direct.send_command(message)

@@ -36,7 +36,7 @@ def _of_uav(key: str, words: str, job: Literal["camera", "flight", ""] = "") -> 
 
 ORDERS: Final = (
     _of_ugv("point", "Point the camera at {ugv}", "camera"),
-    _of_ugv("track", "Point the camera at {ugv} by the positions heard here", "camera"),
+    _of_ugv("track", "Point the camera at {ugv} by the positions received here", "camera"),
     _of_ugv("above", "Fly {uav} above {ugv}, at its present height", "flight"),
     _of_ugv("follow", "Let {uav} follow {ugv}, at its present height", "flight"),
     _of_ugv("orbit", "Let {uav} circle around {ugv}, at its present height", "flight"),

@@ -12,7 +12,7 @@ from mavlink.geodesy import LocalFrame
 __all__ = ["Path", "above", "circles", "points"]
 
 Path = Callable[[GeoPoint, bool], Command | None]
-"""Given the newest place and whether this is the first command: the command, None when there is nothing to say."""
+"""Given the newest place and whether this is the first command: the command, None when there is nothing to send."""
 
 
 def above(alt_m: float) -> Path:

@@ -32,7 +32,7 @@ class PointingMonitor:
     _best_rad: float = math.inf
 
     def update(self, off_rad: float, now_s: float) -> Verdict:
-        """What can be said now.
+        """What is known now.
 
         Args:
             off_rad: between the optical axis and the goal, NaN unknown.

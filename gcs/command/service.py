@@ -1,7 +1,7 @@
 """The command service: orders in, frames to the UAV out, what became of them as events.
 
 Orders are carried out in a thread with an event loop of its own, so that no screen and no fold ever waits. What the
-station says of its own accord - heartbeat, clock questions, rate requests - is driven by whoever calls
+station sends of its own accord - heartbeat, clock questions, rate requests - is driven by whoever calls
 :meth:`CommandService.poll`.
 """
 
@@ -42,7 +42,7 @@ class CommandService:
         transmitter: the way out, which lets nothing pass that is not for the UAV.
         where: the place of a ground vehicle by its system id, None when it is not known for sure and now.
         on_event: called with events, in the thread of the service or in the one that polls.
-        own: system and component id that the station speaks as.
+        own: system and component id that the station sends as.
         params: how orders are carried out.
         rates: message id → Hz wanted of the UAV.
         gimbal: that carries the camera: a device id 1-6 or a component id, 0: the first that reports.
@@ -90,7 +90,7 @@ class CommandService:
         self._mavsdk.receive(packet)
 
     def poll(self) -> None:
-        """Says what is due, to be called a few times a second by the loop whose life the heartbeat stands for."""
+        """Sends what is due; called a few times a second by the loop that the heartbeat shows to be alive."""
         now_s = time.monotonic()
         for raw in (self._heartbeat.poll(now_s), self._timesync.poll(now_s, time.time_ns())):
             if raw is not None:
@@ -102,14 +102,14 @@ class CommandService:
             self._report_changes(now_s)
 
     def _report_changes(self, now_s: float) -> None:
-        """Tells what has changed: rates that are too low, who controls the gimbal."""
+        """Reports rates that are too low, and who controls the gimbal."""
         for rate in self._rates.troubles(now_s):
             self._note("warning", "link", rate.words, rate.system_id)
         holder = self._uav.gimbal_holder
         if holder is not None and holder != self._holder:
             self._holder = holder
             who = "this station" if holder == self._own else f"system {holder[0]} component {holder[1]}"
-            text = f"the gimbal of {self._uav_name} is controlled by {who if any(holder) else 'nobody'}"
+            text = f"the gimbal of {self._uav_name} is controlled by {who if any(holder) else 'no station'}"
             self._note("info", "camera", text, self._uav_id)
 
     def orders(self, system_id: int) -> Sequence[tuple[str, str]]:

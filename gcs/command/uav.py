@@ -55,12 +55,12 @@ class Uav:
         self.camera_component = 1
         """Component of the first camera that beats, the autopilot's without one."""
         self.gimbal_component = 1
-        """Component of the gimbal manager that speaks, the autopilot's without one."""
+        """Component of the newest gimbal manager that sent, the autopilot's without one."""
         self.gimbal_holder: tuple[int, int] | None = None
         """System and component in primary control of the gimbal, (0, 0) for none, None while it is not reported."""
 
     def receive(self, packet: Packet) -> None:
-        """A packet of the UAV that is believed."""
+        """Take in an accepted packet of the UAV."""
         if packet.message_id == _ACK:
             payload = packet.payload.ljust(4, b"\0")
             if payload[2] == _IN_PROGRESS:
@@ -173,9 +173,9 @@ class Uav:
         return held[1]
 
     def texts_since(self, since_s: float) -> tuple[str, ...]:
-        """What it said since a moment of the clock."""
+        """Texts that it sent since a moment of the clock."""
         return tuple(text for at_s, text in list(self._texts) if at_s >= since_s)
 
     def take_progress(self, command: int) -> int:
-        """Percent that the last answer "in progress" to a command told, 255 for none; told once."""
+        """Percent that the last answer "in progress" to a command reported, 255 for none; returned once."""
         return self._progress.pop(command, 255)

@@ -18,7 +18,7 @@ from mavlink.transmit.transmitter import Transmitter
 __all__ = ["open_command_service", "place_of"]
 
 FRESH_US = 2_000_000
-"""A snapshot older than this, or one of telemetry that old, says nothing of now."""
+"""A snapshot older than this, or one of telemetry that old, is not of now."""
 
 
 def open_command_service(

@@ -68,9 +68,9 @@ class FlightPlan:
     forward: tuple[str, ...] = ()
     """Where packets go on to, as they came."""
     command: bool = False
-    """Whether this station may speak: beat, ask for rates, and command the UAV."""
+    """Whether this station may send: beat, ask for rates, and command the UAV."""
     accept_late: tuple[int, ...] = ()
-    """Vehicles whose signed packets are believed without a proof that they are made now."""
+    """Vehicles whose signed packets are accepted without a proof that they are made now."""
 
 
 class Flight:
@@ -249,11 +249,11 @@ class Flight:
         )
 
     def _repeat(self, job: str, turn: Callable[[], None]) -> None:
-        """A thread's turns until the flight ends; one that fails is kept and told, and the next one goes on."""
+        """A thread's turns until the flight ends; one that fails is kept and reported, and the next one goes on."""
         while not self._stop.is_set():
             try:
                 turn()
-            except Exception as error:  # noqa: BLE001 - counted, told on the screen, kept with its traceback
+            except Exception as error:  # noqa: BLE001 - counted, reported on the screen, kept with its traceback
                 self._faults.turn_failed(job, error)
                 self._stop.wait(FAULT_PAUSE_S)
             else:
@@ -288,7 +288,7 @@ def _open_ingest(plan: FlightPlan, log: Path) -> Ingest:
     signing = mission.signing
     for out in plan.forward:
         if not plan.command and parse_output(out)[1] is not None:
-            raise LinkError(f"{out}: ?rw lets a program speak to vehicles, which takes --command; ?ro only listens")
+            raise LinkError(f"{out}: ?rw lets a program send to vehicles, which takes --command; ?ro only listens")
     return Ingest(
         plan.links,
         log,

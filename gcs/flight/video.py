@@ -1,4 +1,4 @@
-"""The video of a flight: opened by name or when the UAV offers it, and what there is to be told of it."""
+"""The video of a flight: opened by name or when the UAV offers it, and what there is to report of it."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose 
 
 
 class CameraDirection:
-    """The camera's mount, and whether the gimbal's reports stand before it."""
+    """The camera's mount, and whether the gimbal's reports take precedence over it."""
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
@@ -42,7 +42,7 @@ class CameraDirection:
 
     @property
     def follows_gimbal(self) -> bool:
-        """Whether what the gimbal reports stands before the mission; a camera fixed to the body hangs on none."""
+        """Whether the gimbal's reports take precedence over the mission; a camera fixed to the body has no gimbal."""
         return self._mission.follows_gimbal or bool(self._turned_us)
 
     def order_given(self, t_us: int) -> None:
@@ -82,7 +82,7 @@ class CameraDirection:
             yield Event(t_us=t_us, level="warning", kind="video", text=text)
 
     def _check_turned(self, t_us: int, reported: bool) -> Iterator[Event]:
-        """What is believed of a camera that an order has turned."""
+        """Events on the direction of a camera that an order has turned."""
         if self._mission.follows_gimbal or self._mount.kind == "fixed":
             self._turn_reported = True
         elif reported:
@@ -100,7 +100,7 @@ def _gimbal(uav: UavState) -> NDArray[np.float64] | None:
 
 
 def mount_of(camera: Camera | None) -> Mount:
-    """How the camera hangs; straight down on a gimbal unless the mission says otherwise."""
+    """How the camera hangs; straight down on a gimbal unless the mission states another mount."""
     if camera is None:
         return Mount(kind="stabilized", roll=0.0, pitch=-np.pi / 2, yaw=0.0)
     roll, pitch, yaw = np.deg2rad([camera.roll_deg, camera.pitch_deg, camera.yaw_deg])

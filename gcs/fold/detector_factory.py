@@ -1,6 +1,6 @@
 """What finds vehicles in an image, as the mission file chooses it.
 
-By default one network finds boxes and their fronts; with ``[detector] front`` a second one tells the fronts of boxes
+By default one network finds boxes and their fronts; with ``[detector] front`` a second one finds the fronts of boxes
 that come without, as a YOLO-OBB export's do.
 """
 

@@ -1,4 +1,4 @@
-"""How large the frames of a recording were that does not say: the size at which its boxes lie where vehicles report.
+"""The frame size of a recording that does not have it: the size at which its boxes lie where vehicles report.
 
 With W the width of a frame, in units of that of the image that the camera is described for, a box at pixel x is at
 x / W. Its density is a mixture: near one of the n reported places u in the image, or anywhere in it,
@@ -36,7 +36,7 @@ STRANGE = 0.3
 BEYOND = 1.02
 """How far, in sizes of a frame, the centre of a box may lie: half a vehicle looks in."""
 EVERY_US = 2_000_000
-"""Frames closer to each other say the same twice."""
+"""Frames closer to each other are not independent."""
 MOST_LOOKS = 40
 DESCRIBED = 3.0
 """For the size that the camera is described for, nats: twenty streams have it for one that has not."""
@@ -53,7 +53,7 @@ class FrameSize:
     size: tuple[int, int] | None = None
     """Width and height, px; None: of the size that the camera is described for."""
     known: bool = True
-    """False: nothing tells, and nothing can be named."""
+    """False: unknown, and nothing can be named."""
     doubt: str = ""
     """What an analyst should know."""
 
@@ -95,7 +95,7 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
         return _unknown("boxes and reports fit several sizes")
     size = (best, round(best * height / width))
     text = f"how large the frames were is not recorded: {size[0]}×{size[1]} is taken, where boxes and reports fit"
-    return FrameSize(size=size, doubt=f"{text}; --frame-size says otherwise")
+    return FrameSize(size=size, doubt=f"{text}; --frame-size sets another")
 
 
 def holds(size: tuple[float, float], boxes: FrameDetections) -> bool:

@@ -7,7 +7,7 @@ CAMERA_INFORMATION, as ``mavlink.estimation.camera_report`` ranks them. Zoom:
 - With ``zoom_max`` of the mission CAMERA_SETTINGS magnifies further: 1 + (zoom_max − 1) · percent / 100, as ArduPilot
   reports it; fields of view that are reported are then those without zoom.
 - Without ``zoom_max`` a CAMERA_FOV_STATUS is the field of view now. Where the mission has the numbers they hold for the
-  first one heard, and later ones magnify by the change: tan(first / 2) / tan(now / 2).
+  first one received, and later ones magnify by the change: tan(first / 2) / tan(now / 2).
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from vision.errors import CameraError
 
 __all__ = ["Optics"]
 
-_SIZELESS = "nothing can be named: the recording does not say how large its frames are; give --frame-size"
+_SIZELESS = "nothing can be named: the recording does not have the size of its frames; give --frame-size"
 REPORTED_ZOOM = 0.03
-"""Change of the focal length that is told."""
+"""Change of the focal length that is reported."""
 
 
 class Optics:
@@ -32,7 +32,7 @@ class Optics:
 
     Args:
         camera: the mission's, None: as the UAV reports it.
-        sized: whether an image of which nothing tells the size has the size that the camera is described for.
+        sized: whether an image of unknown size has the size that the camera is described for.
     """
 
     def __init__(self, camera: Camera | None, *, sized: bool = True) -> None:
@@ -48,7 +48,7 @@ class Optics:
 
     @property
     def size(self) -> tuple[int, int] | None:
-        """Width and height of the image, px: as seen, else as the mission has it; None while nothing tells."""
+        """Width and height of the image, px: as seen, else as the mission has it; None while unknown."""
         return self._size or ((self._base.width, self._base.height) if self._base else None)
 
     def take_events(self) -> list[Event]:
@@ -61,7 +61,7 @@ class Optics:
 
         Args:
             t_us: its time, for events.
-            report: what the UAV says of its camera, None nothing.
+            report: what the UAV reports of its camera, None nothing.
             size: of the image, width and height, px; None: as the last one.
 
         Returns:

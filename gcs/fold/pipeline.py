@@ -50,7 +50,7 @@ class Pipeline:
         mission: who flies.
         links: names of the links by index.
         address: of a link's index and a sender's number, in words; empty where it is not known.
-        sized: whether frames of which nothing tells the size are of the size that the camera is described for.
+        sized: whether frames of unknown size are of the size that the camera is described for.
     """
 
     def __init__(
@@ -141,7 +141,7 @@ class Pipeline:
             size: Width and height, px, of a frame that is not there; None: as the last one.
             detections: Boxes found; None: the detector did not run, and tracks are left as they are.
             health: How the program is doing, passed on.
-            heard_us: All telemetry that came before this Unix time was fed: ages are told for then where that is
+            heard_us: All telemetry that came before this Unix time was added: ages are as of then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
         if detections is not None and len(detections) > MOST_BOXES:
@@ -174,14 +174,14 @@ class Pipeline:
         self._crowded = True
 
     def _follow_origin(self) -> None:
-        """Begin the names anew when places are told in another frame: what was seen and heard was in the one before."""
+        """Begin the names anew when places are given in another frame: all evidence was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
             self._begin_anew()
             self._steps = StepFilter()
         self._origin = self.fleet.origin
 
     def _begin_anew(self) -> None:
-        """Forget what was seen and heard."""
+        """Forget all evidence."""
         self._identifier = Identifier(self.mission.ugv_ids, self._params)
         self._view = None
 
@@ -220,7 +220,7 @@ class Pipeline:
         )
 
     def _stitch(self, t_us: int, view: FrameCamera | None) -> Stitch | None:
-        """Algorithm 1, lines 15-22: a lost track goes on where its vehicle says it is."""
+        """Algorithm 1, lines 15-22: a lost track goes on where its vehicle reports to be."""
         if view is None:
             return None
         camera = self._camera(view)
@@ -232,9 +232,9 @@ class Pipeline:
         return stitch
 
     def _known(self, state: FleetState) -> list[int]:
-        """Tracks that carry a name whose vehicle says where it is."""
-        heard = set(state.system_id[state.valid].tolist())
-        return [track for track, vehicle in self._names.by_track.items() if vehicle in heard]
+        """Tracks that carry a name whose vehicle reports a position."""
+        positioned = set(state.system_id[state.valid].tolist())
+        return [track for track, vehicle in self._names.by_track.items() if vehicle in positioned]
 
     def _projected(self, state: FleetState, view: FrameCamera | None) -> dict[int, FloatArray]:
         """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""
@@ -256,7 +256,7 @@ class Pipeline:
         return camera_of(view, self._direction.stabilized)
 
     def _with_corrections(self, health: Health) -> Health:
-        """Health with what is believed of the camera's clock and heading."""
+        """Health with the estimated errors of the camera's clock and heading."""
         theta, std = self._identifier.pose_correction, self._identifier.pose_correction_std
         return replace(
             health,

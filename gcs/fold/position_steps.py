@@ -20,7 +20,7 @@ _STEP_M, _REST_M, _ACCELERATION = 6.0, 1.0, 12.0
 """Filters settle in steps of a few metres; what follows a step at once is the rest of it. Besides, an aircraft leaves
 its straight line by ½ a t² in the time looked back."""
 _BACK_US, _LONGEST_US = 300_000, 1_500_000
-"""Positions between reports are interpolated, so a step may be spread over some frames; a longer hole tells nothing."""
+"""Positions between reports are interpolated, so a step may be spread over some frames; a longer gap is not used."""
 _PATIENCE_US = 8_000_000
 """Names that are not sure again after so long with a step taken out: the new place was the true one."""
 

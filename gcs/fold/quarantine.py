@@ -38,7 +38,7 @@ def limit_doubted(identities: Identities | None, state: FleetState, threshold: f
 def withhold_contested(identities: Identities | None, state: FleetState) -> Identities | None:
     """Identities without the contested names; without any while it is the UAV's own id that is contested.
 
-    Evidence that was heard before the second sender came says nothing of which of the two it came from.
+    Evidence from before the second sender came may be from either of the two.
     """
     contested = [vehicle.system_id for vehicle in state.vehicles if vehicle.contested]
     if identities is None or not contested:

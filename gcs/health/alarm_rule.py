@@ -11,9 +11,9 @@ from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
 __all__ = ["CLEARS_AFTER_S", "GROWING_S", "AlarmRule"]
 
 CLEARS_AFTER_S = 3.0
-"""So long after its last sign an alarm is over: what is gone for a moment only is not told twice."""
+"""So long after its last sign an alarm is over: what is gone for a moment only is not reported twice."""
 GROWING_S = 10.0
-"""A counter that should stand still counts as growing for so long after it grew: long enough to be seen."""
+"""A counter that should not grow counts as growing for so long after it grew: long enough to be seen."""
 
 Subject = TypeVar("Subject", VehicleRow, LinkHealth, Health)
 
@@ -40,9 +40,9 @@ class AlarmRule(Generic[Subject]):
     condition: Callable[[Subject, Snapshot], bool] | None = None
     """Whether this is wrong now."""
     counter: Callable[[Subject, Snapshot], int] | None = None
-    """A count that should stand still: this is wrong for ``GROWING_S`` after it grew."""
+    """A count that should not grow: this is wrong for ``GROWING_S`` after it grew."""
     detail: Callable[[Subject, Snapshot], str] | None = None
-    """Reason or figure, said after the text."""
+    """Reason or figure, put after the text."""
     each_detail: bool = False
     """Whether each detail is an alarm of its own."""
     kept_while: Callable[[Subject, Snapshot], bool] | None = None

@@ -19,7 +19,7 @@ Rules = Iterable[AlarmRule[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What one rule says of one vehicle, of one link, or of the station."""
+    """What one rule finds for one vehicle, for one link, or for the station."""
 
     rule: AlarmRule[Any]
     key: str
@@ -27,7 +27,7 @@ class Finding:
     text: str
     system_id: int = 0
     count: int | None = None
-    """Of a counter that should stand still; None: the rule's condition holds."""
+    """Of a counter that should not grow; None: the rule's condition holds."""
     raises: bool = True
     """False: the condition does not hold, and an alarm that was raised before is kept all the same."""
 

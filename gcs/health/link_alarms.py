@@ -47,7 +47,7 @@ LINK_RULES: tuple[AlarmRule[LinkHealth], ...] = (
         kind="link",
         text="nothing is received",
         meaning=f"nothing came in the first {FIRST_PACKET_S:g} s",
-        advice="check radio, cable and port; on a udpout link only a station with --command speaks first: have the "
+        advice="check radio, cable and port; on a udpout link only a station with --command sends first: have the "
         "other end send here and use udpin",
         condition=_never_received,
         lasts_s=FIRST_PACKET_S,
@@ -69,7 +69,7 @@ LINK_RULES: tuple[AlarmRule[LinkHealth], ...] = (
         text="it is flooded, and not all is let in",
         meaning="more comes than can be processed: from unknown senders, in the name of a vehicle, or from its "
         "address, which can be forged. Of those who flood only some is let in; known vehicles keep their place",
-        advice="have the sender switched off: the event log says from where, how much and when it is over",
+        advice="have the sender switched off: the event log shows from where, how much and when it is over",
         condition=lambda link, _: link.flooded,
         logged_by="mavlink.ingest.health_events",
     ),

@@ -1,4 +1,4 @@
-"""What this machine brings to a flight, and what to do where it falls short. Each check says what it found."""
+"""What this machine brings to a flight, and what to do where it falls short. Each check has what it found."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FRAME_SIZE = (1920, 1080)
 MEASURED_S = 1.5
 GSD_M = 0.033
 """Metres per pixel 40 m up with a usual lens: decides at which scale the detector looks."""
-CAMERA_DELAY = "not measured here: docs/operations.md says how; a flight shows its estimate from 0.1 s on"
+CAMERA_DELAY = "not measured here, see docs/operations.md; a flight shows its estimate from 0.1 s on"
 _TIME_ERROR = 5
 """What adjtimex(2) returns while the clock is not synchronised."""
 _TIMEX_BYTES = 512
@@ -156,7 +156,7 @@ def _receive_buffer() -> Check:
     try:
         most = int(limit.read_text())
     except (OSError, ValueError):
-        return Check(name="receive buffer", verdict="ok", found="the system does not tell its limit")
+        return Check(name="receive buffer", verdict="ok", found="the system does not report its limit")
     if most >= LEAST_BUFFER_BYTES or os.geteuid() == 0:
         return Check(name="receive buffer", verdict="ok", found=f"{most / 2**20:.1f} MiB allowed to programs")
     return Check(
@@ -196,5 +196,5 @@ def _clock() -> Check:
             advice="timedatectl set-ntp true, or set it from a GPS: signatures and GPS times are compared with it",
         )
     if state < 0:
-        return Check(name="clock", verdict="ok", found="the system does not tell whether it is synchronised")
+        return Check(name="clock", verdict="ok", found="the system does not report whether it is synchronised")
     return Check(name="clock", verdict="ok", found="synchronised")

@@ -41,7 +41,7 @@ def first_of(names: Sequence[str]) -> str:
 
 
 def _never_received(now: Snapshot) -> list[str]:
-    """Names of vehicles that were never heard; one that is heard and rejected has an alarm for that."""
+    """Names of vehicles never received; one that is received and rejected has an alarm for that."""
 
     def rejected(row: VehicleRow) -> bool:
         return bool(row.bad_signature or row.unsigned or row.held)
@@ -50,7 +50,7 @@ def _never_received(now: Snapshot) -> list[str]:
 
 
 def _some_never_received(health: Health, now: Snapshot) -> bool:
-    # at the start of a flight it is everybody
+    # at the start of a flight it is all of them
     return 0 < len(_never_received(now)) < len(now.vehicles)
 
 
@@ -96,7 +96,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         kind="link",
         text="nothing is authenticated: anybody can pose as a vehicle",
         meaning="no key is set",
-        advice="make keys with gcs keys and give them to the autopilots, or fly where nobody else transmits",
+        advice="make keys with gcs keys and give them to the autopilots, or fly where no one else can transmit",
         condition=lambda health, _: health.keys == 0,
     ),
     AlarmRule(
@@ -123,7 +123,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         kind="program",
         text="this computer cannot keep up: telemetry is processed late",
         meaning=f"what was received and recorded is processed {BEHIND_S:g} s late or more; ages are given for then, so "
-        "that nobody is called silent for it",
+        "that no vehicle counts as silent for it",
         advice="what is shown is as old; free the processor: close other programs, or use a smaller detector",
         condition=lambda health, _: health.behind_s > BEHIND_S,
     ),

@@ -16,7 +16,7 @@ __all__ = ["APART_M", "APART_S", "APART_STDS", "VEHICLE_RULES"]
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
 SPEAKS_S = 1.5
-"""A vehicle whose heartbeat is no older speaks: what it does not send is missing."""
+"""A vehicle whose heartbeat is no older sends: what does not come is missing."""
 UNSTEADY_S = 1.0
 """Positions may be stale, or be rejected, for so long without an alarm: radios hold them up."""
 BACK_S = 3.0
@@ -28,10 +28,10 @@ NO_ATTITUDE_S = 3.0
 HELD_S = 3.0
 """Within this a vehicle that sends its time once a second has proved that its packets are new."""
 CLOCK_FAULT_S = 10.0
-"""A clock that was set a moment ago is still told by messages that were made before."""
+"""A clock that was set a moment ago is still in messages that were made before."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
 """A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
-by some metres, and boxes stand next to each other."""
+by some metres, and boxes are next to each other."""
 
 
 def _ever_received(row: VehicleRow) -> bool:
@@ -44,7 +44,7 @@ def _silent(row: VehicleRow) -> bool:
 
 
 def _answers(row: VehicleRow) -> bool:
-    """Whether it was heard before, and is."""
+    """Whether it was received before, and is now."""
     return _ever_received(row) and not _silent(row)
 
 
@@ -75,7 +75,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="alarm",
         kind="vehicle",
         text="no heartbeat",
-        meaning=f"nothing was heard for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
+        meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
         advice="its radio or power is gone, or it is out of range; its last position stays on the map",
         condition=lambda row, _: _silent(row),
     ),
@@ -121,7 +121,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="warning",
         kind="vehicle",
         text="no position yet",
-        meaning=f"heard for {NO_POSITION_S:g} s, and no position",
+        meaning=f"received for {NO_POSITION_S:g} s, and no position",
         advice="wait for its GPS fix; ask for its position stream",
         condition=lambda row, _: row.position_state == "never" and _answers(row),
         kept_while=lambda row, _: row.position_state == "never" and _silent(row),
@@ -176,7 +176,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         key="contested",
         level="alarm",
         kind="vehicle",
-        text="several senders use its system id; none is believed",
+        text="several senders use its system id; none is accepted",
         meaning="an impostor, or two vehicles with one id: their positions, clocks, modes or boards cannot be one "
         "vehicle's; with keys only the right one counts",
         advice="find the second one by its address in the event log; switch it off or give it another id",
@@ -190,7 +190,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         kind="identity",
         text="its position contradicts the video",
         meaning=f"the position or the name is wrong: for {APART_S:g} s its box is more than {APART_M:g} m and "
-        f"{APART_STDS:g} times its receiver's 1σ away from where it says it is. Other names are not touched by it",
+        f"{APART_STDS:g} times its receiver's 1σ away from where it reports to be. Other names are not touched by it",
         advice="do not act on its name; compare its position with what you see",
         condition=_contradicted,
     ),
@@ -199,7 +199,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="alarm",
         kind="link",
         text="packets with a wrong signature are rejected",
-        meaning="somebody poses as it, its key is another, or its autopilot signs more than ten minutes ahead of time",
+        meaning="a sender poses as it, its key is another, or its autopilot signs more than ten minutes ahead of time",
         advice="compare its key (gcs keys list), then look for the sender, whose address is in the event log",
         counter=_wrong_signatures,
         logged_by="mavlink.reception.reception",
@@ -209,7 +209,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="alarm",
         kind="link",
         text="a recording of its signed packets is replayed",
-        meaning="packets come again, seconds to days after newer ones: none is believed",
+        meaning="packets come again, seconds to days after newer ones: none is accepted",
         advice="look for the sender, whose address is in the event log",
         counter=lambda row, _: row.replayed,
         logged_by="mavlink.reception.reception",
@@ -219,7 +219,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="alarm",
         kind="link",
         text="its packets are held: nothing proves that they are new",
-        meaning="its signatures are right, lag by more than a minute (AUTH says how far), and for "
+        meaning="its signatures are right, lag by more than a minute (AUTH shows how far), and for "
         f"{HELD_S:g} s no SYSTEM_TIME came: it drove before this station listened, or it is a recording",
         advice="if you know that it drives, b accepts it (docs/signing.md); let it send SYSTEM_TIME; if all are held, "
         "set this computer's clock",
@@ -232,9 +232,9 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         level="warning",
         kind="link",
         text="unsigned packets are rejected",
-        meaning="signing is off in that vehicle, or somebody sends in its name: the right vehicle is believed all the "
+        meaning="signing is off in that vehicle, or another sends in its name: the right vehicle is accepted all the "
         "same",
-        advice="turn signing on in its autopilot; if it is on, somebody else sends in its name",
+        advice="turn signing on in its autopilot; if it is on, another sends in its name",
         counter=_unsigned,
         logged_by="mavlink.reception.reception",
     ),

@@ -108,7 +108,7 @@ class Camera:
     def __post_init__(self) -> None:
         missing = [name for name in _NUMBERS if getattr(self, name) is None]
         if self.lens and (len(missing) < len(_NUMBERS) or any(self.distortion)):
-            raise ValueError("lens stands for width, height, fx, fy, cx, cy and distortion; leave those out")
+            raise ValueError("lens replaces width, height, fx, fy, cx, cy and distortion; leave those out")
         if not self.lens and 0 < len(missing) < len(_NUMBERS):
             raise ValueError(f"{missing[0]} is missing; give {', '.join(_NUMBERS)}, or a lens file, or none")
 

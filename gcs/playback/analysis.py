@@ -48,7 +48,7 @@ def discover(log: SessionLog) -> Mission:
     """Who flies and who drives, from the heartbeats of a log.
 
     Raises:
-        SessionError: no aircraft or no ground vehicle speaks in it.
+        SessionError: no aircraft or no ground vehicle sends in it.
     """
     kinds: dict[int, int] = {}
     for packet in log.accepted_packets(0):

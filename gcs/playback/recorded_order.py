@@ -110,13 +110,13 @@ def missing_inputs(session: Session, log: SessionLog, *, detected_again: bool) -
     if detected_again:
         yield from _other_models(session)
     elif session.detections is not None and session.folds is None:
-        yield "folds.csv is missing: the flight skipped frames and heard packets late, and may have named others"
+        yield "folds.csv is missing: the flight skipped frames and received packets late, and may have named others"
     if len(log) and not segments(folder / "senders.csv"):
-        yield "senders.csv is missing: who sent what is not known, and two senders of one id are told apart less well"
+        yield "senders.csv is missing: who sent what is unknown, and two senders of one id are distinguished less well"
     for name, rows in notes.lost.items():
         yield f"{name}: {rows} rows of the flight were lost"
     if notes.refused and log.refused != notes.refused:
-        yield f"refused.csv: the flight did not believe {notes.refused} records, it names {log.refused}"
+        yield f"refused.csv: the flight rejected {notes.refused} records, it names {log.refused}"
     if notes.program != PROGRAM:
         yield f"recorded by {notes.program or 'another program'}; this is {PROGRAM}, and names may differ"
 

@@ -81,7 +81,7 @@ class Replay:
 
     @property
     def now_us(self) -> int:
-        """Where it stands."""
+        """Where it is."""
         return int(self._now_us)
 
     @property

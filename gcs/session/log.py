@@ -1,4 +1,4 @@
-"""The telemetry of a session as one log: its segments joined, on one time line, with what was not believed marked."""
+"""The telemetry of a session as one log: its segments joined, on one time line, with what was rejected marked."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class SessionLog:
 
     Attributes:
         path: of the first segment.
-        stamped_us: (n,) times as they stand in the log.
+        stamped_us: (n,) times as in the log.
         steps: when the wall clock was set.
         senders: who sent each record.
         warnings: what an analyst should know, one line each.
@@ -84,7 +84,7 @@ class SessionLog:
 
     @property
     def refused(self) -> int:
-        """Records that were not believed."""
+        """Records that were rejected."""
         return int(np.count_nonzero(self._auth > Auth.GOOD))
 
     @property
@@ -98,10 +98,10 @@ class SessionLog:
         return int(self._t_us.max()) if len(self) else 0
 
     def packets(self, *, as_stamped: bool = False) -> Iterator[Packet]:
-        """All records; those that were not believed carry the reason.
+        """All records; rejected ones carry the reason.
 
         Args:
-            as_stamped: with the times that stand in the log, not those of one time line.
+            as_stamped: with the times of the log, not those of one time line.
         """
         times_us = self.stamped_us if as_stamped else self._t_us
         start = 0
@@ -139,7 +139,7 @@ class SessionLog:
                 size = sum(d.stop - d.start for d in log.index.damage)
                 yield f"{log.path.name}: {len(log.index.damage)} damaged places, {size} bytes skipped"
         if self.refused:
-            yield f"{REFUSED.name}: {self.refused} records were not believed in flight and are left out"
+            yield f"{REFUSED.name}: {self.refused} records were rejected in flight and are left out"
         skipped = {REFUSED: self._unread, SENDERS: self.senders.skipped, CLOCK: self.steps.skipped}
         for table, rows in skipped.items():
             if rows:
@@ -175,12 +175,12 @@ def _is_empty(path: Path) -> bool:
 
 
 def _any_beside(path: Path, *tables: TableFormat) -> bool:
-    """Whether one of these tables stands beside a log."""
+    """Whether one of these tables is beside a log."""
     return any(segments(path.with_name(table.name)) for table in tables)
 
 
 def _repeated_later(log: Tlog, later: Sequence[Tlog]) -> Flags:
-    """(n,) which records of a segment stand in a later one too, where a failed sync had them written again."""
+    """(n,) which records of a segment are in a later one too, where a failed sync had them written again."""
     again = np.zeros(len(log.index), dtype=np.bool_)
     for other in later:
         rows = np.flatnonzero(np.isin(other.index.t_us, log.index.t_us))
@@ -195,7 +195,7 @@ def _read_refused(path: Path, t_us: Ints) -> tuple[NDArray[np.uint8], int]:
     """(n,) the verdict of ``refused.csv`` on each record, 0 where it has none, and how many of its rows cannot be read.
 
     A record is found by its number. Where numbers and times do not agree, because records were lost, every record of
-    the same time is refused: rather a good one left out than a forged one believed.
+    the same time is refused: rather a good one left out than a forged one accepted.
     """
     table = read_table(path, REFUSED, without=("link", "peer"))
     number, time_us = table["record"].astype(np.int64), table["t_us"].astype(np.int64)

@@ -1,6 +1,6 @@
 """``session.toml``: the mission as it flew, and the ``[session]`` table with what a replay has to know beside it.
 
-It is locked while the flight's process lives, and sealed at its end or at the next start. Keys and models stand in it
+It is locked while the flight's process lives, and sealed at its end or at the next start. Keys and models are in it
 by their fingerprints.
 """
 
@@ -64,7 +64,7 @@ class FlightNotes:
     lost: Mapping[str, int] = field(default_factory=dict)
     """Rows that the disk did not take, by file."""
     refused: int | None = None
-    """Records that were not believed; None: the flight was not ended in order."""
+    """Records that were rejected; None: the flight was not ended in order."""
 
     @classmethod
     def from_table(cls, table: object) -> FlightNotes:

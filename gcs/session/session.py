@@ -89,7 +89,7 @@ def open_session(
         chosen = load_mission(toml)
     notes = FlightNotes()
     if toml.is_file():
-        with contextlib.suppress(ConfigError):  # another mission file may stand for one that is damaged
+        with contextlib.suppress(ConfigError):  # another mission file may replace one that is damaged
             notes = FlightNotes.from_table(load_table(toml).get("session"))
     found = [path / f"video{suffix}" for suffix in VIDEO_SUFFIXES if segments(path / f"video{suffix}")]
     return Session(

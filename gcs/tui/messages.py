@@ -1,4 +1,4 @@
-"""What panes tell the app."""
+"""Messages from panes to the app."""
 
 from __future__ import annotations
 

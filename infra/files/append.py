@@ -6,10 +6,10 @@ waits for the disk:
 
 - full, failing or read-only disk: the file is cut back to its last whole row, rows wait in memory and are written in
   order when there is space again;
-- a failed sync: the kernel forgets what it could not write and says so once, so whatever the sync may have lost is
+- a failed sync: the kernel forgets what it could not write and reports it once, so whatever the sync may have lost is
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
 - a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open;
-- a file that another program cut short: it is told, and a new segment is begun.
+- a file that another program cut short: it is reported, and a new segment is begun.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class AppendFile:
         disk: the operating system, or a test's.
 
     Raises:
-        OSError: the file exists or cannot be made. Later faults never raise; ``state`` tells them.
+        OSError: the file exists or cannot be made. Later faults never raise; ``state`` reports them.
     """
 
     def __init__(

@@ -50,7 +50,7 @@ class Disk:
         except (FileNotFoundError, NotADirectoryError):
             return False
         except OSError:
-            return True  # nothing can be told of it; what is written says more
+            return True  # unknown; writing will show it
         return True
 
     def size(self, fd: int) -> int:

@@ -78,7 +78,7 @@ def open_to_append(path: Path | str) -> int:
     status = os.fstat(fd)
     if status.st_uid != os.geteuid() or status.st_nlink > 1:
         os.close(fd)
-        raise OSError(errno.EPERM, "belongs to somebody else, or has another name too", str(path))
+        raise OSError(errno.EPERM, "belongs to another user, or has another name too", str(path))
     return fd
 
 

@@ -61,7 +61,7 @@ class Segment:
         """Waits until the disk has all of it, and its name.
 
         Raises:
-            OSError: it has not; the kernel says so once and forgets what it could not write.
+            OSError: it has not; the kernel reports it once and forgets what it could not write.
         """
         self._disk.fsync(self._fd)
         if not self._is_name_synced:
@@ -85,7 +85,7 @@ class Segment:
         return self._disk.read(self._fd, size, offset)
 
     def close(self) -> None:
-        """Closes the file; what that may say was said by the sync before."""
+        """Closes the file; any error was raised by the sync before."""
         with contextlib.suppress(OSError):
             self._disk.close(self._fd)
 

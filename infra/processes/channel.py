@@ -1,7 +1,7 @@
 """Messages between a process and its child: msgspec Structs, written as MessagePack into two pipes.
 
 Nothing that comes in is more than the numbers, texts and bytes of the types that are expected, so that a child that was
-taken over can tell lies and do nothing else.
+taken over can send false values and do nothing else.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class MessageChannel(Generic[Received]):
             raise EOFError from error
 
     def close_sending(self) -> None:
-        """Tells the other end that no more comes; twice does nothing."""
+        """Shows the other end that no more comes; twice does nothing."""
         with self._sending:
             self._writing.close()
 

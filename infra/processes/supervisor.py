@@ -34,7 +34,7 @@ class Supervisor(Generic[Child]):
         begin: sends that message to a process whose turn it is.
         watch: waits for a sign of life, at most so many seconds, and returns for how long the process may be silent
             from now on, None: there was none. Raises EOFError where the process is over or of no more use.
-        replaced: told what was wrong with a process and when it last showed life (monotonic), once the next has begun.
+        replaced: given what was wrong with a process and when it last showed life (monotonic), once the next has begun.
         excused: whether a process that has been silent for so many seconds, which is too long, is left alone.
         watch_s: for which ``watch`` waits.
         start_s: for which a process may be silent at first.

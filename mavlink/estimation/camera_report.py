@@ -162,7 +162,7 @@ def _lens_angles(lens: CameraInformation) -> tuple[float, float]:
     """Horizontal and vertical field of view of a lens and a sensor, NaN unknown."""
 
     def angle(side: float) -> float:
-        # tan(fov / 2) = sensor size / 2 focal length; a focal length of 0 and a sensor of 0 stand for unknown
+        # tan(fov / 2) = sensor size / 2 focal length; a focal length of 0 and a sensor of 0 mean unknown
         known = side and lens.focal_length_m
         return 2.0 * math.atan2(side, 2.0 * lens.focal_length_m) if known else math.nan
 

@@ -182,7 +182,7 @@ class Gimbals:
         if isinstance(sample, GimbalAttitude):
             frame = yaw_frame(sample.flags)
             if frame is None:
-                return "its flags say that yaw counts from the nose and from north"
+                return "by its flags yaw counts from the nose and from north"
             return (sample.q, frame) if _is_rotation(sample.q) else NO_ROTATION
         if isinstance(sample, CameraFov):
             return self._camera_attitude(sample, body_yaw)

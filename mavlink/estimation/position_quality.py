@@ -203,7 +203,7 @@ _TEXT_HOLD_US = 60_000_000
 _FAILED_RATIO = 1.0
 """Innovation over what the filter allows: from here on it rejects the measurement."""
 _M_PER_RATIO = 5.0
-"""Metres of innovation that a unit of that ratio stands for, at most, with the gates that autopilots ship with."""
+"""Metres of innovation for a unit of that ratio, at most, with the gates that autopilots ship with."""
 _UNKNOWN_M, _UNAIDED_M = 10.0, 30.0
 """1σ while the size of an error is unknown, and of a position that no outside measurement corrects."""
 _GAP_M, _GAP_S, _GAP_STDS = 8.0, 0.3, 3.0

@@ -106,7 +106,7 @@ _STALE_S = 1.0
 _PERIOD_GAIN = 0.1
 """Weight of the newest gap in the usual period between reports: one loss must not look like a slow sender."""
 _STANDING_SPEED = 0.3
-"""m/s; at less a vehicle stands, and its position may repeat."""
+"""m/s; at less a vehicle is at rest, and its position may repeat."""
 _STANDING_REPORT_US = 1_000_000
 """A standing vehicle's repeated position counts as new evidence this often."""
 _YAW_GAP = math.radians(20.0)
@@ -196,7 +196,7 @@ def fix_of(
     Args:
         sample: a place that may be one.
         frame: ENU.
-        home_alt_m: altitude of the home plane, NaN unknown; ground vehicles stand on it.
+        home_alt_m: altitude of the home plane, NaN unknown; ground vehicles are on it.
         heading: from :meth:`Positions.check_heading`.
         std_m: 1σ.
         limits: what the vehicle can do.

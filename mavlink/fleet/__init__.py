@@ -1,1 +1,1 @@
-"""The fleet's state: verified packets in, everybody at any time and notices for the operator out."""
+"""The fleet's state: verified packets in, the state at any time and notices for the operator out."""

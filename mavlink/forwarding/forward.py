@@ -32,7 +32,7 @@ HEARD_US = 60_000_000
 """A system is sent to where it was received within this time."""
 _MAX_SENDERS = 4096
 """Pairs of system and address that are remembered."""
-_ONLY_LISTENS = "this output only listens; ?rw behind its address lets it speak to the UAV"
+_ONLY_LISTENS = "this output only listens; ?rw behind its address lets it send to the UAV"
 
 
 class Forwarder:
@@ -41,7 +41,7 @@ class Forwarder:
     Args:
         outs: URLs, each a link URL (`udpout:127.0.0.1:14551`) with `?ro`, `?rw` or `?rw=11,12` behind it, or nothing,
             which is `?ro`.
-        uav: system id of the UAV, to which `?rw` lets a program speak; 0: none.
+        uav: system id of the UAV, to which `?rw` lets a program send; 0: none.
         refused: whether packets whose signature was refused go out too.
         vehicles: system ids of the mission: they are never behind an output.
         own: this station's system id.
@@ -111,7 +111,7 @@ class Forwarder:
             try:
                 send(link, raw, peer)
             except LinkError:
-                continue  # the link says so itself
+                continue  # the link reports it itself
 
     def close(self) -> None:
         """Closes every output."""
@@ -147,20 +147,20 @@ class Forwarder:
         if allowed is None:
             return set(), _ONLY_LISTENS
         if message_id not in DEFINITIONS:
-            return set(), "nobody knows whom this message is for"
+            return set(), "the addressee of this message is not known"
         if message_id == SETUP_SIGNING:
             return set(), "keys never pass"
         if target:
             if target not in allowed:
                 return set(), f"?rw does not name system {target}"
             ways = self._ways_to(target)
-            return ways, "" if ways else f"system {target} is not heard"
+            return ways, "" if ways else f"system {target} is not received"
         if message_name(message_id) not in HARMLESS and not self._vehicles <= allowed:
-            return set(), "it is for everybody, and ?rw does not name every vehicle"
+            return set(), "it is for all systems, and ?rw does not name every vehicle"
         fresh = self._fresh()
         shared = {(link, peer) for system, link, peer in fresh if system not in allowed}
         ways = {(link, peer) for system, link, peer in fresh if system in allowed}
-        return ways - shared, "" if ways - shared else "it is for everybody, and others would hear it too"
+        return ways - shared, "" if ways - shared else "it is for all systems, and others would receive it too"
 
     def _ways_to(self, system: int) -> set[tuple[int, int]]:
         """On each link the address from which a system was received last."""

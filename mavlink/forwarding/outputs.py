@@ -17,7 +17,7 @@ __all__ = ["OUTPUT_OPTIONS", "InboundFrames", "Output", "OutputCounts", "parse_o
 
 _COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
 _COMMAND_AT = 28
-"""Byte of both at which the number of the command stands."""
+"""Byte of both at which the number of the command begins."""
 ECHO_S = 2.0
 """For how long a frame that comes back is known to be our own; shorter than a sequence number takes to come around."""
 REPEAT_S = 0.25
@@ -26,7 +26,7 @@ _ECHOES = 50_000
 """Frames remembered at most, for each of the two."""
 MOST_INBOUND = 24
 """Different inbound frames that are counted apart, each a line of the health; the rest is summed up."""
-OUTPUT_OPTIONS = "?ro (only listens), ?rw (may speak to the UAV) or ?rw=11,12 (to these vehicles too)"
+OUTPUT_OPTIONS = "?ro (only listens), ?rw (may send to the UAV) or ?rw=11,12 (to these vehicles too)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class InboundFrames:
     message: str
     """Message and command; empty for all frames that come to an output that only listens."""
     target: int
-    """System id that they were for, 0 for everybody."""
+    """System id that they were for, 0 for all."""
     refusal: str
     """Why they went no further; empty: they were sent on."""
     count: int = 0
@@ -67,7 +67,7 @@ class Output:
 
     Args:
         url: of the link, with the option of the output.
-        uav: system id of the UAV, to which `?rw` lets a program speak; 0: none.
+        uav: system id of the UAV, to which `?rw` lets a program send; 0: none.
         clock: seconds, monotonic.
 
     Raises:
@@ -77,7 +77,7 @@ class Output:
     def __init__(self, url: str, uav: int, clock: Callable[[], float]) -> None:
         link_url, named = parse_output(url)
         self.allowed = named if named is None else (named | {uav}) - {0}
-        """System ids that it may speak to, None: it only listens."""
+        """System ids that it may send to, None: it only listens."""
         self.link = open_link(link_url, LinkOptions(is_output=True))
         self._sent = self._dropped = self._withheld = self._returned = self._stopped = 0
         self._inbound: dict[InboundFrames, int] = {}
@@ -98,7 +98,7 @@ class Output:
         )
 
     def forward(self, raw: bytes) -> None:
-        """Sends a frame unless it came from here: a vehicle repeats on its links what a station tells it."""
+        """Sends a frame unless it came from here: a vehicle repeats on its links what a station sends it."""
         if self._recently_returned.has(raw) or self._recently_tried.has(raw):
             self.count_withheld()
             return
@@ -178,10 +178,10 @@ class _RecentFrames:
 
 
 def parse_output(out: str) -> tuple[str, frozenset[int] | None]:
-    """The URL of an output, and the vehicles named that it may speak to beside the UAV; None: it only listens.
+    """The URL of an output, and the vehicles named that it may send to beside the UAV; None: it only listens.
 
     Raises:
-        LinkError: what stands behind the question mark is no option.
+        LinkError: what follows the question mark is no option.
     """
     url, mark, option = out.partition("?")
     if not mark or option == "ro":

@@ -1,4 +1,4 @@
-"""How the ingest is doing, told by its process and read by the station."""
+"""How the ingest is doing, reported by its process and read by the station."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class IngestHealth:
     outputs: tuple[OutputCounts, ...] = ()
     record: RecordState = _NOTHING
     refused: int = 0
-    """Packets recorded and not believed."""
+    """Packets recorded and rejected."""
     packets: int = 0
     """Recorded in all, over restarts, those of this station too."""
     sent: int = 0

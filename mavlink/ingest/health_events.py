@@ -53,7 +53,7 @@ class HealthEvents:
             "ring", health.overrun, "{} packets were recorded and not shown: the screen cannot keep up"
         )
         for output in health.outputs:
-            text = f"{output.name}: {{}} packets were not forwarded: nobody there, or too slow"
+            text = f"{output.name}: {{}} packets were not forwarded: no receiver, or too slow"
             events += self._loss(output.name, output.dropped, text)
             for frames in output.inbound:
                 events += self._of_program(output.name, frames)
@@ -88,11 +88,11 @@ class HealthEvents:
         if not self._inbound[output, replace(frames, count=0)].due(frames.count, self._looks):
             return []
         sender, refusal = frames.sender or "others", frames.refusal
-        target = f"system {frames.target}" if frames.target else "everybody"
+        target = f"system {frames.target}" if frames.target else "all systems"
         times = f", {frames.count:,} times so far" if frames.count > 1 else ""
         if not frames.message:
             goes = f"goes nowhere: {refusal}" if refusal else "was sent on"
-            return [("info", f"{output}: what {sender} said {goes}{times}")]
+            return [("info", f"{output}: what {sender} sent {goes}{times}")]
         level: Level = "info" if frames.message in HARMLESS else "warning"
         if refusal:
             return [(level, f"{output}: {frames.message} of {sender} for {target} was stopped: {refusal}{times}")]
@@ -109,7 +109,7 @@ def _few(level: Level, texts: list[str]) -> list[_Event]:
 
 
 def _key(limit: FloodLimit) -> tuple[str, int, bool]:
-    """Whom it is about; of strangers the address changes."""
+    """What it is about; the addresses of unknown senders change."""
     return "" if limit.system_id == STRANGERS else limit.address, limit.system_id, limit.refused
 
 
@@ -119,7 +119,7 @@ def _flood(limit: FloodLimit) -> str:
         return f"{_source(limit)} floods this link with packets that are refused; not all of them are recorded"
     if limit.system_id == STRANGERS:
         return f"strangers flood this port, {rate:,.0f} datagrams/s from {limit.address}; only few of them are let in"
-    return f"{_source(limit)} floods this port, {rate:,.0f} datagrams/s, or somebody forges them; only some are let in"
+    return f"{_source(limit)} floods this port, {rate:,.0f} datagrams/s, or they are forged; only some are let in"
 
 
 def _flood_over(limit: FloodLimit) -> str:

@@ -55,7 +55,7 @@ _AGAIN_S = 0.3
 class Ingest:
     """All links of a flight: packets are recorded, verified and forwarded by another process, and read here in batches.
 
-    The sockets of UDP links and of TCP servers are opened here and only lent: they outlive a process that dies, with
+    The sockets of UDP links and of TCP servers are opened and kept here: they outlive a process that dies, with
     what is in them. One thread reads; any thread may send and look at the health.
 
     Args:
@@ -67,7 +67,7 @@ class Ingest:
         ring_bytes: size of the memory in which packets wait to be read.
 
     Raises:
-        LinkError: a link or output cannot be opened; the message says what to do.
+        LinkError: a link or output cannot be opened; the message has what to do.
         TlogError: the log exists or cannot be made.
         SigningError: the keys cannot be used.
     """
@@ -144,7 +144,7 @@ class Ingest:
     def read(self, timeout_s: float) -> list[Packet]:
         """All packets that have come since the last call, in order, each with what its signature is worth.
 
-        Those with ``auth > Auth.GOOD`` are not to be believed.
+        Those with ``auth > Auth.GOOD`` are rejected.
 
         Returns:
             Empty after the timeout and when stopped.
@@ -166,7 +166,7 @@ class Ingest:
         return self._heard_us
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends a frame to those on the other end of a link who are known; :meth:`health` tells what did not work.
+        """Sends a frame to those on the other end of a link who are known; :meth:`health` reports what did not work.
 
         Args:
             link: its place among the URLs.
@@ -181,7 +181,7 @@ class Ingest:
         self._request(SendFrame(link, data, peer))
 
     def accept_held(self, system_id: int) -> None:
-        """An operator vouches for a system whose packets are held, and those that come now are believed.
+        """An operator accepts a system whose packets are held; those that come from now on are accepted.
 
         Raises:
             LinkError: the process does not take it.
@@ -281,7 +281,7 @@ class Ingest:
             process.channel.send(msgspec.structs.replace(self._plan, generation=self._generation))
 
     def _require_opened(self, process: ChildProcess[IngestReport]) -> None:
-        """Waits until the first process has opened everything, and raises what it says otherwise."""
+        """Waits until the first process has opened everything, and raises its error otherwise."""
         try:
             report = process.channel.receive(START_S)
         except EOFError as error:
@@ -338,8 +338,8 @@ class Ingest:
         if trouble:
             text = f"{text} did not start again ({trouble}); trying on"
         else:
-            text = f"{text} another process took over; nobody received for {gap_s:.1f} s, the system kept the datagrams"
-            text = f"{text} of that time as far as they fit"
+            text = f"{text} another process took over; nothing received for {gap_s:.1f} s, the system kept the"
+            text = f"{text} datagrams of that time as far as they fit"
         self._notice("alarm", text)
 
     # ---- between the two

@@ -1,8 +1,8 @@
 """The memory that the ingest process and the station share: some slots, a status text and a ring of packets.
 
-It has no name: it goes with the last process that has it open, however that ends. :mod:`infra.shared_memory` says why
-the two processes may read and write it without a lock; each slot is a word of eight bytes with one writer and is right
-by itself.
+It has no name: it goes with the last process that has it open, however that ends. :mod:`infra.shared_memory` explains
+why the two processes may read and write it without a lock; each slot is a word of eight bytes with one writer and is
+right by itself.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ __all__ = ["RING_BYTES", "IngestMemory", "Slot", "make_ingest_memory"]
 RING_BYTES = 16 << 20
 """A minute of 5,000 packets/s."""
 _RECEIVED_UNTIL_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144
-"""Where each part begins; the slots stand at 0."""
+"""Where each part begins; the slots begin at 0."""
 _RECEIVED_UNTIL = struct.Struct("=QQ")
-"""Unix µs, and the ring's position up to which everything that came before then stands."""
+"""Unix µs, and the ring's position up to which everything that came before then is in it."""
 _BATCH = struct.Struct("=QB")
 """Before the packets of a batch: number of the first of their records in the log, and the link."""
 _PACKET = struct.Struct("=QIHB")
@@ -38,7 +38,7 @@ class Slot(IntEnum):
     OVERRUN = 1
     """Packets that found no room in the ring; they are in the log."""
     REFUSED = 2
-    """Records that were not believed."""
+    """Records that were rejected."""
     SENT = 3
     """Records of what this station sent."""
     IN_HAND = 4
@@ -128,7 +128,7 @@ class IngestMemory:
         return packets
 
     def heard_us(self) -> int | None:
-        """Unix µs: whatever came before this has been taken; None where that cannot be told now."""
+        """Unix µs: whatever came before this has been taken; None where that is not known now."""
         value = self._received_until.get()
         t_us, position = _RECEIVED_UNTIL.unpack(value) if value else (0, 0)
         return t_us if value and position <= self._ring.read else None

@@ -1,6 +1,6 @@
-"""What the station and the ingest process tell each other. The plan comes first; nothing is opened before.
+"""Messages between the station and the ingest process. The plan comes first; nothing is opened before.
 
-What is told many times a second stands in shared memory instead (:mod:`mavlink.ingest.ingest_memory`).
+What changes many times a second is in shared memory instead (:mod:`mavlink.ingest.ingest_memory`).
 """
 
 from __future__ import annotations

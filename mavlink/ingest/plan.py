@@ -1,4 +1,4 @@
-"""What the ingest process is told when its turn comes: paths of keys, never keys."""
+"""What the ingest process is given when its turn comes: paths of keys, never keys."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Signing:
     """Messages that may come unsigned; None: as :class:`mavlink.signing.verifier.Verifier` has it."""
     keyless: Literal["refused", "open"] = "refused"
     accept_late: tuple[int, ...] = ()
-    """Systems that are believed without a proof that their packets are made now."""
+    """Systems that are accepted without a proof that their packets are made now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Outputs:
 
     urls: tuple[str, ...] = ()
     uav: int = 0
-    """System id of the UAV, to which `?rw` lets programs speak."""
+    """System id of the UAV, to which `?rw` lets programs send."""
     refused: bool = False
     own: int = 0
     """System id of this station."""

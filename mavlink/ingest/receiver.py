@@ -23,7 +23,7 @@ __all__ = ["LastSenders", "Receiver", "Signatures", "open_outputs"]
 
 _TIME = struct.Struct(">Q")
 _SETUP_SIGNING = b"\x00\x01\x00"
-"""Its message id as it stands in a header."""
+"""Its message id as in a header."""
 
 
 class Signatures:
@@ -100,15 +100,15 @@ def open_outputs(outputs: Outputs, system_ids: tuple[int, ...]) -> Forwarder | N
 
 
 class LastSenders:
-    """The sender of each system id so far, to notice when one is heard from another than before."""
+    """The sender of each system id so far, to notice when one is received from another than before."""
 
     def __init__(self) -> None:
         self._senders: list[tuple[int, int] | None] = [None] * 256
         self._claims: dict[int, set[Claim]] = {}
-        """The same by link: who is heard over it."""
+        """The same by link: who is received over it."""
 
     def changes(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
-        """Places in a batch, and system ids, of frames whose system id was last heard from another sender, or never.
+        """Places in a batch, and system ids, of frames whose system id last came from another sender, or never.
 
         Args:
             link: the batch came over.
@@ -206,14 +206,14 @@ class Receiver:
         return self._log.write_records(data, len(batch))
 
     def _note_senders(self, index: int, batch: Batch, number: int) -> None:
-        """Who sent what stands beside the log, so that a replay tells senders apart as the flight does."""
+        """Records who sent what beside the log, so that a replay distinguishes senders as the flight does."""
         link = self._links[index]
         for k, system_id in self._senders.changes(index, batch):
             peer = batch.peers[k]
             self._log.write_sender(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
     def _note_verdicts(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
-        """Notes what is not believed, and who has proved who it is."""
+        """Notes what is rejected, and which senders have been verified."""
         known = set()
         for k, packet in enumerate(packets):
             if packet.auth > Auth.GOOD:

@@ -1,6 +1,6 @@
 """Limits how many packets with refused signatures are recorded of each sender; all of them are counted.
 
-Keys keep forged packets from being believed, not from arriving, even from the address of the vehicle that is imitated.
+Keys keep forged packets from being accepted, not from arriving, even from the address of the vehicle that is imitated.
 Packets with a valid signature are always recorded.
 """
 
@@ -65,7 +65,7 @@ class RefusedPacketLimiter:
         return some, [auths[k] for k in kept]
 
     def add_to_report(self, index: int, report: LinkReport, address: Callable[[int], str]) -> LinkReport:
-        """A link's report, with what was not recorded of it and from whom."""
+        """A link's report, with what was not recorded of it and from which sender."""
         counts = replace(report.counts, turned_away=report.counts.turned_away + self._shed[index])
         now_s = self._clock_s()
         limits = [

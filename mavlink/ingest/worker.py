@@ -159,7 +159,7 @@ class _IngestWorker:
             self._send_trouble = str(error)
 
     def _publish_health(self) -> None:
-        """Tells the station how it goes."""
+        """Reports the health to the station."""
         self._published_s, self._published_senders = time.monotonic(), self._senders()
         if self._open or not self._reports:
             reports = [link.report() for link in self._links]
@@ -185,7 +185,7 @@ class _IngestWorker:
         self._memory.status.put(health.encode())
 
     def _senders(self) -> int:
-        """How many were heard so far."""
+        """How many were received so far."""
         return sum(link.last_peer for link in self._links)
 
     def _close(self) -> None:
@@ -200,7 +200,7 @@ class _IngestWorker:
         if self._outputs:
             self._outputs.close()
         self._log.close()
-        with contextlib.suppress(MavlinkError):  # the next start says what could not be saved
+        with contextlib.suppress(MavlinkError):  # the next start reports what could not be saved
             self._signatures.close()
         self._publish_health()
 
@@ -225,6 +225,6 @@ def _resume(links: list[Link], status: bytes | None) -> None:
     try:
         before = IngestHealth.decode(status).links if status else ()
     except ValueError:
-        return  # nothing was told yet
+        return  # nothing was reported yet
     for link, report in zip(links, before, strict=False):
         link.resume(report)

@@ -43,7 +43,7 @@ class Link(ABC):
         options: what it is opened for.
 
     Raises:
-        LinkError: it cannot be opened; one line that says what to do.
+        LinkError: it cannot be opened; one line with what to do.
     """
 
     example: ClassVar[str]
@@ -63,7 +63,7 @@ class Link(ABC):
     @classmethod
     @abstractmethod
     def parse(cls, rest: str) -> LinkUrl:
-        """Takes apart what stands behind ``scheme:`` in a URL of this kind.
+        """Parses what follows ``scheme:`` in a URL of this kind.
 
         Raises:
             LinkError: it is none; the message need not name the URL.

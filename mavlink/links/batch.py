@@ -20,10 +20,10 @@ Sender = tuple[int, int]
 
 A source address can be forged, so each class of datagrams from one address is trusted, and limited, for itself."""
 MIXED = 256
-"""Stands for datagrams that are not exactly one frame."""
+"""Means datagrams that are not exactly one frame."""
 
 _mcrf4xx = crc16.mcrf4xx
-# message id as it stands in a header → (longest payload, CRC extra)
+# message id as in a header → (longest payload, CRC extra)
 _TABLE = {
     message_id.to_bytes(3, "little"): (length, bytes([extra])) for message_id, (length, extra) in DEFINITIONS.items()
 }
@@ -79,7 +79,7 @@ class Batch:
 def is_one_frame(data: bytes) -> bool:
     """Whether a datagram is exactly one good MAVLink 2 frame of a known message; nearly all are.
 
-    What is not may still hold good frames: :func:`mavlink.protocol.framing.split` says.
+    What is not may still hold good frames, which :func:`mavlink.protocol.framing.split` finds.
     """
     size = len(data)
     if size < 12 or data[0] != MAGIC_V2:
@@ -98,7 +98,7 @@ def system_of(raw: bytes) -> int:
 
 
 def looks_like_one_frame(data: bytes) -> bool:
-    """Whether a datagram has the size that its MAVLink header says; its checksum may still be wrong."""
+    """Whether a datagram has the size that its MAVLink header gives; its checksum may still be wrong."""
     if len(data) < 8:
         return False
     if data[0] == MAGIC_V1:

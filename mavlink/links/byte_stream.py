@@ -35,7 +35,7 @@ class FrameStream:
     Args:
         counters: of the link.
         peer: number of the sender.
-        patience_s: for how long an unfinished frame may hold up what stands behind it.
+        patience_s: for how long an unfinished frame may hold up what follows it.
         clock_s: monotonic.
     """
 

@@ -120,7 +120,7 @@ class FloodLimiter:
         self._apply(systems, peers)
 
     def limits(self, peers: Peers, strangers: str) -> Iterator[FloodLimit]:
-        """Senders of whom only a share passes, or did a moment ago.
+        """Senders of which only a share passes, or did a moment ago.
 
         Args:
             peers: knows their addresses.

@@ -69,7 +69,7 @@ def open_link(url: str | LinkUrl, options: LinkOptions | None = None) -> Link:
         options: what it is for; None: to receive from any sender.
 
     Raises:
-        LinkError: bad URL, port in use, no such device or host; one line that says what to do.
+        LinkError: bad URL, port in use, no such device or host; one line with what to do.
     """
     parsed = parse_url(url) if isinstance(url, str) else url
     return kind_of(parsed)(parsed, options or LinkOptions())

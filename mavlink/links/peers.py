@@ -2,7 +2,7 @@
 
 A source address can be forged, so trust is for one address with one system id, never for all that comes from an
 address, and nothing that only claims to come from there ends it. All tables are bounded, and few addresses are trusted
-for one system, those heard most often: many impostors of one system displace each other, not the vehicle.
+for one system, those received most often: many impostors of one system displace each other, not the vehicle.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def address_of(key: int) -> str:
 class _Trust:
     heard_us: int
     times: int = 0
-    """Updates of trust before which it was heard."""
+    """Updates of trust before which it was received."""
 
 
 class Peers:
@@ -70,7 +70,7 @@ class Peers:
         self._waiting: dict[Claim, _Trust] = {}
         """Senders with good frames while all addresses of their system were taken."""
         self._addresses_of: Counter[int] = Counter()
-        """System id → how many of the trusted speak for it."""
+        """System id → how many of the trusted send as it."""
         self._known: Counter[int] = Counter()
         """Number → for how many systems it is trusted."""
         self._mixed: set[int] = set()
@@ -214,7 +214,7 @@ class Peers:
         self.changes += 1
 
     def _admit_waiting(self, t_us: int) -> None:
-        """Of each system one waiting sender takes a free place, or that of one that was heard less often."""
+        """Of each system one waiting sender takes a free place, or that of one that was received less often."""
         first: dict[int, Claim] = {}
         for claim, entry in list(self._waiting.items()):
             if t_us - entry.heard_us > WAITING_US or claim[0] not in self.keys:

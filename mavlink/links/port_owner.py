@@ -1,4 +1,4 @@
-"""Why a port cannot be had, with who holds it where the system says so."""
+"""Why a port cannot be had, with who holds it where the system reports it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def cannot_listen(url: LinkUrl, protocol: _Protocol, error: Exception) -> LinkEr
 
 
 def owner_of(protocol: _Protocol, port: int) -> str:
-    """`` by process <id> (<name>)`` that holds a port, empty when it cannot be told: another user's, say.
+    """`` by process <id> (<name>)`` that holds a port, empty when it is not known: another user's, for instance.
 
     Of several the eldest is named: a station that lends its sockets to processes of its own is what a user would stop.
     Looks at every process, some tens of milliseconds: for errors only.

@@ -119,7 +119,7 @@ class Datagrams:
         return self._row_words[0 : count * _ROW_WORDS : _ROW_WORDS].tolist()
 
     def times_us(self, count: int) -> list[int]:
-        """When the first ``count`` datagrams arrived, Unix µs; 0 where the kernel does not say."""
+        """When the first ``count`` datagrams arrived, Unix µs; 0 where the kernel gives no time."""
         words, stop = self._row_words, count * _ROW_WORDS
         columns = (words[k:stop:_ROW_WORDS].tolist() for k in (_KIND, _SECONDS, _NANOSECONDS))
         return [

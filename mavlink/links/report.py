@@ -53,7 +53,7 @@ class LinkReport:
     mixed: tuple[int, ...] = ()
     """Numbers of those whose datagrams are not always one frame."""
     limits: tuple[FloodLimit, ...] = ()
-    """Senders that flood it and of whom only a share passes."""
+    """Senders that flood it and of which only a share passes."""
 
     @property
     def narrow(self) -> bool:

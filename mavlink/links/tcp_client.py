@@ -27,7 +27,7 @@ _PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
 def tcp_connection(sock: socket.socket, frames: FrameStream, options: LinkOptions) -> Connection:
-    """A connection that stands, as a stream of frames."""
+    """An open connection, as a stream of frames."""
     sock.setblocking(False)
 
     def receive() -> bytes | None:

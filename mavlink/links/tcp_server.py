@@ -68,7 +68,7 @@ class TcpIn(Link):
 
     @property
     def clients(self) -> int:
-        """Connections that stand."""
+        """Open connections."""
         return len(self._clients)
 
     @property
@@ -126,7 +126,7 @@ class TcpIn(Link):
         clients = [client.connection for client in list(self._clients.values()) if client.known or peer]
         wanted = [each for each in clients if not each.is_broken and peer in (0, each.frames.peer)]
         if not wanted:
-            raise LinkError(f"{self.name}: nobody is connected who was heard")
+            raise LinkError(f"{self.name}: no sender of good frames is connected")
         return any([each.send(frame) for each in wanted])
 
     def report(self) -> LinkReport:

@@ -77,7 +77,7 @@ class UdpIn(UdpLink):
         self.peers.restore(known, before.claims, before.mixed, before.last_peer, now_us())
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to everybody who sent good frames in the last minute, or to one sender.
+        """Sends to all that sent good frames in the last minute, or to one sender.
 
         Args:
             frame: one frame.
@@ -91,8 +91,8 @@ class UdpIn(UdpLink):
             self.peers.socket_addresses(peer) if peer else list(self.peers.addresses().values())[: self._most_receivers]
         )
         if not wanted:
-            whom = f"cannot send to sender {peer}" if peer else "nobody to send to"
-            raise LinkError(f"{self.name}: {whom}, nothing was heard in the last minute")
+            problem = f"cannot send to sender {peer}" if peer else "no receiver"
+            raise LinkError(f"{self.name}: {problem}, nothing was received in the last minute")
         failed: LinkError | None = None
         for host, port in wanted:
             try:
@@ -168,7 +168,7 @@ def _bind(url: LinkUrl) -> socket.socket:
 
 
 def _connect(url: LinkUrl) -> socket.socket:
-    """A socket that hears one address only: the system drops what others send.
+    """A socket that receives from one address only: the system drops what others send.
 
     Raises:
         LinkError: no such host.

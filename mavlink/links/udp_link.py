@@ -1,4 +1,4 @@
-"""UDP links. No frame ever crosses a datagram, so nothing a stranger sends can spoil what another sent."""
+"""UDP links. No frame ever crosses a datagram, so no sender can spoil what another sent."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class UdpLink(Link):
         self.peers.trust(claims, t_us)
 
     def limits(self) -> tuple[FloodLimit, ...]:
-        """Senders of whom only a share passes at the moment."""
+        """Senders of which only a share passes at the moment."""
         return tuple(self.limiter.limits(self.peers, self._unknown_words))
 
     def maintain(self) -> None:

@@ -1,6 +1,6 @@
 """Link URLs taken apart, in pymavlink's dialect (``udpin:0.0.0.0:14550``) and MAVSDK's (``udpin://0.0.0.0:14550``).
 
-What kinds there are :mod:`mavlink.links.kinds` knows; the functions here read what stands behind the scheme.
+What kinds there are :mod:`mavlink.links.kinds` knows; the functions here read what follows the scheme.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ _OFFSETS: dict[int, tuple[int | None, int | None]] = {
 
 
 def target_of(raw: bytes) -> tuple[int, int]:
-    """System and component that a frame is addressed to; 0 stands for all.
+    """System and component that a frame is addressed to; 0 means all.
 
     Args:
         raw: a good frame of a known message, MAVLink 1 or 2. Trailing zero bytes that MAVLink 2 leaves out read 0.

@@ -179,7 +179,7 @@ def _mount_status(head: _Head, v: _Values) -> MountStatus:
 
 
 def _given(value: float) -> float:
-    """NaN for 0, which stands for a field that the sender left out."""
+    """NaN for 0, which means a field that the sender left out."""
     return value if value != 0.0 else math.nan
 
 

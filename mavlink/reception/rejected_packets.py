@@ -4,7 +4,7 @@ A signature's timestamp has to be newer than the last of its stream. A link that
 does a vehicle that signs for all its radios with one counter, as ArduPilot does: whatever comes over the slower radio
 is older than what the faster one has brought, by seconds. Anything older than that was recorded and played again.
 
-Timestamps alone do not distinguish the two, since counters stand still while vehicles drive: what counts is when newer
+Timestamps alone do not distinguish the two, since counters may stop while vehicles drive: what counts is when newer
 packets came, and how long ago the vehicle's own clock showed the time that a packet carries.
 """
 

@@ -4,7 +4,7 @@ A stream is (system, component, link id); the table is common to all links, or a
 another. Times are ticks of 10 µs since 2015-01-01 UTC (https://mavlink.io/en/guide/message_signing.html).
 
 A timestamp newer than the last of its stream proves that a frame was made after that one, not that it was made now: an
-autopilot's counter may stand still for hours while it drives. So a frame is accepted when it is newer, and when
+autopilot's counter may stop for hours while it drives. So a frame is accepted when it is newer, and when
 something that its signature covers, or that was received before, proves that it is no older than :data:`BEHIND`:
 
 - its timestamp, where the sender keeps to the time of day;

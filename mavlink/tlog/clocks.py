@@ -75,7 +75,7 @@ def _boot_times(tlog: Tlog) -> tuple[Ints, Ints]:
             found.append((rows, values["time_boot_ms"].astype(np.int64)))
     rows, boot_ms = (np.concatenate(parts) for parts in zip(*found, strict=True))
     order = np.argsort(rows, kind="stable")
-    # 0 stands for unknown
+    # 0 means unknown
     order = order[boot_ms[order] > 0]
     return rows[order], boot_ms[order]
 
@@ -117,7 +117,7 @@ def _restarts(boot_ms: Ints) -> list[int]:
 def _speed(t_us: Ints, boot_ms: Ints) -> float:
     """The middle one of the speeds of some parts, so that steps of either clock do not count.
 
-    NaN below a second by both clocks, and where the stamps stand still.
+    NaN below a second by both clocks, and where the stamps do not change.
     """
     if t_us.size < 4 or max(np.ptp(t_us), 1000 * np.ptp(boot_ms)) < 1_000_000:
         return float("nan")

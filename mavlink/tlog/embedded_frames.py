@@ -20,7 +20,7 @@ def embedded(data: Bytes, frames: Frames, time_ok: NDArray[np.bool_], step: int)
     """(N,) which frames lie in a damaged record and are no records of their own.
 
     Such a frame has no time of its own, and before it, in the gap that it follows, another record begins that is long
-    enough to hold it: where the last record ends, or where a stamp stands.
+    enough to hold it: where the last record ends, or where a stamp begins.
     """
     inner = np.zeros(time_ok.size, dtype=np.bool_)
     if step == 0 or time_ok.all():

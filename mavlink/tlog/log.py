@@ -64,7 +64,7 @@ class Tlog:
         index = build_index(data)
         if len(index) == 0 and not any_file:
             kind = looks_like(data)
-            what = f"it begins like {kind}" if kind else "is it a telemetry log? gcs tlog check says more"
+            what = f"it begins like {kind}" if kind else "is it a telemetry log? see gcs tlog check"
             raise TlogError(f"{path}: no MAVLink frame found in {data.size} bytes; {what}")
         return cls(path, data, index)
 

@@ -175,7 +175,7 @@ def find_unknown(data: Bytes, start: Ints, stop: Ints, likely: Callable[[Ints], 
         data: (size,) the file.
         start: (n,) first bytes of ranges, in order and not overlapping.
         stop: (n,) one after their last.
-        likely: whether a frame can begin at each of some places, by what stands before it; spares the checksums.
+        likely: whether a frame can begin at each of some places, by what precedes it; spares the checksums.
     """
     unknown_v1 = _tables()[0][:_V1_IDS] == _UNKNOWN
     found = [np.empty((0, 3), dtype=np.int64)]

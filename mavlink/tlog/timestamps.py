@@ -81,7 +81,7 @@ def stamped(data: Bytes, at: Ints, *, little: bool = False, near: Ints | None = 
         data: (size,) the file.
         at: (n,) places.
         little: little-endian times count too.
-        near: (n,) other places; where a time of this century stands before one, the two must be of the same year.
+        near: (n,) other places; where a time of this century precedes one, the two must be of the same year.
     """
     big, small = _before(data, at)
     looks = _dated(big)

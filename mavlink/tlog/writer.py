@@ -1,6 +1,6 @@
 """Telemetry logs, written as a flight goes: what was accepted survives the death of the process.
 
-Beside ``telemetry.tlog`` and its further segments stand tables, each made with its first row:
+Beside ``telemetry.tlog`` and its further segments there are tables, each made with its first row:
 ``senders.csv`` who sent what, ``refused.csv`` the records that were rejected, and ``clock.csv`` when the wall clock
 was set.
 """

@@ -193,4 +193,4 @@ def test_what_a_recording_lacks_is_said(tmp_path, capsys):
     assert "it has not the boxes that the flight found" in said
     assert "senders.csv is missing" in said
     assert "recorded by rollcall-gcs 0.0.0" in said
-    assert f"the flight did not believe {len(refused) - 1} records" in said
+    assert f"the flight rejected {len(refused) - 1} records" in said

@@ -13,7 +13,7 @@ from gcs.cli.output.console import print_note
 __all__ = ["Report", "progress"]
 
 Report = Callable[[int, int], None]
-"""Told how much is done, and of how much."""
+"""Given how much is done, and of how much."""
 
 _BAR_STEPS = 500
 """A bar moves in steps of this share of the work: drawing costs the work nothing."""

@@ -21,7 +21,7 @@ _UNLIMITED = 10_000_000
 def print_table(
     columns: Sequence[str], rows: Iterable[Sequence[str]], *, right: Collection[str] = (), head: bool = True
 ) -> None:
-    """Print a table on stdout. Cells are text as it stands, never markup.
+    """Print a table on stdout. Cells are plain text, never markup.
 
     Args:
         columns: names, all different.

@@ -45,5 +45,5 @@ def _what(alarm: Alarm) -> tuple[str, ...]:
 
 
 def _trouble(alarm: Alarm) -> str:
-    """What is said after the vehicle's name."""
+    """The text after the vehicle's name."""
     return alarm.text.partition(": ")[2] or alarm.key

@@ -48,7 +48,7 @@ class CellGrid:
         at = dots.bits > 0
         under = at & (self.letter == HALF)
         mean = _mean(self.ink[under], self.paper[under])
-        # half as bright as the image, so that the line stands out on busy ground
+        # half as bright as the image, so that the line is visible on busy ground
         self.paper[under] = _mean(mean, np.zeros_like(mean))
         self.letter[at] = 0x2800 + dots.bits[at]
         self.ink[at] = dots.ink[at]

@@ -52,7 +52,7 @@ def _cell(view: MapView, p_enu: NDArray[np.float64]) -> tuple[int, int] | None:
 
 
 def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
-    """A line from where a vehicle says it is to where its box stands."""
+    """A line from where a vehicle reports to be to where its box is."""
     stands = {box.system_id: box.p_enu for box in snapshot.boxes if box.system_id}
     for row in rows:
         if row.system_id in stands:

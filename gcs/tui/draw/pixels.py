@@ -39,7 +39,7 @@ class Pixels:
 
 
 def pixel_images(graphics: Graphics) -> Pixels | None:
-    """Pixels if they are wanted and the terminal says that it can, else None.
+    """Pixels if they are wanted and the terminal reports that it can, else None.
 
     ``auto`` keeps to half blocks over SSH: an image is some 0.7 MB, a field of half blocks some 0.05 MB.
     """

@@ -26,7 +26,7 @@ def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> C
     """Draw one snapshot in a field of cells.
 
     Args:
-        snapshot: Image and boxes; without an image the boxes stand on a dark field.
+        snapshot: Image and boxes; without an image the boxes are on a dark field.
         selected: System id whose label is inverted, 0 none.
         columns: Cells, above 0.
         rows: Cells, above 0.

@@ -96,7 +96,7 @@ class AlarmPane(Pane):
             self.post_message(VehiclePicked(group[0].system_id))
 
     def acknowledge(self, alarms: Iterable[Alarm]) -> None:
-        """These have been seen; the station is told of those that had not."""
+        """These have been seen; the station is given those that had not."""
         if fresh := unseen(alarms, self.seen):
             self.seen = self.seen | {token(alarm) for alarm in fresh}
             self.post_message(AlarmsSeen(tuple(fresh)))

@@ -22,10 +22,10 @@ class Banner(Widget):
     text: reactive[str] = reactive("")
 
     def watch_text(self, text: str) -> None:
-        """There only while there is something to say."""
+        """There only while there is something to show."""
         self.display = bool(text)
 
     def render_line(self, y: int) -> Strip:
-        """Dark on red; the words alone say it too."""
+        """Dark on red; the words alone are enough."""
         width = self.size.width
         return line([(fitted(f" !! {plain(self.text)}", width), ink(PANEL, ALARM, bold=True))], width, ALARM)

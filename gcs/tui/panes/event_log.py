@@ -31,7 +31,7 @@ def events_from(events: Sequence[Event], least: Level) -> list[Event]:
 
 
 def grouped(events: Sequence[Event]) -> list[tuple[Event, int]]:
-    """Runs of events that say the same, each as its newest and their number."""
+    """Runs of equal events, each as its newest and their number."""
     rows: list[tuple[Event, int]] = []
     for event in events:
         before, times = rows[-1] if rows else (None, 0)
@@ -139,7 +139,7 @@ class EventPane(Pane):
         return 0
 
     def _sender_prefix(self, event: Event) -> str:
-        """Whose text it is, when the text does not say so; one from the air may say what it likes."""
+        """The vehicle's name, unless the text has it; one from the air must begin with it."""
         if not event.system_id or self.snapshot is None:
             return ""
         name = self.snapshot.name_of(event.system_id)

@@ -179,7 +179,7 @@ class FleetPane(Pane):
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""
         if self.snapshot is None or not self.snapshot.vehicles:
-            return [line([(" no vehicle heard yet", ink(FAINT))], width)]
+            return [line([(" no vehicle received yet", ink(FAINT))], width)]
         rows = self.snapshot.vehicles
         at = next((index for index, row in enumerate(rows) if row.system_id == self.selected), self._first)
         self._first = max(0, min(max(self._first, at - height + 1), at, len(rows) - height))

@@ -1,4 +1,4 @@
-"""The identity pane: why the selected vehicle is, or is not, the box it is said to be."""
+"""The identity pane: why the selected vehicle is, or is not, the box that carries its name."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
 
 
 def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
-    """Whether it is the vehicle that speaks, and what of its words was not believed."""
+    """Whether its packets come from the vehicle itself, and what of them was rejected."""
     facts: list[Fact] = []
     if row.contested:
         facts.append(("sender", "SEVERAL with this id", ALARM))

@@ -33,7 +33,7 @@ class Pane(Widget, can_focus=True):
         self._rows: list[Strip] = []
 
     def note(self) -> Sequence[Part]:
-        """What the heading says at its right end."""
+        """The heading's right end."""
         return ()
 
     def body(self, width: int, height: int) -> list[Strip]:

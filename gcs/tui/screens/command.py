@@ -29,7 +29,7 @@ def ask_for_order(app: App[Any], commands: Commands | None, selected: int, *, li
 
     Args:
         app: To show the questions.
-        commands: None where nothing may be sent: then the operator is told why.
+        commands: None where nothing may be sent: then the operator is shown why.
         selected: System id of the selected vehicle, 0 for none; as it is when the list opens.
         live: Whether this is a flight.
     """

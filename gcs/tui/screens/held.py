@@ -15,8 +15,8 @@ from gcs.tui.screens.prompts import Confirm
 
 __all__ = ["ask_to_accept", "held_rows"]
 
-NOBODY = "of no vehicle are signed packets held"
-RECORDING = "a recording accepts nobody: what was held stays held"
+NOBODY = "no signed packets are held"
+RECORDING = "a recording accepts no vehicle: what was held stays held"
 
 
 def held_rows(snapshot: Snapshot | None, selected: int) -> tuple[VehicleRow, ...]:
@@ -38,7 +38,7 @@ def ask_to_accept(app: App[Any], station: Station, snapshot: Snapshot | None, se
     if not rows or station.timeline is not None:
         app.notify(NOBODY if station.timeline is None else RECORDING, severity="warning", timeout=6, markup=False)
         return
-    question = f"Believe {_who(rows)}, though nothing proves that it is no recording"
+    question = f"Accept {_who(rows)}, though nothing proves that it is no recording"
 
     def accept(yes: bool | None) -> None:
         if yes:

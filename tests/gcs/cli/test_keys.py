@@ -228,7 +228,7 @@ def test_check_counts_what_a_recording_is_worth(keys, tmp_path):
         ["3", "0", "0", "20", "0", "0", "0", "0"],
         ["51", "20", "0", "0", "0", "0", "0", "0"],
     ]
-    assert "40 of 141 frames would be believed" in out
+    assert "40 of 141 frames would be accepted" in out
 
 
 def test_check_says_where_the_flight_decided_otherwise(keys, tmp_path):
@@ -243,9 +243,9 @@ def test_check_says_where_the_flight_decided_otherwise(keys, tmp_path):
             log.write(replace(late.packet(t_us=T0 + k * 10_000), auth=Auth.GOOD))
     code, out, err = keys("check", "--keys", folder, "--log", tmp_path / "telemetry.tlog")
     assert (code, err) == (0, "")
-    assert "10 of 20 frames would be believed" in out
+    assert "10 of 20 frames would be accepted" in out
     assert "system 7: 3 of these were refused in flight, replayed" in out
-    assert "system 8: 10 were believed in flight that are held here" in out
+    assert "system 8: 10 were accepted in flight that are held here" in out
     # of the same frames in a log of somebody else nothing is said
     (tmp_path / "telemetry.tlog").rename(tmp_path / "other.tlog")
     assert "in flight" not in keys("check", "--keys", folder, "--log", tmp_path / "other.tlog")[1]

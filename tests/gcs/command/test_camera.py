@@ -48,7 +48,7 @@ def test_an_order_that_is_accepted_and_does_nothing_is_carried_out_in_the_way_th
     air.order("point", UGV, "done: the camera looks there")
     assert len(air.uav.commands(198)) == 1
     assert texts(air)[1].startswith("accepted, but the camera did not move: it looks ")
-    assert texts(air)[1].endswith("° off; by the positions heard here instead")
+    assert texts(air)[1].endswith("° off; by the positions received here instead")
     assert texts(air)[2:] == ["accepted; goes on until another order", "done: the camera looks there"]
     assert air.until(lambda: looks_at(air.uav, PLACE))
     asked = [said for said in air.uav.commands(511) if said.param1 == 285]
@@ -60,7 +60,7 @@ def test_an_order_that_is_accepted_and_does_nothing_is_carried_out_in_the_way_th
 
 def test_an_autopilot_that_hears_the_vehicle_is_left_to_it(air):
     air.uav.hears[UGV] = (PLACE.lat_deg, PLACE.lon_deg, 480.0)
-    air.order("point", UGV, "done: the camera looks there; the autopilot follows the positions that it hears itself")
+    air.order("point", UGV, "done: the camera looks there; the autopilot follows the positions it receives itself")
     assert air.until(lambda: looks_at(air.uav, PLACE))
     assert air.uav.commands(195) == []
 
@@ -113,7 +113,7 @@ def test_a_camera_that_nothing_turns_is_told_and_left_alone(air):
 def test_without_gimbal_reports_it_is_said_that_nobody_knows(air):
     air.uav.has_gimbal = False
     air.order("point", UGV, "goes on until another order")
-    assert "accepted, but nothing reports where the camera looks; by the positions heard here instead" in texts(air)
+    assert "accepted, but nothing reports where the camera looks; by the positions received here instead" in texts(air)
     assert air.until(lambda: texts(air)[-1] == "accepted, but nothing reports where the camera looks")
     count = len(air.uav.commands(195))
     assert air.until(lambda: len(air.uav.commands(195)) > count + 2), "it goes on all the same"

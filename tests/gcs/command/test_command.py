@@ -35,7 +35,7 @@ def test_point_asks_the_autopilot_first_to_follow_the_vehicle(air):
 @pytest.mark.parametrize("result", [3, 4])
 def test_point_streams_positions_when_the_autopilot_cannot(air, result):
     air.uav.results[198] = result
-    air.order("point", UGV, "by the positions heard here instead")
+    air.order("point", UGV, "by the positions received here instead")
     assert air.until(lambda: len(air.uav.commands(195)) >= 2)
     air.places[UGV] = GeoPoint(47.3990, 8.5470)
     assert air.until(lambda: air.uav.commands(195)[-1].x == 473990000)
@@ -226,7 +226,7 @@ def test_who_holds_the_gimbal_is_told(air):
         air.desk.poll()
     said = [event.text for event in air.events if event.kind == "camera"]
     assert said == [
-        "the gimbal of UAV-1 is controlled by nobody",
+        "the gimbal of UAV-1 is controlled by no station",
         "the gimbal of UAV-1 is controlled by system 255 component 190",
         "the gimbal of UAV-1 is controlled by this station",
     ]
@@ -251,7 +251,7 @@ def test_answers_in_words():
     assert CommandAck(result=2, progress=30, texts=("a", "a", "b")).words == "refused (DENIED at 30 %): a; b"
     assert CommandAck(result=99).words == "refused (result 99)"
     assert CommandAck(result=None).words == "no answer"
-    assert CommandAck(result=None, reason="not heard").words == "not heard"
+    assert CommandAck(result=None, reason="UAV not received").words == "UAV not received"
 
 
 def test_an_end_in_the_middle_of_a_command_is_clean(air):

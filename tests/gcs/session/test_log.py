@@ -127,7 +127,7 @@ def some_forged():
 def test_what_was_refused_in_flight_is_refused_again(tmp_path):
     log = recorded(tmp_path, some_forged())
     assert list(log.packets()) == some_forged()
-    assert log.warnings == ("refused.csv: 5 records were not believed in flight and are left out",)
+    assert log.warnings == ("refused.csv: 5 records were rejected in flight and are left out",)
     assert len(list(log.accepted_packets(0))) == 295
 
 

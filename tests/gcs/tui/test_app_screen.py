@@ -165,7 +165,7 @@ async def test_before_the_first_snapshot():
     station.snapshot, station.said = None, []
     async with running(station, WIDE) as (app, pilot, _):
         said = screen_text(app)
-        for word in ("waiting for the first frame", "no vehicle heard yet", "waiting for positions", "nothing yet"):
+        for word in ("waiting for the first frame", "no vehicle received yet", "waiting for positions", "nothing yet"):
             assert word in said, word
         await pilot.press("down", "up", "plus", "z", "escape", "question_mark", "escape", "s", "escape")
 

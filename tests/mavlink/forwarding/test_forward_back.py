@@ -232,7 +232,7 @@ def test_a_program_reaches_the_uav_alone_is_recorded_and_told(started, tmp_path)
         who = f"{HOST}:{program.getsockname()[1]}"
         assert any(f"{who} sent COMMAND_LONG DO_SET_MODE to system 1 through this station" in text for text in texts)
         assert any(f"DO_SET_MODE of {who} for system 11 was stopped: ?rw does not name" in text for text in texts)
-        assert any(f"DO_SET_MODE of {who} for everybody was stopped" in text for text in texts)
+        assert any(f"DO_SET_MODE of {who} for all systems was stopped" in text for text in texts)
         assert until(lambda: ingest.health().packets == 4)
         assert ingest.health().sent == 1
         ingest.stop()

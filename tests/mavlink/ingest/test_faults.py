@@ -38,7 +38,7 @@ def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     thread.join()
     health, texts = ingest.health(), [notice.text for notice in ingest.notices()]
     assert health.restarts == 1 and ingest.pid != first and 0.0 < health.gap_s < 10.0
-    assert any("died (signal 9" in text and "nobody received for" in text for text in texts)
+    assert any("died (signal 9" in text and "nothing received for" in text for text in texts)
     ingest.stop()
     log = recorded(tmp_path)
     # what is in one process's hands when it is killed, one batch, may be lost; here it never is all of a batch

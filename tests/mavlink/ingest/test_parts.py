@@ -237,7 +237,7 @@ def test_everybody_who_is_not_let_in_whole_is_told_with_address_reason_and_end()
     assert events.since_last(IngestHealth(links=(link,))) == [
         (
             "alarm",
-            "udp: 10.0.0.7:5 as system 11 floods this port, 60,000 datagrams/s, or somebody forges them; "
+            "udp: 10.0.0.7:5 as system 11 floods this port, 60,000 datagrams/s, or they are forged; "
             "only some are let in",
         )
     ]
