@@ -65,7 +65,7 @@ class _CommandTable(TyperGroup):
 app = typer.Typer(
     name="gcs",
     cls=_CommandTable,
-    help="Rollcall: identifies identical ground vehicles from the air.",
+    help="Rollcall: tells identical ground vehicles apart from the air.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -90,7 +90,7 @@ def _root(
         Path | None, typer.Option("--log-file", help="Log what the program does to the end of a file; else to stderr.")
     ] = None,
 ) -> None:
-    """Rollcall: identifies identical ground vehicles from the air."""
+    """Rollcall: tells identical ground vehicles apart from the air."""
     if log_level or log_file:
         start_log(log_level, log_file)
 

@@ -51,8 +51,8 @@ SCREENSHOT_TITLE = "Rollcall"
 
 def error_line(error: BaseException) -> str:
     """One plain line on why the station stopped, or what of a flight that goes on does not work any more."""
-    said = plain(str(error)) or type(error).__name__
-    return said if isinstance(error, FlightError) else f"station stopped: {said}"
+    text = plain(str(error)) or type(error).__name__
+    return text if isinstance(error, FlightError) else f"station stopped: {text}"
 
 
 class RollcallApp(App[None]):
@@ -134,11 +134,11 @@ class RollcallApp(App[None]):
             self._panes.fit_to(newest)
             self.snapshot = newest
         self._status.title = self._station.title
-        said = self._station.events()
-        if len(said) != len(self._events.all_events) or (said and said[-1] is not self._events.all_events[-1]):
-            self._events.all_events = tuple(said)
+        events = self._station.events()
+        if len(events) != len(self._events.all_events) or (events and events[-1] is not self._events.all_events[-1]):
+            self._events.all_events = tuple(events)
         if self._station.timeline is not None and self._timeline is not None:
-            self._timeline.show(self._station.timeline, said)
+            self._timeline.show(self._station.timeline, events)
         self._alert_line.text = self._alert()
         self._ring()
 
@@ -233,7 +233,7 @@ class RollcallApp(App[None]):
         """Choose, confirm and give an order."""
         ask_for_order(self, self._commands, self.selected, live=self._station.timeline is None)
 
-    def action_believe(self) -> None:
+    def action_accept_held(self) -> None:
         """Accept vehicles whose signed packets are held."""
         ask_to_accept(self, self._station, self.snapshot, self.selected)
 

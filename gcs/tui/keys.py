@@ -58,7 +58,7 @@ STATION: Final = (
         "Command the UAV, about the selected vehicle (gcs fly --command)",
         id="station.command",
     ),
-    _key("b", "believe", "believe", "Accept vehicles whose signed packets are held", id="station.believe"),
+    _key("b", "accept_held", "accept", "Accept vehicles whose signed packets are held", id="station.believe"),
     _key("s", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
     _key("question_mark", "help", "help", "All keys", id="station.help", shown="?"),
     _key("q,ctrl+q", "leave", "quit", "Quit and seal the recording", id="station.quit", shown="q"),

@@ -101,5 +101,5 @@ def scale_bar(metres_per_dot: float, longest_cells: int) -> tuple[str, float]:
     # just below a power of ten the logarithm rounds up to it
     metres = max(decade * step for step in (0.5, 1, 2, 5) if decade * step <= longest_m)
     cells = max(2, round(metres / (2 * metres_per_dot)))
-    said = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"
-    return "├" + "─" * (cells - 2) + "┤ " + said, metres
+    label = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"
+    return "├" + "─" * (cells - 2) + "┤ " + label, metres

@@ -53,10 +53,10 @@ def _cell(view: MapView, p_enu: NDArray[np.float64]) -> tuple[int, int] | None:
 
 def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:
     """A line from where a vehicle reports to be to where its box is."""
-    stands = {box.system_id: box.p_enu for box in snapshot.boxes if box.system_id}
+    box_enu = {box.system_id: box.p_enu for box in snapshot.boxes if box.system_id}
     for row in rows:
-        if row.system_id in stands:
-            start, end = _dot(view, row.p_enu), _dot(view, stands[row.system_id])
+        if row.system_id in box_enu:
+            start, end = _dot(view, row.p_enu), _dot(view, box_enu[row.system_id])
             dots.line(start, end, pack(standing_colour(row.standing)))
 
 

@@ -134,10 +134,10 @@ class AlarmPane(Pane):
         colour = FAINT if known else level_colour(alarm.level)
         since = age(max(0.0, (self.snapshot.t_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "
-        told = fitted(plain(text_of(group)), width - len(head)).rstrip()
-        said = fitted(plain(advice_of(group)), width - 4).rstrip()
-        what = [(head, ink(colour, paper, bold=not known)), (told, ink(FAINT if known else BRIGHT, paper))]
-        advice = [("    ", ink(FAINT, paper)), (said, ink(ACCENT if marked else FAINT, paper))]
+        text = fitted(plain(text_of(group)), width - len(head)).rstrip()
+        advised = fitted(plain(advice_of(group)), width - 4).rstrip()
+        what = [(head, ink(colour, paper, bold=not known)), (text, ink(FAINT if known else BRIGHT, paper))]
+        advice = [("    ", ink(FAINT, paper)), (advised, ink(ACCENT if marked else FAINT, paper))]
         return [line(what, width, paper), line(advice, width, paper)]
 
     def on_click(self, event: events.Click) -> None:

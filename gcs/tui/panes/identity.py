@@ -95,8 +95,8 @@ def _spread(std: float, digits: int) -> str:
 def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
     facts: list[Fact] = []
     if row.role == "ugv":
-        said = f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip()
-        facts.append(("standing", said, standing_colour(row.standing)))
+        words = f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip()
+        facts.append(("standing", words, standing_colour(row.standing)))
         box = next((box for box in snapshot.boxes if box.system_id == row.system_id), None)
         facts += _evidence(snapshot, box) if box else [("box", "none in this frame", FAINT)]
     facts += _doubts(row, keyed=bool(snapshot.health.keys))
@@ -125,7 +125,7 @@ def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
 
 
 def _evidence(snapshot: Snapshot, box: Box) -> list[Fact]:
-    rival = "nobody" if not box.runner_up else plain(snapshot.name_of(box.runner_up))
+    rival = "none" if not box.runner_up else plain(snapshot.name_of(box.runner_up))
     facts: list[Fact] = [
         ("runner-up", f"{rival} {percent(box.runner_up_confidence)}".rstrip(), INK),
         ("residual", f"{number(box.residual_m, 'm')}  {number(box.residual_px, 'px', 0)}", INK),
@@ -135,5 +135,5 @@ def _evidence(snapshot: Snapshot, box: Box) -> list[Fact]:
     track = f"{box.track_id}" + (" coasting" if box.coasting else "")
     facts.append(("track", track, INK))
     if math.isfinite(box.lat_deg) and math.isfinite(box.lon_deg):
-        facts.append(("stands at", f"{box.lat_deg:.5f} {box.lon_deg:.5f}", INK))
+        facts.append(("place", f"{box.lat_deg:.5f} {box.lon_deg:.5f}", INK))
     return facts

@@ -15,7 +15,7 @@ from gcs.tui.screens.prompts import Confirm
 
 __all__ = ["ask_to_accept", "held_rows"]
 
-NOBODY = "no signed packets are held"
+NONE_HELD = "no vehicle has signed packets that are held"
 RECORDING = "a recording accepts no vehicle: what was held stays held"
 
 
@@ -36,7 +36,7 @@ def ask_to_accept(app: App[Any], station: Station, snapshot: Snapshot | None, se
     """
     rows = held_rows(snapshot, selected)
     if not rows or station.timeline is not None:
-        app.notify(NOBODY if station.timeline is None else RECORDING, severity="warning", timeout=6, markup=False)
+        app.notify(NONE_HELD if station.timeline is None else RECORDING, severity="warning", timeout=6, markup=False)
         return
     question = f"Accept {_who(rows)}, though nothing proves that it is no recording"
 

@@ -58,9 +58,9 @@ class HelpScreen(ModalScreen[None]):
                 text.append(f"  {shown:<8}", ink(BRIGHT))
                 text.append(f" {binding.tooltip}\n", ink(INK))
         text.append("On the video\n", ink(ACCENT, bold=True))
-        for sign, standing, said in SIGNS:
+        for sign, standing, meaning in SIGNS:
             text.append(f"  {sign:<11}", ink(standing_colour(standing)))  # type: ignore[arg-type]
-            text.append(f"{said}\n", ink(INK))
+            text.append(f"{meaning}\n", ink(INK))
         text.append("  The tick on a box is its front. On the map: ◆ UAV, arrows are headings,\n", ink(FAINT))
         text.append("  circles are 1σ, dots are the image's footprint, ? a box without a name.", ink(FAINT))
         return text

@@ -139,7 +139,7 @@ def test_mount_without_numbers_is_a_camera_that_the_uav_describes(tmp_path):
     [
         ('lens = "absent.toml"', r"m.toml: \[camera\]: lens .*absent.toml: no such file; gcs calibrate makes one"),
         ('lens = "m.toml"', "unknown key 'uav'"),
-        ('lens = "a.toml"\nfx = 1000', "lens stands for width, height"),
+        ('lens = "a.toml"\nfx = 1000', "lens replaces width, height"),
         ('lens = "a.toml"\ndistortion = [0.1, 0, 0, 0, 0]', "leave those out"),
         ("width = 1920\nheight = 1080", "fx is missing; give width, height, fx, fy, cx, cy, or a lens file, or none"),
         ("zoom = 0", "must lie between 0.1 and 200"),
