@@ -202,7 +202,7 @@ class Health:
     undecoded: int = 0
     """Frames that came and could not be decoded."""
     keys: int | None = None
-    """Signing keys in use, 0 when nothing that is heard can be authenticated; None without a receiver."""
+    """Signing keys in use, 0 when nothing received can be authenticated; None without a receiver."""
     full_in_s: float = NEVER
     """Until the disk is full if recording goes on as lately, inf unknown."""
     write_failing_s: float = 0.0

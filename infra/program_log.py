@@ -1,7 +1,7 @@
 """The program's log: records of the standard library's ``logging`` into files, from several processes into one.
 
 Quiet until a log file is asked for. Logging never waits for the disk: a thread of each file writes. A file is
-bounded in size; what is not ours, a text from the air for instance, can neither begin a line of its own nor speak to a
+bounded in size; what is not ours, a text from the air for instance, can neither begin a line of its own nor control a
 terminal.
 """
 

@@ -3,7 +3,7 @@
 That an autopilot accepts to point the camera proves little: ArduPilot accepts to follow a vehicle it does not receive,
 and nothing moves. So pointing counts as done when the gimbal reports to look there; else the next way is tried.
 
-A stream follows a ground vehicle by the positions heard here. It waits while they are missing, ends after a while
+A stream follows a ground vehicle by the positions received here. It waits while they are missing, ends after a while
 without them, and ends at the first refusal or when another sender changes the flight mode: it never takes the UAV back
 from a pilot.
 """
