@@ -32,7 +32,7 @@ from mavlink.tlog.log import Tlog
 
 POSITION, MOST_SECONDS, START_SECONDS = 33, 60.0, 30.0
 Seen = dict[int, int]
-"""System id → positions heard, or 1 where only the system is known."""
+"""System id → positions received, or 1 where only the system is known."""
 
 
 class SenderFleet:
@@ -55,7 +55,7 @@ class SenderFleet:
             sock.sendto(speaker.global_position_int(self._ticks * 100, 47.4, 8.5, *height), self._to)
         self._ticks += 1
 
-    def heard(self) -> int:
+    def received_bytes(self) -> int:
         """Bytes that came back to ground vehicles."""
         count = 0
         for _, sock in self._vehicles[1:]:
@@ -73,8 +73,8 @@ class SenderFleet:
 
 
 def fly(link: Link, forwarder: Forwarder, fleet: SenderFleet, seconds: float) -> list[Packet]:
-    """Listens and forwards for some seconds after all receivers are there; what was heard then."""
-    heard: list[Packet] = []
+    """Listens and forwards for some seconds after all receivers are there; the packets received then."""
+    received: list[Packet] = []
     start_s, ticks, stop_s = time.monotonic(), 0, START_SECONDS
     ready = False
     while (now_s := time.monotonic() - start_s) < stop_s:
@@ -87,8 +87,8 @@ def fly(link: Link, forwarder: Forwarder, fleet: SenderFleet, seconds: float) ->
         forwarder.forward(packets, lambda index, raw, peer: None)
         if not ready and all(each.stopped for each in forwarder.counts):
             ready, stop_s = True, now_s + seconds
-        heard += packets if ready else []
-    return heard
+        received += packets if ready else []
+    return received
 
 
 def positions(packets: Iterable[Packet]) -> Seen:
@@ -100,8 +100,8 @@ def start_mavproxy(program: str, port: int, folder: Path) -> subprocess.Popen[by
     command = [program, f"--master=udpin:127.0.0.1:{port}", "--daemon", "--non-interactive"]
     command += [f"--state-basedir={folder}", f"--logfile={folder / 'beside.tlog'}", "--default-modules=link"]
     command += ["--cmd=set flushlogs 1"]
-    with (folder / "mavproxy.txt").open("wb") as said:
-        return subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said)
+    with (folder / "mavproxy.txt").open("wb") as output:
+        return subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=output, stderr=output)
 
 
 def start_mavsdk(port: int, seconds: float) -> subprocess.Popen[str]:
@@ -139,9 +139,9 @@ def stop(process: subprocess.Popen[bytes]) -> None:
 def table(fleet: Sequence[int], seen: dict[str, Seen], counts: Iterable[OutputCounts]) -> str:
     lines = ["| program | vehicles seen | of | positions |", "|---|---|---|---|"]
     for program, who in seen.items():
-        told = sum(who.values()) if max(who.values(), default=0) > 1 else "-"
+        shown = sum(who.values()) if max(who.values(), default=0) > 1 else "-"
         ids = ", ".join(map(str, sorted(set(who) & set(fleet)))) or "none"
-        lines.append(f"| {program} | {ids} | {len(fleet)} | {told} |")
+        lines.append(f"| {program} | {ids} | {len(fleet)} | {shown} |")
     lines += ["", "| output | sent | dropped | came back, stopped |", "|---|---|---|---|"]
     lines += [f"| {each.name} | {each.sent} | {each.dropped} | {each.stopped} |" for each in counts]
     return "\n".join(lines)
@@ -170,7 +170,7 @@ def compare(seconds: float, ground: int, mavproxy: str | None) -> bool:
             seen["MAVProxy"] = positions(Tlog.open(log).packets()) if log.exists() else {}
     ids = list(range(1, ground + 2))
     print(table(ids, seen, forwarder.counts))
-    back = fleet.heard()
+    back = fleet.received_bytes()
     print(f"\n{back} bytes reached a ground vehicle")
     for each in (link, forwarder, fleet):
         each.close()

@@ -227,7 +227,7 @@ def page(rows: Sequence[FaultRow], others: Sequence[Raised], zero_s: float) -> s
     ]
     for row in rows:
         fault, over_s = row.fault, max(row.known_over_s, row.fault.end_s)
-        told = "; ".join(alarm.text.partition(": ")[2] or alarm.text for alarm in row.alarms) or "none"
+        texts = "; ".join(alarm.text.partition(": ")[2] or alarm.text for alarm in row.alarms) or "none"
         first = min((alarm.begin_s for alarm in row.alarms), default=math.nan) - row.known_s
         last = max((alarm.end_s for alarm in row.alarms), default=math.nan) - over_s
         cells = [
@@ -235,7 +235,7 @@ def page(rows: Sequence[FaultRow], others: Sequence[Raised], zero_s: float) -> s
             fault.name,
             f"{fault.begin_s - zero_s:.1f}, {fault.end_s - zero_s:.1f}",
             _figure(row.known_s - fault.begin_s, "after {:.1f} s"),
-            told,
+            texts,
             _figure(first, "{:.1f} s"),
             _figure(last, "{:.1f} s") + ("" if row.right else " (not as it should be)"),
         ]

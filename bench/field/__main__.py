@@ -18,7 +18,7 @@ def main() -> None:
     parser.add_argument("--standard", action="store_true", help="the standard version only")
     parser.add_argument("--workers", type=count, default=WORKERS)
     parser.add_argument("--seed", type=int, help="of the session to explain")
-    parser.add_argument("--explain", action="store_true", help="say where the product was wrong in one session")
+    parser.add_argument("--explain", action="store_true", help="list where the product was wrong in one session")
     options = parser.parse_args()
     if options.explain:
         if len(options.family) != 1 or options.seed is None:

@@ -1,4 +1,4 @@
-"""One session told in spans: where the product was wrong or had no name, on which track, what it said and how sure."""
+"""One session as spans: where the product was wrong or had no name, on which track, with name and confidence."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Span:
 
 
 def explain(number: int, hard: bool, seed: int) -> str:
-    """Play one session and say what went wrong in it."""
+    """Play one session and list what went wrong in it."""
     scenario = scenario_of(number, hard, seed)
     with tempfile.TemporaryDirectory(prefix="field-") as folder:
         write_session(scenario, Path(folder) / "session")
         played = identify(Path(folder) / "session", Path(folder) / "out")
-        said = _read_identity(Path(folder) / "out" / "identity.jsonl")
+        evidence = _read_identity(Path(folder) / "out" / "identity.jsonl")
         events = [json.loads(line) for line in (Path(folder) / "out" / "events.jsonl").read_text().splitlines()]
     m, s = played.matched, summarise([tally(played.matched, scenario.fps)])
     lines = [f"{scenario.name}   family {number} seed {seed}", *_setting(scenario)]
@@ -59,8 +59,8 @@ def explain(number: int, hard: bool, seed: int) -> str:
         f"precision {s.precision:.2f}  right {s.right:.2f}  coverage {s.coverage:.2f}  FPER {s.fper:.2f}  "
         f"wrong at 0.9 {s.wrong_sure_s:.1f} s  ECE {s.ece:.3f}  switches {s.switches}  tracks' IDF1 {s.track_idf1:.1f}"
     )
-    lines += ["", "true   track     from      to  boxes  said   confidence      residual  runner-up"]
-    lines += [_span_line(span, m, said, scenario) for span in spans(m, scenario.fps)]
+    lines += ["", "true   track     from      to  boxes  named  confidence      residual  runner-up"]
+    lines += [_span_line(span, m, evidence, scenario) for span in spans(m, scenario.fps)]
     lines += ["", *_tracks(m, scenario)]
     lines += [f"{_seconds(e['time_us'], scenario):7.1f} s  {e['text']}" for e in events if e["level"] == "alarm"]
     return "\n".join(lines)
@@ -93,10 +93,10 @@ def _read_identity(path: Path) -> dict[tuple[int, int], _BoxEvidence]:
     return table
 
 
-def _span_line(span: Span, m: Matched, said: dict[tuple[int, int], _BoxEvidence], scenario: Scenario) -> str:
+def _span_line(span: Span, m: Matched, evidence: dict[tuple[int, int], _BoxEvidence], scenario: Scenario) -> str:
     rows = span.rows
     start, stop = (m.frame[rows[k]] / scenario.fps for k in (0, -1))
-    notes = [said[int(m.frame[r]), span.track] for r in rows if (int(m.frame[r]), span.track) in said]
+    notes = [evidence[int(m.frame[r]), span.track] for r in rows if (int(m.frame[r]), span.track) in evidence]
     residual = [n.residual_m for n in notes if math.isfinite(n.residual_m)]
     confidence = m.confidence[rows]
     sure = "unknown" if np.isnan(confidence).all() else f"{np.nanmean(confidence):.2f} (to {np.nanmax(confidence):.3f})"
@@ -106,7 +106,7 @@ def _span_line(span: Span, m: Matched, said: dict[tuple[int, int], _BoxEvidence]
         most = max(set(ids), key=ids.count)
         rival = f"{most} {np.mean([n.runner_up_confidence for n in notes if n.runner_up == most]):.2f}" if most else "-"
     who = str(span.truth) if span.truth > 0 else "false"
-    name = str(span.named) if span.named else "nobody"
+    name = str(span.named) if span.named else "none"
     away = f"{np.median(residual):.2f} m" if residual else "-"
     return f"{who:>5}{span.track:>7}{start:>9.1f}{stop:>8.1f}{len(rows):>7}  {name:<6}{sure:>17}{away:>10}  {rival}"
 
@@ -121,9 +121,9 @@ def _setting(scenario: Scenario) -> Iterator[str]:
         f"loss {t.loss:.0%}"
     )
     for fault in scenario.faults:
-        whom = f" as {FIRST_UGV_ID + fault.other}" if fault.kind == "spoof" else ""
+        victim = f" as {FIRST_UGV_ID + fault.other}" if fault.kind == "spoof" else ""
         stop = "" if fault.stop_s > scenario.duration_s else f" to {fault.stop_s:.1f}"
-        yield f"{FIRST_UGV_ID + fault.vehicle} is {fault.kind}{whom} from {fault.start_s:.1f}{stop} s"
+        yield f"{FIRST_UGV_ID + fault.vehicle} is {fault.kind}{victim} from {fault.start_s:.1f}{stop} s"
 
 
 def _tracks(m: Matched, scenario: Scenario) -> Iterator[str]:

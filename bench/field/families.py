@@ -1,6 +1,6 @@
 """The families of sessions by number and seed: fifteen kinds of trouble, each in a standard and a hard version.
 
-Seeds below 200 are for tuning, those from 200 on for reporting; a number fitted on the ones is told on the others.
+Seeds below 200 are for tuning, those from 200 on for reporting; a number fitted on the ones is reported on the others.
 """
 
 from __future__ import annotations

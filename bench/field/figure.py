@@ -24,7 +24,7 @@ def draw_reliability(table: Path, out: Path) -> bool:
         lower.plot(confidence, [int(row["boxes"]) for row in mine], marker=marker)
     upper.set(ylabel="share of names that are right", xlim=(0.45, 1.01), ylim=(0.0, 1.03))
     upper.legend()
-    lower.set(xlabel="confidence said", ylabel="boxes", yscale="log")
+    lower.set(xlabel="confidence given", ylabel="boxes", yscale="log")
     figure.tight_layout()
     figure.savefig(out, dpi=110)
     plot.close(figure)

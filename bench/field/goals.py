@@ -80,7 +80,7 @@ def judge(goal: Goal, outcomes: Sequence[Outcome]) -> GoalResult:
 
 
 _GRID = {(9, True): ("grid 4 m",)}
-"""Beyond what the positions tell apart: it has goals of its own."""
+"""Beyond what positions can distinguish: it has goals of its own."""
 
 
 def _bounds(hard: bool, rows: dict[int, tuple[float, ...]]) -> list[Goal]:

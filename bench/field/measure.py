@@ -29,7 +29,7 @@ EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoxCounts:
-    """Counts of boxes unless said otherwise."""
+    """Counts of boxes unless stated otherwise."""
 
     frames: int
     ours: int

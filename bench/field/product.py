@@ -30,7 +30,7 @@ class ProductRun:
     cpu_ms: NDArray[np.float64]
     """(frames,) the same in processor time, which other programs on the machine do not add to."""
     accused: frozenset[int]
-    """System ids whose reports were said to contradict the video."""
+    """System ids with an alarm that their reports contradict the video."""
 
 
 def identify(folder: Path, out: Path) -> ProductRun:

@@ -179,7 +179,7 @@ def no_heading(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def bad_telemetry(k: int, rng: np.random.Generator) -> Scenario:
-    """One vehicle's reports stop, are at 0/0, stand still or are those of another vehicle, from about 12 s on."""
+    """One vehicle's reports stop, are at 0/0, do not change or are those of another vehicle, from about 12 s on."""
     kind = FAULTS[k].split()[0]
     start = float(rng.uniform(10.0, 14.0))
     stop = start + 10.0 if FAULTS[k].endswith("back") or kind == "zero" else 1e9
@@ -189,7 +189,7 @@ def bad_telemetry(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def pose_free(k: int, rng: np.random.Generator) -> Scenario:
-    """The UAV says where it is and nothing of where it looks."""
+    """The UAV reports its position and neither attitude nor gimbal."""
     flight = ScenarioFlight(height_m=48.0, yaw_deg=float(rng.uniform(0.0, 360.0)))
     return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng, missing=True), flight=flight)
 

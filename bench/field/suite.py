@@ -57,7 +57,7 @@ def play(task: Task) -> Outcome:
     if task.rivals:
         scene = scene_of(scenario)
         answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]
-        rivals = {name: tally(matched_names(scene, said), scenario.fps) for name, said in answers}
+        rivals = {name: tally(matched_names(scene, names), scenario.fps) for name, names in answers}
     return Outcome(
         family=task.family,
         hard=task.hard,

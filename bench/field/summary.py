@@ -41,7 +41,7 @@ class Outcome:
 
     @property
     def slandered(self) -> int:
-        """Vehicles that were said to contradict the video with nothing wrong in their telemetry."""
+        """Vehicles with an alarm that they contradict the video and nothing wrong in their telemetry."""
         return len(self.accused - self.faulty - self.spoofed)
 
 

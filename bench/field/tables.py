@@ -129,7 +129,7 @@ def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """A number or what stands for none: – unknown, never for an infinite time."""
+    """A number, or the sign for none: – unknown, never for an infinite time."""
     if math.isnan(value):
         return "–"
     return "never" if math.isinf(value) else f"{value:.{digits}f}"

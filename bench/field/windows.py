@@ -62,9 +62,9 @@ def by_windows(scene: SessionFrames) -> dict[Method, list[IntArray]]:
     for start in range(0, len(scene.looks), length):
         looks = scene.looks[start : start + length]
         window = _window(looks) if len(looks) == length else None
-        said = _ask(window, scene.center_px) if window is not None else {}
+        names = _ask(window, scene.center_px) if window is not None else {}
         for method in METHODS:
-            answers[method] += [_named(look, window, said.get(method), scene.ids) for look in looks]
+            answers[method] += [_named(look, window, names.get(method), scene.ids) for look in looks]
     return answers
 
 
@@ -115,16 +115,16 @@ def _ask(window: _SessionWindow, center_px: FloatArray) -> dict[Method, IntArray
     offset = (window.y[-1] - center_px) * (1.0, -1.0)
     image = topology_angles(offset, window.heading)
     cost = topology_cost(image, topology_angles(window.x[-1, :, :2], window.vehicle_heading, window.yaw))
-    said: dict[Method, IntArray] = {
+    names: dict[Method, IntArray] = {
         "topology": associate_by_topology(cost),
         "TTS": associate_by_tts(offset, window.x[-1, :, :2]),
     }
     won = _project(window)
     if won is not None:
-        said["projection"] = won.vehicle
+        names["projection"] = won.vehicle
         E = reprojection_errors(window.x[-1], window.y[-1], won.theta)
-        said["fused"] = _one_to_one(fuse(masses(E), masses(cost)))
-    return said
+        names["fused"] = _one_to_one(fuse(masses(E), masses(cost)))
+    return names
 
 
 def _project(window: _SessionWindow) -> Projection | None:

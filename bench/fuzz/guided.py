@@ -14,7 +14,7 @@ __all__ = ["guided"]
 
 
 def guided(make: Callable[[], Callable[[bytes], None]], packages: list[str]) -> None:
-    """Run one target until libFuzzer's own options say enough.
+    """Run one target until libFuzzer's own options end it.
 
     Args:
         make: imports what is fuzzed and returns the function that takes one input.

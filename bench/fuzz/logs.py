@@ -24,7 +24,7 @@ __all__ = ["LogCase", "LogScore", "compare", "draw_case", "fuzz_logs", "run_case
 
 _T0_US = 1_790_000_000_123_456
 _HOUR_US = 3_600_000_000
-_HIDDEN_US = 60_000_000  # a stamp that is wrong by less cannot be told from late traffic
+_HIDDEN_US = 60_000_000  # a stamp that is wrong by less looks like late traffic
 _LAYOUTS = ("big-endian", "big-endian", "big-endian", "little-endian", "none", "two writers", "two writers, two clocks")
 _Mask = NDArray[np.bool_]
 _CLOCKS = ("steady", "steady", "step", "silences", "jitter")
@@ -53,15 +53,15 @@ class LogScore:
     wrong_times: int = 0
     """Whole records that came with another time than their own."""
     lonely: int = 0
-    """The same where no record beside it has its clock: nothing tells such a stamp from a damaged one."""
+    """The same where no record beside it has its clock: such a stamp looks like a damaged one."""
     phantoms: int = 0
     """Known messages that were never written."""
     unknown_phantoms: int = 0
-    """The same of unknown messages, which are never believed."""
+    """The same of unknown messages, which are never decoded."""
     found_besides: int = 0
     """Whole frames whose own stamp is gone."""
     stamps_believed: int = 0
-    """Of those, with a stamp a minute or more off that was believed."""
+    """Of those, with a stamp a minute or more off that was accepted."""
     damaged_bytes: int = 0
     false_bytes: int = 0
     """Undamaged bytes named as damaged."""
@@ -134,9 +134,9 @@ def compare(case: LogCase, index: TlogIndex) -> LogScore:
     found = {int(offset): row for row, offset in enumerate(index.offset)}
     score = LogScore(logs=1, whole=len(whole), wrong_counts=int(not _counts_agree(index, case.log.size)))
     # bytes that must not be named as damaged, and bytes that may be or not
-    stands, either = np.zeros((2, case.log.size), dtype=np.bool_)
+    undamaged, either = np.zeros((2, case.log.size), dtype=np.bool_)
     for offset, record in whole:
-        _judge_whole(case, index, offset, record, found, score, stands)
+        _judge_whole(case, index, offset, record, found, score, undamaged)
     for offset, record in partly:
         _judge_partly(case, index, offset, record, found, score, either)
     intact = {offset for offset, _ in (*whole, *partly)}
@@ -150,8 +150,8 @@ def compare(case: LogCase, index: TlogIndex) -> LogScore:
     for damage in index.damage:
         named[damage.start : damage.stop] = True
     score.damaged_bytes = int(np.count_nonzero(named))
-    score.false_bytes = int(np.count_nonzero(named & stands & ~either))
-    score.missed_bytes = int(np.count_nonzero(~named & ~stands & ~either))
+    score.false_bytes = int(np.count_nonzero(named & undamaged & ~either))
+    score.missed_bytes = int(np.count_nonzero(~named & ~undamaged & ~either))
     if score.lost or score.wrong_times or score.phantoms or score.false_bytes or score.missed_bytes:
         damages = ", ".join(case.damages) or "untouched"
         counts = f"lost {score.lost}, wrong times {score.wrong_times}, phantoms {score.phantoms}"
@@ -160,21 +160,21 @@ def compare(case: LogCase, index: TlogIndex) -> LogScore:
 
 
 def _judge_whole(
-    case: LogCase, index: TlogIndex, offset: int, record: int, found: dict[int, int], score: LogScore, stands: _Mask
+    case: LogCase, index: TlogIndex, offset: int, record: int, found: dict[int, int], score: LogScore, undamaged: _Mask
 ) -> None:
     frame, width = case.truth.frames[record], case.truth.width
     row = found.get(offset)
     if row is None or int(index.length[row]) != len(frame):
         if not _unprovable(case, frame):
             score.lost += 1
-            stands[offset - width : offset + len(frame)] = True
+            undamaged[offset - width : offset + len(frame)] = True
         return
-    stands[offset - width : offset + len(frame)] = True
+    undamaged[offset - width : offset + len(frame)] = True
     if width and int(index.t_us[row]) != int(case.truth.t_us[record]):
         alone = _lonely(index, row, int(case.truth.t_us[record]))
         score.lonely += alone
         score.wrong_times += not alone
-        stands[offset - width : offset] = not alone
+        undamaged[offset - width : offset] = not alone
 
 
 def _judge_partly(
@@ -190,7 +190,7 @@ def _judge_partly(
 
 
 def _unprovable(case: LogCase, frame: bytes) -> bool:
-    """An unknown message in a file without times is kept only beside others: else nothing speaks for it."""
+    """An unknown message in a file without times is kept only beside others: else there is no evidence for it."""
     return not case.truth.order and Packet(0, frame).message_id == UNKNOWN_ID
 
 
@@ -199,7 +199,7 @@ def _lonely(index: TlogIndex, row: int, t_us: int) -> bool:
 
 
 def _carried(case: LogCase, offset: int) -> bool:
-    """A frame inside a tunnel that is damaged, in a file without times: nothing tells it from any other."""
+    """A frame inside a tunnel that is damaged, in a file without times: it looks like any other."""
     record = int(case.log.record[offset])
     return not case.truth.order and record >= 0 and Packet(0, case.truth.frames[record]).message_id == TUNNEL_ID
 

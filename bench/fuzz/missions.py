@@ -134,7 +134,7 @@ def draw_text(rng: random.Random) -> bytes:
     return bytes(data)
 
 
-def _value(rng: random.Random, depth: int) -> Any:  # noqa: ANN401  (anything that TOML can say)
+def _value(rng: random.Random, depth: int) -> Any:  # noqa: ANN401  (any value of TOML)
     if depth and rng.random() < 0.2:
         return {rng.choice(_KEYS): _value(rng, depth - 1) for _ in range(rng.randrange(4))}
     if depth and rng.random() < 0.2:
@@ -179,7 +179,7 @@ def fuzz_missions(seeds: range, good: dict[str, Any]) -> MissionScore:
             try:
                 data = draw_text(rng) if seed % 2 else tomli_w.dumps(draw_table(rng, good)).encode()
             except (ValueError, TypeError, UnicodeEncodeError):
-                continue  # nothing that TOML can say
+                continue  # no value of TOML
             path.write_bytes(data)
             read_mission(path, score)
     return score

@@ -40,12 +40,12 @@ def logs_text(scores: Mapping[str, LogScore]) -> str:
     lines = [
         f"{total.logs:,} logs with 0 to 4 kinds of damage each, {total.whole:,} records left whole. Exceptions "
         f"{exceptions}; whole records lost {total.lost}, with a wrong time {total.wrong_times} (and {total.lonely} "
-        f"alone with their clock, which nothing tells from a damaged stamp); messages that nobody wrote "
+        f"alone with their clock, which look like a damaged stamp); messages that were never written "
         f"{total.phantoms} ({share:.1e} of the whole ones; nearly all were carried by a tunnel whose own header is "
         f"gone), of unknown kinds {total.unknown_phantoms}. "
         f"Undamaged bytes named as damaged {total.false_bytes}, damaged bytes in no range "
         f"{total.missed_bytes} of {total.damaged_bytes:,}. Frames saved besides, whose own stamp is gone: "
-        f"{total.found_besides:,}; stamps wrong by more than a minute that were believed: {total.stamps_believed}. "
+        f"{total.found_besides:,}; stamps wrong by more than a minute that were accepted: {total.stamps_believed}. "
         f"Slowest log {total.slowest_ms:.0f} ms of CPU.",
         "",
         "| | logs | whole | lost | wrong time | phantoms | of unknown kind | falsely named B | missed B | slowest ms |",

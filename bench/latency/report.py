@@ -51,11 +51,11 @@ def _text(timings: list[MethodTiming], odd: list[str], machine: str) -> str:
     header = ("method", "variant", "vehicles × tracks", "calls", *TIMES, "faster", "published")
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     for t in timings:
-        told = f"{LATENCY_MS[t.method]:.2f}" if t.method in LATENCY_MS and t.vehicles == 7 else ""
+        published = f"{LATENCY_MS[t.method]:.2f}" if t.method in LATENCY_MS and t.vehicles == 7 else ""
         values = (t.cpu_median_ms, t.cpu_p95_ms, t.wall_median_ms, t.wall_p95_ms)
         numbers = " | ".join(f"{value:.3f}" if value < 10.0 else f"{value:.1f}" for value in values)
         what = f"{t.method} | {t.variant} | {t.vehicles} × {t.tracks} | {t.calls}"
-        lines.append(f"| {what} | {numbers} | {_faster(t, timings)} | {told} |")
+        lines.append(f"| {what} | {numbers} | {_faster(t, timings)} | {published} |")
     tail = "\n".join(odd) if odd else "All variants of a method gave the same answers on the same inputs."
     return head + "\n".join(lines) + f"\n\n{tail}\n"
 

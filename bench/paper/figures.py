@@ -69,8 +69,8 @@ def _rotations(path: Path, counts: list[Count], experiment: str, method: str, ax
                 ax.plot(levels, values, color=color, label=f"{part}, ours, 0°")
             ax.axhline(published.FIG9_HIGH, color="tab:gray", linestyle="-.", label="published, high noise")
         else:
-            told = [published_at(experiment, road, level) for level in levels]
-            ax.plot(levels, told, color="tab:gray", linestyle="-.", label="published, 0°, by its steps")
+            printed = [published_at(experiment, road, level) for level in levels]
+            ax.plot(levels, printed, color="tab:gray", linestyle="-.", label="published, 0°, by its steps")
         asked, values = _asked(levels, _curve(counts, experiment, "identifier", axis, levels, case=road))
         ax.plot(asked, values, color="tab:red", marker=".", label="identifier")
     _save(figure, path)

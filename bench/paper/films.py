@@ -109,7 +109,7 @@ def dense_road(road: str, seed: int) -> Scenario:
 
 
 def false_box_road(kind: str, seed: int) -> Scenario:
-    """Six vehicles and a seventh box: a look-alike that drives among them, or something that stands by the road."""
+    """Six vehicles and a seventh box: a look-alike that drives among them, or something beside the road."""
     base = paper_road("curved", 0.0, seed)
     targets = Targets(lookalikes=1) if kind == "look-alike" else Targets(still=1)
     return replace(base, name=f"false-{kind}", ground=replace(base.ground, outside=0), targets=targets)
@@ -140,7 +140,7 @@ def film(scenario: Scenario) -> FilmedFlight:
     tracks = [world.track_of(i, t) for i in range(n)]
     xy = np.stack([track[0] for track in tracks], axis=1)
     velocity = np.stack([track[1] for track in tracks], axis=1)
-    told = np.stack([sensors.ugv(i, t).p_enu for i in range(n)], axis=1)
+    reported = np.stack([sensors.ugv(i, t).p_enu for i in range(n)], axis=1)
     uav = sensors.uav(t, "paper")
     return FilmedFlight(
         fps=scenario.fps,
@@ -152,7 +152,7 @@ def film(scenario: Scenario) -> FilmedFlight:
         p_enu=np.concatenate([xy, np.zeros((len(t), n, 1))], axis=2),
         heading=np.stack([track[2] for track in tracks], axis=1),
         speed=np.linalg.norm(velocity, axis=2),
-        report_error=told[..., :2] - xy,
+        report_error=reported[..., :2] - xy,
         uav_enu=uav.p_enu,
         uav_yaw=uav.yaw,
     )

@@ -153,22 +153,22 @@ def tts_pairs(window: Window, noise: ConditionNoise) -> MethodAnswer:
 
 def mean_residual(window: Window, noise: ConditionNoise) -> MethodAnswer:
     """The plain way with a known pose: boxes on the ground, mean distance to the reports, all assigned."""
-    heard = np.arange(0, len(window.uv), noise.report_every)
-    seen = np.stack([_on_ground(window, int(k)) for k in heard])
-    away = seen[:, :, None] - window.positions(noise.position_m)[heard][:, None, :, :2]
+    reported = np.arange(0, len(window.uv), noise.report_every)
+    seen = np.stack([_on_ground(window, int(k)) for k in reported])
+    away = seen[:, :, None] - window.positions(noise.position_m)[reported][:, None, :, :2]
     return _plain(associate_by_topology(np.linalg.norm(np.mean(away, axis=0), axis=2)))
 
 
 def bound(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """What positions can tell at most: true places against the noisy reports, least squares, all assigned."""
-    heard = np.arange(0, len(window.uv), noise.report_every)
-    true = window.p_enu[heard][:, window.vehicle, :2]
-    away = true[:, :, None] - window.positions(noise.position_m)[heard][:, None, :, :2]
+    """The most that positions can decide: true places against the noisy reports, least squares, all assigned."""
+    reported = np.arange(0, len(window.uv), noise.report_every)
+    true = window.p_enu[reported][:, window.vehicle, :2]
+    away = true[:, :, None] - window.positions(noise.position_m)[reported][:, None, :, :2]
     return _plain(associate_by_topology(np.sum(away * away, axis=(0, 3))))
 
 
 def _on_ground(window: Window, k: int) -> FloatArray:
-    """(m, 2) where the boxes of frame k stand, by the UAV's report."""
+    """(m, 2) where the boxes of frame k are on the ground, by the UAV's report."""
     camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]))
     pose = CameraPose(R_enu_cam=camera.R_enu_cam, p_enu=camera.p_enu)
     return np.asarray(ground(LENS, pose, window.uv[k], camera.ground_z)[:, :2])
@@ -238,10 +238,10 @@ def identify(
     front = window.front if headings else np.full(window.front.shape, np.nan)
     for k in range(len(window.uv)):
         t_us = START_US + round((window.start + k) / window.fps * 1e6)
-        heard = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
+        reports = vehicle_reports(t_us, p[k], heading[k]) if k % noise.report_every == 0 else VehicleReports.empty()
         camera = camera_state(window.uav_enu[k], float(window.uav_yaw[k]) if yaw_known else None)
-        said = who.update(_observation(t_us, window, k, front[k]), camera, heard)
-        answers.append(MethodAnswer(vehicle=said.system_id - 1, confidence=said.confidence))
+        answer = who.update(_observation(t_us, window, k, front[k]), camera, reports)
+        answers.append(MethodAnswer(vehicle=answer.system_id - 1, confidence=answer.confidence))
     return answers
 
 

@@ -1,7 +1,7 @@
 """Vehicles hidden at turns: how often their track changes, with and without Algorithm 1's re-association.
 
-The same detections go through ByteTrack and through our tracker, each with and without something that says which lost
-track a box continues.
+The same detections go through ByteTrack and through our tracker, each with and without something that decides which
+lost track a box continues.
 """
 
 from __future__ import annotations

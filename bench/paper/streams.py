@@ -1,6 +1,6 @@
 """Flights as a tracker meets them: detections frame by frame with misses, and telemetry; and who follows them.
 
-A keeper sees the tracks of each frame and may say which lost track a box continues.
+A keeper sees the tracks of each frame and may decide which lost track a box continues.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Plain:
 
 
 class Ours(Plain):
-    """The identifier names tracks and says which lost track a box continues."""
+    """The identifier names tracks and decides which lost track a box continues."""
 
     def __init__(self, walk: Walk) -> None:
         super().__init__(walk)

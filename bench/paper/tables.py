@@ -28,7 +28,7 @@ def write_tables(out: Path, counts: list[Count], kept: list[Kept], quick: bool) 
         out: Folder.
         counts: Results of the association experiments.
         kept: Results of the occlusion experiment.
-        quick: Say in each table that the run was a short one.
+        quick: State in each table that the run was a short one.
     """
     note = "A short run: few windows.\n\n" if quick else ""
     texts = {
@@ -179,9 +179,9 @@ def _table2(counts: list[Count]) -> str:
         ours = pooled(counts, "false box", "identifier", sigma_m=sigma)
         rows = []
         for method in methods:
-            told = published.FALSE_BOX.get(method)
+            printed = published.FALSE_BOX.get(method)
             count = pooled(counts, "false box", method, sigma_m=sigma)
-            rows.append([method, f"{told[0]:.2f} / {told[1]:.2f}" if told else "–", _pair(count), ""])
+            rows.append([method, f"{printed[0]:.2f} / {printed[1]:.2f}" if printed else "–", _pair(count), ""])
         rows.append(["identifier", "", "", f"{_pair(ours)}, right of all {percent(ours.recall if ours else None)}"])
         frames = ours.frames if ours else 0
         header = ["method", "published", "our implementation", "identifier"]
@@ -192,9 +192,9 @@ def _table2(counts: list[Count]) -> str:
 def _table3(counts: list[Count]) -> str:
     rows = []
     for method in ("projection", "topology", "TTS", "TTS one step", "mean residual"):
-        told = published.FIELD.get(method)
+        printed = published.FIELD.get(method)
         count = pooled(counts, "field", method, case="12 frames")
-        rows.append([method, f"{told[0]:.2f} / {told[1]:.2f}" if told else "–", _pair(count), ""])
+        rows.append([method, f"{printed[0]:.2f} / {printed[1]:.2f}" if printed else "–", _pair(count), ""])
     for name, case, method in (
         ("identifier, 12 frames", "12 frames", "identifier"),
         ("identifier, 36 frames", "36 frames", "identifier"),
@@ -226,7 +226,7 @@ def _variants(counts: list[Count]) -> str:
     head = f"# The identifier with less and with more\n\n{SETTING}\n"
     head += "Dense: nine vehicles within 28 m, reports five times a second, so six per window. "
     head += (
-        '"Least squares, true places" compares noisy reports with the true places: what positions alone can tell.\n\n'
+        '"Least squares, true places" compares noisy reports with the true places: what positions alone can decide.\n\n'
     )
     return head + table(["windows", "road", "σ, m", "method", "boxes", "precision", "right of all"], rows)
 

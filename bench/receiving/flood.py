@@ -137,7 +137,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--rate", type=float, default=5000.0, help="packets a second of all vehicles")
-    parser.add_argument("--flood", type=float, default=100_000.0, help="datagrams a second of the stranger")
+    parser.add_argument("--flood", type=float, default=100_000.0, help="datagrams a second of the unknown sender")
     parser.add_argument("--busy", type=int, default=2, help="busy threads in the station")
     parser.add_argument("--markdown", type=Path)
     options = parser.parse_args()

@@ -3,7 +3,7 @@
     python -m bench.receiving.flood_claims --seconds 30 [--only "300 ports"] [--markdown bench/results/flood_claims.md]
 
 Twenty vehicles send from ports of their own; one of them, system 11, is imitated. The flight is the command that a user
-gives; what was recorded is read from its session, and told apart by the bytes of the frames.
+gives; what was recorded is read from its session, and distinguished by the bytes of the frames.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ VEHICLES, CLAIMED = 20, 11
 RATE = 2400.0
 FLOOD = 60_000.0
 BEFORE_S, AFTER_S = 3.0, 3.0
-"""The fleet is heard for so long before and after the flood."""
+"""The fleet sends for so long before and after the flood."""
 _PATIENCE_S = 60.0
 _MESSAGES = 8
 _WRONG = bytes(range(100, 132))
@@ -77,7 +77,7 @@ class ClaimResult:
     flooded: int
     of_it: int
     """Records that are none of the fleet's."""
-    told: Sequence[tuple[float, str]]
+    reported: Sequence[tuple[float, str]]
     """Events of the link with the time since the flood began."""
     flood_s: float
 
@@ -97,15 +97,17 @@ def run(case: ClaimCase, seconds: float, folder: Path) -> ClaimResult:
         flood_s = seconds - BEFORE_S - AFTER_S
         floods = []
         for k, kind in enumerate(case.kinds):
-            tells, hears = spawn.Pipe()
+            counts_receiver, counts_sender = spawn.Pipe()
             more = {"datagrams": _datagrams(kind), "sources": case.sources, "own": 0}
             more["own"] = ports[CLAIMED - 1] if case.spoofed and k == 0 else 0
-            flood = spawn.Process(target=send_flood, args=(port, FLOOD / len(case.kinds), flood_s, hears), kwargs=more)
+            flood = spawn.Process(
+                target=send_flood, args=(port, FLOOD / len(case.kinds), flood_s, counts_sender), kwargs=more
+            )
             flood.start()
-            floods.append((flood, tells))
+            floods.append((flood, counts_receiver))
         began_us = time.time_ns() // 1000
         sent = ours.recv()
-        flooded = sum(tells.recv() for _, tells in floods)
+        flooded = sum(counts_receiver.recv() for _, counts_receiver in floods)
         for process in (fleet, *(flood for flood, _ in floods)):
             process.join()
         time.sleep(5.0)
@@ -138,8 +140,8 @@ def _fly(stack: ExitStack, folder: Path, port: int, secrets: Sequence[bytes]) ->
     (folder / "mission.toml").write_text(mission)
     words = [sys.executable, "-c", "from gcs.cli.app import main; main()", "fly", folder / "mission.toml"]
     words += ["--headless", "--sessions", folder / "sessions", "-l", f"udpin:127.0.0.1:{port}"]
-    said = stack.enter_context((folder / "said.txt").open("w+"))
-    flight = subprocess.Popen([*map(str, words)], stdout=said, stderr=subprocess.STDOUT)
+    output = stack.enter_context((folder / "output.txt").open("w+"))
+    flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
     stack.callback(_end, flight)
     until = time.monotonic() + _PATIENCE_S
     while time.monotonic() < until and flight.poll() is None:
@@ -147,7 +149,7 @@ def _fly(stack: ExitStack, folder: Path, port: int, secrets: Sequence[bytes]) ->
             time.sleep(2.0)
             return found[0].parent
         time.sleep(0.1)
-    raise RuntimeError(f"the flight did not begin: {(folder / 'said.txt').read_text()}")
+    raise RuntimeError(f"the flight did not begin: {(folder / 'output.txt').read_text()}")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -169,9 +171,11 @@ def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flo
     logs = [Tlog.open(path) for path in segments(session / "telemetry.tlog")]
     counts = Counter(owner.get(_content(packet.raw), -1) for log in logs for packet in log.packets())
     rows = [json.loads(line) for line in (session / "events.jsonl").read_text().splitlines()]
-    told = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
+    reported = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
     recorded = [counts[k] for k in range(VEHICLES)]
-    return ClaimResult(sent=sent, recorded=recorded, flooded=flooded, of_it=counts[-1], told=told, flood_s=flood_s)
+    return ClaimResult(
+        sent=sent, recorded=recorded, flooded=flooded, of_it=counts[-1], reported=reported, flood_s=flood_s
+    )
 
 
 def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
@@ -183,14 +187,14 @@ def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
         "|" + "---|" * 7,
     ]
     for case, r in rows:
-        mine, heard = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
-        others, kept = sum(r.sent) - mine, sum(r.recorded) - heard
-        cells = [case.name, *(f"{n:,}" for n in (r.flooded, r.of_it, others, others - kept, mine, mine - heard))]
+        mine, recorded = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
+        others, kept = sum(r.sent) - mine, sum(r.recorded) - recorded
+        cells = [case.name, *(f"{n:,}" for n in (r.flooded, r.of_it, others, others - kept, mine, mine - recorded))]
         lines.append(f"| {' | '.join(cells)} |")
-    lines += ["", "What the link told, in seconds since the flood began:", ""]
+    lines += ["", "What the link reported, in seconds since the flood began:", ""]
     for case, r in rows:
         lines.append(f"- {case.name} ({r.flood_s:.0f} s):")
-        lines += [f"  - {at_s:.1f}: {text}" for at_s, text in r.told]
+        lines += [f"  - {at_s:.1f}: {text}" for at_s, text in r.reported]
     return "\n".join(lines) + "\n"
 
 

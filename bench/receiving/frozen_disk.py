@@ -1,10 +1,10 @@
-"""A flight whose file system stands still for a while: what is recorded, counted and reported.
+"""A flight whose file system is frozen for a while: what is recorded, counted and reported.
 
     sudo .venv/bin/python -m bench.receiving.frozen_disk --write bench/results/frozen_disk.md
 
 ``gcs fly --headless`` records into an ext4 file system of its own, in a file, which ``fsfreeze`` stops in the middle of
 the flight: every write waits in the kernel, as on a network disk that is away, and a process that waits there cannot
-even be killed. Needs root, and changes nothing but that file system; says so and ends where that is not to be had.
+even be killed. Needs root, and changes nothing but that file system; ends with a message where that is not to be had.
 """
 
 from __future__ import annotations
@@ -66,11 +66,11 @@ class FreezeResult:
     logged: int
     """Different records in the log, by what each vehicle sent."""
     counted: int
-    """Packets that the flight says it has recorded."""
+    """Packets that the flight reports as recorded."""
     restarts: int
     silences: int
-    """Alarms that a vehicle was not heard; all spoke all the time."""
-    told_after_s: float
+    """Alarms that a vehicle was silent; all sent all the time."""
+    reported_after_s: float
     """From the stop to the alarm of it; NaN: never raised."""
 
 
@@ -108,8 +108,8 @@ def fly(case: FreezeCase, vehicles: int, rate: float) -> FreezeResult:
         (folder / "mission.toml").write_text(f"[uav]\nsystem_id = 1\n{ugvs}")
         port = free_port()
         words = [*FLY, folder / "mission.toml", "--headless", "--sessions", place / "sessions", "-l", str(port)]
-        said = stack.enter_context((folder / "said.txt").open("w+"))
-        flight = subprocess.Popen([*map(str, words)], stdout=said, stderr=subprocess.STDOUT)
+        output = stack.enter_context((folder / "output.txt").open("w+"))
+        flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
         try:
             session = _session(place / "sessions", flight)
             spawn = multiprocessing.get_context("spawn")
@@ -151,7 +151,7 @@ def _receiver(flight: int) -> int:
 def _result(session: Path, sent: int, frozen_us: int) -> FreezeResult:
     events = [json.loads(line) for part in sorted(session.glob("events*.jsonl")) for line in part.open()]
     log = SessionLog(session / "telemetry.tlog")
-    heard = [event["time_us"] for event in events if "the disk does not answer" in event["text"]]
+    reported_us = [event["time_us"] for event in events if "the disk does not answer" in event["text"]]
     texts = Counter(event["text"] for event in events)
     return FreezeResult(
         sent=sent,
@@ -159,7 +159,7 @@ def _result(session: Path, sent: int, frozen_us: int) -> FreezeResult:
         counted=tomllib.loads((session / "session.toml").read_text())["session"]["packets"],
         restarts=sum(count for text, count in texts.items() if "another process took over" in text),
         silences=sum(count for text, count in texts.items() if text.endswith("no heartbeat") and "over" not in text),
-        told_after_s=(heard[0] - frozen_us) * 1e-6 if heard else float("nan"),
+        reported_after_s=(reported_us[0] - frozen_us) * 1e-6 if reported_us else float("nan"),
     )
 
 
@@ -184,11 +184,11 @@ def main() -> None:
     lines = [f"| {' | '.join(COLUMNS)} |", "|---" * len(COLUMNS) + "|"]
     for case in cases:
         r = fly(case, chosen.vehicles, chosen.rate)
-        counts = f"{r.sent:,} | {r.logged:,} | {r.counted:,} | {r.restarts} | {r.told_after_s:.1f} s | {r.silences}"
+        counts = f"{r.sent:,} | {r.logged:,} | {r.counted:,} | {r.restarts} | {r.reported_after_s:.1f} s | {r.silences}"
         lines.append(f"| {case.name} | {counts} |")
         print(lines[-1], flush=True)
     about = f"{chosen.vehicles} vehicles, {chosen.rate:,.0f} packets a second."
-    title = "# A file system that stands still in flight"
+    title = "# A file system that is frozen in flight"
     text = "\n".join([title, "", f"`python -m bench.receiving.frozen_disk`: {about}", "", *lines])
     print(text)
     if chosen.write:

@@ -92,7 +92,7 @@ def kill_many(kills: int, folder: Path, seed: int) -> list[str]:
         f"| kills at random moments, batches of {', '.join(map(str, BATCHES))} | {kills:,} |",
         f"| records accepted | {accepted:,} |",
         f"| **accepted records lost** | **{lost}** |",
-        f"| records in the file that nobody was told of any more | {more:,} |",
+        f"| records in the file that were not counted any more | {more:,} |",
         f"| files that end in a torn record | {torn} |",
         f"| records that the reader did not find, every 50th file | {unread} |",
     ]

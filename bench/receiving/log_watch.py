@@ -12,7 +12,7 @@ __all__ = ["LogWatch"]
 POLL_S = 0.05
 STALL_S = 0.2
 MAGICS = {0xFE: (8, 3), 0xFD: (12, 5)}
-"""Length of a frame without its payload, and where the system id stands."""
+"""Length of a frame without its payload, and the offset of the system id."""
 
 
 class LogWatch:

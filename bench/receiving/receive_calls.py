@@ -2,7 +2,7 @@
 
     python -m bench.receiving.receive_calls [--rounds 4]
 
-Both ways in turn, in one run, at steady rates; a line in its ``sitecustomize`` tells the process that receives to do
+Both ways in turn, in one run, at steady rates; a line in its ``sitecustomize`` makes the process that receives do
 without the batch call. Written as a table to standard output; ``bench/results/receive_calls.md`` is one that was kept.
 """
 

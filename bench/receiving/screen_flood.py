@@ -54,19 +54,19 @@ def run(seconds: float, flood_hz: float) -> str:
     with tempfile.TemporaryDirectory() as folder:
         plan = FlightPlan(mission=mission, links=(f"udpin:127.0.0.1:{port}",), video="", sessions=Path(folder))
         flight = Flight(plan)
-        told, tells = multiprocessing.Pipe(duplex=False)
+        counts_receiver, counts_sender = multiprocessing.Pipe(duplex=False)
         whole_s = seconds + 2.0 * SETTLE_S
         context = multiprocessing.get_context("spawn")
-        jobs = [context.Process(target=send_fleet, args=(port, VEHICLES, RATE, whole_s, tells), daemon=True)]
+        jobs = [context.Process(target=send_fleet, args=(port, VEHICLES, RATE, whole_s, counts_sender), daemon=True)]
         if flood_hz:
-            told_flood, tells_flood = multiprocessing.Pipe(duplex=False)
-            jobs.append(context.Process(target=send_flood, args=(port, flood_hz, whole_s, tells_flood), daemon=True))
+            flood_receiver, flood_sender = multiprocessing.Pipe(duplex=False)
+            jobs.append(context.Process(target=send_flood, args=(port, flood_hz, whole_s, flood_sender), daemon=True))
         try:
             for job in jobs:
                 job.start()
             late = np.array(asyncio.run(waits(flight, seconds)))
-            sent = sum(told.recv())
-            flooded = told_flood.recv() if flood_hz else 0
+            sent = sum(counts_receiver.recv())
+            flooded = flood_receiver.recv() if flood_hz else 0
             time.sleep(1.0)
         finally:
             for job in jobs:

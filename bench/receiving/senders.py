@@ -42,19 +42,19 @@ def send_fleet(
     vehicles: int,
     rate: float,
     duration_s: float,
-    told: Connection,
+    counts: Connection,
     *,
     ports: Sequence[int] = (),
     keys: Sequence[bytes] = (),
 ) -> None:
-    """Sends as so many vehicles, each from a port of its own, and tells how many frames each has sent.
+    """Sends as so many vehicles, each from a port of its own, and reports how many frames each has sent.
 
     Args:
         port: of the station.
         vehicles: how many, with the system ids from 1 on.
         rate: frames a second of all.
         duration_s: for how long.
-        told: gets the list of counts.
+        counts: gets the list of counts.
         ports: to send from, which others may take as well; empty: any.
         keys: to sign with, one for each vehicle; empty: unsigned.
     """
@@ -71,7 +71,7 @@ def send_fleet(
             sockets[vehicle].send(signers[vehicle].sign(frame, time.time_ns() // 1000) if signers else frame)
         sent = max(sent, due)
         time.sleep(_STEP_S)
-    told.send([sent // vehicles + (k < sent % vehicles) for k in range(vehicles)])
+    counts.send([sent // vehicles + (k < sent % vehicles) for k in range(vehicles)])
     for sock in sockets:
         sock.close()
 
@@ -89,19 +89,19 @@ def send_flood(
     port: int,
     rate: float,
     duration_s: float,
-    told: Connection,
+    counts: Connection,
     *,
     datagrams: Sequence[bytes] = (),
     sources: int = 1,
     own: int = 0,
 ) -> None:
-    """Sends datagrams, many to a system call, and tells how many.
+    """Sends datagrams, many to a system call, and reports how many.
 
     Args:
         port: of the station.
         rate: datagrams a second.
         duration_s: for how long.
-        told: gets the count.
+        counts: gets the count.
         datagrams: sent in turn; empty: junk, poison and forged frames.
         sources: from so many ports.
         own: the port to send from, which a vehicle may have as well; 0: any.
@@ -118,7 +118,7 @@ def send_flood(
             continue
         sent += max(call(sockets[turn % sources].fileno(), batch, len(messages), 0), 0)
         turn += 1
-    told.send(sent)
+    counts.send(sent)
     for sock in sockets:
         sock.close()
 

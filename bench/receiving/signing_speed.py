@@ -2,7 +2,7 @@
 
     python bench/receiving/signing_speed.py --frames 200000
 
-A hundred vehicles with a key each and 4,096 streams. pymavlink's own check, of one stream with one key, stands beside.
+A hundred vehicles with a key each and 4,096 streams. pymavlink's own check, of one stream with one key, is beside.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     python -m bench.soak --seconds 1200 --rate 500 [--video sitl_logs/curved-road/video.mp4] [-- --flood 1000 ...]
 
 The flight is the command that a user gives, in a process of its own, and the fleet is ``sim.fleet_process``; what
-stands after ``--`` goes to the fleet. A video is sent round and round as MPEG-TS over UDP. Every ten seconds the whole
+comes after ``--`` goes to the fleet. A video is sent round and round as MPEG-TS over UDP. Every ten seconds the whole
 process tree is measured from outside. Writes ``soak.csv``, ``soak.png`` and ``soak.md``, and ends all that it started.
 """
 
@@ -69,10 +69,10 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
             f"udpin:127.0.0.1:{telemetry}",
         ]
         words += ["-v", f"udp://127.0.0.1:{camera}"] if video else []
-        said = stack.enter_context((folder / "said.txt").open("w+"))
-        flight = subprocess.Popen([*map(str, words)], stdout=said, stderr=subprocess.STDOUT)
+        output = stack.enter_context((folder / "output.txt").open("w+"))
+        flight = subprocess.Popen([*map(str, words)], stdout=output, stderr=subprocess.STDOUT)
         stack.callback(_end, flight)
-        watch = LogWatch(_session(folder / "sessions", flight, folder / "said.txt"))
+        watch = LogWatch(_session(folder / "sessions", flight, folder / "output.txt"))
         stack.callback(watch.close)
         if video:
             stack.callback(VideoLoop(video, f"udp://127.0.0.1:{camera}?pkt_size=1316").close)
@@ -100,7 +100,7 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
         time.sleep(1.0)
         sealed = _end(flight)
         watch.read()
-        said.seek(0)
+        output.seek(0)
         return Run(
             samples=samples,
             sent=sent,
@@ -108,7 +108,7 @@ def soak(seconds: float, rate: float, vehicles: int, video: Path | None, fleet_w
             stalls=watch.stalls,
             longest_s=watch.longest_s,
             exit_code=sealed,
-            said=said.read().strip().split("\n")[-1],
+            last_line=output.read().strip().split("\n")[-1],
         )
 
 
@@ -145,7 +145,7 @@ def _sample(
     return samples
 
 
-def _session(folder: Path, flight: subprocess.Popen[bytes], said: Path) -> Path:
+def _session(folder: Path, flight: subprocess.Popen[bytes], output: Path) -> Path:
     until = time.monotonic() + START_S
     while time.monotonic() < until:
         if found := list(folder.glob("*/telemetry.tlog")):
@@ -154,7 +154,7 @@ def _session(folder: Path, flight: subprocess.Popen[bytes], said: Path) -> Path:
         if flight.poll() is not None:
             break
         time.sleep(0.1)
-    raise RuntimeError(f"the flight did not begin: {said.read_text()}")
+    raise RuntimeError(f"the flight did not begin: {output.read_text()}")
 
 
 def _end(process: subprocess.Popen[bytes] | subprocess.Popen[str]) -> int:

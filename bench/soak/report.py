@@ -46,7 +46,7 @@ class Run:
     stalls: int
     longest_s: float
     exit_code: int
-    said: str
+    last_line: str
     """The flight's last line."""
 
 
@@ -70,7 +70,7 @@ def report(run: Run, chosen: argparse.Namespace, *, plot: str) -> str:
         rows += _costs(run.samples)
     lines = ["# Soak", "", f"`python -m bench.soak {_words(chosen)}`", "", "| | |", "|---|---|"]
     lines += [f"| {name} | {value} |" for name, value in rows]
-    lines += ["", f"The flight's last words: `{run.said.partition(' recorded in ')[0].rstrip(';')}`"]
+    lines += ["", f"The flight's last words: `{run.last_line.partition(' recorded in ')[0].rstrip(';')}`"]
     lines += ["", f"![memory, processor, stalls]({plot})"] if plot else []
     return "\n".join(lines) + "\n"
 

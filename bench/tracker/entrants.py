@@ -21,7 +21,7 @@ __all__ = ["OURS", "WITH_IDENTITIES", "WITH_WARP", "Entrant", "entrants"]
 IntArray = NDArray[np.int64]
 
 OURS = "ours"
-WITH_WARP = "ours, camera motion told"
+WITH_WARP = "ours, camera motion given"
 WITH_IDENTITIES = "ours, identities fed in"
 CONFIRMED = 2
 """Sightings from which on our tracks count; those of the peers wait for as many or more."""
@@ -36,11 +36,11 @@ class Entrant(Protocol):
 
 
 class _RollcallEntrant:
-    def __init__(self, told: bool) -> None:
-        self._tracker, self._told = Tracker(), told
+    def __init__(self, use_warp: bool) -> None:
+        self._tracker, self._use_warp = Tracker(), use_warp
 
     def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
-        warp = frame.warp if self._told else None
+        warp = frame.warp if self._use_warp else None
         began = time.thread_time()
         tracks = self._tracker.update(frame.boxes, frame.t_us, warp=warp)
         took = time.thread_time() - began
@@ -76,8 +76,8 @@ class _SortEntrant:
 
     def step(self, frame: SimulatedFrame) -> tuple[IntArray, float]:
         began = time.thread_time()
-        said = self._tracker.update(frame.boxes)
-        return said, 1e3 * (time.thread_time() - began)
+        tracks = self._tracker.update(frame.boxes)
+        return tracks, 1e3 * (time.thread_time() - began)
 
 
 class _LibraryEntrant:

@@ -1,6 +1,6 @@
 """Our tracker with identities fed in: tracks are named, and continued, where vehicles report to be.
 
-A stand-in for the program's identifier that needs only pixels, so that crowds of two hundred stay quick.
+A substitute for the program's identifier that needs only pixels, so that crowds of two hundred stay quick.
 """
 
 from __future__ import annotations

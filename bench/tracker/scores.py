@@ -27,7 +27,7 @@ class TrackingScore:
     fragments: int = 0
     """Times a vehicle that was seen had no track, though it had had one when it was seen before."""
     true: int = 0
-    said: int = 0
+    tracked_boxes: int = 0
     together: Counter[tuple[int, int]] = field(default_factory=Counter)
     """Frames in which a vehicle had a track, by both."""
     last: dict[int, int] = field(default_factory=dict)
@@ -41,7 +41,7 @@ class TrackingScore:
             track: (m,) of each box, -1 none.
         """
         self.true += int((vehicle >= 0).sum())
-        self.said += int((track >= 0).sum())
+        self.tracked_boxes += int((track >= 0).sum())
         for v, t in zip(vehicle.tolist(), track.tolist(), strict=True):
             if v < 0:
                 continue
@@ -64,4 +64,4 @@ class TrackingScore:
         for (v, t), count in self.together.items():
             table[row[v], column[t]] = count
         i, j = linear_sum_assignment(table, maximize=True)
-        return float(2 * table[i, j].sum() / (self.true + self.said))
+        return float(2 * table[i, j].sum() / (self.true + self.tracked_boxes))

@@ -48,12 +48,12 @@ class Sort:
         self._correct(rows, edges[columns])
         self._hits[rows] += 1
         self._lost[rows] = 0
-        said = np.full(len(detections), -1)
+        tracks = np.full(len(detections), -1)
         sure = self._hits[rows] >= HITS
-        said[index[columns[sure]]] = self._id[rows[sure]]
+        tracks[index[columns[sure]]] = self._id[rows[sure]]
         self._keep(self._lost <= np.where(self._hits >= HITS, BUFFER, 1))
         self._begin(np.delete(edges, columns, axis=0))
-        return said
+        return tracks
 
     def _match(self, edges: FloatArray) -> tuple[IntArray, IntArray]:
         return best(iou(box(self._x), edges))

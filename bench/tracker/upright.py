@@ -37,7 +37,7 @@ def measured(edges: FloatArray) -> FloatArray:
 
 
 def box(x: FloatArray) -> FloatArray:
-    """(k, 4) edges of the boxes that states stand for."""
+    """(k, 4) edges of the boxes of states."""
     area, aspect = np.maximum(x[:, 2], 1e-3), np.maximum(x[:, 3], 1e-3)
     w = np.sqrt(area * aspect)
     half = 0.5 * np.column_stack([w, area / w])

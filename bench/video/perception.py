@@ -48,7 +48,7 @@ class _Stopwatch:
         self.s: dict[str, float] = defaultdict(float)
 
     def timed(self, stage: str, call: Callable[..., Any]) -> Callable[..., Any]:
-        def measured(*args: Any, **named: Any) -> Any:  # noqa: ANN401 - stands for any stage
+        def measured(*args: Any, **named: Any) -> Any:  # noqa: ANN401 - any stage
             start = time.perf_counter()
             try:
                 return call(*args, **named)

@@ -91,13 +91,13 @@ def verdict(lines: Sequence[TrackerLine]) -> str:
     by_name = {line.tracker: line for line in lines}
     peers = [line for line in lines if line.tracker not in (OURS, WITH_WARP, WITH_IDENTITIES)]
     fewest, quickest = min(peers, key=lambda line: line.switches), min(peers, key=lambda line: line.median_ms)
-    ours, told, fed = (by_name[name] for name in (OURS, WITH_WARP, WITH_IDENTITIES))
+    ours, warped, fed = (by_name[name] for name in (OURS, WITH_WARP, WITH_IDENTITIES))
     aim = AIMS_MS.get(ours.boxes)
     return (
         f"{ours.boxes} boxes: {ours.median_ms:.3f} ms"
         + (f" (aim {aim} ms: {'reached' if ours.median_ms <= aim else 'missed'})" if aim else "")
         + f", quickest peer {quickest.tracker} {quickest.median_ms:.3f} ms; switches {ours.switches}, "
-        f"camera told {told.switches}, identities fed in {fed.switches}; "
+        f"camera motion given {warped.switches}, identities fed in {fed.switches}; "
         f"fewest of a peer {fewest.switches} ({fewest.tracker})"
     )
 

@@ -137,7 +137,7 @@ def _set_head(network: Any, head: Any, prefix: str, batch: Any) -> None:  # noqa
     last = {name: [level[-1] for level in getattr(head, prefix + name)] for name in ("cv2", "cv3", "cv4")}
     plain = head.reg_max == 1
     _spread(network, batch, last["cv3"], 0.0, 0.6)
-    # a plain head tells distances as they are: far enough from zero that no box is turned inside out
+    # a plain head gives distances as they are: far enough from zero that no box is turned inside out
     _spread(network, batch, last["cv2"], 2.5 if plain else 0.0, 0.2 if plain else 2.0)
     _spread(network, batch, last["cv4"], 0.0, 0.7 if plain else 1.5)
     if not plain:

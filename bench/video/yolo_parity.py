@@ -152,7 +152,7 @@ def random_lines(names: Sequence[str], family: str, images: Mapping[str, Image],
         path = export(model, layout, folder / "layout.onnx", SIDE)
         for agnostic in (False, True) if layout.name == "raw" else (False,):
             detector = open_detector(path, score=SCORE, classes=names, per_class=not agnostic, imgsz=SIDE, threads=2)
-            # their predictor cannot read a turned output: the plain file stands for it
+            # their predictor cannot read a turned output: the plain file is used in its place
             predictor = ultralytics.YOLO(str(plain if layout.turned else path), task="obb")
             for name, image in images.items():
                 theirs = _with_centre_inside(_predicted(predictor, image, _batch(layout), agnostic=agnostic), image)

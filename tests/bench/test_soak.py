@@ -77,7 +77,7 @@ def test_the_page_says_what_is_missing():
     sent = {"packets": {"1": 50, "11": 50, "impostor 11": 10, "texts": 5, "garbage": 9, "boot words": 4},
             "seconds": 1000.0, "late_ms": 3.0}  # fmt: skip
     run = Run(
-        samples=samples, sent=sent, recorded={1: 50, 11: 63, 200: 4}, stalls=0, longest_s=0.1, exit_code=0, said=""
+        samples=samples, sent=sent, recorded={1: 50, 11: 63, 200: 4}, stalls=0, longest_s=0.1, exit_code=0, last_line=""
     )
     chosen = argparse.Namespace(
         seconds=1000.0, rate=100.0, vehicles=2, video=Path("a.mp4"), fleet=["--flood", "5"], out=Path(), name="soak"
