@@ -1,12 +1,12 @@
-"""Play attacks against a real ``gcs fly --headless`` and tell what was recorded and believed of them.
+"""Play attacks against a real ``gcs fly --headless`` and report what was recorded and accepted of them.
 
     python -m bench.attacks --list
     python -m bench.attacks components --quick
     python -m bench.attacks --gcs /path/to/another/.venv/bin/gcs --rows before.csv
     python -m bench.attacks -o bench/results/attacks.md --before before.csv
 
-Everything that is sent is written with pymavlink; what is recorded is read from the session's files; what is believed
-is what the station under test makes of its own recording, and what its event log told.
+Everything that is sent is written with pymavlink; what is recorded is read from the session's files; what is accepted
+is what the station under test makes of its own recording, and what its event log holds.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ def _options(chosen: argparse.Namespace) -> Options:
 
 
 def _play(name: str, options: Options) -> list[AttackRow]:
-    """One attack; one that cannot be played is a row that says why."""
+    """One attack; one that cannot be played is a row with the reason."""
     began_s = time.monotonic()
     try:
         rows = ATTACKS[name](options)
-    except Exception as error:  # noqa: BLE001 - the others are still to be played, and the row tells
+    except Exception as error:  # noqa: BLE001 - the others are still to be played, and the row has the error
         rows = [
             AttackRow(attack=name, case="cannot be judged", held=False, note=f"{type(error).__name__}: {error}"[:300])
         ]
@@ -90,10 +90,10 @@ def _parser() -> argparse.ArgumentParser:
     add("--minutes", type=float, default=20.0, help="of the quiet flight")
     add("--recording", type=Path, default=Path("sitl_logs/ardupilot-swarm"), help="session that is played live")
     add("--rows", type=Path, help="keep the results in this file as well, for --before")
-    add("--results", type=Path, action="append", default=[], help="play nothing, tell of these; the last one counts")
+    add("--results", type=Path, action="append", default=[], help="play nothing, report these; the last one counts")
     add("--before", type=Path, action="append", default=[], help="results of an earlier build, for a column more")
     add("-o", "--out", type=Path, help="the page, in Markdown")
-    add("--keep", action="store_true", help="keep the sessions, and say where")
+    add("--keep", action="store_true", help="keep the sessions, and print where")
     return parser
 
 
@@ -143,7 +143,7 @@ WORDS = """
 `python -m bench.attacks{words}`
 
 Attacks played from outside against a real `gcs fly --headless`. Packets are written with pymavlink; what was recorded
-is read from `telemetry.tlog`, what was told from `events.jsonl`, and what is believed is what the station under test
+is read from `telemetry.tlog`, reports from `events.jsonl`, and what is accepted is what the station under test
 makes of its own recording, looked at five times a second.
 
 "Lost" are packets of true vehicles that are not in the log or, with keys, were refused. "Recorded" are those of the
@@ -153,7 +153,7 @@ comes within two seconds, with one more granted to a busy machine. "Innocent" ca
 same case against an earlier build.
 
 Sender and station shared {cores} cores with other work: rates of floods are moderate ({rate:g} times those written in
-`bench/attacks/floods.py`), and shares say more than counts.
+`bench/attacks/floods.py`), and shares are more meaningful than counts.
 """
 
 

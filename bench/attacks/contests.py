@@ -88,7 +88,7 @@ def duplicates(options: Options) -> list[AttackRow]:
 
 
 def _documented(options: Options) -> AttackRow:
-    """The fleet with an impostor that docs/operations.md shows: both speak from the start."""
+    """The fleet with an impostor that docs/operations.md shows: both send from the start."""
     port, system_id = free_port(), 13
     words = [sys.executable, "-m", "sim.fleet_process", "--vehicles", "8", "--duplicate", str(system_id)]
     ids = range(11, 18)
@@ -222,7 +222,7 @@ def late_links(options: Options) -> list[AttackRow]:
 
 
 def _judge_quiet(flown: Flown, attack: str, system_id: int, case: str) -> AttackRow:
-    """Of a vehicle that is all right: no alarm, believed throughout."""
+    """Of a vehicle that is all right: no alarm, accepted throughout."""
     alarms = [event for event in flown.events if event.loud and event.system_id == system_id and event.kind != "text"]
     seen = [estimate for estimate in flown.estimates(system_id) if estimate.t_s > 2.0]
     unsure_s = sum(not estimate.used for estimate in seen) / 5.0

@@ -65,7 +65,7 @@ def _password(options: Options, case: str, mission: str, words: Sequence[str], n
 
 
 def _tried(session: Path) -> bool:
-    """Whether the event log tells of the video's failure, waited for: whatever names the address is written by then."""
+    """Whether the event log holds the video's failure, waited for: whatever names the address is written by then."""
     until_s = time.monotonic() + TRY_S
     while time.monotonic() < until_s:
         if any(event.loud and event.kind == "video" for event in read_events(session, StageCounts())):
@@ -83,7 +83,7 @@ def _command_line(pid: int) -> str:
 
 
 class Operator:
-    """A program behind an output: whatever comes is answered with orders to everybody."""
+    """A program behind an output: whatever comes is answered with commands to all systems."""
 
     def __init__(self) -> None:
         self._sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -118,7 +118,7 @@ class Operator:
 
 
 def behind_an_output(options: Options) -> list[AttackRow]:
-    """A program behind --out orders everybody to hold: how many of its frames reach whom, and what is recorded."""
+    """A program behind --out commands all systems to hold: how many of its frames reach which, and what is recorded."""
     cases: list[tuple[str, str, tuple[str, ...]]] = [
         ("--out, listening only", "", ()),
         ("--out with --command", "", ("--command",)),

@@ -24,7 +24,7 @@ __all__ = ["frozen_disk", "stopped_processes"]
 
 IDS = tuple(range(11, 23))
 FREEZES_S = ((4.0, 2.0), (9.0, 5.0), (16.0, 1.0))
-"""When, and for how long, the file system stands still."""
+"""When, and for how long, the file system is frozen."""
 FLY_S = 22.0
 STOPS_S = 2.0
 IMAGE_BYTES = 256_000_000
@@ -94,10 +94,10 @@ def stopped_processes(options: Options) -> list[AttackRow]:
     return [_stopped(options, "the receiving process", _writers), _stopped(options, "the station", lambda s: [s.pid])]
 
 
-def _stopped(options: Options, case: str, whom: Callable[[AttackedStation], Sequence[int]]) -> AttackRow:
+def _stopped(options: Options, case: str, processes_of: Callable[[AttackedStation], Sequence[int]]) -> AttackRow:
     def during(station: AttackedStation, stage: Stage) -> None:
         stage.wait(4.0)
-        pids = whom(station)
+        pids = processes_of(station)
         if not pids:
             raise RuntimeError("no process has the log open")
         try:

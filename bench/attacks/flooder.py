@@ -2,7 +2,7 @@
 
     python -m bench.attacks.flooder PORT RATE_HZ SENDERS < datagrams, one a line in hexadecimal
 
-Says ``begun`` once it sends, and, when its standard input ends, how many datagrams left.
+Prints ``begun`` once it sends, and, when its standard input ends, how many datagrams left.
 """
 
 from __future__ import annotations

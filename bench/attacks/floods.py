@@ -17,7 +17,7 @@ from bench.attacks.wire import ComponentEncoder, ticks_now
 
 __all__ = ["known_id", "spoofed_junk"]
 
-STRANGER = 0
+UNKNOWN_SENDER = 0
 """System id under which packets without one are counted."""
 BEGIN_S = 4.0
 """Start of the flood: the station has learnt the vehicles by then."""
@@ -122,7 +122,9 @@ def _spoofed(options: Options, signed: bool) -> AttackRow:
                 )
         return found
 
-    flown = _flooded(options, f"junk-{signed}", ids, lines, (FALSE, STRANGER), FLOOD_HZ, 1, _junk(), keys=str(keys))
+    flown = _flooded(
+        options, f"junk-{signed}", ids, lines, (FALSE, UNKNOWN_SENDER), FLOOD_HZ, 1, _junk(), keys=str(keys)
+    )
     others = _lost(flown, ids[1:])
     silent = first_warning(flown.events, "no heartbeat")
     limited = first_warning(flown.events, FLOODED)
@@ -132,8 +134,8 @@ def _spoofed(options: Options, signed: bool) -> AttackRow:
     return AttackRow(
         attack="spoofed junk",
         case="with keys" if signed else "without keys",
-        **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, STRANGER]},
-        alarm_s=max(limited.t_s - flown.sent.first_s[FALSE, STRANGER], 0.0) if limited else float("nan"),
+        **counts | {"false_sent": counts["false_sent"] + flown.sent.count[FALSE, UNKNOWN_SENDER]},
+        alarm_s=max(limited.t_s - flown.sent.first_s[FALSE, UNKNOWN_SENDER], 0.0) if limited else float("nan"),
         held=not counts["lost"] and not others and silent is None,
         note="; ".join(notes),
     )

@@ -99,21 +99,23 @@ def hostile_folders(options: Options) -> list[AttackRow]:
 
 def one_folder(options: Options, k: int, name: str, make: Callable[[Path, Path], None], usual_s: float) -> AttackRow:
     """One flight that starts beside a folder that ``make`` has filled; ``usual_s`` is how long a start takes."""
-    took_s, said, changed = _start(options, str(k), make)
+    took_s, output, changed = _start(options, str(k), make)
     late = not took_s <= usual_s + MOST_S
-    note = f"starts in {took_s:.1f} s (without: {usual_s:.1f} s)" if took_s < PATIENCE_S else f"does not start: {said}"
+    note = (
+        f"starts in {took_s:.1f} s (without: {usual_s:.1f} s)" if took_s < PATIENCE_S else f"does not start: {output}"
+    )
     notes = [note, *(["a file outside is written over"] if changed else [])]
-    notes += ["traceback"] if "Traceback" in said else []
+    notes += ["traceback"] if "Traceback" in output else []
     return AttackRow(
         attack="hostile folders",
         case=name,
-        held=not late and not changed and "Traceback" not in said,
+        held=not late and not changed and "Traceback" not in output,
         note="; ".join(notes),
     )
 
 
 def _start(options: Options, name: str, make: Callable[[Path, Path], None]) -> tuple[float, str, bool]:
-    """Seconds that the start took, what was said, and whether the file outside has changed."""
+    """Seconds that the start took, what was printed, and whether the file outside has changed."""
     base = options.folder / f"folders-{name}"
     folder = base / "sessions" / "2026-01-01_00-00-00Z"
     folder.mkdir(parents=True)
@@ -126,9 +128,9 @@ def _start(options: Options, name: str, make: Callable[[Path, Path], None]) -> t
             options.gcs, base, mission_text([11]), [f"udpin:127.0.0.1:{free_port()}"], patience_s=PATIENCE_S
         )
     except StationError as error:
-        took_s, said = float("inf"), str(error)
+        took_s, output = float("inf"), str(error)
     else:
-        took_s, said = station.start_s, station.output
+        took_s, output = station.start_s, station.output
         station.end()
     changed = any(not path.exists() or path.read_bytes() != data for path, data in outside.items())
-    return took_s, " ".join(said.split())[-160:], changed
+    return took_s, " ".join(output.split())[-160:], changed

@@ -22,7 +22,7 @@ FLEET = tuple(range(11, 23))
 EXPECTED = r"nothing is authenticated"
 """True of every flight without keys."""
 OF_THE_RECORDING = rf"{EXPECTED}|comes at .* Hz|the gimbal reports another direction"
-"""True of it as well: its messages were thinned out, and its gimbal says otherwise than its mission file."""
+"""True of it as well: its messages were thinned out, and its gimbal's reports differ from its mission file."""
 
 
 def _false_alarms(events: Sequence[LoggedEvent], until_s: float, expected: str = EXPECTED) -> list[LoggedEvent]:

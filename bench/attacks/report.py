@@ -27,7 +27,7 @@ class AttackRow:
     false_sent: int = 0
     false_recorded: int = 0
     believed_s: float = NAN
-    """For how long something false was believed that could have been known to be false."""
+    """For how long something false was accepted that could have been known to be false."""
     alarm_s: float = NAN
     """From when it could be known to the alarm; NaN: none came, or none was due."""
     held: bool
@@ -64,7 +64,7 @@ def page(rows: Sequence[AttackRow], title: str, words: str, before: Sequence[Att
     Args:
         rows: the results.
         title: heading.
-        words: what stands between heading and table.
+        words: text between heading and table.
         before: results of an earlier build; gives a column more.
     """
     then = {(row.attack, row.case): row for row in before}
@@ -92,7 +92,7 @@ def page(rows: Sequence[AttackRow], title: str, words: str, before: Sequence[Att
 
 
 def _cell(text: str) -> str:
-    """As it may stand in a table; what was told is cut where addresses begin to fill it."""
+    """As a cell of a table; an event's text is cut where addresses begin to fill it."""
     text = text.replace("|", "/")
     return text if len(text) <= MOST_TEXT else text[:MOST_TEXT].rstrip() + " …"
 

@@ -24,7 +24,7 @@ __all__ = ["Attack", "Flown", "Options", "false_position_s", "fly"]
 SETTLE_S = 1.0
 """What was sent last is on its way to the disk for as long."""
 PROMISE_S = 2.0
-"""Two senders of one id are told apart within this."""
+"""Two senders of one id are distinguished within this."""
 SLACK_S = 1.0
 """Granted on top to a machine that other work shares."""
 
@@ -75,7 +75,7 @@ class Flown:
         return fold_recording(self.options.python, self.session, self.sent)
 
     def estimates(self, system_id: int) -> list[VehicleEstimate]:
-        """What was believed of a vehicle, five times a second."""
+        """What was accepted of a vehicle, five times a second."""
         return estimates_of(self._folded, system_id)
 
     def counts(self, system_id: int) -> dict[str, int]:

@@ -107,14 +107,16 @@ def _lines(new_sender: SenderFactory, clocks: tuple[StampClock, ...]) -> list[Pa
         if clock.recorded:
             body = replace(body, date_s=clock.ahead_s)
         role = FALSE if clock.recorded else TRUE
-        says = DATED if clock.dated else FULL
+        messages = DATED if clock.dated else FULL
         stop_s = CYCLE_S if clock.cycled else float("inf")
-        found += vehicle_schedules(body, encoder, send, role, messages=says, before=clock.tick(encoder), stop_s=stop_s)
+        found += vehicle_schedules(
+            body, encoder, send, role, messages=messages, before=clock.tick(encoder), stop_s=stop_s
+        )
         if clock.cycled:
             again = replace(clock, ahead_s=clock.ahead_s + BOOT_AHEAD_S)
             booted = replace(body, boot_s=-CYCLE_S - OFF_S)
             found += vehicle_schedules(
-                booted, again.encoder(), new_sender(), role, messages=says, start_s=CYCLE_S + OFF_S
+                booted, again.encoder(), new_sender(), role, messages=messages, start_s=CYCLE_S + OFF_S
             )
     return found
 
@@ -131,7 +133,7 @@ class Judged:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Heard:
+class SessionVerdicts:
     """One session of a signed fleet."""
 
     python: str
@@ -141,7 +143,7 @@ class Heard:
 
     @cached_property
     def refused(self) -> set[int]:
-        """Numbers of the records that were not believed."""
+        """Numbers of the records that were not accepted."""
         return refused_records(self.folder)
 
     @cached_property
@@ -165,7 +167,7 @@ class Heard:
 
 
 def refused_records(session: Path) -> set[int]:
-    """Numbers of the records that were not believed."""
+    """Numbers of the records that were not accepted."""
     found: set[int] = set()
     for path in session.glob("refused*.csv"):
         with path.open(newline="") as file:
@@ -197,7 +199,7 @@ def _row(attack: str, case: str, judged: Judged, hostile: bool) -> AttackRow:
 
 
 def late_start(options: Options) -> list[AttackRow]:
-    """A signed fleet that was armed long before the station starts: stamps that stand still, minutes behind."""
+    """A signed fleet that was armed long before the station starts: stamps that do not advance, minutes behind."""
     port, ids = free_port(), [clock.system_id for clock in LATE]
     keys = write_keys(options.folder / "keys-late", (UAV_ID, *ids))
     with ExitStack() as stack:
@@ -212,13 +214,13 @@ def late_start(options: Options) -> list[AttackRow]:
         stage.wait(LATE_S)
         station.end()
         events = read_events(station.session, stage.sent)
-        heard = Heard(python=options.python, folder=station.session, sent=stage.sent)
-        return [_late_row(heard, clock, events) for clock in LATE]
+        verdicts = SessionVerdicts(python=options.python, folder=station.session, sent=stage.sent)
+        return [_late_row(verdicts, clock, events) for clock in LATE]
 
 
-def _late_row(heard: Heard, clock: StampClock, events: list[LoggedEvent]) -> AttackRow:
-    """Who proves nothing, not even with a date, is as good as a recording: that has to be told."""
-    judged = heard.judge(clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0)
+def _late_row(verdicts: SessionVerdicts, clock: StampClock, events: list[LoggedEvent]) -> AttackRow:
+    """Who proves nothing, not even with a date, is as good as a recording: that has to be reported."""
+    judged = verdicts.judge(clock.system_id, CYCLE_S + OFF_S if clock.cycled else 0.0)
     row = _row("signed, late start", clock.name, judged, clock.recorded)
     alarm = first_warning(events, "sign|recording", clock.system_id)
     if judged.refused < judged.sent / 2:
@@ -261,9 +263,9 @@ def restarts(options: Options) -> list[AttackRow]:
             station.end()
             stage.wait(stage.now_s + PAUSE_S)
             again = set(earlier)
-            heard = Heard(python=options.python, folder=station.session, sent=stage.sent)
+            verdicts = SessionVerdicts(python=options.python, folder=station.session, sent=stage.sent)
             for clock in STEADY:
-                judged = heard.judge(clock.system_id, again=again)
+                judged = verdicts.judge(clock.system_id, again=again)
                 rows.append(_row("signed, restart", f"{clock.name}, after {after}", judged, hostile=False))
             rows.append(_replayed_row(station.session, again, f"hostile: frames of the first flight, after {after}"))
     return rows
@@ -302,7 +304,7 @@ SLOW_S = 12.0
 
 
 def replayed(options: Options) -> list[AttackRow]:
-    """Signed packets that come again from another address, 5 or 20 s later: refused, and told for what they are."""
+    """Signed packets that come again from another address, 5 or 20 s later: refused, and reported as replays."""
     port, ids = free_port(), [clock.system_id for clock in STEADY]
     keys = write_keys(options.folder / "keys-replay", (UAV_ID, *ids))
     waiting: dict[int, list[tuple[float, bytes]]] = {system_id: [] for system_id in DELAYS_S}

@@ -21,7 +21,7 @@ _BEGUN = re.compile(r"recording in (.*); stop with")
 
 
 class StationError(RuntimeError):
-    """The flight did not begin, with what it said."""
+    """The flight did not begin, with its output."""
 
 
 def mission_text(ugvs: Sequence[int], keys: str = "none", more: str = "") -> str:
@@ -50,7 +50,7 @@ class AttackedStation:
 
     Args:
         gcs: the command, as words.
-        folder: where the mission, the sessions and what is said are kept.
+        folder: where the mission, the sessions and the output are kept.
         mission: text of the mission file.
         links: of the telemetry.
         more: further words of the command line.
@@ -63,7 +63,7 @@ class AttackedStation:
         start_s: how long the start took.
 
     Raises:
-        StationError: it ended, or said nothing for too long; it is ended then.
+        StationError: it ended, or printed nothing for too long; it is ended then.
     """
 
     def __init__(
@@ -78,18 +78,18 @@ class AttackedStation:
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / "mission.toml"
         file.write_text(mission)
-        self._said = folder / f"said-{time.monotonic_ns()}.txt"
+        self._output_path = folder / f"output-{time.monotonic_ns()}.txt"
         words = [*gcs, "fly", str(file), "--headless", *more]
         words += [] if "--sessions" in more else ["--sessions", str(folder / "sessions")]
         words += [word for link in links for word in ("-l", link)]
         # no key, no setting and no module of whoever runs this may take part
         home = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "XDG_DATA_HOME": str(folder / "data")}
         began_s = time.monotonic()
-        with self._said.open("w") as said:
+        with self._output_path.open("w") as output:
             self._process = subprocess.Popen(
                 words,
                 stdin=subprocess.DEVNULL,
-                stdout=said,
+                stdout=output,
                 stderr=subprocess.STDOUT,
                 cwd=folder,
                 env=os.environ | home,
@@ -106,7 +106,7 @@ class AttackedStation:
     @property
     def output(self) -> str:
         """All that it wrote to stdout and stderr."""
-        return self._said.read_text(errors="replace")
+        return self._output_path.read_text(errors="replace")
 
     @property
     def running(self) -> bool:

@@ -130,7 +130,7 @@ def judge(flown: Flown, case: TakeoverCase) -> AttackRow:
     counts = flown.counts(case.system_id)
     seen = flown.estimates(case.system_id)
     if not case.hostile:
-        # a vehicle with several components is told by no alarm and believed throughout
+        # a vehicle with several components causes no alarm and is accepted throughout
         unsure = sum(not estimate.used for estimate in seen if estimate.t_s > START_S) / 5.0
         held = alarm is None and unsure < 1.0 and not counts["lost"]
         note = f"not believed for {unsure:.1f} s" if unsure >= 1.0 else ""
@@ -164,17 +164,17 @@ ELSEWHERE = {
     "20 km away": (HOME[0] + 0.18, HOME[1]),
 }
 HARMLESS = ("20 km away",)
-"""So near that all places stay right by the false origin: it need not be told."""
+"""So near that all places stay right by the false origin: it need not be reported."""
 SPEAKS_S = 2.0
 """When the UAV itself begins."""
 RIGHT_BY_S = 10.0
-"""After so long the UAV has said often enough where it is."""
+"""After so long the UAV has reported its position often enough."""
 NEAR_M = 3.0
 """Within this a place relative to the UAV's is right: our degrees are those of a sphere, half a per cent off."""
 
 
 def first_position(options: Options) -> list[AttackRow]:
-    """One false position in the UAV's name before it speaks itself."""
+    """One false position in the UAV's name before it sends itself."""
     names = list(ELSEWHERE)[:1] if options.quick else list(ELSEWHERE)
     return [_one(options, name) for name in names]
 
@@ -199,8 +199,8 @@ def _one(options: Options, name: str) -> AttackRow:
         off = [_off_m(each, system_id) for each in seen if each.used]
         wrong += sum(each > NEAR_M for each in off)
         right += sum(each <= NEAR_M for each in off)
-    told = [event for event in flown.events if "origin" in event.text.lower() or "elsewhere" in event.text.lower()]
-    note = "" if told else "nothing told"
+    alarms = [event for event in flown.events if "origin" in event.text.lower() or "elsewhere" in event.text.lower()]
+    note = "" if alarms else "nothing told"
     note = note if right else (note + "; no place is right").strip("; ")
     sent, found = flown.sent.count, flown.recorded
     true = [party for party in sent if party[0] == TRUE]
@@ -212,8 +212,8 @@ def _one(options: Options, name: str) -> AttackRow:
         false_sent=sent[FALSE, 1],
         false_recorded=found[FALSE, 1],
         believed_s=wrong / 5.0 / len(vehicles),
-        alarm_s=max(told[0].t_s - SPEAKS_S, 0.0) if told else math.nan,
-        held=not wrong and right > 0 and (bool(told) or name in HARMLESS),
+        alarm_s=max(alarms[0].t_s - SPEAKS_S, 0.0) if alarms else math.nan,
+        held=not wrong and right > 0 and (bool(alarms) or name in HARMLESS),
         note=note,
     )
 

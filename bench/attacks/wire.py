@@ -44,7 +44,7 @@ class ComponentEncoder:
         system_id: 1..255.
         component_id: 1 for an autopilot.
         key: 32 bytes to sign with, None unsigned.
-        stamp: first signing stamp; each packet takes one more, as a clock that stands still makes it.
+        stamp: first signing stamp; each packet takes one more, as a clock that does not advance makes it.
         link_id: of the signatures.
         version: 1 for MAVLink 1.
     """
@@ -83,7 +83,7 @@ class ComponentEncoder:
         return raw
 
     def heartbeat(self, kind: int = ROVER, autopilot: int = AUTOPILOT, *, marked: bool = False) -> bytes:
-        """HEARTBEAT; a marked one differs in a flag that says nothing of the mode, so that senders can be counted."""
+        """HEARTBEAT; a marked one differs in a flag unrelated to the mode, so that senders can be counted."""
         flags = ARMED | MANUAL_INPUT if marked else ARMED
         return self.pack(dialect.MAVLink_heartbeat_message(kind, autopilot, flags, 0, ACTIVE, 3))
 
@@ -134,7 +134,7 @@ class ComponentEncoder:
         return self.pack(dialect.MAVLink_statustext_message(severity, text.encode()))
 
     def parameter(self, value: float) -> bytes:
-        """PARAM_VALUE: traffic that says nothing of a place."""
+        """PARAM_VALUE: traffic without a position."""
         return self.pack(dialect.MAVLink_param_value_message(b"RATE", value, 9, 1, 0))
 
     def command(self, target: int, command: int, *params: float) -> bytes:
