@@ -204,7 +204,7 @@ def test_an_operator_believes_a_held_vehicle_by_a_key_and_a_second_one(tmp_path)
         (session,) = terminal.sessions.iterdir()
         speaks_until(lambda seen: b"held: nothing proves" in seen)
         os.write(terminal.keeper, b"b")
-        speaks_until(lambda seen: b"Believe" in seen)
+        speaks_until(lambda seen: b"Accept" in seen)
         os.write(terminal.keeper, b"y")
         told = "UGV-11: signed packets that were held are accepted without a proof"
         speaks_until(lambda seen: told in (session / "events.jsonl").read_text())

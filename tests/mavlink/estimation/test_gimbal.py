@@ -119,7 +119,7 @@ def test_flags_of_both_frames_and_no_rotation_are_refused(world):
         world.feed(device((math.nan, 0, 0, 0)), T0 + S)
     assert attitude(world) is None
     assert texts(world) == [
-        "GIMBAL_DEVICE_ATTITUDE_STATUS not used: its flags say that yaw counts from the nose and from north",
+        "GIMBAL_DEVICE_ATTITUDE_STATUS not used: by its flags yaw counts from the nose and from north",
         "GIMBAL_DEVICE_ATTITUDE_STATUS not used: its quaternion is no rotation",
     ]
 

@@ -142,7 +142,7 @@ def rows(n):
 IN = ("images", FLOAT, FIXED)
 REFUSED = {
     "another task": (("x", FLOAT, [1, 10]), ("y", FLOAT, [1, 10]), {}, "x [1, 10] float → y [1, 10] float"),
-    "its notes": (IN, rows(8), NAMES | {"task": "segment"}, "made for the task 'segment'"),
+    "its notes": (IN, rows(8), NAMES | {"task": "segment"}, "the task 'segment'"),
     "upright": (IN, rows(7), NAMES, "3 classes, which need 8 rows with the angle; these look like upright boxes"),
     "upright, suppressed": (IN, ("output0", FLOAT, [1, 300, 6]), NAMES, "these look like upright boxes"),
     "another number of classes": (IN, rows(20), NAMES, "[1, 20, 84] does not fit its 3 classes, which need 8 rows"),
