@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 # Tests wait much of their time, so there are more processes than cores; each keeps its arithmetic to one core. They start
 # others by the dozen, so compiled modules are kept.
-TEST_PROCESSES ?= 4
+TEST_PROCESSES ?= 6
 
 .PHONY: demo test coverage check lint types layers docs lock clean
 
