@@ -18,7 +18,8 @@ from pathlib import Path
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from mavlink.geodesy import separation_m
-from mavlink.protocol.decode import FilterStatus, GlobalPosition, GpsRaw, Sample, StatusText, decode
+from mavlink.protocol.decode import decode
+from mavlink.protocol.messages import FilterStatus, GlobalPosition, GpsRaw, Sample, StatusText
 from mavlink.tlog.log import Tlog
 
 __all__ = ["Fault", "FaultRow", "Raised", "compare", "main", "page", "read_faults"]

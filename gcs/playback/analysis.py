@@ -24,7 +24,8 @@ from gcs.session.frame_tables import FrameDetections, read_detections, read_time
 from gcs.session.log import SessionLog
 from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
-from mavlink.protocol.decode import Heartbeat, decode
+from mavlink.protocol.decode import decode
+from mavlink.protocol.messages import Heartbeat
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle
 from mavlink.protocol.packet import Packet
 from vision.camera.intrinsics import resized

@@ -37,28 +37,7 @@ from mavlink.protocol.messages import (
 )
 from mavlink.protocol.packet import MAGIC_V2, Packet
 
-__all__ = [
-    "Attitude",
-    "CameraFov",
-    "CameraInformation",
-    "CameraSettings",
-    "FilterStatus",
-    "GimbalAttitude",
-    "GlobalPosition",
-    "GpsRaw",
-    "Heartbeat",
-    "MountOrientation",
-    "MountStatus",
-    "RadioStatus",
-    "Sample",
-    "SensorHealth",
-    "StatusText",
-    "SystemTime",
-    "TimeSync",
-    "VideoStreamInformation",
-    "clean_text",
-    "decode",
-]
+__all__ = ["clean_text", "decode"]
 
 _RAD = math.pi / 180.0
 

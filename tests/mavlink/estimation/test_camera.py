@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.estimation.camera_report import NARROWEST, WIDEST
-from mavlink.protocol.decode import CameraSettings, decode
+from mavlink.protocol.decode import decode
+from mavlink.protocol.messages import CameraSettings
 from mavlink.protocol.packet import Packet
 from tests.support.flights import FIELD, T0, World
 from tests.support.frames import MessageEncoder
