@@ -17,12 +17,24 @@ from numpy.typing import NDArray
 from mavlink.geodesy import LocalFrame
 from mavlink.state import Level
 
-__all__ = ["Alarm", "Box", "Event", "Health", "Level", "LinkHealth", "Snapshot", "Standing", "VehicleRow"]
+__all__ = [
+    "Alarm",
+    "Box",
+    "Candidate",
+    "Event",
+    "Health",
+    "Level",
+    "LinkHealth",
+    "Snapshot",
+    "Standing",
+    "VehicleCondition",
+    "VehicleRow",
+]
 
 NAN = float("nan")
 NEVER = float("inf")
 
-Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position"]
+Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"]
 
 
 def _nowhere() -> NDArray[np.float64]:
@@ -61,6 +73,27 @@ class Alarm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleCondition:
+    """How a vehicle is by its own word; NaN and empty are unknown."""
+
+    voltage_v: float = NAN
+    charge: float = NAN
+    """Of its battery, 0..1."""
+    power_age_s: float = NEVER
+    """Of voltage and charge."""
+    satellites: int = -1
+    """In use, -1 unknown."""
+    hdop: float = NAN
+    receiver_age_s: float = NEVER
+    """Of satellites and HDOP."""
+    radio: float = NAN
+    """Signal above noise at the worse end of its radio link, dB or the radio's own units."""
+    radio_age_s: float = NEVER
+    faults: tuple[str, ...] = ()
+    """What its estimator or its arming checks complain about now, in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleRow:
     """One line of the fleet table."""
 
@@ -86,6 +119,10 @@ class VehicleRow:
     in_view: bool | None = None
     """Whether the reported position is in view; None when the camera's pose is unknown."""
     standing: Standing = "no position"
+    standing_since_us: int = 0
+    """Since when it has this standing, 0 unknown."""
+    expected_px: tuple[float, float] | None = None
+    """Where its reported position is in the image plane, also outside of the frame; None unknown or behind."""
     track_id: int = 0
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
@@ -116,6 +153,20 @@ class VehicleRow:
     """Its compass contradicts its filter."""
     clock_fault: str = ""
     """What is wrong with its clocks, empty while nothing is."""
+    condition: VehicleCondition = VehicleCondition()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A vehicle that a box may be."""
+
+    system_id: int
+    confidence: float
+    """That the box is this vehicle, 0..1."""
+    distance_m: float = NAN
+    """From the box to where the vehicle reports to be."""
+    against: str = ""
+    """What speaks against it, in words; empty: nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +190,12 @@ class Box:
     """Of the name; of "none of ours" when unnamed; NaN before any evidence."""
     runner_up: int = 0
     runner_up_confidence: float = NAN
+    candidates: tuple[Candidate, ...] = ()
+    """The most likely vehicles, the best first, at most three."""
+    since_us: int = 0
+    """Since when it has had this name, or none; 0 unknown."""
+    stated: bool = False
+    """The name is what the operator stated."""
     residual_m: float = NAN
     residual_px: float = NAN
     position_age_s: float = NAN
@@ -234,6 +291,11 @@ class Snapshot:
     t_us: int
     frame: int
     """Index in the video, -1 before the first frame."""
+    seen_us: int = 0
+    """When the frame was taken that the boxes were found in, 0 before the first; earlier than ``t_us`` while no new
+    frame comes."""
+    analysed: bool = True
+    """False: a place of a recording that the analysis has not reached."""
     width: int
     height: int
     image: NDArray[np.uint8] | None
@@ -257,6 +319,11 @@ class Snapshot:
     """System ids whose reports contradict the video."""
     alarms: tuple[Alarm, ...] = ()
     """What is wrong now, the worst and newest first."""
+
+    @property
+    def boxes_age_s(self) -> float:
+        """How long ago the frame of the boxes was taken, inf before the first."""
+        return max(0, self.t_us - self.seen_us) * 1e-6 if self.seen_us else NEVER
 
     def name_of(self, system_id: int) -> str:
         """The vehicle's name; ``UGV-<id>`` for an id that is not in the table, ``unknown`` for 0."""
