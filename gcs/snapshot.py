@@ -25,6 +25,7 @@ __all__ = [
     "Health",
     "Level",
     "LinkHealth",
+    "Reported",
     "Snapshot",
     "Standing",
     "VehicleCondition",
@@ -35,6 +36,11 @@ NAN = float("nan")
 NEVER = float("inf")
 
 Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"]
+
+
+Reported = Literal["", "then", "now"]
+"""In a replay, whether only the flight itself reported something (``then``), or only the replay does, which works it
+out again (``now``); empty: both do, or there is nothing to compare."""
 
 
 def _nowhere() -> NDArray[np.float64]:
@@ -53,6 +59,7 @@ class Event:
     text: str
     """Plain text, possibly from the air: never markup."""
     system_id: int = 0
+    reported: Reported = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,6 +77,9 @@ class Alarm:
     """What to do."""
     since_us: int
     system_id: int = 0
+    reported: Reported = ""
+    acknowledged: bool = False
+    """In a replay: the operator had acknowledged it in flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,8 +304,12 @@ class Snapshot:
     seen_us: int = 0
     """When the frame was taken that the boxes were found in, 0 before the first; earlier than ``t_us`` while no new
     frame comes."""
+    clock_us: int = 0
+    """What clocks show: the latest ``t_us`` so far, since the next frame may have been taken earlier; 0: ``t_us``."""
     analysed: bool = True
-    """False: a place of a recording that the analysis has not reached."""
+    """False: a place of a recording that the analysis has not reached; there are no vehicles and no boxes."""
+    provisional: bool = False
+    """Of a recording: worked out from the last seconds alone, until the analysis from the start reaches this place."""
     width: int
     height: int
     image: NDArray[np.uint8] | None
@@ -324,6 +338,21 @@ class Snapshot:
     def boxes_age_s(self) -> float:
         """How long ago the frame of the boxes was taken, inf before the first."""
         return max(0, self.t_us - self.seen_us) * 1e-6 if self.seen_us else NEVER
+
+    @property
+    def held(self) -> bool:
+        """Whether the boxes are those of an earlier frame, for want of a new one."""
+        return 0 < self.seen_us < self.t_us
+
+    @property
+    def new_boxes(self) -> tuple[Box, ...]:
+        """Boxes that were found at this very moment: what a log or a count takes, each once."""
+        return () if self.held else self.boxes
+
+    @property
+    def now_us(self) -> int:
+        """The time to show; it does not go back from one snapshot to the next, unless the clock was set."""
+        return self.clock_us or self.t_us
 
     def name_of(self, system_id: int) -> str:
         """The vehicle's name; ``UGV-<id>`` for an id that is not in the table, ``unknown`` for 0."""

@@ -40,6 +40,10 @@ class Timeline(Protocol):
         """Where it is."""
 
     @property
+    def analysed(self) -> Sequence[tuple[int, int]]:
+        """What was worked out so far: first and last moment of each part, in order."""
+
+    @property
     def playing(self) -> bool:
         """Whether time runs."""
 

@@ -85,6 +85,12 @@ class Replay:
         return int(self._now_us)
 
     @property
+    def analysed(self) -> Sequence[tuple[int, int]]:
+        """The part from the start that the analysis has been through."""
+        done = len(self._done)
+        return [(self.start_us, int(self._times[done - 1]))] if done else []
+
+    @property
     def playing(self) -> bool:
         """Whether time runs."""
         return self._playing

@@ -198,6 +198,7 @@ class FakeTimeline:
     def __init__(self) -> None:
         self.start_us, self.stop_us = START_US, STOP_US
         self.now_us = START_US + 251_400_000
+        self.analysed: list[tuple[int, int]] = [(START_US, STOP_US)]
         self.playing = False
         self.speed = 1.0
         self.steps: list[int] = []

@@ -21,6 +21,9 @@ __all__ = ["TimelineBar"]
 
 State = tuple[int, int, int, bool, float]
 """Start, stop, now, playing, speed."""
+Spans = tuple[tuple[int, int], ...]
+"""First and last moment of each part of a recording."""
+NOT_ANALYSED = "┄"
 
 
 class TimelineBar(Widget):
@@ -28,11 +31,13 @@ class TimelineBar(Widget):
 
     ALLOW_SELECT: ClassVar[bool] = False
     state: reactive[State] = reactive((0, 0, 0, False, 1.0))
+    analysed: reactive[Spans] = reactive(())
     marks: reactive[tuple[Event, ...]] = reactive((), always_update=True)
 
     def show(self, timeline: Timeline, events: Sequence[Event]) -> None:
         """Take the timeline's state; repaints only when something differs."""
         self.state = (timeline.start_us, timeline.stop_us, timeline.now_us, timeline.playing, timeline.speed)
+        self.analysed = tuple(timeline.analysed)
         if len(events) != len(self.marks) or (events and events[-1] is not self.marks[-1]):
             self.marks = tuple(events)
 
@@ -62,11 +67,21 @@ class TimelineBar(Widget):
         start_us, stop_us, now_us, _, _ = self.state
         at = _column(now_us, start_us, stop_us, length)
         letters = [("━", ACCENT) if column < at else ("─", LINE) for column in range(length)]
+        for column in self._columns_not_analysed(length):
+            letters[column] = (NOT_ANALYSED, FAINT)
         for event in sorted(self.marks, key=lambda event: event.level == "alarm"):
             if start_us <= event.t_us <= stop_us and event.level != "info":
                 letters[_column(event.t_us, start_us, stop_us, length)] = ("╹", level_colour(event.level))
         letters[at] = ("●", BRIGHT)
         return [(letter, ink(colour, HEAD)) for letter, colour in _joined(letters)]
+
+    def _columns_not_analysed(self, length: int) -> set[int]:
+        start_us, stop_us, *_ = self.state
+        columns = set(range(length))
+        for first_us, last_us in self.analysed:
+            first, last = (_column(t_us, start_us, stop_us, length) for t_us in (first_us, last_us))
+            columns -= set(range(first, last + 1))
+        return columns
 
     def on_click(self, event: events.Click) -> None:
         """Seek to the time under the pointer."""

@@ -49,6 +49,19 @@ async def test_play_step_and_speed_keys():
         assert station.timeline.speed == 0.1
 
 
+async def test_the_time_line_shows_which_part_is_analysed():
+    async with running() as (app, pilot, station):
+        station.timeline.analysed = [(START_US, START_US + (STOP_US - START_US) // 4)]
+        station.timeline.now_us = START_US
+        await polled(app, pilot)
+        track = text_of(app.query_one(TimelineBar))
+        part = track[track.index("●") : track.rindex("┄") + 1]
+        assert 0.6 < part.count("┄") / len(part) < 0.9 and "┄" not in part[: len(part) // 5]
+        station.timeline.analysed = [(START_US, STOP_US)]
+        await polled(app, pilot)
+        assert "┄" not in text_of(app.query_one(TimelineBar))
+
+
 async def test_play_at_the_end_starts_again():
     async with running() as (_, pilot, station):
         await pilot.press("end", "space")
