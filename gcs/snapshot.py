@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.limits import Limits
 from mavlink.geodesy import LocalFrame
 from mavlink.state import Level
 
@@ -164,6 +165,10 @@ class VehicleRow:
     clock_fault: str = ""
     """What is wrong with its clocks, empty while nothing is."""
     condition: VehicleCondition = VehicleCondition()
+    fence: str = ""
+    """Which fence of those that hold for it is nearest to be broken, or broken most; empty without one."""
+    fence_m: float = NAN
+    """How far it is on the right side of that fence, negative beyond, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -333,6 +338,10 @@ class Snapshot:
     """System ids whose reports contradict the video."""
     alarms: tuple[Alarm, ...] = ()
     """What is wrong now, the worst and newest first."""
+    limits: Limits = field(default_factory=Limits)
+    """Of the mission's alarms."""
+    fence_enu: tuple[NDArray[np.float64], ...] = ()
+    """Outline (n, 2) of each fence of the mission; the last corner is joined to the first."""
 
     @property
     def boxes_age_s(self) -> float:

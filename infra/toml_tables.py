@@ -247,6 +247,7 @@ _PLURAL: Mapping[type, str] = {
     inspect.IntType: "whole numbers",
     inspect.FloatType: "numbers",
     inspect.StrType: "texts",
+    inspect.TupleType: "lists",
 }
 
 

@@ -16,6 +16,7 @@ from assoc.geometry.ground import OFFSET, YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
 from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.evidence import camera_of, observation_of, reports_of
+from gcs.fold.fences import Fences
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
@@ -86,6 +87,7 @@ class Pipeline:
         self._direction = CameraDirection(mission)
         self._view: FrameCamera | None = None
         self._names = NameChanges(mission)
+        self._fences = Fences(mission)
         self._events: list[Event] = []
         self._throttle = EventThrottle()
         self._link_rates = LinkRates()
@@ -281,13 +283,14 @@ class Pipeline:
         uv = self._projected(state, view)
         boxes = boxes_of(detections, tracks, identities, uv, view, self.fleet.origin)
         width, height = self._optics.size or (0, 0)
+        self._fences.set_origin(self.fleet.origin)
         snapshot = Snapshot(
             t_us=t_us,
             frame=index,
             width=width,
             height=height,
             image=image,
-            vehicles=vehicle_rows(self.mission, state, boxes, uv, (width, height)),
+            vehicles=self._fences.compare(vehicle_rows(self.mission, state, boxes, uv, (width, height))),
             boxes=boxes,
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,
@@ -296,6 +299,8 @@ class Pipeline:
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",
             conflicts=self._names.conflicts,
             origin=self.fleet.origin,
+            limits=self.mission.limits,
+            fence_enu=self._fences.outlines,
         )
         alarms, changes = self._alarms.update(snapshot)
         events = (*self._events, *self._throttle.overdue(t_us), *changes)

@@ -18,6 +18,8 @@ import numpy as np
 from msgspec import Meta
 
 from gcs.errors import ConfigError
+from gcs.limits import Limits
+from gcs.mission.fence import Fence
 from infra.files.safe_open import read_small
 from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
 from vision.camera.intrinsics import Intrinsics
@@ -201,12 +203,17 @@ class Mission:
     identity: IdentityChoice = field(default_factory=IdentityChoice)
     links: Links = field(default_factory=Links)
     signing: SigningChoice = field(default_factory=SigningChoice)
+    limits: Limits = field(default_factory=Limits)
+    fence: tuple[Fence, ...] = ()
 
     def __post_init__(self) -> None:
         ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))
         twice = sorted(i for i, count in ids.items() if count > 1)
         if twice:
             raise ValueError(f"system id {twice[0]} is given to two vehicles; every vehicle needs its own")
+        strangers = sorted({i for fence in self.fence for i in fence.vehicles} - set(ids))
+        if strangers:
+            raise ValueError(f"a fence is for system id {strangers[0]}, which is no vehicle of this mission")
 
     @property
     def ugv_ids(self) -> tuple[int, ...]:
@@ -310,7 +317,10 @@ def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
         raise ConfigError(f"{where}: needs [uav] and at least one [[ugv]] with a system_id")
     if not isinstance(table["ugv"], list):
         raise ConfigError(f"{where}: write [[ugv]] with two brackets, once for each ground vehicle")
+    parts = {name: part for name, part in table.items() if name != _NOTES}
+    if isinstance(parts.get("fence"), Mapping):
+        parts["fence"] = [parts["fence"]]  # one may be written as [fence]
     try:
-        return build(Mission, {name: part for name, part in table.items() if name != _NOTES}, where)
+        return build(Mission, parts, where)
     except ValueError as error:
         raise ConfigError(str(error)) from None

@@ -103,14 +103,12 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
     """The text of ``session.toml``: the mission as it flew and a ``[session]`` table of notes."""
     table: dict[str, Any] = {"session": dict(notes), "uav": _vehicle(mission, mission.uav.system_id)}
     table["ugv"] = [_vehicle(mission, i) for i in mission.ugv_ids]
-    for name in ("camera", "clock", "detector", "identity"):
+    for name in ("camera", "clock", "detector", "identity", "limits"):
         part = getattr(mission, name)
         if part is not None:
-            table[name] = {
-                k: list(v) if isinstance(v, tuple) else v
-                for k in part.__slots__
-                if (v := getattr(part, k)) not in ("", None)
-            }
+            table[name] = _values(part)
+    if mission.fence:
+        table["fence"] = [_values(fence) for fence in mission.fence]
     signing = mission.signing
     table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}
     if signing.keys == NO_KEYS:
@@ -119,6 +117,15 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
     text = toml_text(table)
     tomllib.loads(text)
     return text
+
+
+def _values(part: Any) -> dict[str, Any]:  # noqa: ANN401 - any part of a mission
+    """What a part of a mission says; what it leaves open is left out."""
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name in part.__slots__
+        if (value := getattr(part, name)) not in ("", None, ())
+    }
 
 
 def _vehicle(mission: Mission, system_id: int) -> dict[str, Any]:
