@@ -138,6 +138,8 @@ class VehicleRow:
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
     """Probability of that identity, NaN without one."""
+    stated: bool = False
+    """The identity is what the operator stated."""
     contested: bool = False
     """Several senders use its system id: none of them is accepted."""
     signed: int = 0
@@ -210,7 +212,9 @@ class Box:
     since_us: int = 0
     """Since when it has had this name, or none; 0 unknown."""
     stated: bool = False
-    """The name is what the operator stated."""
+    """The name, or that it is none of ours, is what the operator stated."""
+    none_of_ours: float = NAN
+    """Probability that it is no vehicle of the mission, NaN before any evidence."""
     residual_m: float = NAN
     residual_px: float = NAN
     position_age_s: float = NAN

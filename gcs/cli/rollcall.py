@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+from gcs.certainty import certainty
 from gcs.cli.output.console import print_lines
 from gcs.cli.output.tables import print_table
 from gcs.report.rollcall import RollCall, RollCallRow
@@ -46,6 +47,6 @@ def _cells(row: RollCallRow) -> tuple[str, ...]:
         f"{row.first_named_s:.1f} s",
         str(row.boxes),
         share,
-        f"{row.confidence:.1%}",
+        certainty(row.confidence),
         "",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from assoc.identification.identifier import Identities
+from gcs.certainty import certainty
 from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Level
@@ -48,7 +49,7 @@ class NameChanges:
         for track, (vehicle, sure) in found.items():
             former = before.get(track)
             if vehicle and vehicle != former:
-                text = f"track {track} is {self._mission.name_of(vehicle)} ({sure:.0%})"
+                text = f"track {track} is {self._mission.name_of(vehicle)} ({certainty(sure)})"
                 text += f", no longer {self._mission.name_of(former)}" if former else ""
                 level: Level = "warning" if former else "info"
                 events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))

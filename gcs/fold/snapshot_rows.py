@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.identification.identifier import Identities
+from gcs.certainty import CONFIRMED
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState, VehicleStatus
@@ -27,8 +28,6 @@ EVIDENCE = (
     *("confidence", "runner_up_confidence", "residual_m", "position_age_s"),
     *("projection", "topology", "fused"),
 )
-# At or above, a name is shown as confirmed.
-CONFIRMED = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.certainty import certainty
 from gcs.snapshot import Box, Snapshot, Standing
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "draw",
     "drawable",
     "front_mark",
+    "is_picked",
     "label_of",
     "named_count",
     "place_labels",
@@ -67,20 +69,25 @@ def standing_of(snapshot: Snapshot, box: Box) -> Standing:
 
 
 def label_of(snapshot: Snapshot, box: Box) -> str:
-    """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both."""
+    """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
+    ``UGV-3 stated`` by the operator."""
     standing = standing_of(snapshot, box)
     name = snapshot.name_of(box.system_id) if box.system_id else "?"
-    # no evidence is ever certain: 99 % is the most that is shown
-    percent = f" {min(99, round(100 * box.confidence))}%" if box.system_id and math.isfinite(box.confidence) else ""
+    sure = f" {'stated' if box.stated else certainty(box.confidence)}".rstrip() if box.system_id else ""
     before = "~" if standing == "coasting" else ""
-    after = "?" if standing == "tentative" else ""
-    return f"{before}{name}{after}{percent}"
+    after = "?" if standing == "tentative" and not box.stated else ""
+    return f"{before}{name}{after}{sure}"
 
 
 def named_count(snapshot: Snapshot) -> tuple[int, int]:
     """Confirmed ground vehicles and all ground vehicles."""
     standings = [row.standing for row in snapshot.vehicles if row.role == "ugv"]
     return standings.count("confirmed"), len(standings)
+
+
+def is_picked(box: Box, selected: int, track: int) -> bool:
+    """Whether a box is of the picked vehicle, or is the picked box without a name; 0 none."""
+    return bool(selected and box.system_id == selected) or bool(track and box.track_id == track)
 
 
 def drawable(box: Box) -> bool:
@@ -165,13 +172,14 @@ def _overlaps(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.floa
     return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1), dtype=np.float64)
 
 
-def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArray[np.uint8]:
+def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: int = 0) -> NDArray[np.uint8]:
     """The image with boxes, front ticks, names and a header with time and fleet summary.
 
     Args:
         snapshot: Its image is left as it is; without one the canvas is dark.
         scale: Size of the result against the image, above 0.
         selected: System id to stress, 0 none.
+        track: Track id of a box without a name to stress, 0 none.
 
     Returns:
         (round(height · scale), round(width · scale), 3) uint8 BGR.
@@ -179,7 +187,8 @@ def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArra
     canvas = _canvas(snapshot, scale)
     unit = max(0.75, canvas.shape[0] / 900)
     boxes = sorted(
-        filter(drawable, snapshot.boxes), key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy)
+        filter(drawable, snapshot.boxes),
+        key=lambda box: (not is_picked(box, selected, track), box.system_id == 0, -box.cy),
     )
     labels = [_ascii(label_of(snapshot, box)) for box in boxes]
     sizes = [_text_size(text, unit) for text in labels]
@@ -189,7 +198,7 @@ def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0) -> NDArra
         _draw_box(canvas, box, STANDING_RGB[standing_of(snapshot, box)], scale, unit)
     for box, text, place in zip(boxes, labels, places, strict=True):
         colour = STANDING_RGB[standing_of(snapshot, box)]
-        highlighted = bool(selected) and box.system_id == selected
+        highlighted = is_picked(box, selected, track)
         _draw_label(canvas, text, place, unit, *((DARK, colour) if highlighted else (colour, DARK)))
     _draw_header(canvas, snapshot, unit)
     return canvas

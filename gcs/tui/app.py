@@ -35,6 +35,7 @@ from gcs.tui.panes.pane import Pane
 from gcs.tui.panes.status import StatusBar
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.panes.video import VideoPane
+from gcs.tui.picking import beside, followed
 from gcs.tui.screens.command import ask_for_order
 from gcs.tui.screens.held import ask_to_accept
 from gcs.tui.screens.help import HelpScreen
@@ -67,6 +68,7 @@ class RollcallApp(App[None]):
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
+    picked_track: reactive[int] = reactive(0, repaint=False)
 
     def __init__(self, station: Station, *, graphics: Graphics = "auto", bell: bool = False) -> None:
         """Show a station.
@@ -86,6 +88,7 @@ class RollcallApp(App[None]):
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
         self._map = MapPane(id="map")
+        self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")
         self._panes = PaneArea(
@@ -93,7 +96,7 @@ class RollcallApp(App[None]):
                 VideoPane(id="video", pixels=pixel_images(graphics)),
                 self._map,
                 FleetPane(id="fleet"),
-                IdentityPane(id="identity"),
+                self._identity,
                 self._alarms,
                 self._events,
             ],
@@ -105,7 +108,7 @@ class RollcallApp(App[None]):
         """Status, alert, panes, timeline, keys."""
         live = self._timeline is None
         for pane in self._panes.panes:
-            pane.data_bind(RollcallApp.snapshot, RollcallApp.selected)
+            pane.data_bind(RollcallApp.snapshot, RollcallApp.selected, RollcallApp.picked_track)
         yield self._status.data_bind(RollcallApp.snapshot)
         yield self._alert_line
         yield self._panes
@@ -132,6 +135,7 @@ class RollcallApp(App[None]):
         if newest is not None and newest is not self.snapshot:
             self._newest_at = time.monotonic()
             self._panes.fit_to(newest)
+            self._pick(*followed(newest, (self.selected, self.picked_track)))
             self.snapshot = newest
         self._status.title = self._station.title
         events = self._station.events()
@@ -249,18 +253,19 @@ class RollcallApp(App[None]):
         )
 
     def action_pick(self, steps: int) -> None:
-        """Select the vehicle above or below."""
-        ids = [row.system_id for row in self.snapshot.vehicles] if self.snapshot is not None else []
-        if ids:
-            first = 0 if steps > 0 else len(ids) - 1
-            self.selected = ids[(ids.index(self.selected) + steps) % len(ids) if self.selected in ids else first]
+        """Select the vehicle, or the box without a name, above or below."""
+        if self.snapshot is not None:
+            self._pick(*beside(self.snapshot, (self.selected, self.picked_track), steps))
+
+    def _pick(self, system_id: int, track_id: int) -> None:
+        self.selected, self.picked_track = system_id, 0 if system_id else track_id
 
     def action_release(self) -> None:
         """Leave the maximised pane, else the selection."""
         if self._panes.state.maximised:
             self._panes.maximise(self._panes.state.maximised)
         else:
-            self.selected = 0
+            self._pick(0, 0)
 
     def action_zoom(self, steps: int) -> None:
         """Zoom the map."""
@@ -269,6 +274,10 @@ class RollcallApp(App[None]):
     def action_follow(self) -> None:
         """What the map follows."""
         self._map.follow_next()
+
+    def action_evidence(self) -> None:
+        """Evidence for analysts in the identity pane, or not."""
+        self._identity.show_evidence()
 
     def action_level(self) -> None:
         """Level filter of the log."""
@@ -303,7 +312,7 @@ class RollcallApp(App[None]):
 
     def on_vehicle_picked(self, message: VehiclePicked) -> None:
         """A pane was clicked."""
-        self.selected = message.system_id
+        self._pick(message.system_id, message.track_id)
 
     def on_seek_to(self, message: SeekTo) -> None:
         """The timeline was clicked."""

@@ -41,13 +41,14 @@ PANES: Final = (
     _key("3", "layout(3)", "both", "Layout: video and map above the whole table", id="layout.both"),
 )
 LOOK: Final = (
-    _key("up,k", "pick(-1)", "vehicle", "Vehicle above", id="pick.up", shown="↑"),
-    _key("down,j", "pick(1)", "vehicle", "Vehicle below", id="pick.down", shown="↓"),
+    _key("up,k", "pick(-1)", "vehicle", "Vehicle or box without a name above", id="pick.up", shown="↑"),
+    _key("down,j", "pick(1)", "vehicle", "Vehicle or box without a name below", id="pick.down", shown="↓"),
     _key("escape", "release", "back", "Leave the zoomed pane, then the vehicle", id="pick.none", shown="esc"),
     _key("plus,equals_sign", "zoom(1)", "closer", "Map: closer", id="map.closer", shown="+"),
     _key("minus", "zoom(-1)", "farther", "Map: farther", id="map.farther", shown="-"),
     _key("0", "zoom(0)", "fit", "Map: fit everything", id="map.fit"),
     _key("c", "follow", "follow", "Map: follow all, UAV or the selected vehicle", id="map.follow"),
+    _key("x", "evidence", "evidence", "Identity: evidence for analysts and back", id="identity.evidence"),
     _key("l", "level", "level", "Event log: all, warnings, alarms", id="events.level"),
 )
 STATION: Final = (

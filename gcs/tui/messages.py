@@ -20,9 +20,10 @@ class AlarmsSeen(Message):
 
 @dataclass
 class VehiclePicked(Message):
-    """The operator pointed at a vehicle; 0 for none."""
+    """The operator pointed at a vehicle or at a box without a name; both 0 for none."""
 
     system_id: int
+    track_id: int = 0
 
 
 @dataclass

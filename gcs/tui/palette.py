@@ -24,6 +24,7 @@ __all__ = [
     "PICKED",
     "WARN",
     "Rgb",
+    "count_colour",
     "ink",
     "level_colour",
     "position_colour",
@@ -54,6 +55,13 @@ def ink(colour: Rgb = INK, paper: Rgb = PANEL, *, bold: bool = False) -> Style:
 def standing_colour(standing: Standing) -> Rgb:
     """Colour of how sure an identity is."""
     return STANDING_RGB.get(standing, INK)
+
+
+def count_colour(named: int, total: int) -> Rgb:
+    """Colour of how many vehicles are confirmed: good when all are, a warning when none is."""
+    if not total:
+        return INK
+    return GOOD if named == total else INK if named else WARN
 
 
 def position_colour(state: str) -> Rgb:

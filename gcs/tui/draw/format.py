@@ -20,7 +20,6 @@ __all__ = [
     "plain",
     "position",
     "standing_word",
-    "sure",
 ]
 
 
@@ -55,11 +54,6 @@ def standing_word(standing: Standing) -> str:
 def percent(share: float) -> str:
     """``97%``, empty for NaN."""
     return "" if not math.isfinite(share) else f"{100 * share:.0f}%"
-
-
-def sure(confidence: float) -> str:
-    """A confidence, 99 % at most since no evidence is ever certain; empty for NaN."""
-    return percent(min(confidence, 0.99))
 
 
 def number(value: float, unit: str, digits: int = 1) -> str:

@@ -8,7 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.report.overlay import box_bounds, box_corners, drawable, front_mark, label_of, place_labels, standing_of
+from gcs.report.overlay import (
+    box_bounds,
+    box_corners,
+    drawable,
+    front_mark,
+    is_picked,
+    label_of,
+    place_labels,
+    standing_of,
+)
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid, pack
@@ -22,7 +31,7 @@ SMALLEST_DOTS = 5.0
 """A box is drawn at least this long, else it is a speck on a small screen."""
 
 
-def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> CellGrid:
+def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0) -> CellGrid:
     """Draw one snapshot in a field of cells.
 
     Args:
@@ -30,6 +39,7 @@ def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> C
         selected: System id whose label is inverted, 0 none.
         columns: Cells, above 0.
         rows: Cells, above 0.
+        track: Track id of a box without a name whose label is inverted, 0 none.
     """
     cells = CellGrid(columns, rows, pack(PANEL))
     if snapshot.width <= 0 or snapshot.height <= 0:
@@ -41,10 +51,11 @@ def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int) -> C
     else:
         cells.text(left + max(0, used_columns // 2 - 4), top + used_rows // 2, "no video", pack(FAINT))
     boxes = sorted(
-        filter(drawable, snapshot.boxes), key=lambda box: (box.system_id != selected, box.system_id == 0, -box.cy)
+        filter(drawable, snapshot.boxes),
+        key=lambda box: (not is_picked(box, selected, track), box.system_id == 0, -box.cy),
     )
     _outlines(cells, snapshot, boxes, (left, top), used_columns / snapshot.width)
-    _labels(cells, snapshot, boxes, selected, (left, top, used_columns, used_rows))
+    _labels(cells, snapshot, boxes, (selected, track), (left, top, used_columns, used_rows))
     return cells
 
 
@@ -84,7 +95,7 @@ def _grown(points: NDArray[np.float64], middle: NDArray[np.float64], factor: flo
 
 
 def _labels(
-    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], selected: int, field: tuple[int, int, int, int]
+    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], pick: tuple[int, int], field: tuple[int, int, int, int]
 ) -> None:
     left, top, columns, rows = field
     across, down = columns / snapshot.width, rows / snapshot.height
@@ -99,7 +110,8 @@ def _labels(
     places = place_labels(anchors, [(float(len(text)), 1.0) for text in texts], bounds)
     for box, text, place in reversed(list(zip(boxes, texts, places, strict=True))):
         colour = standing_colour(standing_of(snapshot, box))
-        ink, paper = (PANEL, colour) if selected and box.system_id == selected else (colour, PANEL)
-        if box.system_id and box.system_id != selected and not box.coasting:
+        stressed = is_picked(box, *pick)
+        ink, paper = (PANEL, colour) if stressed else (colour, PANEL)
+        if box.system_id and not stressed and not box.coasting:
             ink = BRIGHT if standing_of(snapshot, box) == "confirmed" else colour
         cells.text(round(place[0]), round(place[1]), text, pack(ink), pack(paper))

@@ -11,8 +11,9 @@ from typing import ClassVar
 from textual import events
 from textual.strip import Strip
 
+from gcs.certainty import named
 from gcs.snapshot import VehicleRow
-from gcs.tui.draw.format import age, metres, number, percent, plain, position, standing_word, sure
+from gcs.tui.draw.format import age, metres, number, percent, plain, position, standing_word
 from gcs.tui.draw.strips import Part, fitted, line
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import (
@@ -113,7 +114,7 @@ def _many(count: int) -> str:
 
 
 def _identity(row: VehicleRow) -> Cell:
-    return f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip(), standing_colour(row.standing)
+    return named(standing_word(row.standing), row.confidence, stated=row.stated), standing_colour(row.standing)
 
 
 def _height(row: VehicleRow, rows: Sequence[VehicleRow]) -> Cell:

@@ -1,4 +1,4 @@
-"""The identity pane: why the selected vehicle is, or is not, the box that carries its name."""
+"""The identity pane: who the picked vehicle or box is, since when, who else it may be, and what speaks against that."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import ClassVar, Final
 
 from textual.strip import Strip
 
-from gcs.report.overlay import named_count
-from gcs.snapshot import Box, Snapshot, Standing, VehicleRow
-from gcs.tui.draw.format import age, degrees, metres, number, percent, plain, position, standing_word, sure
-from gcs.tui.draw.strips import Part, bar, line
+from gcs.certainty import certainty, named
+from gcs.report.overlay import drawable, named_count, standing_of
+from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
+from gcs.tui.draw.format import age, degrees, metres, number, percent, plain, position, standing_word
+from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
 from gcs.tui.palette import (
     ACCENT,
     ALARM,
@@ -22,55 +23,200 @@ from gcs.tui.palette import (
     INK,
     WARN,
     Rgb,
+    count_colour,
     ink,
     position_colour,
     standing_colour,
 )
 from gcs.tui.panes.pane import Pane
+from gcs.tui.picking import picked_box
 
-__all__ = ["IdentityPane"]
+__all__ = ["IdentityPane", "expected_place"]
 
-DOUBTS: Final[tuple[Standing, ...]] = ("tentative", "coasting", "unidentified", "out of view", "no position")
+DOUBTS: Final[tuple[Standing, ...]] = (
+    *("tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"),
+)
+NAME_CELLS, BAR_CELLS = 12, 8
+"""Width of what is before a fact, and of a bar."""
+NONE_OF_OURS: Final = "none of ours"
+EVIDENCE: Final = (
+    "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
+)
 Fact = tuple[str, str, Rgb]
 
 
 class IdentityPane(Pane):
-    """Evidence, rivals and position of one vehicle; the fleet in numbers while none is selected."""
+    """Candidates and position of what is picked; the fleet in numbers while nothing is."""
 
     label: ClassVar[str] = "IDENTITY"
 
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._evidence = False
+
+    def show_evidence(self) -> None:
+        """The view for analysts, or back."""
+        self._evidence = not self._evidence
+        self.redraw()
+
     def note(self) -> Sequence[Part]:
         """Whose identity."""
-        if self.snapshot is None or not self.selected:
+        if self.snapshot is None or not (self.selected or self.picked_track):
             return ()
-        return [(f"{plain(self.snapshot.name_of(self.selected))} ", ink(ACCENT, HEAD, bold=True))]
+        who = plain(self.snapshot.name_of(self.selected)) if self.selected else f"box {self.picked_track}"
+        return [(f"{who} ", ink(ACCENT, HEAD, bold=True))]
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """Facts as name and value, the weightiest first, in two columns where there is room."""
+        """Candidates in whole lines, then facts as name and value, in two columns where there is room."""
         if self.snapshot is None:
             return []
         row = next((row for row in self.snapshot.vehicles if row.system_id == self.selected), None)
-        facts = _fleet_facts(self.snapshot) if row is None else _facts(self.snapshot, row)
-        half = math.ceil(len(facts) / 2)
-        if height >= len(facts) or width < 60:
-            return [line(_fact_parts(fact, 12), width) for fact in facts[:height]]
-        strips = []
-        for index in range(min(half, height)):
-            left = line(_fact_parts(facts[index], 12), width // 2)
-            right = _fact_parts(facts[half + index], 12) if half + index < len(facts) else []
-            strips.append(Strip.join([left, line(right, width - width // 2)]))
-        return strips
+        box = picked_box(self.snapshot, self.selected, self.picked_track)
+        if self._evidence:
+            lines, facts = [[(f" {text}", ink(FAINT))] for text in folded(EVIDENCE, width - 2)], _evidence(box)
+        elif row is not None and row.role == "ugv":
+            lines, facts = _vehicle(self.snapshot, row, box, width), _vehicle_facts(self.snapshot, row, box)
+        elif row is not None:
+            lines, facts = [], _vehicle_facts(self.snapshot, row, None)
+        elif self.picked_track:
+            lines, facts = _unnamed(self.snapshot, box, width), _box_facts(box) if box else []
+        else:
+            lines, facts = [], _fleet_facts(self.snapshot)
+        strips = [line(parts, width) for parts in lines[:height]]
+        return strips + _columns(facts, width, height - len(strips))
 
 
-def _fact_parts(fact: Fact, width: int) -> list[Part]:
+def _columns(facts: Sequence[Fact], width: int, height: int) -> list[Strip]:
+    """One column, or two where they do not fit in one and the pane is wide."""
+    if height >= len(facts) or width < 60:
+        return [line(_fact_parts(fact), width) for fact in facts[: max(height, 0)]]
+    half = math.ceil(len(facts) / 2)
+    strips = []
+    for index in range(min(half, height)):
+        left = line(_fact_parts(facts[index]), width // 2)
+        right = _fact_parts(facts[half + index]) if half + index < len(facts) else []
+        strips.append(Strip.join([left, line(right, width - width // 2)]))
+    return strips
+
+
+def _fact_parts(fact: Fact) -> list[Part]:
     name, value, colour = fact
-    return [(f" {name:<{width}}", ink(FAINT)), (value, ink(colour))]
+    return [(f" {name:<{NAME_CELLS}}", ink(FAINT)), (value, ink(colour))]
+
+
+def _text(fact: Fact, width: int) -> list[list[Part]]:
+    """A fact in as many lines as its text needs."""
+    name, text, colour = fact
+    first, *more = folded(text, max(1, width - NAME_CELLS - 2))
+    return [_fact_parts((name, first, colour)), *(_fact_parts(("", each, colour)) for each in more)]
+
+
+def _since(snapshot: Snapshot, since_us: int) -> str:
+    return f" for {age((snapshot.t_us - since_us) * 1e-6)}" if since_us else ""
+
+
+def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -> list[list[Part]]:
+    """Standing and since when; then what else its box may be, or where it should be and which box it may be."""
+    words = named(standing_word(row.standing), row.confidence, stated=row.stated)
+    words += _since(snapshot, row.standing_since_us)
+    lines = [_fact_parts(("standing", words, standing_colour(row.standing)))]
+    if box is not None:
+        return lines + _candidates(snapshot, box, width)
+    lines += _text(("should be", expected_place(snapshot, row), INK), width)
+    other = _likeliest_box(snapshot, row.system_id)
+    if other is not None:
+        name = f"box {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
+        lines += _text(("nearest to", f"{name}: {_in_words(other[1])}", INK), width)
+    return lines
+
+
+def _unnamed(snapshot: Snapshot, box: Box | None, width: int) -> list[list[Part]]:
+    """A box without a name: since when, and who it may be."""
+    if box is None:
+        return _text(("standing", "gone: no longer in the picture", FAINT), width)
+    standing = standing_of(snapshot, box)
+    words = ("stated: none of ours" if box.stated else "no name") + _since(snapshot, box.since_us)
+    return [_fact_parts(("standing", words, standing_colour(standing))), *_candidates(snapshot, box, width)]
+
+
+def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:
+    """A line for each candidate: name, probability, bar, distance, and what speaks against it."""
+    if not box.candidates:
+        why = "not tracked yet" if not box.track_id else "nothing to compare: the camera's pose is unknown"
+        return [] if snapshot.pose != "unknown" and box.track_id else _text(("candidates", why, FAINT), width)
+    lines: list[list[Part]] = []
+    for candidate in box.candidates:
+        own = candidate.system_id == box.system_id
+        colour = standing_colour(standing_of(snapshot, box)) if own else INK
+        lines += _share(snapshot.name_of(candidate.system_id), candidate, colour, width)
+    if math.isfinite(box.none_of_ours):
+        lines += _share(NONE_OF_OURS, Candidate(system_id=0, confidence=box.none_of_ours), FAINT, width)
+    return lines
+
+
+def _share(name: str, candidate: Candidate, colour: Rgb, width: int) -> list[list[Part]]:
+    """Probability in number and bar; what speaks against it behind where there is room, else below."""
+    away = metres(candidate.distance_m) if math.isfinite(candidate.distance_m) else ""
+    parts: list[Part] = [
+        (f" {fitted(plain(name), NAME_CELLS)}", ink(colour)),
+        (f"{certainty(candidate.confidence):>3} ", ink(colour)),
+        (bar(candidate.confidence, BAR_CELLS), ink(colour)),
+        (f" {away:>6}", ink(INK)),
+    ]
+    if not candidate.against:
+        return [parts]
+    against = plain(candidate.against)
+    room = width - width_of(parts) - 2
+    if room >= len(against):
+        return [[*parts, (f"  {against}", ink(WARN))]]
+    return [parts, *([(f"   {text}", ink(WARN))] for text in folded(against, max(1, width - 4)))]
+
+
+def _in_words(candidate: Candidate) -> str:
+    """Probability, distance and what speaks against it, in one line."""
+    away = f"{metres(candidate.distance_m)} away" if math.isfinite(candidate.distance_m) else ""
+    return ", ".join(each for each in (certainty(candidate.confidence), away, plain(candidate.against)) if each)
+
+
+def _likeliest_box(snapshot: Snapshot, system_id: int) -> tuple[Box, Candidate] | None:
+    """The box of which the vehicle is the likeliest, as far as it is a candidate of any."""
+    found = [(box, each) for box in snapshot.boxes for each in box.candidates if each.system_id == system_id]
+    return max(found, key=lambda pair: pair[1].confidence, default=None)
+
+
+def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
+    """Where a vehicle without a box should be, by its report, and whether the picture shows that place."""
+    if row.position_state not in ("ok", "stale"):
+        return "not known: it has no usable position"
+    if snapshot.pose == "unknown":
+        return "not known: the camera's pose is unknown"
+    if row.expected_px is None:
+        return "behind the camera: the picture does not show it"
+    x, y = row.expected_px
+    across = "left" if x < 0 else "right" if x >= snapshot.width else ""
+    along = "above" if y < 0 else "below" if y >= snapshot.height else ""
+    if across or along:
+        away = math.hypot(max(-x, x - snapshot.width, 0.0), max(-y, y - snapshot.height, 0.0))
+        side = " and ".join(word for word in (along, across) if word) + " of" * bool(across)
+        return f"{side} the picture, {away:.0f} px outside"
+    third = min(int(3 * x / snapshot.width), 2), min(int(3 * y / snapshot.height), 2)
+    words = " ".join(word for word in (("upper", "", "lower")[third[1]], ("left", "", "right")[third[0]]) if word)
+    place = f"in the picture at the {words}" if words else "in the middle of the picture"
+    there = next((box for box in snapshot.boxes if drawable(box) and _covers(box, x, y)), None)
+    if there is None:
+        return f"{place}, where no box is"
+    return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'box {there.track_id}'} is"
+
+
+def _covers(box: Box, x: float, y: float) -> bool:
+    """Whether a place is within a box's length of its middle."""
+    return math.hypot(box.cx - x, box.cy - y) <= max(box.w, box.h)
 
 
 def _fleet_facts(snapshot: Snapshot) -> list[Fact]:
-    named, total = named_count(snapshot)
+    count, total = named_count(snapshot)
     counts = Counter(row.standing for row in snapshot.vehicles if row.role == "ugv")
-    facts: list[Fact] = [("confirmed", f"{named} of {total}", standing_colour("confirmed"))]
+    facts: list[Fact] = [("confirmed", f"{count} of {total}", count_colour(count, total))]
     facts += [
         (standing_word(standing), str(counts[standing]), standing_colour(standing))
         for standing in DOUBTS
@@ -84,7 +230,7 @@ def _fleet_facts(snapshot: Snapshot) -> list[Fact]:
     if math.isfinite(health.yaw_offset):
         spread = _spread(math.degrees(health.yaw_offset_std), 1)
         facts.append(("camera yaw", f"{math.degrees(health.yaw_offset):+.1f}{spread}°", INK))
-    facts.append(("", "↑↓ pick a vehicle", FAINT))
+    facts.append(("", "↑↓ pick a vehicle or a box", FAINT))
     return facts
 
 
@@ -92,17 +238,12 @@ def _spread(std: float, digits: int) -> str:
     return f" ±{std:.{digits}f}" if math.isfinite(std) else ""
 
 
-def _facts(snapshot: Snapshot, row: VehicleRow) -> list[Fact]:
-    facts: list[Fact] = []
-    if row.role == "ugv":
-        words = f"{standing_word(row.standing)} {sure(row.confidence)}".rstrip()
-        facts.append(("standing", words, standing_colour(row.standing)))
-        box = next((box for box in snapshot.boxes if box.system_id == row.system_id), None)
-        facts += _evidence(snapshot, box) if box else [("box", "none in this frame", FAINT)]
-    facts += _doubts(row, keyed=bool(snapshot.health.keys))
+def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list[Fact]:
+    facts = _doubts(row, keyed=bool(snapshot.health.keys))
     where = position(row.position_state, row.position_age_s)
     spread = f" ±{metres(row.std_m)}" if math.isfinite(row.std_m) else ""
     facts.append(("position", where + spread, position_colour(row.position_state)))
+    facts += _box_facts(box) if box else []
     facts.append(("heading", degrees(row.heading), INK))
     armed = {True: "armed", False: "disarmed", None: ""}[row.armed]
     facts.append(("state", " ".join(word for word in (plain(row.mode), armed, plain(row.fix)) if word) or "–", INK))
@@ -124,16 +265,18 @@ def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
     return facts
 
 
-def _evidence(snapshot: Snapshot, box: Box) -> list[Fact]:
-    rival = "none" if not box.runner_up else plain(snapshot.name_of(box.runner_up))
-    facts: list[Fact] = [
-        ("runner-up", f"{rival} {percent(box.runner_up_confidence)}".rstrip(), INK),
-        ("residual", f"{number(box.residual_m, 'm')}  {number(box.residual_px, 'px', 0)}", INK),
-    ]
-    for name, mass in (("projection", box.projection), ("topology", box.topology), ("fused", box.fused)):
-        facts.append((name, f"{percent(mass) or '–':>4} {bar(mass, 10)}", BRIGHT if name == "fused" else INK))
-    track = f"{box.track_id}" + (" coasting" if box.coasting else "")
-    facts.append(("track", track, INK))
+def _box_facts(box: Box) -> list[Fact]:
+    facts: list[Fact] = [("track", f"{box.track_id or '–'}" + (" coasting" if box.coasting else ""), INK)]
     if math.isfinite(box.lat_deg) and math.isfinite(box.lon_deg):
         facts.append(("place", f"{box.lat_deg:.5f} {box.lon_deg:.5f}", INK))
+    return facts
+
+
+def _evidence(box: Box | None) -> list[Fact]:
+    if box is None:
+        return [("", "no box is picked", FAINT)]
+    facts: list[Fact] = []
+    for name, mass in (("projection", box.projection), ("topology", box.topology), ("fused", box.fused)):
+        facts.append((name, f"{percent(mass) or '–':>4} {bar(mass, 10)}", BRIGHT if name == "fused" else INK))
+    facts.append(("residual", f"{number(box.residual_m, 'm')}  {number(box.residual_px, 'px', 0)}", INK))
     return facts

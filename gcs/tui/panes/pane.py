@@ -20,13 +20,15 @@ __all__ = ["Pane"]
 
 
 class Pane(Widget, can_focus=True):
-    """A panel of the screen; the app binds ``snapshot`` and ``selected`` to every pane."""
+    """A panel of the screen; the app binds ``snapshot`` and what is picked to every pane."""
 
     ALLOW_SELECT: ClassVar[bool] = False
     label: ClassVar[str] = ""
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
+    picked_track: reactive[int] = reactive(0, repaint=False)
+    """Track id of the picked box while it has no name, 0 none."""
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
@@ -73,6 +75,10 @@ class Pane(Widget, can_focus=True):
 
     def watch_selected(self) -> None:
         """Another vehicle is stressed."""
+        self.redraw()
+
+    def watch_picked_track(self) -> None:
+        """Another box is stressed."""
         self.redraw()
 
     def on_resize(self, event: events.Resize) -> None:

@@ -17,7 +17,7 @@ from gcs.report.overlay import named_count
 from gcs.snapshot import Health, Snapshot
 from gcs.tui.draw.format import age, bytes_text, clock, duration, plain
 from gcs.tui.draw.strips import Part, split_line, width_of
-from gcs.tui.palette import ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, WARN, ink
+from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts, count_parts
 
 __all__ = ["StatusBar"]
@@ -76,7 +76,7 @@ class StatusBar(Widget):
             return []
         health = self.snapshot.health
         named, total = named_count(self.snapshot)
-        items = [_item(3, f"{named}/{total} confirmed", GOOD if named == total and total else INK)]
+        items = [_item(3, f"{named}/{total} confirmed", count_colour(named, total))]
         if self._live:
             size = _item(5, bytes_text(health.recorded_bytes), INK)
             items = [self._recording(health), *_open(health), size, *items, _links(health), *_links_named(health)]

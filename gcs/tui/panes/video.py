@@ -37,7 +37,7 @@ class VideoPane(Pane):
         super().__init__(id=id)
         self._pixels = pixels
         self._rest_until = 0.0
-        self._look: tuple[int, int, int] = (0, 0, 0)
+        self._look: tuple[int, int, int, int] = (0, 0, 0, 0)
         self._late = False
 
     def compose(self) -> ComposeResult:
@@ -68,11 +68,11 @@ class VideoPane(Pane):
         if self._pixels is not None:
             self._send(self._pixels, self.snapshot, width, height)
             return []
-        return video_cells(self.snapshot, self.selected, width, height).strips()
+        return video_cells(self.snapshot, self.selected, width, height, self.picked_track).strips()
 
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()
-        look = (width, height, self.selected)
+        look = (width, height, self.selected, self.picked_track)
         if look == self._look and now < self._rest_until:
             self._catch_up(self._rest_until - now)
             return
@@ -83,7 +83,7 @@ class VideoPane(Pane):
         child.styles.width = max(1, min(width, int(wide * scale / pixels.cell_width)))
         child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
         child.styles.margin = (1, 0, 0, 0)
-        child.image = pixels.to_widget(draw(snapshot, scale=scale, selected=self.selected))  # type: ignore[attr-defined]
+        child.image = pixels.to_widget(draw(snapshot, scale=scale, selected=self.selected, track=self.picked_track))  # type: ignore[attr-defined]
         self.call_after_refresh(self._rest, now)
 
     def _rest(self, began: float) -> None:
@@ -101,7 +101,7 @@ class VideoPane(Pane):
         self.redraw()
 
     def on_click(self, event: events.Click) -> None:
-        """Pick the vehicle under the pointer."""
+        """Pick the vehicle or the box under the pointer."""
         if self.snapshot is not None:
             box = box_at(self.snapshot, event.x, event.y - 1, self.size.width, self.size.height - 1)
-            self.post_message(VehiclePicked(box.system_id if box else 0))
+            self.post_message(VehiclePicked(box.system_id, box.track_id) if box else VehiclePicked(0))

@@ -1,0 +1,127 @@
+"""Why a vehicle is a box, why not, and since when; any box can be picked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gcs.snapshot import Candidate
+from gcs.tui.panes.identity import IdentityPane, expected_place
+from gcs.tui.panes.video import VideoPane
+from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
+
+SNAPSHOT = replace(make_snapshot(), pose="known")
+UNNAMED = next(box for box in SNAPSHOT.boxes if box.track_id == 21)
+CANDIDATES = (
+    Candidate(system_id=15, confidence=0.34, distance_m=9.8, against="9.8 m from its report, 4 σ"),
+    Candidate(system_id=11, confidence=0.02, distance_m=31.0, against="track 3 fits it better (97%)"),
+    Candidate(system_id=17, confidence=0.0, against="its report is 12 s old"),
+)
+
+
+def changed(**change):
+    """The snapshot with its unnamed box changed."""
+    boxes = tuple(replace(box, **change) if box.track_id == 21 else box for box in SNAPSHOT.boxes)
+    return replace(SNAPSHOT, boxes=boxes)
+
+
+def row_of(system_id, **change):
+    return replace(next(row for row in SNAPSHOT.vehicles if row.system_id == system_id), **change)
+
+
+async def test_keys_go_through_vehicles_and_then_unnamed_boxes():
+    async with running(size=WIDE) as (app, pilot, _):
+        await pilot.press("up")
+        assert (app.selected, app.picked_track) == (0, 21)
+        assert "box 21" in text_of(app.query_one(IdentityPane))
+        await pilot.press("up")
+        assert (app.selected, app.picked_track) == (17, 0)
+        await pilot.press("down", "down")
+        assert (app.selected, app.picked_track) == (1, 0)
+        await pilot.press("up", "escape")
+        assert (app.selected, app.picked_track) == (0, 0)
+
+
+async def test_a_click_picks_a_box_without_a_name():
+    async with running(size=WIDE) as (app, pilot, _):
+        pane = app.query_one(VideoPane)
+        # wide pictures fill the width of the pane below its heading
+        scale = pane.size.width / SNAPSHOT.width
+        top = (pane.size.height - 1 - SNAPSHOT.height * scale / 2) / 2
+        await pilot.click(pane, offset=(round(UNNAMED.cx * scale), 1 + round(top + UNNAMED.cy * scale / 2)))
+        assert (app.selected, app.picked_track) == (0, 21)
+
+
+async def test_an_unnamed_box_shows_its_candidates_and_what_speaks_against_each():
+    snapshot = changed(candidates=CANDIDATES, none_of_ours=0.64, since_us=SNAPSHOT.t_us - 8_000_000)
+    async with running(FakeStation(snapshot=snapshot), size=WIDE) as (app, pilot, _):
+        await pilot.press("up")
+        said = text_of(app.query_one(IdentityPane))
+        assert "no name for 8.0s" in said
+        for words in ("34%", "9.8 m", "4 σ", "track 3 fits it better (97%)", "its report is 12 s old", "64%"):
+            assert words in said.replace("\n", " "), words
+        assert "none of ours" in said and "█" in said
+
+
+async def test_candidates_can_be_read_on_a_small_screen():
+    snapshot = changed(candidates=CANDIDATES, none_of_ours=0.64)
+    async with running(FakeStation(snapshot=snapshot)) as (app, pilot, _):
+        await pilot.press("up", "i", "z")
+        said = " ".join(text_of(app.query_one(IdentityPane)).split())
+        assert "UGV-15 34%" in said and "9.8 m from its report, 4 σ" in said and "its report is 12 s old" in said
+
+
+async def test_a_picked_box_that_gets_a_name_is_picked_as_its_vehicle():
+    async with running(size=WIDE) as (app, pilot, station):
+        await pilot.press("up")
+        station.snapshot = changed(system_id=15, confidence=0.95)
+        await polled(app, pilot)
+        assert (app.selected, app.picked_track) == (15, 0)
+
+
+async def test_a_picked_box_that_is_gone_is_said_to_be_gone():
+    async with running(size=WIDE) as (app, pilot, station):
+        await pilot.press("up")
+        station.snapshot = replace(SNAPSHOT, boxes=SNAPSHOT.boxes[:2])
+        await polled(app, pilot)
+        assert "gone" in text_of(app.query_one(IdentityPane))
+
+
+async def test_standings_say_since_when():
+    rows = tuple(replace(row, standing_since_us=SNAPSHOT.t_us - 12_000_000) for row in SNAPSHOT.vehicles)
+    async with running(FakeStation(snapshot=replace(SNAPSHOT, vehicles=rows)), size=WIDE) as (app, pilot, _):
+        await pilot.press("down", "down")
+        assert "confirmed 97% for 12s" in text_of(app.query_one(IdentityPane))
+
+
+@pytest.mark.parametrize(
+    ("px", "words"),
+    [
+        ((-40.0, 100.0), "left of the picture, 40 px outside"),
+        ((1400.0, 900.0), "below and right of the picture, 216 px outside"),
+        ((600.0, -7.0), "above the picture, 7 px outside"),
+        ((1200.0, 30.0), "in the picture at the upper right, where no box is"),
+        ((640.0, 330.0), "in the middle of the picture, where no box is"),
+        ((UNNAMED.cx, UNNAMED.cy), "in the picture at the upper right, where box 21 is"),
+        (None, "behind the camera: the picture does not show it"),
+    ],
+)
+def test_a_vehicle_without_a_box_says_where_it_should_be(px, words):
+    assert expected_place(SNAPSHOT, row_of(15, expected_px=px)) == words
+
+
+def test_where_a_vehicle_should_be_may_be_unknown():
+    row = row_of(15, expected_px=None)
+    assert expected_place(replace(SNAPSHOT, pose="unknown"), row) == "not known: the camera's pose is unknown"
+    assert "no usable position" in expected_place(SNAPSHOT, replace(row, position_state="refused"))
+
+
+async def test_the_pane_of_a_vehicle_without_a_box_says_which_box_it_may_be():
+    rows = tuple(replace(row, expected_px=(1200.0, 30.0)) if row.system_id == 15 else row for row in SNAPSHOT.vehicles)
+    snapshot = replace(changed(candidates=CANDIDATES), vehicles=rows)
+    async with running(FakeStation(snapshot=snapshot), size=WIDE) as (app, pilot, _):
+        await pilot.press(*["down"] * 6)
+        said = " ".join(text_of(app.query_one(IdentityPane)).split())
+        assert app.selected == 15
+        assert "upper right, where no box is" in said and "box 21: 34%, 9.8 m" in said and "4 σ" in said
