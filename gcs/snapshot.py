@@ -56,7 +56,7 @@ class Event:
     level: Level
     kind: str
     """One word for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``, ``recording``,
-    ``operator``, ``program``."""
+    ``operator``, ``mark``, ``program``."""
     text: str
     """Plain text, possibly from the air: never markup."""
     system_id: int = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Protocol
 
 from gcs.snapshot import Alarm, Event, Snapshot
@@ -91,6 +92,26 @@ class Station(Protocol):
 
     def events(self) -> Sequence[Event]:
         """What happened so far, oldest first, bounded in number."""
+
+    @property
+    def folder(self) -> Path | None:
+        """Where a flight keeps its files, and stills beside them; None for a recording."""
+
+    def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
+        """Keep the operator's note on a moment, as an event of kind ``mark``: a flight in ``events.jsonl``, a replay in
+        a ``marks.jsonl`` of its own.
+
+        Args:
+            t_us: the moment.
+            text: one line.
+            system_id: which vehicle it is about, 0 none.
+
+        Raises:
+            OSError: a replay cannot write it.
+        """
+
+    def add_event(self, event: Event) -> None:
+        """Something that the operator did, for the event log; only a flight keeps it."""
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these; a flight keeps that in its events."""

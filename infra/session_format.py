@@ -17,6 +17,7 @@ __all__ = [
     "IDENTITY",
     "IDENTITY_EVIDENCE",
     "LOG",
+    "MARKS",
     "METADATA",
     "PROGRAM_LOG",
     "REFUSED",
@@ -31,6 +32,7 @@ PROGRAM_LOG = "program.log"
 LOG = "telemetry.tlog"
 IDENTITY_EVIDENCE = "identity.jsonl"
 EVENTS = "events.jsonl"
+MARKS = "marks.jsonl"
 
 
 @dataclass(frozen=True, slots=True)

@@ -183,6 +183,10 @@ class Flight:
         """Something that the operator is to know, for screen and event log."""
         self._loop.add_event(event)
 
+    def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
+        """Keep the operator's note on a moment: an event."""
+        self._loop.add_event(Event(t_us=t_us, level="info", kind="mark", text=text, system_id=system_id))
+
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these: an event each."""
         t_us = now_us()

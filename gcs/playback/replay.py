@@ -1,19 +1,23 @@
 """A recording on the screens: analysed once from the start in one thread, shown at any place and speed by another.
 
 What is shown at a moment is the very snapshot that ``gcs identify`` computes for it. A place that the analysis has not
-reached yet shows the frame alone, and playing waits there.
+reached yet shows the frame alone, and playing waits there. Marks that are made meanwhile go to a ``marks.jsonl``, and
+nothing else is written.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from gcs.playback.analysis import Analysis
+from gcs.session.event_log import append_event, marks_path, read_events
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
 from vision.video.video import Frame, VideoFile
@@ -31,6 +35,7 @@ class Replay:
     """A station (``gcs.station.Station``) over a recording, with its timeline (``gcs.station.Timeline``)."""
 
     commands = None
+    folder = None
 
     def __init__(self, session: Session, *, redetect: bool = False) -> None:
         """Open the recording and start both threads.
@@ -43,6 +48,9 @@ class Replay:
         self._times = self._analysis.times_us
         self._done: list[Snapshot] = []
         self._events: list[Event] = []
+        self._marks_path = marks_path(session.path)
+        self._added = _read_marks(self._marks_path, int(self._times[0]))
+        """Marks and what else the operator did, in order of time."""
         self._latest: Snapshot | None = None
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -107,7 +115,7 @@ class Replay:
     def events(self) -> Sequence[Event]:
         """All events found so far, also those ahead of the place on show."""
         with self._lock:
-            return tuple(self._events)
+            return tuple(sorted((*self._events, *self._added), key=lambda event: event.t_us))
 
     def play(self) -> None:
         """Let time run; at the end, from the start again."""
@@ -135,6 +143,17 @@ class Replay:
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""
         self._speed = float(np.clip(speed, SPEED_LEAST, SPEED_MOST))
+
+    def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
+        """Keep the operator's note on a moment, in a file beside those of the flight."""
+        event = Event(t_us=t_us, level="info", kind="mark", text=text, system_id=system_id)
+        append_event(self._marks_path, event)
+        self.add_event(event)
+
+    def add_event(self, event: Event) -> None:
+        """For the event log on the screen alone."""
+        with self._lock:
+            insort(self._added, event, key=lambda other: other.t_us)
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """Nothing is written into a recording."""
@@ -199,6 +218,19 @@ class Replay:
         base = done or (replace(last, boxes=(), events=(), t_us=int(self._times[place]), frame=place) if last else None)
         if base is not None:
             self._latest = replace(base, image=frame.image if frame else None)
+
+
+def _read_marks(path: Path, start_us: int) -> list[Event]:
+    """Marks of earlier replays in order of time; what cannot be read of them is reported beside them."""
+    try:
+        marks, skipped = read_events(path)
+    except OSError as error:
+        text = f"{path.name} cannot be read: {error.strerror}"
+        return [Event(t_us=start_us, level="warning", kind="recording", text=text)]
+    if skipped:
+        text = f"{path.name}: {skipped} lines could not be read and were skipped"
+        marks.append(Event(t_us=start_us, level="warning", kind="recording", text=text))
+    return sorted(marks, key=lambda event: event.t_us)
 
 
 class _DecodedFrames:

@@ -1,8 +1,12 @@
-"""``events.jsonl``: links, alarms, operator actions, identity changes; one JSON object a line."""
+"""``events.jsonl``: links, alarms, operator actions, identity changes; one JSON object a line.
+
+``marks.jsonl`` has the same rows: marks that were made later, while the recording was replayed.
+"""
 
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -10,9 +14,11 @@ import msgspec
 
 from gcs.session.line_file import Lines, open_new
 from gcs.snapshot import Event, Level
+from infra.files.safe_open import open_to_append, open_to_read
 from infra.plain_text import plain
+from infra.session_format import MARKS
 
-__all__ = ["EventLog", "event_row"]
+__all__ = ["EventLog", "append_event", "event_row", "marks_path", "read_events"]
 
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
@@ -43,3 +49,63 @@ def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
     return msgspec.json.encode(row | {"text": plain(event.text)}).decode()
+
+
+class _Row(msgspec.Struct, frozen=True):
+    """A line as it is read; unknown keys are passed over."""
+
+    time_us: int
+    level: Level
+    kind: str
+    text: str
+    system_id: int | None = None
+
+
+def read_events(path: Path) -> tuple[list[Event], int]:
+    """Events of one file in its order, and how many lines could not be used; none and 0 where there is no file.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    events: list[Event] = []
+    skipped = 0
+    try:
+        file = os.fdopen(open_to_read(path), "rb")
+    except FileNotFoundError:
+        return events, skipped
+    decoder = msgspec.json.Decoder(_Row)
+    with file:
+        for line in file:
+            try:
+                row = decoder.decode(line)
+            except (msgspec.DecodeError, UnicodeDecodeError):
+                skipped += 1
+                continue
+            events.append(
+                Event(
+                    t_us=row.time_us,
+                    level=row.level,
+                    kind=plain(row.kind),
+                    text=plain(row.text),
+                    system_id=row.system_id or 0,
+                )
+            )
+    return events, skipped
+
+
+def append_event(path: Path, event: Event) -> None:
+    """Append one event to a file, made where there is none.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    fd = open_to_append(path)
+    try:
+        os.write(fd, (event_row(event) + "\n").encode())
+    finally:
+        os.close(fd)
+
+
+def marks_path(recording: Path) -> Path:
+    """Where the marks are that are made while a recording is replayed: in a session's folder, beside a bare log."""
+    return recording / MARKS if recording.is_dir() else recording.with_name(f"{recording.name}.{MARKS}")

@@ -39,15 +39,16 @@ from gcs.tui.picking import beside, followed
 from gcs.tui.screens.command import ask_for_order
 from gcs.tui.screens.held import ask_to_accept
 from gcs.tui.screens.help import HelpScreen
+from gcs.tui.screens.leaving import Leave, LeaveFlight
+from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.prompts import Prompt
-from gcs.tui.screens.saving import save_new
+from gcs.tui.screens.saving import ask_to_save_screen, save_still
 
 __all__ = ["RollcallApp", "error_line"]
 
 POLL_S = 1 / 12
 SILENT_S = 2.0
 ALARM_SHOWN_US = 8_000_000
-SCREENSHOT_TITLE = "Rollcall"
 
 
 def error_line(error: BaseException) -> str:
@@ -121,7 +122,7 @@ class RollcallApp(App[None]):
         """Start to poll."""
         with contextlib.suppress(RuntimeError):  # outside the main thread there are no signals
             loop = asyncio.get_running_loop()
-            loop.add_signal_handler(signal.SIGTERM, self.action_leave)
+            loop.add_signal_handler(signal.SIGTERM, self._end)
             loop.add_signal_handler(signal.SIGHUP, self.exit)
         self._poll()
         self.set_interval(POLL_S, self._poll)
@@ -287,19 +288,35 @@ class RollcallApp(App[None]):
         """All keys."""
         self.push_screen(HelpScreen(live=self._station.timeline is None))
 
+    def action_mark(self) -> None:
+        """Prompt for a text about this moment."""
+        ask_for_mark(self, self._station, self.snapshot, self.selected)
+
+    async def action_still(self) -> None:
+        """Save the full frame with names."""
+        await save_still(self, self._station, self.snapshot, self.selected)
+
     def action_save(self) -> None:
-        """Prompt where to, then save the screen as it was before the question."""
-        drawing = self.export_screenshot(title=SCREENSHOT_TITLE)
-        moment = clock(self.snapshot.t_us).replace(":", "") if self.snapshot is not None else "screen"
-        ask = Prompt(
-            "Save the screen as SVG",
-            "a new file; nothing is overwritten",
-            lambda text: save_new(text, drawing),
-            value=f"rollcall-{moment}.svg",
-        )
-        self.push_screen(ask, lambda path: None if path is None else self.notify(f"saved {path}", markup=False))
+        """Save the screen."""
+        ask_to_save_screen(self, self.snapshot)
 
     def action_leave(self) -> None:
+        """Quit a replay, or a flight that is over; ask before a flight is ended."""
+        flies = self._station.timeline is None and (
+            self._station.error is None or isinstance(self._station.error, FlightError)
+        )
+        if flies:
+            self.push_screen(LeaveFlight(), self._leave)
+        else:
+            self._end()
+
+    def _leave(self, answer: Leave | None) -> None:
+        if answer == "end":
+            self._end()
+        elif answer == "screen":
+            self.exit()
+
+    def _end(self) -> None:
         """Quit; an error of the station is the exit message."""
         self.left = True
         error = self._station.error

@@ -27,11 +27,11 @@ REPLAY: Final = (
     _key("end", "edge(1)", "end", "Go to the end", id="replay.end"),
     _key("g", "go_to", "go to", "Go to a time: 1:30, +10, 50% or 10:33:12Z", id="replay.go"),
     _key("n", "event(1)", "event", "Go to the next event of the log's filter", id="replay.next"),
-    _key("N", "event(-1)", "event", "Go to the event before", id="replay.previous"),
+    _key("p", "event(-1)", "event", "Go to the event before", id="replay.previous"),
 )
 PANES: Final = (
     _key("v", "pane('video')", "video", "Video: show and focus, again to hide", id="pane.video"),
-    _key("m", "pane('map')", "map", "Map: show and focus, again to hide", id="pane.map"),
+    _key("M", "pane('map')", "map", "Map: show and focus, again to hide", id="pane.map"),
     _key("f", "pane('fleet')", "fleet", "Fleet table: show and focus, again to hide", id="pane.fleet"),
     _key("i", "pane('identity')", "identity", "Identity: evidence of the vehicle, again to hide", id="pane.identity"),
     _key("e", "pane('events')", "events", "Event log: show and focus, again to hide", id="pane.events"),
@@ -60,9 +60,18 @@ STATION: Final = (
         id="station.command",
     ),
     _key("b", "accept_held", "accept", "Accept vehicles whose signed packets are held", id="station.believe"),
-    _key("s", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
+    _key("m", "mark", "mark", "Mark this moment with a text", id="station.mark"),
+    _key("s", "still", "still", "Still: save the full frame with names as PNG", id="station.still"),
+    _key("S", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
     _key("question_mark", "help", "help", "All keys", id="station.help", shown="?"),
-    _key("q,ctrl+q", "leave", "quit", "Quit and seal the recording", id="station.quit", shown="q"),
+    _key(
+        "q,ctrl+q",
+        "leave",
+        "quit",
+        "Quit; ends a flight and seals its recording, asked first",
+        id="station.quit",
+        shown="q",
+    ),
 )
 
 GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION))
@@ -75,11 +84,12 @@ LIVE_HINTS: Final = (
     ("↑↓", "vehicle"),
     ("z", "zoom"),
     ("123", "layout"),
-    ("vmfie", "panes"),
+    ("vMfie", "panes"),
     ("l", "level"),
     ("+-0", "map"),
     ("c", "follow"),
-    ("s", "save"),
+    ("m", "mark"),
+    ("s", "still"),
 )
 """Keys and a word for the last row, the most needed first."""
 COMMAND_HINTS: Final = (*LIVE_HINTS[:2], ("u", "command"), *LIVE_HINTS[2:])
@@ -91,14 +101,15 @@ REPLAY_HINTS: Final = (
     ("←→", "5 s"),
     ("[]", "speed"),
     ("g", "go to"),
-    ("n", "event"),
+    ("np", "event"),
     ("↑↓", "vehicle"),
     ("z", "zoom"),
     (",.", "frame"),
     ("123", "layout"),
-    ("vmfie", "panes"),
+    ("vMfie", "panes"),
     ("l", "level"),
     ("+-0", "map"),
     ("c", "follow"),
-    ("s", "save"),
+    ("m", "mark"),
+    ("s", "still"),
 )

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -232,12 +233,19 @@ class FakeStation:
         self.seen: list[Alarm] = []
         self.accepted: list[int] = []
         self.stopped = 0
+        self.folder: Path | None = None
 
     def latest(self) -> Snapshot | None:
         return self.snapshot
 
     def events(self) -> Sequence[Event]:
         return self.said
+
+    def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
+        self.add_event(Event(t_us=t_us, level="info", kind="mark", text=text, system_id=system_id))
+
+    def add_event(self, event: Event) -> None:
+        self.said.append(event)
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         self.seen += alarms

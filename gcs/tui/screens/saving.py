@@ -1,20 +1,121 @@
-"""Files that an operator asks for: new ones only."""
+"""Files that an operator asks for, new ones only: the screen as SVG, a still of the full frame as PNG."""
 
 from __future__ import annotations
 
+import asyncio
+import os
 from pathlib import Path
+from typing import Any
 
-__all__ = ["save_new"]
+import cv2
+from textual.app import App
+
+from gcs.report.overlay import draw
+from gcs.snapshot import Event, Snapshot
+from gcs.station import Station
+from gcs.tui.draw.format import clock, plain
+from gcs.tui.screens.prompts import Prompt
+from infra.files.safe_open import create
+from infra.wall_clock import now_us
+
+__all__ = ["ask_to_save_screen", "save_new", "save_still"]
+
+SCREENSHOT_TITLE = "Rollcall"
+STILLS = "stills"
+"""Folder in that of the flight."""
+MOST_ALIKE = 1000
+"""Stills of one moment."""
+NO_FRAME = "there is no frame to save yet"
 
 
-def save_new(path: str, text: str) -> Path:
+def ask_to_save_screen(app: App[Any], snapshot: Snapshot | None) -> None:
+    """Prompt where to, then save the screen as it was before the question."""
+    drawing = app.export_screenshot(title=SCREENSHOT_TITLE)
+    moment = _moment(snapshot) if snapshot is not None else "screen"
+    ask = Prompt(
+        "Save the screen as SVG",
+        "a new file; nothing is overwritten",
+        lambda text: save_new(text, drawing.encode()),
+        value=f"rollcall-{moment}.svg",
+    )
+    app.push_screen(ask, lambda path: None if path is None else app.notify(f"saved {path}", markup=False))
+
+
+async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None, selected: int) -> None:
+    """Save the frame at its own size with boxes and names: of a flight into its folder, else where the operator says.
+
+    Args:
+        app: to show questions and results.
+        station: whose frame it is; its event log reports the file.
+        snapshot: what is on the screen now.
+        selected: system id of the vehicle to stress, 0 none.
+    """
+    if snapshot is None or snapshot.image is None:
+        app.notify(NO_FRAME, severity="warning", markup=False)
+        return
+    name = f"rollcall-{_moment(snapshot)}-frame-{snapshot.frame}.png"
+    # a large frame takes a tenth of a second, in which keys are to be answered
+    picture = await asyncio.to_thread(_png, snapshot, selected)
+
+    def report(path: Path | None) -> None:
+        if path is None:
+            return
+        text = f"still of frame {snapshot.frame} saved: {path}"
+        station.add_event(Event(t_us=_now_us(station), level="info", kind="operator", text=text, system_id=selected))
+        app.notify(f"saved {path}", markup=False)
+
+    if station.folder is None:
+        hint = "a new file; nothing is overwritten"
+        app.push_screen(Prompt("Save the frame as PNG", hint, lambda text: save_new(text, picture), value=name), report)
+        return
+    try:
+        report(await asyncio.to_thread(_save_beside, station.folder / STILLS, name, picture))
+    except OSError as error:
+        app.notify(plain(f"not saved: {error.strerror}"), severity="error", markup=False)
+
+
+def _now_us(station: Station) -> int:
+    return now_us() if station.timeline is None else station.timeline.now_us
+
+
+def _moment(snapshot: Snapshot) -> str:
+    return clock(snapshot.t_us).replace(":", "")
+
+
+def _png(snapshot: Snapshot, selected: int) -> bytes:
+    return cv2.imencode(".png", draw(snapshot, selected=selected))[1].tobytes()
+
+
+def save_new(path: str, data: bytes) -> Path:
     """Write a file that must not exist; raises OSError or ValueError in words an operator can act on."""
     goal = Path(path.strip()).expanduser()
     if not path.strip():
         raise ValueError("a file name is needed")
     try:
-        with goal.open("x", encoding="utf-8") as file:
-            file.write(text)
+        _write(goal, data)
     except FileExistsError:
         raise ValueError("that file exists; choose another name") from None
     return goal
+
+
+def _save_beside(folder: Path, name: str, data: bytes) -> Path:
+    """Write a file under a name that is free: ``name.png``, ``name.1.png`` …; the folder is made.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    folder.mkdir(exist_ok=True)
+    goal = folder / name
+    for number in range(MOST_ALIKE):
+        try:
+            path = goal.with_suffix(f".{number}{goal.suffix}") if number else goal
+            _write(path, data)
+        except FileExistsError:
+            continue
+        return path
+    raise FileExistsError(f"{goal} and {MOST_ALIKE} more are there")
+
+
+def _write(path: Path, data: bytes) -> None:
+    with os.fdopen(create(path), "wb") as file:
+        file.write(data)

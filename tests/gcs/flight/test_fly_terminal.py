@@ -9,6 +9,8 @@ import time
 import pytest
 
 from gcs.cli.fly import fly
+from gcs.session.event_log import read_events
+from gcs.tui import Ended
 from tests.support.command_line import MISSION, Terminal
 from tests.support.ports import free_port
 from tests.support.waiting import until
@@ -73,6 +75,22 @@ def test_a_signal_to_end_seals_what_the_screen_shows(begin):
     assert code == 0
     terminal.read_until(b"10 packets received")
     os.close(terminal.keeper)
+
+
+def test_a_screen_that_is_left_ends_no_flight_and_its_marks_are_kept(tmp_path, monkeypatch, capsys):
+    def left(flight, graphics, *, bell):
+        flight.mark(1_795_170_792_000_000, "take-off", 11)
+        threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+        return Ended(code=0, left=False)
+
+    monkeypatch.setattr("gcs.tui.run", left)
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    (tmp_path / "mission.toml").write_text(MISSION)
+    fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
+    (session,) = (tmp_path / "sessions").iterdir()
+    assert f"still recording in {session}" in capsys.readouterr().err
+    (mark,) = (event for event in read_events(session / "events.jsonl")[0] if event.kind == "mark")
+    assert (mark.t_us, mark.text, mark.system_id) == (1_795_170_792_000_000, "take-off", 11)
 
 
 def test_errors_that_go_to_a_file_leave_the_screen_where_it_is(begin, tmp_path):

@@ -81,7 +81,7 @@ async def test_a_replay_log_ends_at_the_frame():
         await polled(app, pilot)
         said = text_of(app.query_one(EventPane))
         assert "UGV-11 confirmed" in said and "UGV-17 position lost" not in said and "alarm" not in said
-        await pilot.press("end", "N")
+        await pilot.press("end", "p")
         assert station.timeline.now_us == START_US + 240_000_000
 
 
@@ -167,7 +167,9 @@ async def test_before_the_first_snapshot():
         said = screen_text(app)
         for word in ("waiting for the first frame", "no vehicle received yet", "waiting for positions", "nothing yet"):
             assert word in said, word
-        await pilot.press("down", "up", "plus", "z", "escape", "question_mark", "escape", "s", "escape")
+        await pilot.press(
+            "down", "up", "plus", "z", "escape", "question_mark", "escape", "S", "escape", "m", "escape", "s"
+        )
 
 
 async def test_no_frame_no_pose_no_vehicles():

@@ -247,9 +247,9 @@ def test_scale_bar_says_its_own_length(metres_per_dot, longest):
 
 def test_nothing_is_saved_over_a_file(tmp_path):
     goal = tmp_path / "a.svg"
-    assert save_new(str(goal), "one") == goal
+    assert save_new(str(goal), b"one") == goal
     with pytest.raises(ValueError, match="exists"):
-        save_new(str(goal), "two")
+        save_new(str(goal), b"two")
     assert goal.read_text() == "one"
     with pytest.raises(ValueError, match="needed"):
-        save_new("  ", "x")
+        save_new("  ", b"x")

@@ -29,7 +29,8 @@ async def test_text_from_the_air_is_only_text(text, capsys):
             ["3"],
             ["f", "z"],
             ["e"],
-            ["m"],
+            ["M"],
+            ["m", "escape"],
             ["a", "down", "enter"],
             ["f", "z", "z"],
             ["i"],
@@ -136,5 +137,5 @@ async def test_an_empty_recording_has_a_timeline():
     station.timeline.stop_us = station.timeline.now_us = station.timeline.start_us
     app = RollcallApp(station, graphics="blocks")
     async with app.run_test(size=(80, 24)) as pilot:
-        await pilot.press("right", "left", "home", "end", "space", "n", "N")
+        await pilot.press("right", "left", "home", "end", "space", "n", "p")
         assert app.is_running

@@ -110,7 +110,7 @@ def in_terminal(mode: str, keys: bytes, until: bytes) -> tuple[int, bytes]:
 @pytest.mark.parametrize(
     ("mode", "keys", "code", "last"),
     [
-        ("quit", b"q", 30, b""),
+        ("quit", b"qq", 30, b""),
         ("error", b"q", 31, b"station stopped: no such link [/x]"),
         ("crash", b"", 11, b"broken station"),
     ],
