@@ -58,8 +58,10 @@ class Event:
     """One word for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``, ``recording``,
     ``operator``, ``mark``, ``program``."""
     text: str
-    """Plain text, possibly from the air: never markup."""
+    """Plain text, possibly from the air: never markup; a vehicle's own words begin with its name and ``says:``."""
     system_id: int = 0
+    alarm: str = ""
+    """Key of the alarm that the operator acknowledges with it."""
     reported: Reported = ""
 
 

@@ -198,6 +198,7 @@ class Flight:
                     kind="operator",
                     text=f"seen: {alarm.text}",
                     system_id=alarm.system_id,
+                    alarm=alarm.key,
                 )
             )
 

@@ -18,6 +18,7 @@ from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.name_changes import NameChanges
+from gcs.fold.notice_events import NoticeEvents
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
 from gcs.fold.quarantine import limit_doubted, withhold_contested
@@ -28,7 +29,7 @@ from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Health, Snapshot
 from mavlink.estimation.gimbal import turns_camera
-from mavlink.fleet.fleet import Fleet, FleetState, Notice
+from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
 from vision.camera.camera import footprint, ground_sampling, image_warp, project
@@ -89,6 +90,7 @@ class Pipeline:
         self._names = NameChanges(mission)
         self._fences = Fences(mission)
         self._events: list[Event] = []
+        self._notices = NoticeEvents(mission)
         self._throttle = EventThrottle()
         self._link_rates = LinkRates()
         self._alarms = Alarms()
@@ -98,10 +100,14 @@ class Pipeline:
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
             self._direction.order_given(packet.t_us)
         if notices := self.fleet.add_packet(packet):
-            self._events += self._throttle.admit(map(_event, notices))
+            events = [self._notices.event(notice, packet) for notice in notices]
+            for event in events:
+                self._alarms.texts.add(event)
+            self._events += self._throttle.admit(events)
 
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
+        self._alarms.texts.acknowledge(event.alarm)
         self._events.append(event)
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
@@ -150,6 +156,7 @@ class Pipeline:
             self._report_crowd(t_us, len(detections))
             detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
         state = self.fleet.at(self._telemetry_time(t_us), heard_us)
+        self._notices.follow(state)
         self._follow_origin()
         self._follow_steps(state)
         view = self._frame_camera(state, size if image is None else _size_of(image))
@@ -324,7 +331,3 @@ def _warp(before: FrameCamera | None, now: FrameCamera | None) -> FloatArray | N
     if before is None or now is None or not (before.attitude_known and now.attitude_known):
         return None
     return image_warp(before.intrinsics, before.pose, now.pose, now.ground_z, intrinsics_to=now.intrinsics)
-
-
-def _event(notice: Notice) -> Event:
-    return Event(t_us=notice.t_us, level=notice.level, kind=notice.kind, text=notice.text, system_id=notice.system_id)

@@ -13,6 +13,7 @@ from typing import Final
 
 from gcs.health.alarm_rule import CLEARS_AFTER_S, GROWING_S
 from gcs.health.alarm_rules import Finding, findings
+from gcs.health.text_alarms import TextAlarms
 from gcs.snapshot import Alarm, Event, Level, Snapshot
 
 __all__ = ["Alarms", "rank"]
@@ -58,9 +59,14 @@ class _State:
 
 
 class Alarms:
-    """Turns snapshots into alarms; one for each flight or replay."""
+    """Turns snapshots into alarms; one for each flight or replay.
+
+    Attributes:
+        texts: what vehicles say, which are alarms as well.
+    """
 
     def __init__(self) -> None:
+        self.texts = TextAlarms()
         self._states: dict[str, _State] = {}
         self._counts: dict[str, int] = {}
         self._grown_us: dict[str, int] = {}
@@ -70,8 +76,8 @@ class Alarms:
         """Take in one snapshot.
 
         Returns:
-            What is wrong now, the worst first, then the newest; and an event for each alarm that came, went or changed
-            its level.
+            What is wrong now, the worst first, then the newest, what vehicles say after what was found; and an event
+            for each alarm that was found, went or changed its level.
         """
         now_us = self._now_us = max(self._now_us, snapshot.t_us)
         events: list[Event] = []
@@ -85,7 +91,8 @@ class Alarms:
             self._states[key].lower_us = 0
             events += self._gone(key, now_us)
         raised = [_alarm(state) for state in self._states.values() if state.raised_us]
-        raised.sort(key=lambda alarm: (-rank(alarm.level), -alarm.since_us, alarm.key))
+        raised += self.texts.update(now_us)
+        raised.sort(key=lambda alarm: (-rank(alarm.level), alarm.kind == "text", -alarm.since_us, alarm.key))
         return tuple(raised), tuple(events)
 
     def _grows(self, key: str, count: int, now_us: int) -> bool:

@@ -48,7 +48,8 @@ class EventLog:
 def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
-    return msgspec.json.encode(row | {"text": plain(event.text)}).decode()
+    acknowledged = {"alarm": plain(event.alarm)} if event.alarm else {}
+    return msgspec.json.encode(row | {"text": plain(event.text)} | acknowledged).decode()
 
 
 class _Row(msgspec.Struct, frozen=True):
@@ -59,6 +60,7 @@ class _Row(msgspec.Struct, frozen=True):
     kind: str
     text: str
     system_id: int | None = None
+    alarm: str = ""
 
 
 def read_events(path: Path) -> tuple[list[Event], int]:
@@ -88,6 +90,7 @@ def read_events(path: Path) -> tuple[list[Event], int]:
                     kind=plain(row.kind),
                     text=plain(row.text),
                     system_id=row.system_id or 0,
+                    alarm=plain(row.alarm),
                 )
             )
     return events, skipped

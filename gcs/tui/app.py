@@ -26,7 +26,7 @@ from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token, unseen
 from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane, events_from
+from gcs.tui.panes.event_log import EventPane, events_from, text_with_sender
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.key_hints import KeyHints
@@ -169,9 +169,9 @@ class RollcallApp(App[None]):
         recent = [
             event
             for event in self._events.all_events
-            if event.level == "alarm" and 0 <= now_us - event.t_us < ALARM_SHOWN_US
+            if event.level == "alarm" and event.kind != "text" and 0 <= now_us - event.t_us < ALARM_SHOWN_US
         ]
-        return f"{clock(recent[-1].t_us)} {recent[-1].text}" if recent else ""
+        return f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], self.snapshot)}" if recent else ""
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Replay keys exist only in a replay."""

@@ -185,7 +185,7 @@ def make_events() -> tuple[Event, ...]:
         (95.2, "info", "identity", "UGV-11 confirmed on track 3 (97%)", 11),
         (130.0, "alarm", "vehicle", "UGV-17 position lost", 17),
         (180.4, "warning", "identity", "UGV-13 tentative: UGV-15 is as likely", 13),
-        (240.0, "info", "text", "UGV-11: EKF3 IMU0 is using GPS", 11),
+        (240.0, "info", "text", "UGV-11 says: EKF3 IMU0 is using GPS", 11),
     ]
     return tuple(
         Event(t_us=START_US + round(at * 1e6), level=level, kind=kind, text=text, system_id=who)  # type: ignore[arg-type]

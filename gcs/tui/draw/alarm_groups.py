@@ -22,7 +22,8 @@ def alike(alarms: Iterable[Alarm]) -> tuple[Group, ...]:
     groups: dict[object, list[Alarm]] = {}
     for alarm in alarms:
         several = len(shared[_what(alarm)]) > 1 or not alarm.system_id
-        groups.setdefault(_what(alarm) if several else alarm.system_id, []).append(alarm)
+        own = alarm.system_id, alarm.kind == "text"  # its own words are not among what was found out about it
+        groups.setdefault(_what(alarm) if several else own, []).append(alarm)
     return tuple(map(tuple, groups.values()))
 
 
@@ -30,9 +31,10 @@ def text_of(group: Group) -> str:
     """``UGV-1, UGV-2: no heartbeat`` with the first few names where there are many; ``UGV-1: this; that``."""
     if len(group) == 1:
         return group[0].text
-    names = dict.fromkeys(alarm.text.partition(": ")[0] for alarm in group)
+    names = dict.fromkeys(_parts(alarm)[0] for alarm in group)
     troubles = dict.fromkeys(_trouble(alarm) for alarm in group)
-    return f"{first_of(list(names))}: {'; '.join(troubles)}"
+    says = " says" if group[0].kind == "text" else ""
+    return f"{first_of(list(names))}{says}: {'; '.join(troubles)}"
 
 
 def advice_of(group: Group) -> str:
@@ -46,4 +48,10 @@ def _what(alarm: Alarm) -> tuple[str, ...]:
 
 def _trouble(alarm: Alarm) -> str:
     """The text after the vehicle's name."""
-    return alarm.text.partition(": ")[2] or alarm.key
+    return _parts(alarm)[1] or alarm.key
+
+
+def _parts(alarm: Alarm) -> tuple[str, str]:
+    """Whose alarm it is, and what."""
+    whose, _, what = alarm.text.partition(" says: " if alarm.kind == "text" else ": ")
+    return whose, what

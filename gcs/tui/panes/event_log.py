@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import ClassVar, Final
 
@@ -10,18 +11,19 @@ from textual.binding import Binding, BindingType
 from textual.reactive import reactive
 from textual.strip import Strip
 
-from gcs.snapshot import Event, Level
+from gcs.snapshot import Event, Level, Snapshot
 from gcs.tui.draw.format import clock, plain
 from gcs.tui.draw.strips import Part, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["EventPane", "events_from"]
+__all__ = ["EventPane", "events_from", "text_with_sender"]
 
 FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
 LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
 MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
 MOST: Final = 2000
+SUMMED_UP: Final = r"(\d+ more, most often: )"
 
 
 def events_from(events: Sequence[Event], least: Level) -> list[Event]:
@@ -40,6 +42,20 @@ def grouped(events: Sequence[Event]) -> list[tuple[Event, int]]:
         else:
             rows.append((event, 1))
     return rows
+
+
+def text_with_sender(event: Event, snapshot: Snapshot | None) -> str:
+    """An event's text with the name of its vehicle, unless it has it; a vehicle's own words always as such."""
+    if not event.system_id or snapshot is None:
+        return event.text
+    name = snapshot.name_of(event.system_id)
+    if event.kind != "text":
+        return event.text if name in event.text else f"{name}: {event.text}"
+    said = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
+    if re.match(said, event.text):
+        return event.text
+    # a flood is summed up by this program; older recordings have the words alone
+    return f"{name}: {event.text}" if re.match(SUMMED_UP + said, event.text) else f"{name} says: {event.text}"
 
 
 def _same(a: Event, b: Event) -> bool:
@@ -138,14 +154,6 @@ class EventPane(Pane):
                 return len(shown) - fit
         return 0
 
-    def _sender_prefix(self, event: Event) -> str:
-        """The vehicle's name, unless the text has it; one from the air must begin with it."""
-        if not event.system_id or self.snapshot is None:
-            return ""
-        name = self.snapshot.name_of(event.system_id)
-        named = event.text.startswith(name) if event.kind == "text" else name in event.text
-        return "" if named else f"{name}: "
-
     def _rows_of(self, event: Event, times: int, width: int) -> list[Strip]:
         """One row; while the log has the focus, as many as the text needs."""
         colour = level_colour(event.level)
@@ -158,7 +166,7 @@ class EventPane(Pane):
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = max(1, width - width_of(parts) - 1)
         often = f" × {times}" if times > 1 else ""
-        text, style = plain(self._sender_prefix(event) + event.text), ink(BRIGHT if ours else colour)
+        text, style = plain(text_with_sender(event, self.snapshot)), ink(BRIGHT if ours else colour)
         if not self.has_focus:
             return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]
         first, *more = folded(text + often, room)

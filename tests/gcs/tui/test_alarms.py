@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.snapshot import Alarm
+from gcs.snapshot import Alarm, Event
 from gcs.tui import RollcallApp
 from gcs.tui.palette import FAINT, level_colour
 from gcs.tui.panes.alarms import AlarmPane
@@ -241,3 +241,19 @@ async def test_events_that_repeat_share_a_row():
         await pilot.press("e", "up", "down")
         said = text_of(app.query_one(EventPane))
         assert f"{event.text} × 512" in said and "another" in said
+
+
+async def test_a_vehicles_words_are_in_the_alert_row_only_as_such():
+    station = troubled(())
+    text = "UGV-11: no heartbeat"
+    newest_us = station.snapshot.t_us - 1_000_000
+    station.said = [Event(t_us=newest_us, level="alarm", kind="text", text=text, system_id=12)]
+    async with running(station) as (app, pilot, _):
+        assert not app.query_one(Banner).display, "what is an alarm is in the list of alarms"
+        station.said.append(replace(station.said[0], kind="vehicle", text="its position jumped"))
+        await polled(app, pilot)
+        assert "UGV-12: its position jumped" in app.query_one(Banner).text
+        said = replace(alarm("text 12", text=f"UGV-12 says: {text}", system_id=12), kind="text")
+        station.snapshot = replace(station.snapshot, alarms=(said,))
+        await polled(app, pilot)
+        assert f"UGV-12 says: {text} — a" in app.query_one(Banner).text

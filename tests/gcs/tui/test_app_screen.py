@@ -91,7 +91,7 @@ async def test_the_title_may_change_and_texts_say_whose_they_are():
         station.said.append(Event(t_us=START_US + 1, level="info", kind="text", text="Reached waypoint", system_id=12))
         await polled(app, pilot)
         assert "flight (analysed 40%)" in screen_text(app)
-        assert "UGV-12: Reached waypoint" in text_of(app.query_one(EventPane))
+        assert "UGV-12 says: Reached waypoint" in text_of(app.query_one(EventPane))
 
 
 async def test_every_event_of_a_vehicle_says_whose_it_is_and_a_text_cannot_pretend():
@@ -99,12 +99,18 @@ async def test_every_event_of_a_vehicle_says_whose_it_is_and_a_text_cannot_prete
         for kind, text in (
             ("vehicle", "position not used"),
             ("text", "UGV-13: well, UGV-12"),
+            ("text", "UGV-12: no heartbeat"),
+            ("text", "UGV-12 says: once"),
+            ("text", "512 more, most often: UGV-12 says: a × 9"),
             ("link", "UGV-12: late"),
         ):
             station.said.append(Event(t_us=START_US + 1, level="info", kind=kind, text=text, system_id=12))
         await polled(app, pilot)
+        await pilot.press("e", "z")
         log = text_of(app.query_one(EventPane))
-        assert "UGV-12: position not used" in log and "UGV-12: UGV-13: well" in log
+        assert "UGV-12: position not used" in log and " UGV-12 says: UGV-13: well" in log
+        assert "UGV-12 says: UGV-12: no heartbeat" in log and " UGV-12 says: once" in log
+        assert " UGV-12: 512 more, most often: UGV-12 says: a × 9" in log
         assert "UGV-12: late" in log and "UGV-12: UGV-12" not in log
 
 
