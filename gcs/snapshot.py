@@ -357,7 +357,7 @@ class Snapshot:
     @property
     def held(self) -> bool:
         """Whether the boxes are those of an earlier frame, for want of a new one."""
-        return 0 < self.seen_us < self.t_us
+        return self.seen_us not in (0, self.t_us)
 
     @property
     def new_boxes(self) -> tuple[Box, ...]:

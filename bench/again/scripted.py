@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import heapq
 import os
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, parse_mission
 from gcs.session.metadata import key_notes
 from gcs.session.recorder import Recorder
+from gcs.snapshot import Snapshot
 from infra.wall_clock import ClockWatch
 from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Signing
@@ -138,9 +139,12 @@ class _Datagram:
 class _ScriptedFlight:
     """The flight's own objects, run on simulated time."""
 
-    def __init__(self, folder: Path, scenario: Scenario, faults: InjectedFaults, start_us: int) -> None:
-        self.scenario, self.faults, self.start_us = scenario, faults, start_us
-        self.t_us = start_us + round(TELEMETRY_FROM_S * S)
+    def __init__(
+        self, folder: Path, scenario: Scenario, faults: InjectedFaults, on_snapshot: Callable[[Snapshot], None]
+    ) -> None:
+        self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
+        self.on_snapshot = on_snapshot
+        self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.mission = _mission(scenario)
         keys = folder / "keys"
@@ -187,6 +191,8 @@ class _ScriptedFlight:
         """Run the fold once, with the newest frame or None."""
         self.fold.add_packets(self.memory.take_packets(), self.wall_us())
         self.fold.run_once(frame)
+        if self.fold.latest is not None:
+            self.on_snapshot(self.fold.latest)
 
     def close(self) -> Path:
         self.fold.close()
@@ -202,16 +208,22 @@ class _ScriptedFlight:
         return log, Receiver(self.links, log, self.memory, signatures, None)  # type: ignore[arg-type]
 
 
-def fly(folder: Path, scenario: Scenario, faults: InjectedFaults) -> Path:
+def fly(
+    folder: Path,
+    scenario: Scenario,
+    faults: InjectedFaults,
+    on_snapshot: Callable[[Snapshot], None] = lambda snapshot: None,
+) -> Path:
     """Fly a scenario with injected faults; returns the session folder.
 
     Args:
         folder: where to record.
         scenario: what is flown; its camera is replaced by a small one.
         faults: what goes wrong.
+        on_snapshot: called with what a screen shows after each turn of the fold.
     """
     scenario = replace(scenario, camera=CAMERA)
-    flight = _ScriptedFlight(folder, scenario, faults, scenario.start_us)
+    flight = _ScriptedFlight(folder, scenario, faults, on_snapshot)
     rng = np.random.default_rng(scenario.seed)
     worlds = _worlds(scenario, faults)
     datagrams = heapq.merge(*(_fleet_datagrams(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))

@@ -34,7 +34,7 @@ class CsvExport:
     def write(self, snapshot: Snapshot) -> None:
         """Append the boxes seen in a frame."""
         time = datetime.fromtimestamp(snapshot.t_us * 1e-6, UTC).isoformat(timespec="microseconds")
-        for box in snapshot.boxes:
+        for box in snapshot.new_boxes:
             if box.coasting:
                 continue
             name = to_cell(snapshot.name_of(box.system_id)) if box.system_id else ""

@@ -34,7 +34,7 @@ class JsonlExport:
 
     def write(self, snapshot: Snapshot) -> None:
         """Append the boxes seen in a frame."""
-        self._file.write("".join(json_row(snapshot, box) + "\n" for box in snapshot.boxes if not box.coasting))
+        self._file.write("".join(json_row(snapshot, box) + "\n" for box in snapshot.new_boxes if not box.coasting))
 
     def close(self) -> None:
         """Close the file."""

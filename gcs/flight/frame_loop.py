@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from gcs.flight.monitor import Throughput
-from gcs.fold.pipeline import Pipeline
+from gcs.fold.pipeline import HELD_US, Pipeline
 from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.recorder import Recorder
@@ -25,6 +25,8 @@ MOST_EVENTS = 2000
 MOST_WAITING = 200_000
 """Packets: half a minute of the fastest fleet."""
 PACE_FRAMES, PACE_S = 20, 2.0
+MOST_LAG_US = HELD_US
+"""By how much what is shown without a frame is behind the clock, at most, and for how long after the last frame."""
 
 
 class FrameLoop:
@@ -63,6 +65,8 @@ class FrameLoop:
         self._frames = 0
         self._records = self._record_us = 0
         """Number of the record after the one taken in last, and the stamp of that one."""
+        self._lag_us = self._shown_us = 0
+        """How long after the last frame was taken it was shown, and when that was."""
         self._frame_ends: deque[float] = deque(maxlen=PACE_FRAMES)
         self.health = Health()
         self.latest: Snapshot | None = None
@@ -131,8 +135,10 @@ class FrameLoop:
         boxes = self._detect(frame)
         self._frames += 1
         self._frame_ends.append(time.monotonic())
-        lag_s = max(self._now_us() - frame.t_us, 0) * 1e-6
-        health = replace(self.health, frames=self._frames, lag_s=lag_s, behind_s=_behind_s(frame.t_us, heard_us))
+        self._shown_us = self._now_us()
+        self._lag_us = max(self._shown_us - frame.t_us, 0)
+        behind_s = _behind_s(frame.t_us, heard_us)
+        health = replace(self.health, frames=self._frames, lag_s=self._lag_us * 1e-6, behind_s=behind_s)
         snapshot = self._pipeline.add_frame(
             frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
         )
@@ -175,15 +181,15 @@ class FrameLoop:
 
     def _process_without_frame(self, heard_us: int) -> Snapshot:
         """Fold without a new frame: the fleet goes on, the last image stays on the screen."""
-        t_us = self._now_us()
-        health = replace(self.health, behind_s=_behind_s(t_us, heard_us))
+        now_us = self._now_us()
+        # the next frame is as old as the last when it comes: time must not be ahead of it
+        lag_us = min(self._lag_us, MOST_LAG_US) if 0 <= now_us - self._shown_us < MOST_LAG_US else 0
+        t_us = now_us - lag_us
+        health = replace(self.health, lag_s=lag_us * 1e-6, behind_s=_behind_s(t_us, heard_us))
         snapshot = self._pipeline.add_frame(NO_FRAME, t_us, health=health, heard_us=heard_us)
         self._record_turn(NO_FRAME, t_us, heard_us)
         self._recorder.events(snapshot.events)
-        last = self.latest
-        if last is None or last.image is None:
-            return snapshot
-        return replace(snapshot, frame=last.frame, image=last.image, width=last.width, height=last.height)
+        return replace(snapshot, image=self.latest.image) if self.latest else snapshot
 
 
 def _behind_s(t_us: int, heard_us: int) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Mission
-from gcs.snapshot import Event, Health, Snapshot
+from gcs.session.fold_order import NO_FRAME
+from gcs.snapshot import Box, Event, Health, Snapshot
 from mavlink.estimation.gimbal import turns_camera
 from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.geodesy import LocalFrame
@@ -43,6 +44,25 @@ IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 MOST_BOXES = 300
 """Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
+HELD_US = 2_000_000
+"""Names are shown for so long after the frame that they were found in: a vehicle at 5 m/s is 10 m on by then, beside its
+neighbour's place."""
+CLOCK_SET_US = 10_000_000
+"""A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Look:
+    """What was found in the last frame that was looked at."""
+
+    t_us: int
+    detections: Detections
+    tracks: Tracks
+    found: Identities | None
+    """None without a camera pose, and once names have begun anew."""
+    view: FrameCamera | None
+    uv: dict[int, FloatArray]
+    """Pixel (2,) of each vehicle's reported place then, by system id."""
 
 
 class Pipeline:
@@ -87,6 +107,8 @@ class Pipeline:
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
         self._view: FrameCamera | None = None
+        self._look: _Look | None = None
+        self._frame, self._clock_us = NO_FRAME, 0
         self._names = NameChanges(mission)
         self._fences = Fences(mission)
         self._events: list[Event] = []
@@ -142,8 +164,10 @@ class Pipeline:
     ) -> Snapshot:
         """Take in one frame and the boxes found in it: track, identify.
 
+        Boxes are held for ``HELD_US`` over frames that were not looked at, and where there is no frame.
+
         Args:
-            index: Place in the video.
+            index: Place in the video, or ``NO_FRAME``: a moment at which no new one has come.
             t_us: When it was taken, Unix µs on the video's clock.
             image: (H, W, 3) BGR, only passed on.
             size: Width and height, px, of a frame that is not there; None: as the last one.
@@ -162,17 +186,29 @@ class Pipeline:
         view = self._frame_camera(state, size if image is None else _size_of(image))
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
-            return self._snapshot(index, t_us, state, view, image, Detections.empty(), None, None, health)
+            return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
         warp = _warp(self._view, view)
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._optics.size))
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._view = view
-        found = limit_doubted(self._identify(t_us, detections, tracks, view), state, self.mission.identity.threshold)
-        identities = withhold_contested(found, state)
+        self._look = _Look(
+            t_us=t_us,
+            detections=detections,
+            tracks=tracks,
+            found=self._identify(t_us, detections, tracks, view),
+            view=view,
+            uv=self._projected(state, view),
+        )
+        identities = self._names_held(state)
         self._events += self._names.update(t_us, identities, state)
-        return self._snapshot(index, t_us, state, view, image, detections, tracks, identities, health)
+        return self._snapshot(index, t_us, state, view, image, identities, health)
+
+    def _names_held(self, state: FleetState) -> Identities | None:
+        """Names of the last frame that was looked at, without those that the fleet's state forbids now."""
+        found = self._look.found if self._look else None
+        return withhold_contested(limit_doubted(found, state, self.mission.identity.threshold), state)
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
         if not self._crowded:
@@ -193,6 +229,8 @@ class Pipeline:
         """Forget all evidence."""
         self._identifier = Identifier(self.mission.ugv_ids, self._params)
         self._view = None
+        if self._look:
+            self._look = replace(self._look, found=None, view=None, uv={})
 
     def _follow_steps(self, state: FleetState) -> None:
         """Take out steps of the UAV's position that the video does not show, or begin the names anew after one."""
@@ -282,22 +320,28 @@ class Pipeline:
         state: FleetState,
         view: FrameCamera | None,
         image: NDArray[np.uint8] | None,
-        detections: Detections,
-        tracks: Tracks | None,
         identities: Identities | None,
         health: Health | None,
     ) -> Snapshot:
+        self._frame = self._frame if index == NO_FRAME else index
+        self._clock_us = max(t_us, self._clock_us) if t_us > self._clock_us - CLOCK_SET_US else t_us
+        look, boxes = self._look, tuple[Box, ...]()
+        lapsed = look is not None and t_us - look.t_us > HELD_US
+        if look is not None and not lapsed:
+            boxes = boxes_of(look.detections, look.tracks, identities, look.uv, look.view, self.fleet.origin)
         uv = self._projected(state, view)
-        boxes = boxes_of(detections, tracks, identities, uv, view, self.fleet.origin)
         width, height = self._optics.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
+        rows = vehicle_rows(self.mission, state, boxes, uv, (width, height), lapsed=lapsed)
         snapshot = Snapshot(
             t_us=t_us,
-            frame=index,
+            frame=self._frame,
+            seen_us=look.t_us if look else 0,
+            clock_us=self._clock_us,
             width=width,
             height=height,
             image=image,
-            vehicles=self._fences.compare(vehicle_rows(self.mission, state, boxes, uv, (width, height))),
+            vehicles=self._fences.compare(rows),
             boxes=boxes,
             footprint_enu=footprint(view.intrinsics, view.pose, view.ground_z) if view else None,
             uav_enu=state.uav.p_enu,

@@ -45,7 +45,7 @@ class FrameCamera:
 
 def boxes_of(
     detections: Detections,
-    tracks: Tracks | None,
+    tracks: Tracks,
     identities: Identities | None,
     vehicle_uv: dict[int, FloatArray],
     view: FrameCamera | None,
@@ -55,14 +55,12 @@ def boxes_of(
 
     Args:
         detections: Of this frame.
-        tracks: After this frame, None when nothing was looked at.
+        tracks: After this frame.
         identities: In the order of the tracks, None without a camera pose.
         vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
         view: The camera, None unknown.
         origin: Of the local frame, None unknown.
     """
-    if tracks is None:
-        return ()
     places = _places(detections)
     rows = _tracked(tracks, places, identities)
     rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
@@ -107,8 +105,19 @@ def vehicle_rows(
     boxes: tuple[Box, ...],
     vehicle_uv: dict[int, FloatArray],
     size: tuple[int, int],
+    *,
+    lapsed: bool = False,
 ) -> tuple[VehicleRow, ...]:
-    """The fleet table, UAV first; ``vehicle_uv`` is empty when the camera's pose is unknown."""
+    """The fleet table, UAV first.
+
+    Args:
+        mission: Who flies.
+        state: The fleet now.
+        boxes: Of the last frame that was looked at, while they are held.
+        vehicle_uv: Pixel (2,) of each vehicle's reported place by system id, empty when the camera's pose is unknown.
+        size: Width and height of the image, px.
+        lapsed: That frame was so long ago that nothing is known of what the camera sees.
+    """
     by_name = {box.system_id: box for box in boxes if box.system_id}
     rows = []
     for k, status in enumerate(state.vehicles):
@@ -133,7 +142,7 @@ def vehicle_rows(
                 heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
                 std_m=float("nan") if is_uav else float(state.std_m[k - 1]),
                 in_view=in_view,
-                standing=_standing(status, box, in_view),
+                standing=_standing(status, box, in_view, lapsed=lapsed),
                 track_id=box.track_id if box else 0,
                 confidence=box.confidence if box else float("nan"),
                 contested=status.contested,
@@ -158,11 +167,13 @@ def _inside(uv: FloatArray, size: tuple[int, int]) -> bool:
     return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
 
 
-def _standing(status: VehicleStatus, box: Box | None, in_view: bool | None) -> Standing:
+def _standing(status: VehicleStatus, box: Box | None, in_view: bool | None, *, lapsed: bool) -> Standing:
     if box is not None:
         if box.coasting:
             return "coasting"
         return "confirmed" if box.confidence >= CONFIRMED else "tentative"
     if status.position_state in ("never", "lost", "refused", "contested"):
         return "no position"
-    return "out of view" if in_view is False else "unidentified"
+    if in_view is False:
+        return "out of view"
+    return "no new frame" if lapsed else "unidentified"

@@ -57,7 +57,7 @@ class RollCall:
         for row in snapshot.vehicles:
             if row.system_id in self._entries and row.in_view:
                 self._entries[row.system_id].frames_in_view += 1
-        for box in snapshot.boxes:
+        for box in snapshot.new_boxes:
             if box.coasting:
                 continue
             self.boxes += 1

@@ -42,7 +42,7 @@ class IdentityLog:
 
     def write(self, snapshot: Snapshot) -> None:
         """Append the boxes seen in this frame; coasting ones were not seen."""
-        boxes = [box for box in snapshot.boxes if not box.coasting]
+        boxes = [box for box in snapshot.new_boxes if not box.coasting]
         self._csv.write("".join(csv_row(snapshot, box) + "\n" for box in boxes))
         self._jsonl.write("".join(json_row(snapshot, box) + "\n" for box in boxes))
         self._csv.flush()

@@ -83,7 +83,7 @@ def test_every_frame_has_one_snapshot(flown):
     shown = list(analysis.snapshots())
     assert [snapshot.frame for snapshot in shown] == list(range(len(analysis.times_us)))
     looked = {turn.frame for turn in FoldOrder.read(folder).turns}
-    assert not any(snapshot.boxes for snapshot in shown if snapshot.frame not in looked)
+    assert not any(snapshot.new_boxes for snapshot in shown if snapshot.frame not in looked)
     assert all(len(snapshot.vehicles) == 1 + len(SCENARIO.ugv_ids) for snapshot in shown)
 
 
