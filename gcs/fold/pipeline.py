@@ -45,8 +45,8 @@ FloatArray = NDArray[np.float64]
 MOST_BOXES = 300
 """Of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
 HELD_US = 2_000_000
-"""Names are shown for so long after the frame that they were found in: a vehicle at 5 m/s is 10 m on by then, beside its
-neighbour's place."""
+"""Names are shown for so long after the frame that they were found in: a vehicle at 5 m/s is 10 m on by then, and
+may be where its neighbour was."""
 CLOCK_SET_US = 10_000_000
 """A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
 
