@@ -21,6 +21,7 @@ from gcs.cli.output.console import (
     NOT_AVAILABLE,
     AsJson,
     Graphics,
+    Theme,
     check_range,
     print_json,
     print_lines,
@@ -81,6 +82,7 @@ def fly(
     ] = None,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
     bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
+    theme: Theme = "dark",
     as_json: AsJson = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
@@ -110,7 +112,7 @@ def fly(
         if not screen:
             print_note(f"recording in {flight.folder}; stop with Ctrl-C")
             _wait(flight, duration)
-        elif not _screen(flight, graphics, bell):
+        elif not _screen(flight, graphics, theme, bell=bell):
             _fly_without_screen(flight)
     finally:
         sealing.close()
@@ -188,14 +190,14 @@ def _wait(flight: Flight, duration: float | None = None) -> None:
             signal.signal(number, handler)
 
 
-def _screen(flight: Flight, graphics: Graphics, bell: bool) -> bool:
+def _screen(flight: Flight, graphics: Graphics, theme: Theme, *, bell: bool) -> bool:
     """Fly with the screens; False when they ended without being asked to."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
     with redirect_stderr(flight.folder / CONSOLE):
         try:
-            return run(flight, graphics, bell=bell).left
+            return run(flight, graphics, bell=bell, theme=theme).left
         except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
             _log.exception("the screens failed")
             return False

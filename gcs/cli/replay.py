@@ -7,7 +7,15 @@ from typing import Annotated
 
 import typer
 
-from gcs.cli.output.console import FRAME_SIZE, Graphics, VideoStart, parse_frame_size, print_note, redirect_stderr
+from gcs.cli.output.console import (
+    FRAME_SIZE,
+    Graphics,
+    Theme,
+    VideoStart,
+    parse_frame_size,
+    print_note,
+    redirect_stderr,
+)
 from gcs.playback.replay import Replay
 from gcs.session.metadata import seal
 from gcs.session.session import Session, open_session
@@ -23,6 +31,7 @@ def replay(
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
     graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
+    theme: Theme = "dark",
 ) -> None:
     """Play, seek and step through a recording."""
     if session.is_dir() and (interrupted := seal(session.resolve())):
@@ -33,11 +42,12 @@ def replay(
             open_session(session, video=video, video_start_s=video_start, mission=mission, frame_size=size),
             detect=detect,
             graphics=graphics,
+            theme=theme,
         )
     )
 
 
-def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = "auto") -> int:
+def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = "auto", theme: Theme = "dark") -> int:
     """Run the screens over a session until the user quits; returns the exit code."""
     # The screens are slow to import, and headless commands do without.
     from gcs.tui import run
@@ -45,6 +55,6 @@ def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = 
     station = Replay(session, redetect=detect)
     try:
         with redirect_stderr(None):
-            return run(station, graphics).code
+            return run(station, graphics, theme=theme).code
     finally:
         station.stop()

@@ -20,6 +20,7 @@ from gcs.certainty import certainty
 from gcs.snapshot import Box, Snapshot, Standing
 
 __all__ = [
+    "DARK",
     "STANDING_RGB",
     "box_bounds",
     "box_corners",
@@ -39,15 +40,18 @@ Rect = tuple[float, float, float, float]
 
 STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
     {
-        "confirmed": (116, 230, 140),
-        "tentative": (255, 200, 90),
-        "coasting": (120, 180, 255),
-        "unidentified": (255, 130, 200),
-        "out of view": (139, 148, 165),
-        "no position": (255, 107, 107),
+        "confirmed": (140, 240, 120),
+        "tentative": (226, 176, 10),
+        "coasting": (104, 158, 245),
+        "unidentified": (246, 184, 255),
+        "out of view": (163, 171, 187),
+        "no position": (240, 112, 96),
+        "no new frame": (233, 236, 240),
     }
 )
-DARK: Final = (14, 18, 26)
+"""Far enough apart to be told from each other without red, green or blue cones, and bright enough on the dark."""
+DARK: Final[Rgb] = (14, 18, 26)
+"""Behind labels and where there is no image."""
 FAR_MS: Final = 250_000_000_000_000
 HEADER_INK: Final = (214, 222, 235)
 FARTHEST_PX: Final = 30_000.0

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
+from gcs.tui.themes import ThemeName
 
 __all__ = ["Ended", "RollcallApp", "run"]
 
@@ -25,17 +26,18 @@ class Ended:
     """By the operator, or by a signal to end; else the screens broke or the terminal is gone."""
 
 
-def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False) -> Ended:
+def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False, theme: ThemeName = "dark") -> Ended:
     """Show a station until the operator quits; whoever started it stops it.
 
     Args:
         station: A running flight or replay.
         graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, ``blocks`` never asks it.
         bell: ring the terminal's bell at every new alarm.
+        theme: colours to begin with.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
     gc.collect()
     gc.freeze()
-    app = RollcallApp(station, graphics=graphics, bell=bell)
+    app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme)
     app.run()
     return Ended(code=app.return_code or 0, left=app.left)

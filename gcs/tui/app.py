@@ -18,7 +18,7 @@ from textual.reactive import reactive
 from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
-from gcs.tui import playback
+from gcs.tui import palette, playback
 from gcs.tui.draw.format import age, clock, plain
 from gcs.tui.draw.pixels import Graphics, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
@@ -43,6 +43,7 @@ from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
+from gcs.tui.themes import THEMES, ThemeName, textual_theme
 
 __all__ = ["RollcallApp", "error_line"]
 
@@ -71,15 +72,21 @@ class RollcallApp(App[None]):
     selected: reactive[int] = reactive(0, repaint=False)
     picked_track: reactive[int] = reactive(0, repaint=False)
 
-    def __init__(self, station: Station, *, graphics: Graphics = "auto", bell: bool = False) -> None:
+    def __init__(
+        self, station: Station, *, graphics: Graphics = "auto", bell: bool = False, theme: ThemeName = "dark"
+    ) -> None:
         """Show a station.
 
         Args:
             station: A running flight or replay; it is stopped by whoever started it.
             graphics: ``pixels`` and ``auto`` ask the terminal for real pixels and fall back to half blocks.
             bell: ring the terminal's bell at every new alarm.
+            theme: Colours to begin with.
         """
         super().__init__()
+        for each in THEMES.values():
+            self.register_theme(textual_theme(each))
+        self.theme = theme
         self._bell = bell
         self._rung: frozenset[tuple[str, int, str]] = frozenset()
         self._station = station
@@ -283,6 +290,18 @@ class RollcallApp(App[None]):
     def action_level(self) -> None:
         """Level filter of the log."""
         self._events.next_filter()
+
+    def watch_theme(self, theme: str) -> None:
+        """Everything in other colours."""
+        palette.use_theme(theme)
+        for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
+            widget.redraw() if isinstance(widget, Pane) else widget.refresh()
+
+    def action_next_theme(self) -> None:
+        """Dark, light, high contrast, dark …"""
+        names = list(THEMES)
+        self.theme = names[(names.index(self.theme) + 1) % len(names)]
+        self.notify(f"theme: {self.theme}", timeout=2, markup=False)
 
     def action_help(self) -> None:
         """All keys."""

@@ -63,6 +63,7 @@ STATION: Final = (
     _key("m", "mark", "mark", "Mark this moment with a text", id="station.mark"),
     _key("s", "still", "still", "Still: save the full frame with names as PNG", id="station.still"),
     _key("S", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
+    _key("t", "next_theme", "theme", "Theme: dark, light, high contrast", id="station.theme"),
     _key("question_mark", "help", "help", "All keys", id="station.help", shown="?"),
     _key(
         "q,ctrl+q",

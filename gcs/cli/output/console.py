@@ -40,6 +40,7 @@ __all__ = [
     "Graphics",
     "LogLevel",
     "PlainStream",
+    "Theme",
     "VideoStart",
     "check_range",
     "errors_as_exit_codes",
@@ -60,6 +61,9 @@ AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON obj
 MOST_PX = 16384
 """No camera has a longer side."""
 Graphics = Literal["auto", "blocks", "pixels"]
+Theme = Annotated[
+    Literal["dark", "light", "high-contrast"], typer.Option(help="Colours of the screens; the key t changes them.")
+]
 LogLevel = Literal["debug", "info", "warning", "error"]
 FAR_S = 1e9
 """Some thirty years: further from its log no video begins."""

@@ -13,17 +13,11 @@ from rich.style import Style
 from textual.strip import Strip
 
 from gcs.tui.draw.braille import BrailleCanvas
-from gcs.tui.palette import Rgb
 
-__all__ = ["CellGrid", "pack"]
+__all__ = ["CellGrid"]
 
 HALF = ord("▀")
 CACHE_SIZE = 24_576
-
-
-def pack(colour: Rgb) -> int:
-    """0xRRGGBB."""
-    return colour[0] << 16 | colour[1] << 8 | colour[2]
 
 
 class CellGrid:

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from gcs.report.overlay import place_labels
 from gcs.snapshot import Snapshot, VehicleRow
 from gcs.tui.draw.braille import BrailleCanvas
-from gcs.tui.draw.cell_grid import CellGrid, pack
+from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.format import plain
 from gcs.tui.draw.ground_view import MapView, scale_bar
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, LINE, PANEL, Rgb, standing_colour
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, LINE, PANEL, Colour, pack, standing_colour
 
 __all__ = ["chart_cells"]
 
 ARROWS = "↑↗→↘↓↙←↖"
-UNKNOWN: Rgb = standing_colour("unidentified")
+UNKNOWN = standing_colour("unidentified")
 
 
 def chart_cells(snapshot: Snapshot, selected: int, view: MapView) -> CellGrid:
@@ -75,7 +75,7 @@ def _legend(cells: CellGrid, view: MapView) -> None:
 
 
 def _marks(cells: CellGrid, snapshot: Snapshot, rows: Sequence[VehicleRow], selected: int, view: MapView) -> None:
-    marks: list[tuple[int, int, str, str, Rgb, bool]] = []
+    marks: list[tuple[int, int, str, str, Colour, bool]] = []
     for row in rows:
         spot = _cell(view, row.p_enu)
         if spot is not None:

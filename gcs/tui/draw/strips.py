@@ -10,7 +10,7 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from gcs.tui.palette import HEAD, PANEL, Rgb, ink
+from gcs.tui.palette import HEAD, PANEL, Colour, ink
 
 __all__ = ["Part", "bar", "blank", "fitted", "folded", "line", "split_line", "width_of"]
 
@@ -18,13 +18,13 @@ Part = tuple[str, Style]
 """Plain text and how it looks; the text must already be free of control characters."""
 
 
-def line(parts: Iterable[Part], width: int, paper: Rgb = PANEL) -> Strip:
+def line(parts: Iterable[Part], width: int, paper: Colour = PANEL) -> Strip:
     """A strip of exactly ``width`` cells."""
     segments = [Segment(text, style) for text, style in parts if text]
     return Strip(segments).adjust_cell_length(width, ink(paper=paper))
 
 
-def blank(width: int, paper: Rgb = PANEL) -> Strip:
+def blank(width: int, paper: Colour = PANEL) -> Strip:
     """A strip of background."""
     return Strip([Segment(" " * width, ink(paper=paper))], width)
 
@@ -34,7 +34,7 @@ def width_of(parts: Iterable[Part]) -> int:
     return sum(cell_len(text) for text, _ in parts)
 
 
-def split_line(left: Sequence[Part], right: Sequence[Part], width: int, paper: Rgb = HEAD) -> Strip:
+def split_line(left: Sequence[Part], right: Sequence[Part], width: int, paper: Colour = HEAD) -> Strip:
     """Parts at both ends of one strip; the right end is dropped when there is no room."""
     gap = width - width_of(left) - width_of(right)
     if gap < 1:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +21,19 @@ from gcs.report.overlay import (
 )
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.draw.braille import BrailleCanvas
-from gcs.tui.draw.cell_grid import CellGrid, pack
+from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.format import plain
 from gcs.tui.draw.halfblock import fit, shrink
-from gcs.tui.palette import BRIGHT, FAINT, PANEL, standing_colour
+from gcs.tui.palette import BRIGHT, FAINT, PANEL, pack, standing_colour
+from gcs.tui.themes import DARK
 
 __all__ = ["box_at", "video_cells"]
 
 SMALLEST_DOTS = 5.0
 """A box is drawn at least this long, else it is a speck on a small screen."""
+
+_packed = partial(pack, theme=DARK)
+"""Whatever the theme, the picture has the colours of the exported video: light ones on dark labels."""
 
 
 def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0) -> CellGrid:
@@ -41,15 +46,15 @@ def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int, trac
         rows: Cells, above 0.
         track: Track id of a box without a name whose label is inverted, 0 none.
     """
-    cells = CellGrid(columns, rows, pack(PANEL))
+    cells = CellGrid(columns, rows, _packed(PANEL))
     if snapshot.width <= 0 or snapshot.height <= 0:
-        cells.text(max(0, columns // 2 - 4), rows // 2, "no video", pack(FAINT))
+        cells.text(max(0, columns // 2 - 4), rows // 2, "no video", _packed(FAINT))
         return cells
     left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
     if snapshot.image is not None:
         cells.image(shrink(snapshot.image, used_columns, used_rows), left, top)
     else:
-        cells.text(left + max(0, used_columns // 2 - 4), top + used_rows // 2, "no video", pack(FAINT))
+        cells.text(left + max(0, used_columns // 2 - 4), top + used_rows // 2, "no video", _packed(FAINT))
     boxes = sorted(
         filter(drawable, snapshot.boxes),
         key=lambda box: (not is_picked(box, selected, track), box.system_id == 0, -box.cy),
@@ -80,7 +85,7 @@ def _outlines(
     origin = np.array([2.0 * corner[0], 4.0 * corner[1]])
     scale = 2 * columns_per_px
     for box in reversed(boxes):
-        ink = pack(standing_colour(standing_of(snapshot, box)))
+        ink = _packed(standing_colour(standing_of(snapshot, box)))
         grow = max(1.0, SMALLEST_DOTS / max(scale * max(box.w, box.h), 1e-6))
         middle = np.array([box.cx, box.cy])
         every = 2.0 if box.coasting else 1.0
@@ -114,4 +119,4 @@ def _labels(
         ink, paper = (PANEL, colour) if stressed else (colour, PANEL)
         if box.system_id and not stressed and not box.coasting:
             ink = BRIGHT if standing_of(snapshot, box) == "confirmed" else colour
-        cells.text(round(place[0]), round(place[1]), text, pack(ink), pack(paper))
+        cells.text(round(place[0]), round(place[1]), text, _packed(ink), _packed(paper))

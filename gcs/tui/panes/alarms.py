@@ -15,7 +15,7 @@ from gcs.tui.draw.alarm_groups import Group, advice_of, alike, text_of
 from gcs.tui.draw.format import age, plain
 from gcs.tui.draw.strips import Part, fitted, line
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
-from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, PANEL, PICKED, WARN, Rgb, ink, level_colour
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
 __all__ = ["ALARM_KEYS", "ROWS_EACH", "AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
@@ -130,7 +130,7 @@ class AlarmPane(Pane):
         assert self.snapshot is not None
         alarm = group[0]
         known = not unseen(group, self.seen)
-        paper: Rgb = PICKED if marked else PANEL
+        paper = PICKED if marked else PANEL
         colour = FAINT if known else level_colour(alarm.level)
         since = age(max(0.0, (self.snapshot.t_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "

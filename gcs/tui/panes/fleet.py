@@ -26,7 +26,7 @@ from gcs.tui.palette import (
     PANEL,
     PICKED,
     WARN,
-    Rgb,
+    Colour,
     ink,
     position_colour,
     standing_colour,
@@ -38,7 +38,7 @@ from mavlink.transmit.message_rates import LOSSY
 __all__ = ["FleetPane", "columns_for"]
 
 IDENTITY = "IDENTITY"
-Cell = tuple[str, Rgb]
+Cell = tuple[str, Colour]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

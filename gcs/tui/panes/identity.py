@@ -22,7 +22,7 @@ from gcs.tui.palette import (
     HEAD,
     INK,
     WARN,
-    Rgb,
+    Colour,
     count_colour,
     ink,
     position_colour,
@@ -42,7 +42,7 @@ NONE_OF_OURS: Final = "none of ours"
 EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
 )
-Fact = tuple[str, str, Rgb]
+Fact = tuple[str, str, Colour]
 
 
 class IdentityPane(Pane):
@@ -154,7 +154,7 @@ def _candidates(snapshot: Snapshot, box: Box, width: int) -> list[list[Part]]:
     return lines
 
 
-def _share(name: str, candidate: Candidate, colour: Rgb, width: int) -> list[list[Part]]:
+def _share(name: str, candidate: Candidate, colour: Colour, width: int) -> list[list[Part]]:
     """Probability in number and bar; what speaks against it behind where there is room, else below."""
     away = metres(candidate.distance_m) if math.isfinite(candidate.distance_m) else ""
     parts: list[Part] = [

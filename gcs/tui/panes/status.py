@@ -17,7 +17,7 @@ from gcs.report.overlay import named_count
 from gcs.snapshot import Health, Snapshot
 from gcs.tui.draw.format import age, bytes_text, clock, duration, plain
 from gcs.tui.draw.strips import Part, split_line, width_of
-from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, count_colour, ink
+from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, Colour, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts, count_parts
 
 __all__ = ["StatusBar"]
@@ -96,7 +96,7 @@ class StatusBar(Widget):
         return Item(rank=0, parts=(("● REC ", ink(ALARM, HEAD, bold=True)), (since, ink(INK, HEAD))))
 
 
-def _item(rank: int, text: str, colour: tuple[int, int, int]) -> Item:
+def _item(rank: int, text: str, colour: Colour) -> Item:
     return Item(rank=rank, parts=((text, ink(colour, HEAD)),))
 
 

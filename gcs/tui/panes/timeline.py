@@ -15,7 +15,7 @@ from gcs.station import Timeline
 from gcs.tui.draw.format import clock, duration
 from gcs.tui.draw.strips import Part, line, width_of
 from gcs.tui.messages import SeekTo
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, LINE, Rgb, ink, level_colour
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, LINE, Colour, ink, level_colour
 
 __all__ = ["TimelineBar"]
 
@@ -97,8 +97,8 @@ def _column(t_us: int, start_us: int, stop_us: int, length: int) -> int:
     return round(min(max(share, 0.0), 1.0) * (length - 1))
 
 
-def _joined(letters: Sequence[tuple[str, Rgb]]) -> list[tuple[str, Rgb]]:
-    joined: list[tuple[str, Rgb]] = []
+def _joined(letters: Sequence[tuple[str, Colour]]) -> list[tuple[str, Colour]]:
+    joined: list[tuple[str, Colour]] = []
     for letter, colour in letters:
         if joined and joined[-1][1] == colour:
             joined[-1] = (joined[-1][0] + letter, colour)

@@ -62,12 +62,12 @@ class OrderList(ModalScreen[str | None]):
         Binding("j", "move('down')", "Down", id="orders.down", tooltip="Order below", show=False),
     ]
     DEFAULT_CSS = """
-    OrderList { align: center middle; background: #06080c 60%; }
+    OrderList { align: center middle; background: $background 60%; }
     OrderList > Vertical { width: 72; max-width: 100%; height: auto; max-height: 100%; padding: 0 2; }
-    OrderList > Vertical { background: #1c222e; }
-    OrderList Static { background: #1c222e; }
-    OrderList OptionList { height: auto; max-height: 100%; border: none; padding: 0; background: #0e121a; }
-    OrderList OptionList > .option-list--option-highlighted { background: #2c3648; }
+    OrderList > Vertical { background: $panel; }
+    OrderList Static { background: $panel; }
+    OrderList OptionList { height: auto; max-height: 100%; border: none; padding: 0; background: $surface; }
+    OrderList OptionList > .option-list--option-highlighted { background: $block-cursor-background; }
     """
 
     def __init__(self, orders: Sequence[tuple[str, str]]) -> None:

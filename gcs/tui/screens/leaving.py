@@ -28,9 +28,9 @@ class LeaveFlight(ModalScreen[Leave]):
         Binding("n,escape", "answer('stay')", "Stay", id="leave.stay", tooltip="Stay"),
     ]
     DEFAULT_CSS = """
-    LeaveFlight { align: center middle; background: #06080c 60%; }
-    LeaveFlight > Vertical { width: 64; max-width: 100%; height: auto; padding: 1 2; background: #1c222e; }
-    LeaveFlight Static { background: #1c222e; }
+    LeaveFlight { align: center middle; background: $background 60%; }
+    LeaveFlight > Vertical { width: 64; max-width: 100%; height: auto; padding: 1 2; background: $panel; }
+    LeaveFlight Static { background: $panel; }
     """
 
     def compose(self) -> ComposeResult:

@@ -70,9 +70,9 @@ class Confirm(ModalScreen[bool]):
         Binding("n,escape,q", "answer(False)", "No", id="confirm.no", tooltip="Leave it"),
     ]
     DEFAULT_CSS = """
-    Confirm { align: center middle; background: #06080c 60%; }
-    Confirm > Vertical { width: 64; max-width: 100%; height: auto; padding: 1 2; background: #1c222e; }
-    Confirm Static { background: #1c222e; }
+    Confirm { align: center middle; background: $background 60%; }
+    Confirm > Vertical { width: 64; max-width: 100%; height: auto; padding: 1 2; background: $panel; }
+    Confirm Static { background: $panel; }
     """
 
     def __init__(self, question: str) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gcs.tui import playback
 from gcs.tui.draw.braille import BrailleCanvas
-from gcs.tui.draw.cell_grid import CellGrid, pack
+from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.format import age, bytes_text, clock, degrees, duration, metres, plain, position
 from gcs.tui.draw.ground_view import map_view_of, points_of, scale_bar, step_scale
 from gcs.tui.draw.halfblock import fit, shrink
@@ -24,7 +24,7 @@ from gcs.tui.screens.saving import save_new
 from tests.support.fake_station import START_US, STOP_US, FakeTimeline, make_events, make_snapshot
 
 SNAPSHOT = make_snapshot()
-INK = pack((255, 0, 0))
+INK = 0xFF0000
 
 
 def text_of(cells: CellGrid) -> list[str]:

@@ -1,0 +1,160 @@
+"""The themes of the screens: one table of colours each, distinct to colour-blind eyes too. Pure.
+
+Every text colour has a contrast of at least 4.5 (WCAG 2.2, level AA) on every background, 7 (AAA) with high contrast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import Final, Literal
+
+from textual.theme import Theme as TextualTheme
+
+from gcs.report.overlay import DARK as PICTURE_PAPER
+from gcs.report.overlay import STANDING_RGB
+
+__all__ = ["BACKGROUNDS", "DARK", "THEMES", "Colour", "Rgb", "Theme", "ThemeName", "hex_of", "textual_theme"]
+
+Rgb = tuple[int, int, int]
+ThemeName = Literal["dark", "light", "high-contrast"]
+
+
+class Colour(StrEnum):
+    """What a colour is for; a theme has what it looks like."""
+
+    GAP = "gap"
+    """Between panes."""
+    PANEL = "panel"
+    HEAD = "head"
+    """Behind headings, status and time line."""
+    PICKED = "picked"
+    """Behind what is selected."""
+    LINE = "line"
+    """Thin lines that are no text."""
+    FAINT = "faint"
+    INK = "ink"
+    BRIGHT = "bright"
+    ACCENT = "accent"
+    """Keys, focus, the UAV."""
+    CONFIRMED = "confirmed"
+    TENTATIVE = "tentative"
+    COASTING = "coasting"
+    UNIDENTIFIED = "unidentified"
+    OUT_OF_VIEW = "out of view"
+    NO_POSITION = "no position"
+    NO_NEW_FRAME = "no new frame"
+
+
+BACKGROUNDS: Final = (Colour.PANEL, Colour.HEAD, Colour.PICKED)
+"""What text stands on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Theme:
+    """A look of all screens."""
+
+    name: ThemeName
+    dark: bool
+    colours: Mapping[Colour, Rgb]
+    """Every colour's red, green and blue, 0..255."""
+
+
+def _theme(name: ThemeName, colours: Mapping[Colour, Rgb], *, dark: bool = True) -> Theme:
+    return Theme(name=name, dark=dark, colours=MappingProxyType(dict(colours)))
+
+
+DARK: Final = _theme(
+    "dark",
+    {
+        Colour.GAP: (6, 8, 12),
+        Colour.PANEL: PICTURE_PAPER,
+        Colour.HEAD: (28, 34, 46),
+        Colour.PICKED: (34, 46, 70),
+        Colour.LINE: (98, 110, 134),
+        Colour.FAINT: (152, 160, 176),
+        Colour.INK: (206, 213, 225),
+        Colour.BRIGHT: (244, 247, 252),
+        Colour.ACCENT: (110, 190, 255),
+        **{Colour(standing): rgb for standing, rgb in STANDING_RGB.items()},
+    },
+)
+"""In the colours of the exported video."""
+
+LIGHT: Final = _theme(
+    "light",
+    {
+        Colour.GAP: (198, 204, 214),
+        Colour.PANEL: (252, 252, 250),
+        Colour.HEAD: (234, 237, 242),
+        Colour.PICKED: (214, 226, 246),
+        Colour.LINE: (118, 126, 138),
+        Colour.FAINT: (86, 93, 104),
+        Colour.INK: (42, 48, 58),
+        Colour.BRIGHT: (0, 0, 0),
+        Colour.ACCENT: (0, 84, 166),
+        Colour.CONFIRMED: (0, 110, 104),
+        Colour.TENTATIVE: (126, 90, 0),
+        Colour.COASTING: (8, 0, 205),
+        Colour.UNIDENTIFIED: (96, 0, 125),
+        Colour.OUT_OF_VIEW: (53, 60, 70),
+        Colour.NO_POSITION: (127, 6, 2),
+        Colour.NO_NEW_FRAME: (0, 7, 21),
+    },
+    dark=False,
+)
+
+HIGH_CONTRAST: Final = _theme(
+    "high-contrast",
+    {
+        Colour.GAP: (64, 64, 64),
+        Colour.PANEL: (0, 0, 0),
+        Colour.HEAD: (22, 22, 22),
+        Colour.PICKED: (0, 0, 96),
+        Colour.LINE: (140, 148, 160),
+        Colour.FAINT: (196, 200, 208),
+        Colour.INK: (234, 238, 244),
+        Colour.BRIGHT: (255, 255, 255),
+        Colour.ACCENT: (130, 205, 255),
+        Colour.CONFIRMED: (150, 255, 130),
+        Colour.TENTATIVE: (240, 190, 20),
+        Colour.COASTING: (125, 175, 255),
+        Colour.UNIDENTIFIED: (255, 190, 255),
+        Colour.OUT_OF_VIEW: (176, 182, 194),
+        Colour.NO_POSITION: (255, 125, 105),
+        Colour.NO_NEW_FRAME: (255, 255, 255),
+    },
+)
+
+THEMES: Final[Mapping[str, Theme]] = MappingProxyType({theme.name: theme for theme in (DARK, LIGHT, HIGH_CONTRAST)})
+
+
+def hex_of(rgb: Rgb) -> str:
+    """``#rrggbb``."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
+
+
+def textual_theme(theme: Theme) -> TextualTheme:
+    """The same for Textual's own widgets and style sheets."""
+    colours = {colour: hex_of(rgb) for colour, rgb in theme.colours.items()}
+    return TextualTheme(
+        name=theme.name,
+        dark=theme.dark,
+        primary=colours[Colour.ACCENT],
+        accent=colours[Colour.ACCENT],
+        secondary=colours[Colour.COASTING],
+        warning=colours[Colour.TENTATIVE],
+        error=colours[Colour.NO_POSITION],
+        success=colours[Colour.CONFIRMED],
+        foreground=colours[Colour.INK],
+        background=colours[Colour.GAP],
+        surface=colours[Colour.PANEL],
+        panel=colours[Colour.HEAD],
+        variables={
+            "block-cursor-background": colours[Colour.PICKED],
+            "block-cursor-foreground": colours[Colour.BRIGHT],
+            "text-muted": colours[Colour.FAINT],
+        },
+    )

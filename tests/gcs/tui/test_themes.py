@@ -1,0 +1,158 @@
+from __future__ import annotations
+
+from itertools import combinations
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from gcs.cli.output.console import Theme
+from gcs.snapshot import Standing
+from gcs.tui import RollcallApp
+from gcs.tui.palette import LINE, standing_colour, use_theme
+from gcs.tui.themes import BACKGROUNDS, THEMES, Colour, ThemeName
+from tests.support.fake_station import SMALL, WIDE, FakeStation
+
+READABLE = 4.5
+"""WCAG 2.2, contrast of text, level AA."""
+VISIBLE = 3.0
+"""The same, of lines and marks."""
+PLAIN_TO_SEE = 0.07
+"""Least distance of two colours in Oklab; side by side 0.02 is just seen."""
+
+# severity 1.0 of Machado, Oliveira and Fernandes 2009, doi:10.1109/TVCG.2009.113, on linear RGB
+EYES = {
+    "normal": np.eye(3),
+    "protanopia": np.array(
+        [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ]
+    ),
+    "deuteranopia": np.array(
+        [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ]
+    ),
+    "tritanopia": np.array(
+        [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.303900],
+        ]
+    ),
+}
+# linear RGB to cones and on to Oklab: Ottosson 2020, https://bottosson.github.io/posts/oklab/
+CONES = np.array(
+    [
+        [0.4122214708, 0.5363325363, 0.0514459929],
+        [0.2119034982, 0.6806995451, 0.1073969566],
+        [0.0883024619, 0.2817188376, 0.6299787005],
+    ]
+)
+OKLAB = np.array(
+    [
+        [0.2104542553, 0.7936177850, -0.0040720468],
+        [1.9779984951, -2.4285922050, 0.4505937099],
+        [0.0259040371, 0.7827717662, -0.8086757660],
+    ]
+)
+
+
+def linear(rgb):
+    share = np.asarray(rgb, dtype=float) / 255
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+
+
+def contrast(a, b):
+    light, dark = sorted((float(linear(each) @ (0.2126, 0.7152, 0.0722)) for each in (a, b)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def oklab(rgb, eye):
+    return OKLAB @ np.cbrt(CONES @ np.clip(EYES[eye] @ linear(rgb), 0.0, 1.0))
+
+
+@pytest.fixture(autouse=True)
+def dark_again():
+    yield
+    use_theme("dark")
+
+
+def test_the_command_line_offers_what_there_is():
+    assert get_args(Theme.__origin__) == get_args(ThemeName) == tuple(THEMES)
+    assert all(set(theme.colours) == set(Colour) for theme in THEMES.values())
+    assert {standing_colour(standing) for standing in get_args(Standing)} <= set(Colour)
+
+
+@pytest.mark.parametrize("name", THEMES)
+def test_every_text_can_be_read_on_every_background(name):
+    colours = THEMES[name].colours
+    least = 7.0 if name == "high-contrast" else READABLE
+    for colour in set(Colour) - {*BACKGROUNDS, Colour.GAP, LINE}:
+        for paper in BACKGROUNDS:
+            assert contrast(colours[colour], colours[paper]) >= least, (colour, paper)
+    assert min(contrast(colours[LINE], colours[paper]) for paper in (Colour.PANEL, Colour.HEAD)) >= VISIBLE
+
+
+@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize("name", THEMES)
+def test_standings_differ_for_colour_blind_eyes_too(name, eye):
+    colours = THEMES[name].colours
+    for one, other in combinations(get_args(Standing), 2):
+        seen = [oklab(colours[standing_colour(each)], eye) for each in (one, other)]
+        assert np.linalg.norm(seen[0] - seen[1]) >= PLAIN_TO_SEE, (one, other)
+
+
+def is_text(letter):
+    """Neither blank, nor a part of the picture, nor braille."""
+    return not letter.isspace() and letter not in "▀▄" and not 0x2800 <= ord(letter) < 0x2900
+
+
+def unreadable(app):
+    """Texts of the screen whose contrast is too low, lines and blocks less strictly."""
+    found = set()
+    for row in app.screen._compositor.render_strips():
+        for text, style, _ in row:
+            letters = {letter for letter in text if is_text(letter)}
+            if not letters:
+                continue
+            assert style.color and style.color.triplet and style.bgcolor and style.bgcolor.triplet, text
+            drawn = all(0x2500 <= ord(letter) < 0x25A0 for letter in letters)
+            if contrast(style.color.triplet, style.bgcolor.triplet) < (VISIBLE if drawn else READABLE):
+                found.add((text, style.color.triplet, style.bgcolor.triplet))
+    return found
+
+
+@pytest.mark.parametrize("size", [(60, 20), SMALL, WIDE])
+@pytest.mark.parametrize("name", THEMES)
+async def test_every_text_on_the_screen_can_be_read(name, size):
+    for station in (FakeStation(), FakeStation(live=True)):
+        app = RollcallApp(station, graphics="blocks", theme=name)
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            assert not unreadable(app)
+            await pilot.press("e", "down", "down", "down")
+            assert not unreadable(app)
+
+
+async def test_a_key_changes_the_theme_of_all_that_is_on_screen():
+    app = RollcallApp(FakeStation(), graphics="blocks")
+    async with app.run_test(size=WIDE, notifications=True) as pilot:
+        await pilot.pause()
+        for name in ("light", "high-contrast", "dark"):
+            await pilot.press("t")
+            await pilot.pause()
+            assert app.theme == name
+            papers = {
+                tuple(style.bgcolor.triplet)
+                for row in app.screen._compositor.render_strips()
+                for text, style, _ in row
+                if "▀" not in text and style and style.bgcolor and style.bgcolor.triplet
+            }
+            assert THEMES[name].colours[Colour.PANEL] in papers
+            other = THEMES["light" if name != "light" else "dark"].colours
+            assert other[Colour.HEAD] not in papers
