@@ -35,6 +35,8 @@ __all__ = [
 
 NAN = float("nan")
 NEVER = float("inf")
+HELD_SHOWN_S = 0.5
+"""Names older than this are shown with their age: streams of two frames a second and faster pass in this time."""
 
 Standing = Literal["confirmed", "tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"]
 
@@ -312,9 +314,10 @@ class Snapshot:
     t_us: int
     frame: int
     """Index in the video, -1 before the first frame."""
+    frame_us: int = 0
+    """When it was taken, 0 before the first; earlier than ``t_us`` while no new one comes."""
     seen_us: int = 0
-    """When the frame was taken that the boxes were found in, 0 before the first; earlier than ``t_us`` while no new
-    frame comes."""
+    """When the frame was taken that the boxes were found in, 0 before the first."""
     clock_us: int = 0
     """What clocks show: the latest ``t_us`` so far, since the next frame may have been taken earlier; 0: ``t_us``."""
     analysed: bool = True
@@ -355,6 +358,11 @@ class Snapshot:
         return max(0, self.t_us - self.seen_us) * 1e-6 if self.seen_us else NEVER
 
     @property
+    def frame_age_s(self) -> float:
+        """How long ago the frame was taken, 0 before the first."""
+        return max(0, self.t_us - self.frame_us) * 1e-6 if self.frame_us else 0.0
+
+    @property
     def held(self) -> bool:
         """Whether the boxes are those of an earlier frame, for want of a new one."""
         return self.seen_us not in (0, self.t_us)
@@ -363,6 +371,11 @@ class Snapshot:
     def new_boxes(self) -> tuple[Box, ...]:
         """Boxes that were found at this very moment: what a log or a count takes, each once."""
         return () if self.held else self.boxes
+
+    @property
+    def held_s(self) -> float:
+        """How old boxes and names are, s; 0 while that is no more than ``HELD_SHOWN_S``, or there are none."""
+        return self.boxes_age_s if self.held and self.boxes and self.boxes_age_s > HELD_SHOWN_S else 0.0
 
     @property
     def now_us(self) -> int:

@@ -108,7 +108,7 @@ class Pipeline:
         self._direction = CameraDirection(mission)
         self._view: FrameCamera | None = None
         self._look: _Look | None = None
-        self._frame, self._clock_us = NO_FRAME, 0
+        self._frame, self._frame_us, self._clock_us = NO_FRAME, 0, 0
         self._names = NameChanges(mission)
         self._fences = Fences(mission)
         self._events: list[Event] = []
@@ -323,19 +323,21 @@ class Pipeline:
         identities: Identities | None,
         health: Health | None,
     ) -> Snapshot:
-        self._frame = self._frame if index == NO_FRAME else index
+        if index != NO_FRAME:
+            self._frame, self._frame_us = index, t_us
         self._clock_us = max(t_us, self._clock_us) if t_us > self._clock_us - CLOCK_SET_US else t_us
         look, boxes = self._look, tuple[Box, ...]()
-        lapsed = look is not None and t_us - look.t_us > HELD_US
-        if look is not None and not lapsed:
+        if look is not None and t_us - look.t_us <= HELD_US:
             boxes = boxes_of(look.detections, look.tracks, identities, look.uv, look.view, self.fleet.origin)
         uv = self._projected(state, view)
         width, height = self._optics.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
+        lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
         rows = vehicle_rows(self.mission, state, boxes, uv, (width, height), lapsed=lapsed)
         snapshot = Snapshot(
             t_us=t_us,
             frame=self._frame,
+            frame_us=self._frame_us,
             seen_us=look.t_us if look else 0,
             clock_us=self._clock_us,
             width=width,

@@ -116,7 +116,7 @@ def vehicle_rows(
         boxes: Of the last frame that was looked at, while they are held.
         vehicle_uv: Pixel (2,) of each vehicle's reported place by system id, empty when the camera's pose is unknown.
         size: Width and height of the image, px.
-        lapsed: That frame was so long ago that nothing is known of what the camera sees.
+        lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
     by_name = {box.system_id: box for box in boxes if box.system_id}
     rows = []

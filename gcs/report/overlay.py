@@ -74,13 +74,14 @@ def standing_of(snapshot: Snapshot, box: Box) -> Standing:
 
 def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
-    ``UGV-3 stated`` by the operator."""
+    ``UGV-3 stated`` by the operator; ``UGV-3 97% (0.8s)`` is held, for want of a newer frame."""
     standing = standing_of(snapshot, box)
     name = snapshot.name_of(box.system_id) if box.system_id else "?"
     sure = f" {'stated' if box.stated else certainty(box.confidence)}".rstrip() if box.system_id else ""
     before = "~" if standing == "coasting" else ""
     after = "?" if standing == "tentative" and not box.stated else ""
-    return f"{before}{name}{after}{sure}"
+    held = f" ({snapshot.held_s:.1f}s)" if snapshot.held_s else ""
+    return f"{before}{name}{after}{sure}{held}"
 
 
 def named_count(snapshot: Snapshot) -> tuple[int, int]:
@@ -244,7 +245,7 @@ def _draw_label(canvas: NDArray[np.uint8], text: str, place: Rect, unit: float, 
 
 def _draw_header(canvas: NDArray[np.uint8], snapshot: Snapshot, unit: float) -> None:
     # counted from the epoch, since the platform's clock functions refuse far times
-    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=snapshot.t_us // 100_000 * 100 % FAR_MS)
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=snapshot.now_us // 100_000 * 100 % FAR_MS)
     clock = moment.strftime("%Y-%m-%d %H:%M:%S.%f")[:-5]
     named, total = named_count(snapshot)
     unnamed = sum(box.system_id == 0 for box in snapshot.boxes)

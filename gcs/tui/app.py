@@ -172,7 +172,7 @@ class RollcallApp(App[None]):
         if fresh:
             more = f" (and {len(fresh) - 1} more)" if len(fresh) > 1 else ""
             return f"{clock(fresh[0].since_us)} {plain(fresh[0].text)}{more} — a: what to do, A: seen"
-        now_us = 0 if self.snapshot is None else self.snapshot.t_us
+        now_us = 0 if self.snapshot is None else self.snapshot.now_us
         recent = [
             event
             for event in self._events.all_events

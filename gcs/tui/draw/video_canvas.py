@@ -88,7 +88,7 @@ def _outlines(
         ink = _packed(standing_colour(standing_of(snapshot, box)))
         grow = max(1.0, SMALLEST_DOTS / max(scale * max(box.w, box.h), 1e-6))
         middle = np.array([box.cx, box.cy])
-        every = 2.0 if box.coasting else 1.0
+        every = 2.0 if box.coasting or snapshot.held_s else 1.0
         dots.polygon(_grown(box_corners(box), middle, grow) * scale + origin, ink, every)
         tick = _grown(front_mark(box, reach=0.6), middle, grow) * scale + origin
         dots.line(tick[0], tick[1], ink)
@@ -119,4 +119,6 @@ def _labels(
         ink, paper = (PANEL, colour) if stressed else (colour, PANEL)
         if box.system_id and not stressed and not box.coasting:
             ink = BRIGHT if standing_of(snapshot, box) == "confirmed" else colour
+        if snapshot.held_s and not stressed:
+            ink = FAINT
         cells.text(round(place[0]), round(place[1]), text, _packed(ink), _packed(paper))

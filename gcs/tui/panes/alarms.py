@@ -132,7 +132,7 @@ class AlarmPane(Pane):
         known = not unseen(group, self.seen)
         paper = PICKED if marked else PANEL
         colour = FAINT if known else level_colour(alarm.level)
-        since = age(max(0.0, (self.snapshot.t_us - min(each.since_us for each in group)) * 1e-6))
+        since = age(max(0.0, (self.snapshot.now_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "
         text = fitted(plain(text_of(group)), width - len(head)).rstrip()
         advised = fitted(plain(advice_of(group)), width - 4).rstrip()

@@ -87,7 +87,7 @@ class EventPane(Pane):
 
     def shown(self) -> list[Event]:
         """Events that may be on screen: of the filter's levels, not of a replay's future, the newest few thousand."""
-        until_us = None if self._live or self.snapshot is None else self.snapshot.t_us
+        until_us = None if self._live or self.snapshot is None else self.snapshot.now_us
         past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
         return events_from(past[-MOST:], self.least)
 

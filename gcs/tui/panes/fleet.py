@@ -11,7 +11,7 @@ from typing import ClassVar
 from textual import events
 from textual.strip import Strip
 
-from gcs.certainty import named
+from gcs.certainty import certainty, named
 from gcs.snapshot import VehicleRow
 from gcs.tui.draw.format import age, metres, number, percent, plain, position, standing_word
 from gcs.tui.draw.strips import Part, fitted, line
@@ -194,11 +194,14 @@ class FleetPane(Pane):
 
     def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected
+        held = self.snapshot.held_s if self.snapshot else 0.0
         paper = PICKED if picked else PANEL
         parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
             text, colour = _height(row, rows) if aloft else column.cell(row)
+            if held and row.track_id and column.title == IDENTITY:
+                text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)

@@ -64,7 +64,8 @@ class IdentityPane(Pane):
         if self.snapshot is None or not (self.selected or self.picked_track):
             return ()
         who = plain(self.snapshot.name_of(self.selected)) if self.selected else f"box {self.picked_track}"
-        return [(f"{who} ", ink(ACCENT, HEAD, bold=True))]
+        held = f"names {age(self.snapshot.held_s)} old · " if self.snapshot.held_s else ""
+        return [(held, ink(WARN, HEAD)), (f"{who} ", ink(ACCENT, HEAD, bold=True))]
 
     def body(self, width: int, height: int) -> list[Strip]:
         """Candidates in whole lines, then facts as name and value, in two columns where there is room."""
@@ -112,7 +113,7 @@ def _text(fact: Fact, width: int) -> list[list[Part]]:
 
 
 def _since(snapshot: Snapshot, since_us: int) -> str:
-    return f" for {age((snapshot.t_us - since_us) * 1e-6)}" if since_us else ""
+    return f" for {age((snapshot.now_us - since_us) * 1e-6)}" if since_us else ""
 
 
 def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -> list[list[Part]]:

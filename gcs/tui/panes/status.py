@@ -14,7 +14,7 @@ from textual.widget import Widget
 from gcs.health.link_alarms import is_silent
 from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
-from gcs.snapshot import Health, Snapshot
+from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
 from gcs.tui.draw.format import age, bytes_text, clock, duration, plain
 from gcs.tui.draw.strips import Part, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, Colour, count_colour, ink
@@ -52,7 +52,7 @@ class StatusBar(Widget):
     def watch_snapshot(self, snapshot: Snapshot | None) -> None:
         """Elapsed time counts from the first snapshot."""
         if snapshot is not None and not self._first_us:
-            self._first_us = snapshot.t_us
+            self._first_us = snapshot.now_us
 
     def render_line(self, y: int) -> Strip:
         """Title on the left, all else on the right."""
@@ -75,14 +75,13 @@ class StatusBar(Widget):
         if self.snapshot is None:
             return []
         health = self.snapshot.health
-        named, total = named_count(self.snapshot)
-        items = [_item(3, f"{named}/{total} confirmed", count_colour(named, total))]
+        items = [_names(self.snapshot)]
         if self._live:
             size = _item(5, bytes_text(health.recorded_bytes), INK)
             items = [self._recording(health), *_open(health), size, *items, _links(health), *_links_named(health)]
             items.append(_disk(health))
-            items.append(_item(2, clock(self.snapshot.t_us), INK))
-        items.append(_video(health))
+            items.append(_item(2, clock(self.snapshot.now_us), INK))
+        items.append(_video(self.snapshot))
         if self.snapshot.alarms:
             parts = count_parts(*alarm_counts(self.snapshot.alarms))
             items.insert(0, Item(rank=1, parts=(*parts[:-1], (parts[-1][0].rstrip(), parts[-1][1]))))
@@ -90,7 +89,7 @@ class StatusBar(Widget):
 
     def _recording(self, health: Health) -> Item:
         assert self.snapshot is not None
-        since = duration((self.snapshot.t_us - self._first_us) / 1e6)
+        since = duration((self.snapshot.now_us - self._first_us) / 1e6)
         if health.write_failing_s > 0:
             return _item(0, f"NOT RECORDING {since}", WARN)
         return Item(rank=0, parts=(("● REC ", ink(ALARM, HEAD, bold=True)), (since, ink(INK, HEAD))))
@@ -139,10 +138,23 @@ def _disk(health: Health) -> Item:
     return _item(2, f"disk LOW {free}", ALARM) if low else _item(6, f"disk {free} free", FAINT)
 
 
-def _video(health: Health) -> Item:
+def _names(snapshot: Snapshot) -> Item:
+    """How many are confirmed; with the age of the names where they are held, and no count once they are too old."""
+    if any(row.standing == "no new frame" for row in snapshot.vehicles):
+        return _item(3, f"no new frame for {age(snapshot.frame_age_s)}", WARN)
+    named, total = named_count(snapshot)
+    if snapshot.held_s:
+        return _item(3, f"{named}/{total} confirmed {age(snapshot.held_s)} ago", FAINT)
+    return _item(3, f"{named}/{total} confirmed", count_colour(named, total))
+
+
+def _video(snapshot: Snapshot) -> Item:
+    health = snapshot.health
     if health.video != "ok":
         calm = health.video in ("none", "waiting", "ended")
         return _item(4, f"video {plain(health.video)}", FAINT if calm else ALARM)
+    if snapshot.frame_age_s > HELD_SHOWN_S:
+        return _item(4, f"video {age(snapshot.frame_age_s)} old", WARN)
     late = health.lag_s > LATE_S or health.undecoded > 0
     faults = f" lag {health.lag_s:.1f}s" * (health.lag_s >= LAG_SHOWN_S)
     faults += f" {health.undecoded} undecoded" * (health.undecoded > 0)

@@ -11,8 +11,8 @@ from textual.app import ComposeResult
 from textual.strip import Strip
 
 from gcs.report.overlay import draw
-from gcs.snapshot import Snapshot
-from gcs.tui.draw.format import plain
+from gcs.snapshot import HELD_SHOWN_S, Snapshot
+from gcs.tui.draw.format import age, plain
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.draw.video_canvas import box_at, video_cells
@@ -52,7 +52,9 @@ class VideoPane(Pane):
         health = self.snapshot.health
         colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
         parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
-        if health.video == "ok":
+        if health.video == "ok" and self.snapshot.frame_age_s > HELD_SHOWN_S:
+            parts = [(f"{age(self.snapshot.frame_age_s)} old ", ink(WARN, HEAD))]
+        elif health.video == "ok":
             late = WARN if health.lag_s > 0.5 else FAINT
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
             parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
