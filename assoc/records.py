@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from assoc.errors import ShapeError
 
-__all__ = ["CameraState", "Identities", "Observation", "VehicleReports"]
+__all__ = ["CameraState", "Candidates", "Identities", "Observation", "VehicleReports"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -115,6 +115,43 @@ class VehicleReports:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Candidates:
+    """The likeliest vehicles of each track, the best first; k of them, at most three."""
+
+    system_id: IntArray
+    """(m, k)."""
+    confidence: FloatArray
+    """(m, k) probability that the track is this vehicle."""
+    distance_m: FloatArray
+    """(m, k) ground distance between the track and the vehicle's extrapolated report, NaN unknown."""
+    deviation: FloatArray
+    """(m, k) that distance less the vehicle's usual error, in standard deviations, NaN unknown."""
+    report_age_s: FloatArray
+    """(m, k) age of the report, inf where there is none that is used."""
+    better_track: IntArray
+    """(m, k) track that is this vehicle with a larger probability, 0 none."""
+    better_confidence: FloatArray
+    """(m, k) that probability, NaN without such a track."""
+    none_of_ours: FloatArray
+    """(m,) probability that the track is no vehicle of the mission."""
+
+    @staticmethod
+    def empty(m: int) -> Candidates:
+        """No candidate for any of m tracks."""
+        whole, number = np.empty((m, 0), np.int64), np.empty((m, 0))
+        return Candidates(
+            system_id=whole,
+            confidence=number,
+            distance_m=number,
+            deviation=number,
+            report_age_s=number,
+            better_track=whole,
+            better_confidence=number,
+            none_of_ours=np.full(m, np.nan),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Identities:
     """Which vehicle each track of a frame is, in the order of the observation."""
 
@@ -140,3 +177,5 @@ class Identities:
     """(m,) both fused by Dempster's rule, likewise."""
     conflict: tuple[int, ...]
     """System ids whose reports contradict the video or one another."""
+    candidates: Candidates
+    """Who each track may be, also of those that have no name."""

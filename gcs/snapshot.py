@@ -125,7 +125,7 @@ class VehicleRow:
     position_state: str = "never"
     """``ok``, ``stale``, ``lost``, ``never``, ``refused`` or ``contested``."""
     loss: float = NAN
-    """Share of packets missing by sequence number, 0..1."""
+    """Share of packets lost lately, 0..1, NaN unknown."""
     p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
     """(3,) metres, NaN unknown."""
     heading: float = NAN

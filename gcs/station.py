@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gcs.snapshot import Alarm, Event, Snapshot
 
-__all__ = ["Commands", "Station", "Timeline"]
+__all__ = ["Commands", "Gap", "Station", "Timeline"]
 
 
 class Commands(Protocol):
@@ -23,6 +27,15 @@ class Commands(Protocol):
         Raises:
             KeyError, ValueError: no such order, or not about this vehicle.
         """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """A part of a recording in which something was not received."""
+
+    start_us: int
+    stop_us: int
+    what: Literal["telemetry", "video"]
 
 
 class Timeline(Protocol):
@@ -43,6 +56,14 @@ class Timeline(Protocol):
     @property
     def analysed(self) -> Sequence[tuple[int, int]]:
         """What was worked out so far: first and last moment of each part, in order."""
+
+    @property
+    def gaps(self) -> Sequence[Gap]:
+        """When no frame or no telemetry was received, in order of time."""
+
+    def confidence(self, system_id: int) -> NDArray[np.float32]:
+        """(n,) least confidence in a vehicle's name in each of n equal parts of the recording; 0 while it has none, NaN
+        where nothing was worked out yet."""
 
     @property
     def playing(self) -> bool:

@@ -102,7 +102,7 @@ class ChannelStatus:
     rate_hz: float
     """Packets a second lately, duplicates of those of other channels included."""
     loss: float
-    """Share of packets missing by sequence number, lately, 0..1."""
+    """Share of packets lost lately, 0..1, NaN unknown: missing by sequence number, and by what comes regularly."""
     age_s: float
     """Since its last packet."""
     late_s: float
@@ -129,7 +129,7 @@ class VehicleStatus:
     period_s: float
     """Usual time between positions, NaN unknown."""
     loss: float
-    """Share of packets missing by sequence number, lately, 0..1."""
+    """Share of packets lost lately, 0..1, NaN unknown: missing by sequence number, and by what comes regularly."""
     refused: int
     """Positions that were rejected."""
     last_text: str

@@ -172,6 +172,22 @@ class Estimator:
         old = age[np.maximum(vehicle, 0)] if len(p) else np.full(len(vehicle), np.nan)
         return np.where(named, away, np.nan), np.where(named, old, np.nan)
 
+    def distances(
+        self, t: float, observation: Observation, camera: CameraState
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How far each track is from where each vehicle reports to be.
+
+        Returns:
+            (m, n) metres to the extrapolated report; (m, n) the same less the vehicle's usual error, in standard
+            deviations; (n,) age of the report, seconds.
+        """
+        now = t - self.time_offset_s
+        p, age = self._log.extrapolated(now)[0], now - self._log.last_t
+        g = rays_to_ground(observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, self.theta)
+        usual, var = self.predicted(t)
+        away = np.linalg.norm(g[:, None] - p[None], axis=2)
+        return away, np.linalg.norm(g[:, None] - usual[None], axis=2) / np.sqrt(var), age
+
     def _context(self, t: float, live: IntArray, camera: CameraState) -> UpdateContext:
         """The inputs of this update."""
         q = self._params

@@ -13,21 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.motion import ReportLog
-from assoc.geometry.ground import rays_to_ground
+from assoc.geometry.ground import YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.estimate import Estimator
-from assoc.identification.output import Beliefs, MassCache, compose_identities, empty_beliefs
+from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
 from assoc.methods.reattach import reattach_gated
 from assoc.params import MANY_PAIRS, IdentifierParams
-from assoc.records import CameraState, Identities, Observation, VehicleReports
+from assoc.records import CameraState, Candidates, Identities, Observation, VehicleReports
 
-__all__ = ["CameraState", "Identifier", "IdentifierParams", "Identities", "Observation", "VehicleReports"]
+__all__ = ["CameraState", "Candidates", "Identifier", "IdentifierParams", "Identities", "Observation", "VehicleReports"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _MARGIN_S = 2.0
 """Frames and reports are kept this much longer than the window, seconds: clocks differ, and only whole blocks count."""
+_HEADING_KNOWN = 0.35
+"""1σ of the estimated heading, radians, below which it stands for one that is not reported."""
 _ROUNDING_S = 1e-6
 """Tolerance of due times, seconds: time stamps are whole microseconds."""
 
@@ -93,12 +95,37 @@ class Identifier:
         if t > self._t:
             self._add_frame(t, observation, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)
-        threshold, cache = self._params.threshold, self._masses
         answer = compose_identities(
-            self._ids, beliefs, observation, camera, self._log, self._estimator, t, threshold, cache
+            self._ids,
+            beliefs,
+            observation,
+            camera,
+            self._log,
+            self._estimator,
+            t,
+            self._params.threshold,
+            self._masses,
+            self._candidates,
         )
         self._watch_residuals(t, answer)
         return answer
+
+    def expected_rays(self, p_enu: FloatArray, camera: CameraState) -> FloatArray | None:
+        """Rays from the camera, its pose corrected, to places on the ground.
+
+        Args:
+            p_enu: (k, 3) metres.
+            camera: The camera's state.
+
+        Returns:
+            (k, 3) camera frame; None while the camera's pose is unknown.
+        """
+        usable = _complete_state(camera)
+        turned = camera.attitude_known or self._estimator.theta_std[YAW] < _HEADING_KNOWN
+        if usable is None or not turned:
+            return None
+        at = usable.R_enu_cam, usable.p_enu, usable.ground_z
+        return ground_to_rays(p_enu[:, :2], *at, self._estimator.theta)
 
     def stitch(self, t_us: int, track_id: IntArray, ray_cam: FloatArray, camera: CameraState) -> IntArray:
         """Match lost tracks with unmatched detections by the reported positions of the tracks' vehicles.
@@ -185,7 +212,7 @@ class Identifier:
         self._estimator = Estimator(self._history, self._log, q)
         self._beliefs = empty_beliefs(n)
         self._residual_m = {}
-        self._masses = MassCache()
+        self._masses, self._candidates = MassCache(), CandidateCache()
 
 
 def _complete_state(camera: CameraState) -> CameraState | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,9 @@ from assoc.evidence.motion import ReportLog
 from assoc.hypotheses.labels import most_probable_names
 from assoc.identification.estimate import Estimator
 from assoc.identification.frame_masses import frame_masses
-from assoc.records import CameraState, Identities, Observation
+from assoc.records import CameraState, Candidates, Identities, Observation
 
-__all__ = ["Beliefs", "MassCache", "compose_identities", "empty_beliefs"]
+__all__ = ["Beliefs", "CandidateCache", "MassCache", "compose_identities", "empty_beliefs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -24,6 +24,10 @@ _CLAIMED = 0.5
 """Probability above which a detected track takes a vehicle's name from tracks that are only predicted."""
 _MASSES_EVERY_S = 0.5
 """Time between two computations of the masses, seconds."""
+_CANDIDATES_EVERY_S = 0.25
+"""Time between two comparisons of each track with all vehicles, seconds: faster than they can be read."""
+_MOST_CANDIDATES = 3
+"""Vehicles that are given for each track: more are not compared by eye."""
 _NEW_TRACK_UNKNOWN = 0.5
 """Probability of "none of ours" of a track that has been in no update yet."""
 
@@ -87,6 +91,25 @@ class MassCache:
         return np.array(rows).reshape(len(rows), 3).T
 
 
+class CandidateCache:
+    """The last candidates: between two updates the probabilities stay, and distances change little."""
+
+    def __init__(self) -> None:
+        self._t = -np.inf
+        self._track_id = np.empty(0, np.int64)
+        self._p = np.empty((0, 0))
+        self.found = Candidates.empty(0)
+
+    def stale(self, t: float, track_id: IntArray, p: FloatArray) -> bool:
+        """Whether they must be found again: after a while, or with other tracks or probabilities."""
+        same = np.array_equal(self._track_id, track_id) and np.array_equal(self._p, p)
+        return not same or t - self._t >= _CANDIDATES_EVERY_S
+
+    def store(self, t: float, track_id: IntArray, p: FloatArray, found: Candidates) -> None:
+        """Keep the candidates of tracks with probabilities p (m, n + 1)."""
+        self._t, self._track_id, self._p, self.found = t, track_id.copy(), p, found
+
+
 def compose_identities(
     system_ids: IntArray,
     beliefs: Beliefs,
@@ -97,6 +120,7 @@ def compose_identities(
     t: float,
     threshold: float,
     cache: MassCache,
+    candidates: CandidateCache,
 ) -> Identities:
     """Assemble names, runners-up and evidence of one frame.
 
@@ -110,6 +134,7 @@ def compose_identities(
         t: Time of the frame, seconds.
         threshold: Least probability for a name.
         cache: Last masses; written here.
+        candidates: Last candidates; written here.
 
     Returns:
         The identities.
@@ -128,6 +153,9 @@ def compose_identities(
         cache.store(t, observation.track_id, choice, np.stack(_masses(t, observation, camera, log, estimator, choice)))
     projection, topology, fused = cache.masses_of(observation.track_id, choice)
     residual, age = estimator.residuals(t, observation, camera, choice)
+    if candidates.stale(t, observation.track_id, p):
+        far = estimator.distances(t, observation, camera)
+        candidates.store(t, observation.track_id, p, _candidates(system_ids, observation.track_id, p, *far))
     return Identities(
         track_id=observation.track_id.copy(),
         system_id=ids[choice],
@@ -140,6 +168,43 @@ def compose_identities(
         topology=topology,
         fused=fused,
         conflict=tuple(int(ids[k]) for k in beliefs.conflict),
+        candidates=candidates.found,
+    )
+
+
+def _candidates(
+    system_ids: IntArray,
+    track_id: IntArray,
+    p: FloatArray,
+    away_m: FloatArray,
+    deviation: FloatArray,
+    age_s: FloatArray,
+) -> Candidates:
+    """The likeliest vehicles of each track; of equally likely ones the nearest.
+
+    Args:
+        system_ids: (n,).
+        track_id: (m,).
+        p: (m, n + 1) marginals.
+        away_m: (m, n) metres from each track to each vehicle's report.
+        deviation: (m, n) the same in standard deviations.
+        age_s: (n,) age of the reports, seconds.
+    """
+    m, n = len(track_id), len(system_ids)
+    if not m or not n:
+        return replace(Candidates.empty(m), none_of_ours=p[:, -1])
+    row, best = np.arange(m)[:, None], np.lexsort((away_m, -p[:, :n]), axis=1)[:, :_MOST_CANDIDATES]
+    owner = np.argmax(p[:, :n], axis=0)[best]
+    better = p[owner, best] > p[row, best]
+    return Candidates(
+        system_id=system_ids[best],
+        confidence=p[row, best],
+        distance_m=away_m[row, best],
+        deviation=deviation[row, best],
+        report_age_s=np.where(np.isfinite(age_s[best]), age_s[best], np.inf),
+        better_track=np.where(better, track_id[owner], 0),
+        better_confidence=np.where(better, p[owner, best], np.nan),
+        none_of_ours=p[:, -1],
     )
 
 

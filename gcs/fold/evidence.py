@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from assoc.records import CameraState, Observation, VehicleReports
-from gcs.fold.snapshot_rows import FrameCamera
+from gcs.fold.frame_camera import FrameCamera
 from mavlink.fleet.fleet import Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections

@@ -1,6 +1,8 @@
-"""Names from one frame to the next: which came, changed or went, and whose position contradicts the video."""
+"""Names from one frame to the next: which came, changed or went and why, and whose position contradicts the video."""
 
 from __future__ import annotations
+
+import numpy as np
 
 from assoc.identification.identifier import Identities
 from gcs.certainty import certainty
@@ -8,8 +10,12 @@ from gcs.health.vehicle_alarms import APART_M, APART_S, APART_STDS
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Level
 from mavlink.fleet.fleet import FleetState
+from vision.track.tracks import Tracks
 
 __all__ = ["NameChanges"]
+
+NONE_LIKELIER = 0.5
+"""Probability of "none of ours" above which it is why a name went."""
 
 
 class NameChanges:
@@ -18,31 +24,51 @@ class NameChanges:
     Attributes:
         by_track: system id by the track that carries its name now.
         conflicts: system ids of vehicles whose positions contradict the video.
+        began_anew: set when all evidence is given up, until the next frame.
     """
 
     def __init__(self, mission: Mission) -> None:
         self._mission = mission
         self._apart_since_us: dict[int, int] = {}
+        self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
         self.conflicts: frozenset[int] = frozenset()
+        self.began_anew = False
 
-    def update(self, t_us: int, identities: Identities | None, state: FleetState) -> list[Event]:
+    def update(
+        self,
+        t_us: int,
+        identities: Identities | None,
+        state: FleetState,
+        tracks: Tracks,
+        size: tuple[int, int] | None,
+    ) -> list[Event]:
         """Take in one frame; returns an event for each name that came, changed or went.
 
         Args:
             t_us: its time.
             identities: of its tracks, None without a camera pose.
             state: the fleet then.
+            tracks: after it.
+            size: its width and height, px, None unknown.
         """
-        before, self.by_track = self.by_track, {}
+        before = self.by_track
         self.conflicts = self._apart_from_video(t_us, identities, state)
-        if identities is None:
-            return []
-        self.conflicts |= frozenset(identities.conflict)
-        columns = identities.track_id.tolist(), identities.system_id.tolist(), identities.confidence.tolist()
-        found = {track: (vehicle, sure) for track, vehicle, sure in zip(*columns, strict=True)}
+        found: dict[int, tuple[int, float]] = {}
+        if identities is not None:
+            self.conflicts |= frozenset(identities.conflict)
+            columns = identities.track_id.tolist(), identities.system_id.tolist(), identities.confidence.tolist()
+            found = {track: (vehicle, sure) for track, vehicle, sure in zip(*columns, strict=True)}
         self.by_track = {track: vehicle for track, (vehicle, _) in found.items() if vehicle}
-        return [*self._given(t_us, before, found), *self._withdrawn(t_us, before, found)]
+        lost = {track: vehicle for track, vehicle in before.items() if vehicle not in self.by_track.values()}
+        events = self._given(t_us, before, found)
+        for track, vehicle in lost.items():
+            text = f"track {track} is no longer {self._mission.name_of(vehicle)}: "
+            text += self._reason(track, vehicle, identities, state)
+            events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
+        self._at_border = _tracks_at_border(tracks, size)
+        self.began_anew = False
+        return events
 
     def _given(self, t_us: int, before: dict[int, int], found: dict[int, tuple[int, float]]) -> list[Event]:
         events = []
@@ -55,13 +81,29 @@ class NameChanges:
                 events.append(Event(t_us=t_us, level=level, kind="identity", text=text, system_id=vehicle))
         return events
 
-    def _withdrawn(self, t_us: int, before: dict[int, int], found: dict[int, tuple[int, float]]) -> list[Event]:
-        events = []
-        for track, vehicle in before.items():
-            if track in found and not found[track][0]:
-                text = f"track {track} is no longer {self._mission.name_of(vehicle)}: the evidence does not suffice"
-                events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
-        return events
+    def _reason(self, track: int, vehicle: int, identities: Identities | None, state: FleetState) -> str:
+        """Why a track does not carry a vehicle's name any more."""
+        status = {each.system_id: each for each in state.vehicles}[vehicle]
+        if self.began_anew:
+            return "names begin anew"
+        if state.vehicles[0].contested:
+            return "several senders use the UAV's id"
+        if identities is None:
+            return "the camera's pose is unknown" if state.uav.position_valid else "the UAV's position is lost"
+        if status.contested:
+            return "several senders use its id"
+        rows = np.flatnonzero(identities.track_id == track)
+        if not len(rows):
+            return "it left the picture" if track in self._at_border else "the track was lost"
+        if track in self.by_track:
+            return f"it is {self._mission.name_of(self.by_track[track])}"
+        if status.position_state in ("refused", "lost"):
+            because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
+            return f"its positions are {status.position_state}{because}"
+        none = float(identities.candidates.none_of_ours[rows[0]])
+        if none > NONE_LIKELIER:
+            return f"none of ours is likelier ({certainty(none)})"
+        return "the evidence does not suffice"
 
     def _apart_from_video(self, t_us: int, identities: Identities | None, state: FleetState) -> frozenset[int]:
         """Vehicles that have long reported to be far from their own boxes, by more than their receivers' noise."""
@@ -72,3 +114,12 @@ class NameChanges:
                 if vehicle and away_m > APART_M + APART_STDS * std_m[vehicle]:
                     self._apart_since_us[vehicle] = before.get(vehicle, t_us)
         return frozenset(v for v, since_us in self._apart_since_us.items() if t_us - since_us >= APART_S * 1e6)
+
+
+def _tracks_at_border(tracks: Tracks, size: tuple[int, int] | None) -> frozenset[int]:
+    """Tracks whose boxes reach to the border of the frame or beyond it."""
+    if size is None:
+        return frozenset()
+    centre, reach = np.column_stack([tracks.cx, tracks.cy]), 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
+    reaching = ((centre < reach) | (centre > np.array(size) - reach)).any(axis=1)
+    return frozenset(tracks.track_id[reaching].tolist())

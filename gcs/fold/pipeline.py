@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +16,28 @@ from numpy.typing import NDArray
 from assoc.geometry.ground import OFFSET, YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
 from gcs.fold.camera_direction import CameraDirection
+from gcs.fold.candidates import CandidateWords
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
+from gcs.fold.frame_camera import FrameCamera, expected_pixels, ground_warp, reported_pixels
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
 from gcs.fold.quarantine import limit_doubted, withhold_contested
-from gcs.fold.snapshot_rows import FrameCamera, boxes_of, vehicle_rows
+from gcs.fold.since import Since
+from gcs.fold.snapshot_rows import boxes_of, vehicle_rows
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Mission
 from gcs.session.fold_order import NO_FRAME
-from gcs.snapshot import Box, Event, Health, Snapshot
+from gcs.snapshot import Box, Event, Health, Snapshot, Standing
 from mavlink.estimation.gimbal import turns_camera
 from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
-from vision.camera.camera import footprint, ground_sampling, image_warp, project
+from vision.camera.camera import footprint, ground_sampling
 from vision.detect.detections import Detections
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, TrackerParams, Tracks
@@ -110,6 +114,9 @@ class Pipeline:
         self._look: _Look | None = None
         self._frame, self._frame_us, self._clock_us = NO_FRAME, 0, 0
         self._names = NameChanges(mission)
+        self._candidates = CandidateWords(mission.identity.threshold)
+        self._named_since: Since[int, int] = Since()
+        self._standing_since: Since[int, Standing] = Since()
         self._fences = Fences(mission)
         self._events: list[Event] = []
         self._notices = NoticeEvents(mission)
@@ -148,7 +155,7 @@ class Pipeline:
         view = self._frame_camera(state, None)
         if view is None:
             return None
-        places = np.array(list(self._projected(state, view).values())).reshape(-1, 2)
+        places = np.array(list(reported_pixels(state, view).values())).reshape(-1, 2)
         return (view.intrinsics.width, view.intrinsics.height), places
 
     def add_frame(
@@ -187,7 +194,7 @@ class Pipeline:
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
-        warp = _warp(self._view, view)
+        warp = ground_warp(self._view, view)
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._optics.size))
         stitch, known = self._stitch(t_us, view), self._known(state)
@@ -199,10 +206,10 @@ class Pipeline:
             tracks=tracks,
             found=self._identify(t_us, detections, tracks, view),
             view=view,
-            uv=self._projected(state, view),
+            uv=reported_pixels(state, view),
         )
         identities = self._names_held(state)
-        self._events += self._names.update(t_us, identities, state)
+        self._events += self._names.update(t_us, identities, state, tracks, self._optics.size)
         return self._snapshot(index, t_us, state, view, image, identities, health)
 
     def _names_held(self, state: FleetState) -> Identities | None:
@@ -229,6 +236,7 @@ class Pipeline:
         """Forget all evidence."""
         self._identifier = Identifier(self.mission.ugv_ids, self._params)
         self._view = None
+        self._names.began_anew = True
         if self._look:
             self._look = replace(self._look, found=None, view=None, uv={})
 
@@ -283,13 +291,8 @@ class Pipeline:
         positioned = set(state.system_id[state.valid].tolist())
         return [track for track, vehicle in self._names.by_track.items() if vehicle in positioned]
 
-    def _projected(self, state: FleetState, view: FrameCamera | None) -> dict[int, FloatArray]:
-        """Pixel (2,) of each vehicle's reported place, by system id; only vehicles that are usable now."""
-        if view is None:
-            return {}
-        uv, ahead = project(view.intrinsics, view.pose, _on_ground(state.p_enu, view.ground_z))
-        usable = ahead & state.valid
-        return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
+    def _rays(self, p_enu: FloatArray, view: FrameCamera) -> FloatArray | None:
+        return self._identifier.expected_rays(p_enu, self._camera(view))
 
     def _identify(
         self, t_us: int, detections: Detections, tracks: Tracks, view: FrameCamera | None
@@ -328,12 +331,16 @@ class Pipeline:
         self._clock_us = max(t_us, self._clock_us) if t_us > self._clock_us - CLOCK_SET_US else t_us
         look, boxes = self._look, tuple[Box, ...]()
         if look is not None and t_us - look.t_us <= HELD_US:
-            boxes = boxes_of(look.detections, look.tracks, identities, look.uv, look.view, self.fleet.origin)
-        uv = self._projected(state, view)
+            known = self._candidates.of(identities, state)
+            named_since = partial(self._named_since.update, t_us)
+            origin = self.fleet.origin
+            boxes = boxes_of(look.detections, look.tracks, identities, look.uv, look.view, origin, known, named_since)
+        expected_px = expected_pixels(state, view, self._rays)
+        standing_since = partial(self._standing_since.update, t_us)
         width, height = self._optics.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
-        rows = vehicle_rows(self.mission, state, boxes, uv, (width, height), lapsed=lapsed)
+        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), standing_since, lapsed=lapsed)
         snapshot = Snapshot(
             t_us=t_us,
             frame=self._frame,
@@ -364,16 +371,3 @@ class Pipeline:
 def _size_of(image: NDArray[np.uint8] | None) -> tuple[int, int] | None:
     """Width and height, px."""
     return None if image is None else (image.shape[1], image.shape[0])
-
-
-def _on_ground(p_enu: FloatArray, ground_z: float) -> FloatArray:
-    flat = p_enu.copy()
-    flat[:, 2] = ground_z
-    return flat
-
-
-def _warp(before: FrameCamera | None, now: FrameCamera | None) -> FloatArray | None:
-    """How the ground moved in the image, known where both poses are."""
-    if before is None or now is None or not (before.attitude_known and now.attitude_known):
-        return None
-    return image_warp(before.intrinsics, before.pose, now.pose, now.ground_z, intrinsics_to=now.intrinsics)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from assoc.identification.identifier import Identities
 from gcs.certainty import CONFIRMED
+from gcs.fold.frame_camera import FrameCamera
 from gcs.mission.mission import Mission
-from gcs.snapshot import NAN, Box, Standing, VehicleRow
+from gcs.snapshot import NAN, Box, Candidate, Standing, VehicleRow
 from mavlink.fleet.fleet import FleetState, VehicleStatus
 from mavlink.geodesy import LocalFrame
-from vision.camera.camera import CameraPose, ground
-from vision.camera.intrinsics import Intrinsics
+from vision.camera.camera import ground
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
-__all__ = ["FrameCamera", "boxes_of", "vehicle_rows"]
+__all__ = ["boxes_of", "vehicle_rows"]
 
 FloatArray = NDArray[np.float64]
 EVIDENCE = (
@@ -30,19 +30,6 @@ EVIDENCE = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameCamera:
-    """The camera at one frame."""
-
-    intrinsics: Intrinsics
-    pose: CameraPose
-    ground_z: float
-    """Height of the ground plane, ENU metres."""
-    attitude_known: bool
-    position_sure: bool
-    """False: the UAV doubts its own position."""
-
-
 def boxes_of(
     detections: Detections,
     tracks: Tracks,
@@ -50,6 +37,8 @@ def boxes_of(
     vehicle_uv: dict[int, FloatArray],
     view: FrameCamera | None,
     origin: LocalFrame | None,
+    candidates: Sequence[tuple[Candidate, ...]],
+    named_since: Callable[[int, int], int],
 ) -> tuple[Box, ...]:
     """Boxes of a frame: those that tracks took, with their names, then those that no track took.
 
@@ -60,9 +49,15 @@ def boxes_of(
         vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
         view: The camera, None unknown.
         origin: Of the local frame, None unknown.
+        candidates: Who each track may be, in the order of the identities.
+        named_since: Since when a track has had the name of a system id, or 0 for none.
     """
     places = _places(detections)
     rows = _tracked(tracks, places, identities)
+    for row in rows:
+        row["since_us"] = named_since(row["track_id"], row.get("system_id", 0))
+    for row, found in zip(rows, candidates, strict=False):
+        row["candidates"] = found
     rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
     if view is not None and rows:
         centre = np.array([[row["cx"], row["cy"]] for row in rows])
@@ -94,8 +89,8 @@ def _tracked(tracks: Tracks, detected: list[dict[str, Any]], identities: Identit
     state = _rows(tracks, ("track_id", "heading"))
     rows = [place | own | {"coasting": at < 0} for place, own, at in zip(places, state, seen, strict=True)]
     if identities is not None:
-        evidence = _rows(identities, EVIDENCE)
-        rows = [row | known for row, known in zip(rows, evidence, strict=True)]
+        evidence, none = _rows(identities, EVIDENCE), identities.candidates.none_of_ours.tolist()
+        rows = [row | known | {"none_of_ours": p} for row, known, p in zip(rows, evidence, none, strict=True)]
     return rows
 
 
@@ -103,8 +98,9 @@ def vehicle_rows(
     mission: Mission,
     state: FleetState,
     boxes: tuple[Box, ...],
-    vehicle_uv: dict[int, FloatArray],
+    expected_px: Mapping[int, tuple[float, float]] | None,
     size: tuple[int, int],
+    standing_since: Callable[[int, Standing], int],
     *,
     lapsed: bool = False,
 ) -> tuple[VehicleRow, ...]:
@@ -114,8 +110,10 @@ def vehicle_rows(
         mission: Who flies.
         state: The fleet now.
         boxes: Of the last frame that was looked at, while they are held.
-        vehicle_uv: Pixel (2,) of each vehicle's reported place by system id, empty when the camera's pose is unknown.
+        expected_px: Where the vehicles' reports put them in the image plane, by system id; those behind the camera are
+            not in it. None when the camera's pose is unknown.
         size: Width and height of the image, px.
+        standing_since: Since when a vehicle has had a standing.
         lapsed: The last frame came so long ago that nothing is known of what the camera sees.
     """
     by_name = {box.system_id: box for box in boxes if box.system_id}
@@ -123,8 +121,10 @@ def vehicle_rows(
     for k, status in enumerate(state.vehicles):
         is_uav = k == 0
         box = None if is_uav else by_name.get(status.system_id)
-        uv = vehicle_uv.get(status.system_id)
-        in_view = None if is_uav or not vehicle_uv else uv is not None and _inside(uv, size)
+        uv = (expected_px or {}).get(status.system_id)
+        unseen = is_uav or expected_px is None or not state.valid[k - 1]
+        in_view = None if unseen else uv is not None and _inside(uv, size)
+        standing = _standing(status, box, in_view, lapsed=lapsed)
         rows.append(
             VehicleRow(
                 system_id=status.system_id,
@@ -142,7 +142,9 @@ def vehicle_rows(
                 heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
                 std_m=float("nan") if is_uav else float(state.std_m[k - 1]),
                 in_view=in_view,
-                standing=_standing(status, box, in_view, lapsed=lapsed),
+                standing=standing,
+                standing_since_us=standing_since(status.system_id, standing),
+                expected_px=uv,
                 track_id=box.track_id if box else 0,
                 confidence=box.confidence if box else float("nan"),
                 contested=status.contested,
@@ -163,7 +165,7 @@ def vehicle_rows(
     return tuple(rows)
 
 
-def _inside(uv: FloatArray, size: tuple[int, int]) -> bool:
+def _inside(uv: tuple[float, float], size: tuple[int, int]) -> bool:
     return bool(0 <= uv[0] < size[0] and 0 <= uv[1] < size[1])
 
 

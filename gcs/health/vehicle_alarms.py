@@ -29,6 +29,11 @@ HELD_S = 3.0
 """Within this a vehicle that sends its time once a second has proved that its packets are new."""
 CLOCK_FAULT_S = 10.0
 """A clock that was set a moment ago is still in messages that were made before."""
+LOSS_S = 5.0
+"""A loss that is over by then needs no action."""
+BAD_LOSS = 0.5
+"""Share of packets lost from which on it is an alarm whatever the mission's limit: a position a second becomes one in
+two, and is stale between them."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
 """A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
 by some metres, and boxes are next to each other."""
@@ -67,6 +72,11 @@ def _contradicted(row: VehicleRow, now: Snapshot) -> bool:
 
 def _no_attitude(row: VehicleRow, now: Snapshot) -> bool:
     return row.role == "uav" and now.pose == "no attitude" and row.heartbeat_age_s < SPEAKS_S
+
+
+def _loses(row: VehicleRow, now: Snapshot) -> bool:
+    # two senders of one id count separately, which looks like a loss
+    return row.loss > now.limits.loss and _answers(row) and not row.contested
 
 
 VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
@@ -193,6 +203,28 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         f"{APART_STDS:g} times its receiver's 1σ away from where it reports to be. Other names are not touched by it",
         advice="do not act on its name; compare its position with what you see",
         condition=_contradicted,
+    ),
+    AlarmRule(
+        key="loss",
+        level="warning",
+        kind="link",
+        text="its packets are lost",
+        meaning=f"more than the mission's share `[limits] loss` (0.1) for {LOSS_S:g} s, until it is half of that: by "
+        "the sequence numbers where what it sends regularly is missing too, so that a filter on the way is no loss",
+        advice="bring it or its radio nearer, turn antennas, or have it send less; its positions come late meanwhile",
+        condition=lambda row, now: _loses(row, now) and row.loss <= BAD_LOSS,
+        kept_while=lambda row, now: row.loss > 0.5 * now.limits.loss or _silent(row),
+        lasts_s=LOSS_S,
+    ),
+    AlarmRule(
+        key="loss",
+        level="alarm",
+        kind="link",
+        text="most of its packets are lost",
+        meaning=f"more than {BAD_LOSS:.0%} for {LOSS_S:g} s, where the mission's share is less than 1",
+        advice="bring it or its radio nearer, turn antennas, or have it send less; its positions come late meanwhile",
+        condition=lambda row, now: _loses(row, now) and row.loss > BAD_LOSS,
+        lasts_s=LOSS_S,
     ),
     AlarmRule(
         key="signature",

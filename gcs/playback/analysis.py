@@ -171,6 +171,16 @@ class Analysis:
         if backwards:
             yield f"the frames' time goes back {backwards} times: what is named around there is not to be trusted"
 
+    @property
+    def frames_us(self) -> NDArray[np.int64] | None:
+        """(n,) when each frame was taken; None for telemetry alone."""
+        return self.times_us if self.video is not None or self._frames is not None else None
+
+    @property
+    def packets_us(self) -> NDArray[np.int64]:
+        """(k,) when each packet was received."""
+        return self._log.times_us
+
     def detector(self) -> Detector | None:
         """The mission's detector when frames have to be looked at, else None."""
         if self.video is None or self._boxes is not None:

@@ -15,8 +15,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.playback.analysis import Analysis
+from gcs.playback.confidence import ConfidenceHistory
+from gcs.playback.gaps import find_gaps
 from gcs.session.event_log import append_event, marks_path, read_events
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
@@ -55,6 +58,8 @@ class Replay:
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now_us = float(self._times[0])
+        self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
+        self.gaps = find_gaps(self._analysis.frames_us, self._analysis.packets_us, self.start_us, self.stop_us)
         self._playing = True
         self._speed = 1.0
         self._title = session.name
@@ -97,6 +102,11 @@ class Replay:
         """The part from the start that the analysis has been through."""
         done = len(self._done)
         return [(self.start_us, int(self._times[done - 1]))] if done else []
+
+    def confidence(self, system_id: int) -> NDArray[np.float32]:
+        """Least confidence in a vehicle's name in each of equal parts of the recording, as far as it is analysed."""
+        with self._lock:
+            return self._confidence.of(system_id)
 
     @property
     def playing(self) -> bool:
@@ -180,6 +190,7 @@ class Replay:
         for snapshot in self._analysis.snapshots(images=False):
             with self._lock:
                 self._done.append(snapshot)
+                self._confidence.add(snapshot)
                 self._events += snapshot.events
                 del self._events[:-MOST_EVENTS]
             if self._stop.is_set():

@@ -20,13 +20,14 @@ from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import palette, playback
 from gcs.tui.draw.format import age, clock, plain
+from gcs.tui.draw.moments import KINDS, Moment, times_of
 from gcs.tui.draw.pixels import Graphics, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token, unseen
 from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane, events_from, text_with_sender
+from gcs.tui.panes.event_log import EventPane, text_with_sender
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.key_hints import KeyHints
@@ -92,6 +93,8 @@ class RollcallApp(App[None]):
         self._station = station
         self._newest_at = time.monotonic()
         self.left = False
+        self._jumps: Moment | None = None
+        """What ``n`` and ``p`` go to, None: the events of the log."""
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
@@ -150,7 +153,8 @@ class RollcallApp(App[None]):
         if len(events) != len(self._events.all_events) or (events and events[-1] is not self._events.all_events[-1]):
             self._events.all_events = tuple(events)
         if self._station.timeline is not None and self._timeline is not None:
-            self._timeline.show(self._station.timeline, events)
+            name = self.snapshot.name_of(self.selected) if self.snapshot is not None else ""
+            self._timeline.show(self._station.timeline, events, self.selected, name)
         self._alert_line.text = self._alert()
         self._ring()
 
@@ -210,14 +214,27 @@ class RollcallApp(App[None]):
             timeline.seek(timeline.stop_us if end else timeline.start_us)
 
     def action_event(self, steps: int) -> None:
-        """Next or previous event of those the log shows."""
+        """Next or previous moment of the kind that was chosen, else event of those that the log shows."""
         if (timeline := self._station.timeline) is None:
             return
-        event = playback.event_beside(events_from(self._station.events(), self._events.least), timeline, steps)
-        if event is None:
-            self.notify("no later event" if steps > 0 else "no earlier event", markup=False, timeout=2)
+        events = self._station.events()
+        shown = [event.t_us for event in self._events.filtered(events)]
+        times_us = times_of(self._jumps, events, timeline.gaps) if self._jumps else shown
+        goal = playback.time_beside(times_us, timeline, steps)
+        if goal is None:
+            what = self._jumps or "event of those that the log shows"
+            self.notify(f"no {'later' if steps > 0 else 'earlier'} {what}", markup=False, timeout=2)
         else:
-            timeline.seek(event.t_us)
+            timeline.seek(goal)
+
+    def action_jumps(self) -> None:
+        """What the keys for next and previous go to."""
+        order = (None, *KINDS[::-1])
+        self._jumps = order[(order.index(self._jumps) + 1) % len(order)]
+        if self._timeline is not None:
+            self._timeline.jumps = self._jumps or ""
+        what = f"each {self._jumps}" if self._jumps else "the events that the log shows"
+        self.notify(f"n and p go to {what}", markup=False, timeout=2)
 
     def action_go_to(self) -> None:
         """Prompt for a time."""
@@ -269,9 +286,11 @@ class RollcallApp(App[None]):
         self.selected, self.picked_track = system_id, 0 if system_id else track_id
 
     def action_release(self) -> None:
-        """Leave the maximised pane, else the selection."""
+        """Leave the maximised pane, else the search, else the selection."""
         if self._panes.state.maximised:
             self._panes.maximise(self._panes.state.maximised)
+        elif self._events.words:
+            self._events.words = ""
         else:
             self._pick(0, 0)
 
@@ -302,6 +321,12 @@ class RollcallApp(App[None]):
         names = list(THEMES)
         self.theme = names[(names.index(self.theme) + 1) % len(names)]
         self.notify(f"theme: {self.theme}", timeout=2, markup=False)
+
+    def action_search(self) -> None:
+        """Prompt for words that the log's events are to have."""
+        hint = "words, a vehicle's name, a kind (identity, text, link, mark …); nothing ends it"
+        ask = Prompt("Search the event log", hint, str.strip, value=self._events.words)
+        self.push_screen(ask, lambda words: None if words is None else setattr(self._events, "words", words))
 
     def action_help(self) -> None:
         """All keys."""

@@ -26,8 +26,9 @@ REPLAY: Final = (
     _key("home", "edge(0)", "start", "Go to the start", id="replay.start"),
     _key("end", "edge(1)", "end", "Go to the end", id="replay.end"),
     _key("g", "go_to", "go to", "Go to a time: 1:30, +10, 50% or 10:33:12Z", id="replay.go"),
-    _key("n", "event(1)", "event", "Go to the next event of the log's filter", id="replay.next"),
+    _key("n", "event(1)", "event", "Go to the next event that the log shows, or of N's kind", id="replay.next"),
     _key("p", "event(-1)", "event", "Go to the event before", id="replay.previous"),
+    _key("N", "jumps", "kind", "What n and p go to: the log, alarms, marks, gaps, warnings, names", id="replay.kind"),
 )
 PANES: Final = (
     _key("v", "pane('video')", "video", "Video: show and focus, again to hide", id="pane.video"),
@@ -49,6 +50,7 @@ LOOK: Final = (
     _key("0", "zoom(0)", "fit", "Map: fit everything", id="map.fit"),
     _key("c", "follow", "follow", "Map: follow all, UAV or the selected vehicle", id="map.follow"),
     _key("x", "evidence", "evidence", "Identity: evidence for analysts and back", id="identity.evidence"),
+    _key("slash", "search", "search", "Event log: search; esc ends it", id="events.search", shown="/"),
     _key("l", "level", "level", "Event log: all, warnings, alarms", id="events.level"),
 )
 STATION: Final = (
@@ -77,7 +79,7 @@ STATION: Final = (
 
 GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION))
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
-REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event"})
+REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps"})
 
 LIVE_HINTS: Final = (
     ("q", "quit"),
@@ -87,6 +89,7 @@ LIVE_HINTS: Final = (
     ("123", "layout"),
     ("vMfie", "panes"),
     ("l", "level"),
+    ("/", "search"),
     ("+-0", "map"),
     ("c", "follow"),
     ("m", "mark"),
@@ -109,6 +112,7 @@ REPLAY_HINTS: Final = (
     ("123", "layout"),
     ("vMfie", "panes"),
     ("l", "level"),
+    ("/", "search"),
     ("+-0", "map"),
     ("c", "follow"),
     ("m", "mark"),

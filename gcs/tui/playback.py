@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 
-from gcs.snapshot import Event
 from gcs.station import Timeline
 
-__all__ = ["SPEEDS", "change_speed", "event_beside", "jump", "parse_time", "toggle"]
+__all__ = ["SPEEDS", "change_speed", "jump", "parse_time", "time_beside", "toggle"]
 
 SPEEDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 SECOND_US = 1_000_000
 DAY_US = 86_400 * SECOND_US
 SAME_US = 1_000
-"""An event this near is the one that is on screen."""
+"""A moment this near is the one that is on screen."""
 RELATIVE = re.compile(r"([+-])(.+)")
 ELAPSED = re.compile(r"(?:(?:(\d{1,3}):)?(\d{1,3}):)?(\d{1,6}(?:\.\d{1,6})?)", re.ASCII)
 CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d{1,6})?))?Z", re.IGNORECASE | re.ASCII)
@@ -46,14 +45,12 @@ def change_speed(timeline: Timeline, steps: int) -> None:
         timeline.set_speed(next((speed for speed in reversed(SPEEDS) if speed < timeline.speed - 1e-9), SPEEDS[0]))
 
 
-def event_beside(events: Sequence[Event], timeline: Timeline, steps: int) -> Event | None:
-    """The next (positive) or previous event of the recording from now, None when there is none."""
-    inside = [event for event in events if timeline.start_us <= event.t_us <= timeline.stop_us]
+def time_beside(times_us: Iterable[int], timeline: Timeline, steps: int) -> int | None:
+    """The next (positive) or previous of some times within the recording from now, None when there is none."""
+    inside = [t_us for t_us in times_us if timeline.start_us <= t_us <= timeline.stop_us]
     if steps > 0:
-        later = [event for event in inside if event.t_us > timeline.now_us + SAME_US]
-        return min(later, key=lambda event: event.t_us, default=None)
-    earlier = [event for event in inside if event.t_us < timeline.now_us - SAME_US]
-    return max(earlier, key=lambda event: event.t_us, default=None)
+        return min((t_us for t_us in inside if t_us > timeline.now_us + SAME_US), default=None)
+    return max((t_us for t_us in inside if t_us < timeline.now_us - SAME_US), default=None)
 
 
 def parse_time(text: str, start_us: int, stop_us: int, now_us: int) -> int:

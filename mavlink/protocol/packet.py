@@ -9,6 +9,8 @@ __all__ = ["MAGIC_V1", "MAGIC_V2", "Auth", "Packet"]
 
 MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
+_BOOT_MS_AT = {2: 8, 30: 0, 31: 0, 32: 0, 33: 0}
+"""Offset in the payload of SYSTEM_TIME, ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED and GLOBAL_POSITION_INT."""
 
 
 class Auth(IntEnum):
@@ -79,6 +81,12 @@ class Packet:
     def signed(self) -> bool:
         """Whether a signature follows the checksum; ``auth`` is the result of verifying it."""
         return self.raw[0] == MAGIC_V2 and bool(self.raw[2] & 1)
+
+    @property
+    def boot_ms(self) -> int:
+        """Milliseconds since its vehicle was switched on, where the message carries them in a known place; else 0."""
+        place = _BOOT_MS_AT.get(self.message_id)
+        return 0 if place is None else int.from_bytes(self.payload[place : place + 4], "little")
 
     @property
     def payload(self) -> bytes:

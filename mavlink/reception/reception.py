@@ -6,14 +6,16 @@ packet counts as new once, and each channel is known by how far it is behind the
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from typing import NamedTuple
 
 from mavlink.protocol.packet import Auth, Packet
+from mavlink.reception.packet_loss import PacketLoss
 from mavlink.reception.rejected_packets import PacketRejections
 from mavlink.state import ChannelStatus, Level
 
-__all__ = ["Arrival", "ChannelLag", "Reception", "SenderKey", "SequenceLoss"]
+__all__ = ["Arrival", "ChannelLag", "Reception", "SenderKey"]
 
 _MAX_CHANNELS = 16
 """Per vehicle; forged addresses must not cost memory."""
@@ -37,15 +39,13 @@ _TIME_STAMPED = frozenset({2, 30, 31, 32, 33, 111, 259, 260, 265, 271, 285})
 """Ids of messages that carry the time they were made at. Of others the same bytes may be new, once the sequence number
 has come round."""
 
+_UNUSED_US = 10_000_000
+"""A channel that is so much older than the newest packet counts no more in the loss: the vehicle has another now."""
 _RATE_WINDOW_US = 2_000_000
 """Rates are measured over this: short enough to follow a change, two heartbeats long."""
 
 _SEQUENCE_LATE = 128
 """Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
-_SEQUENCE_HALF_LIFE = 400.0
-"""Packets after which older ones count half in a loss."""
-_MAX_SEQUENCES = 32
-"""Counters followed for one loss: components times links."""
 _RUN_AHEAD, _RUN_BEHIND = 16, 8
 """Steps forward (losses) and back (reordering) that still continue a run of sequence numbers."""
 _RUN_US = 3_000_000
@@ -80,45 +80,6 @@ class Arrival(NamedTuple):
     """Its channel is seconds behind another that brings the same packets."""
     lag: ChannelLag
     """Of its channel, by the message before."""
-
-
-class SequenceLoss:
-    """Share of packets lost lately; every sender counts its packets per channel, modulo 256.
-
-    Args:
-        half_life: packets after which older ones count half.
-    """
-
-    __slots__ = ("_half_life", "_last", "expected", "received")
-
-    def __init__(self, half_life: float = _SEQUENCE_HALF_LIFE) -> None:
-        self._half_life = half_life
-        self._last: dict[tuple[int, int], int] = {}
-        self.expected = 0.0
-        """Packets sent lately, by their numbers; older ones count less."""
-        self.received = 0.0
-
-    def add(self, link: int, component_id: int, seq: int) -> None:
-        """Counts one packet."""
-        key = (link, component_id)
-        last = self._last.get(key)
-        if last is None and len(self._last) >= _MAX_SEQUENCES:
-            return
-        step = 1 if last is None else (seq - last) & 0xFF
-        self.received += 1.0
-        if step == 0 or step >= _SEQUENCE_LATE:
-            self.expected += 1.0 if step == 0 else 0.0
-            return
-        self._last[key] = seq
-        self.expected += step
-        if self.expected > self._half_life:
-            self.expected *= 0.5
-            self.received *= 0.5
-
-    @property
-    def share(self) -> float:
-        """0 nothing lost .. 1 everything."""
-        return max(0.0, 1.0 - self.received / self.expected) if self.expected > 0.0 else 0.0
 
 
 class _SequenceRuns:
@@ -226,7 +187,7 @@ class _Channel:
     def __init__(self) -> None:
         self.packets = 0
         self.rate = _RateMeter()
-        self.loss = SequenceLoss()
+        self.loss = PacketLoss()
         self.runs: dict[int, _SequenceRuns] = {}
         self.late_us = 0
         """How long after the first copy its last duplicate came, and when that was."""
@@ -240,7 +201,7 @@ class _Channel:
         t_us, component_id, seq = packet.t_us, packet.component_id, packet.seq
         self.packets += 1
         self.rate.add(t_us)
-        self.loss.add(0, component_id, seq)
+        self.loss.add(packet)
         runs = self.runs.get(component_id)
         if runs is None:
             runs = self.runs[component_id] = _SequenceRuns()
@@ -326,10 +287,12 @@ class Reception:
 
     @property
     def loss(self) -> float:
-        """Share of packets lost lately, all channels together."""
-        expected = sum(channel.loss.expected for channel in self._channels.values())
-        received = sum(channel.loss.received for channel in self._channels.values())
-        return max(0.0, 1.0 - received / expected) if expected > 0.0 else 0.0
+        """Share of packets lost lately, over all channels that are in use; NaN unknown."""
+        newest_us = max((channel.rate.last_us for channel in self._channels.values()), default=0)
+        used = [channel.loss for channel in self._channels.values() if newest_us - channel.rate.last_us < _UNUSED_US]
+        known = [(loss.sequence.expected, loss.share) for loss in used if not math.isnan(loss.share)]
+        expected = sum(count for count, _ in known)
+        return sum(count * share for count, share in known) / expected if expected else math.nan
 
     @property
     def newest_link(self) -> int:

@@ -18,7 +18,7 @@ from infra.reporting import Hysteresis
 from mavlink.protocol.dialect import message_name
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.reception.reception import SequenceLoss
+from mavlink.reception.packet_loss import PacketLoss
 from mavlink.state import SILENT_S
 from mavlink.transmit.rate_requests import (
     ATTITUDE,
@@ -29,7 +29,6 @@ from mavlink.transmit.rate_requests import (
     PARAMETERS,
     STREAMS,
     SYSTEM_TIME,
-    boot_ms,
     interval_answer,
     interval_request,
     stream_request,
@@ -140,7 +139,7 @@ class _VehicleLink:
         self.since_s = self.newest_s = now_s
         self.behind_s = -math.inf  # when a packet was rejected because another link had brought newer ones
         self.boot_ms = 0
-        self.loss = SequenceLoss(half_life=LOSS_MEMORY)
+        self.loss = PacketLoss(half_life=LOSS_MEMORY)
         self.streams = {message_id: _MessageStream() for message_id in wanted}
         self.requested: int | None = None
         self.requested_s = -math.inf
@@ -215,14 +214,14 @@ class MessageRates:
         peer = self._peers.get((packet.system_id, packet.link))
         if peer is None:
             peer = self._peers[packet.system_id, packet.link] = _VehicleLink(wanted, now_s)
-        booted_ms = boot_ms(packet)
+        booted_ms = packet.boot_ms
         # a packet that came late over another link is no reboot, whose count starts at 0
         rebooted = 0 < booted_ms < _YOUNG_MS and booted_ms + _REBOOT_MS < peer.boot_ms
         if now_s - peer.newest_s > SILENT_S or rebooted:
             peer.restart(now_s)
             peer.boot_ms = 0
         peer.boot_ms, peer.newest_s = max(peer.boot_ms, booted_ms), now_s
-        peer.loss.add(packet.peer, packet.component_id, packet.seq)
+        peer.loss.add(packet)
         if (stream := peer.streams.get(packet.message_id)) is not None:
             stream.arrivals.append(now_s)
             stream.ever = True

@@ -23,7 +23,6 @@ __all__ = [
     "PARAMETERS",
     "STREAMS",
     "SYSTEM_TIME",
-    "boot_ms",
     "interval_answer",
     "interval_request",
     "stream_request",
@@ -46,15 +45,6 @@ PARAMETERS: Mapping[int, str] = {
 }
 """message id → end of ArduPilot's parameter for that stream."""
 _SET_MESSAGE_INTERVAL = 511
-
-
-def boot_ms(packet: Packet) -> int:
-    """Boot time in a message, 0 for those without one."""
-    if packet.message_id in (ATTITUDE, GLOBAL_POSITION_INT):
-        return int.from_bytes(packet.payload[:4], "little")
-    if packet.message_id == SYSTEM_TIME:
-        return int.from_bytes(packet.payload[8:12], "little")
-    return 0
 
 
 def interval_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.snapshot import Alarm, Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
+from gcs.station import Gap
 from gcs.tui import RollcallApp
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.pane import Pane
@@ -200,9 +201,14 @@ class FakeTimeline:
         self.start_us, self.stop_us = START_US, STOP_US
         self.now_us = START_US + 251_400_000
         self.analysed: list[tuple[int, int]] = [(START_US, STOP_US)]
+        self.gaps: list[Gap] = []
+        self.sure: dict[int, NDArray[np.float32]] = {}
         self.playing = False
         self.speed = 1.0
         self.steps: list[int] = []
+
+    def confidence(self, system_id: int) -> NDArray[np.float32]:
+        return self.sure.get(system_id, np.full(10, np.nan, dtype=np.float32))
 
     def play(self) -> None:
         self.playing = True

@@ -1,4 +1,4 @@
-"""The event log: newest at the bottom, filtered by level, bounded, plain text only."""
+"""The event log: newest at the bottom, filtered by level and words, bounded, plain text only."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.snapshot import Event, Level, Snapshot
+from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
 from gcs.tui.draw.format import clock, plain
 from gcs.tui.draw.strips import Part, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
@@ -32,18 +33,6 @@ def events_from(events: Sequence[Event], least: Level) -> list[Event]:
     return [event for event in events if _rank(event.level) >= rank]
 
 
-def grouped(events: Sequence[Event]) -> list[tuple[Event, int]]:
-    """Runs of equal events, each as its newest and their number."""
-    rows: list[tuple[Event, int]] = []
-    for event in events:
-        before, times = rows[-1] if rows else (None, 0)
-        if before is not None and _same(before, event):
-            rows[-1] = (event, times + 1)
-        else:
-            rows.append((event, 1))
-    return rows
-
-
 def text_with_sender(event: Event, snapshot: Snapshot | None) -> str:
     """An event's text with the name of its vehicle, unless it has it; a vehicle's own words always as such."""
     if not event.system_id or snapshot is None:
@@ -56,10 +45,6 @@ def text_with_sender(event: Event, snapshot: Snapshot | None) -> str:
         return event.text
     # a flood is summed up by this program; older recordings have the words alone
     return f"{name}: {event.text}" if re.match(SUMMED_UP + said, event.text) else f"{name} says: {event.text}"
-
-
-def _same(a: Event, b: Event) -> bool:
-    return a.text == b.text and a.system_id == b.system_id and a.kind == b.kind and a.level == b.level
 
 
 def _rank(level: str) -> int:
@@ -79,17 +64,33 @@ class EventPane(Pane):
 
     all_events: reactive[tuple[Event, ...]] = reactive((), always_update=True, repaint=False)
     least: reactive[Level] = reactive("info", repaint=False)
+    words: reactive[str] = reactive("", repaint=False)
+    """Words that all events on screen have."""
 
     def __init__(self, *, id: str, live: bool = True) -> None:
         super().__init__(id=id)
         self._live = live
         self._back = 0
+        self._look: tuple[int, str, str] | None = None
+        """What the rows were made for, None: other events came."""
+        self._shown: list[EventRow] = []
 
-    def shown(self) -> list[Event]:
-        """Events that may be on screen: of the filter's levels, not of a replay's future, the newest few thousand."""
+    def filtered(self, events: Sequence[Event]) -> list[Event]:
+        """Events of the filter's levels that have the words of the search."""
+        found = events_from(events, self.least)
+        if not self.words:
+            return found
+        names = {row.system_id: plain(row.name) for row in self.snapshot.vehicles} if self.snapshot else {}
+        return found_events(found, self.words, names)
+
+    def shown(self) -> list[EventRow]:
+        """Rows that may be on screen: not of a replay's future, of the newest few thousand events."""
         until_us = None if self._live or self.snapshot is None else self.snapshot.now_us
         past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
-        return events_from(past[-MOST:], self.least)
+        look = (len(past), self.least, self.words)
+        if look != self._look:  # to search and fold takes longer than to draw
+            self._look, self._shown = look, rows_of(self.filtered(past[-MOST:]))
+        return self._shown
 
     def next_filter(self) -> None:
         """All, warnings and alarms, alarms only, all …"""
@@ -97,16 +98,22 @@ class EventPane(Pane):
 
     def action_scroll_by(self, rows: int) -> None:
         """Older (positive) or newer."""
-        shown = grouped(self.shown())
+        shown = self.shown()
         self._back = min(max(self._back + rows, 0), self._room(shown, self.size.width, self.size.height - 1))
         self.redraw()
 
     def watch_all_events(self) -> None:
         """Something happened."""
+        self._look = None
         self.redraw()
 
     def watch_least(self) -> None:
         """Another filter begins at the newest event."""
+        self._back = 0
+        self.redraw()
+
+    def watch_words(self) -> None:
+        """Another search begins at the newest event."""
         self._back = 0
         self.redraw()
 
@@ -126,36 +133,39 @@ class EventPane(Pane):
     def note(self) -> Sequence[Part]:
         """The filter, and whether the newest is on screen."""
         back = f"{self._back} newer below · " if self._back else ""
-        alarms = sum(event.level == "alarm" for event in self.shown())
+        alarms = sum(row.times for row in self.shown() if row.event.level == "alarm")
+        search = [(f"/{plain(self.words)} ", ink(ACCENT, HEAD))] if self.words else []
         loud: list[Part] = [(f"{MARKS['alarm']} × {alarms} ", ink(level_colour("alarm"), HEAD))]
-        return [(f"{back}{LEVEL_LABELS[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
+        return [*search, (f"{back}{LEVEL_LABELS[self.least]} ", ink(FAINT, HEAD)), *(loud if alarms else [])]
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The newest events that fit, oldest first."""
-        shown = grouped(self.shown())
+        shown = self.shown()
         if not shown:
-            return [line([(" nothing yet", ink(FAINT))], width)]
+            none = f" nothing has “{plain(self.words)}”: esc ends the search" if self.words else " nothing yet"
+            return [line([(fitted(none, width), ink(FAINT))], width)]
         stop = len(shown) - min(self._back, self._room(shown, width, height))
         rows: list[Strip] = []
-        for event, times in reversed(shown[:stop]):
+        for row in reversed(shown[:stop]):
             if len(rows) >= height:
                 return rows[-height:]
-            rows = [*self._rows_of(event, times, width), *rows]
-        for event, times in shown[stop : stop + height - len(rows)]:
-            rows += self._rows_of(event, times, width)
+            rows = [*self._rows_of(row, width), *rows]
+        for row in shown[stop : stop + height - len(rows)]:
+            rows += self._rows_of(row, width)
         return rows[:height]
 
-    def _room(self, shown: Sequence[tuple[Event, int]], width: int, height: int) -> int:
+    def _room(self, shown: Sequence[EventRow], width: int, height: int) -> int:
         """How far the log can be scrolled: until the oldest event is on top."""
         used = 0
-        for fit, (event, times) in enumerate(shown):
-            used += len(self._rows_of(event, times, width))
+        for fit, row in enumerate(shown):
+            used += len(self._rows_of(row, width))
             if used > height:
                 return len(shown) - fit
         return 0
 
-    def _rows_of(self, event: Event, times: int, width: int) -> list[Strip]:
+    def _rows_of(self, row: EventRow, width: int) -> list[Strip]:
         """One row; while the log has the focus, as many as the text needs."""
+        event = row.event
         colour = level_colour(event.level)
         ours = bool(self.selected) and event.system_id == self.selected
         parts: list[Part] = [
@@ -165,7 +175,7 @@ class EventPane(Pane):
         if width >= 76:
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = max(1, width - width_of(parts) - 1)
-        often = f" × {times}" if times > 1 else ""
+        often = f" × {row.times}" if row.times > 1 else ""
         text, style = plain(text_with_sender(event, self.snapshot)), ink(BRIGHT if ours else colour)
         if not self.has_focus:
             return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]

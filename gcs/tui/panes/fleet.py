@@ -84,7 +84,7 @@ def _view(row: VehicleRow) -> Cell:
 
 
 def _loss(row: VehicleRow) -> Cell:
-    return percent(row.loss), WARN if row.loss > LOSSY else FAINT
+    return percent(row.loss) or "–", WARN if row.loss > LOSSY else FAINT
 
 
 def _auth(row: VehicleRow) -> Cell:

@@ -63,7 +63,7 @@ class IdentityPane(Pane):
         """Whose identity."""
         if self.snapshot is None or not (self.selected or self.picked_track):
             return ()
-        who = plain(self.snapshot.name_of(self.selected)) if self.selected else f"box {self.picked_track}"
+        who = plain(self.snapshot.name_of(self.selected)) if self.selected else f"track {self.picked_track}"
         held = f"names {age(self.snapshot.held_s)} old · " if self.snapshot.held_s else ""
         return [(held, ink(WARN, HEAD)), (f"{who} ", ink(ACCENT, HEAD, bold=True))]
 
@@ -126,7 +126,7 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
     lines += _text(("should be", expected_place(snapshot, row), INK), width)
     other = _likeliest_box(snapshot, row.system_id)
     if other is not None:
-        name = f"box {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
+        name = f"track {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
         lines += _text(("nearest to", f"{name}: {_in_words(other[1])}", INK), width)
     return lines
 
@@ -206,7 +206,7 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
     there = next((box for box in snapshot.boxes if drawable(box) and _covers(box, x, y)), None)
     if there is None:
         return f"{place}, where no box is"
-    return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'box {there.track_id}'} is"
+    return f"{place}, where {snapshot.name_of(there.system_id) if there.system_id else f'track {there.track_id}'} is"
 
 
 def _covers(box: Box, x: float, y: float) -> bool:

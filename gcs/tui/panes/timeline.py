@@ -1,21 +1,25 @@
-"""The timeline of a replay: play state, position, total, UTC, speed, and a bar with the marks of events."""
+"""The timeline of a replay: play state, position, UTC, speed, a bar of what happened, and how sure a name was."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Final
 
+import numpy as np
+from numpy.typing import NDArray
 from textual import events
 from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
 
+from gcs.certainty import CONFIRMED
 from gcs.snapshot import Event
-from gcs.station import Timeline
-from gcs.tui.draw.format import clock, duration
-from gcs.tui.draw.strips import Part, line, width_of
+from gcs.station import Gap, Timeline
+from gcs.tui.draw.format import clock, duration, plain
+from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
+from gcs.tui.draw.strips import Part, blank, fitted, line, width_of
 from gcs.tui.messages import SeekTo
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, LINE, Colour, ink, level_colour
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, Colour, ink
 
 __all__ = ["TimelineBar"]
 
@@ -24,30 +28,60 @@ State = tuple[int, int, int, bool, float]
 Spans = tuple[tuple[int, int], ...]
 """First and last moment of each part of a recording."""
 NOT_ANALYSED = "┄"
+SHORTEST: Final = 8
+"""Cells; a shorter bar is left out."""
+ROOMY_ROWS: Final = 30
+"""A screen of so many rows has one to spare for the confidence of the picked vehicle."""
+LEVELS: Final = "▁▂▃▄▅▆▇█"
 
 
 class TimelineBar(Widget):
-    """One row; a click seeks."""
+    """One row, and a second one while a vehicle is picked; a click seeks."""
 
     ALLOW_SELECT: ClassVar[bool] = False
     state: reactive[State] = reactive((0, 0, 0, False, 1.0))
     analysed: reactive[Spans] = reactive(())
     marks: reactive[tuple[Event, ...]] = reactive((), always_update=True)
+    gaps: reactive[tuple[Gap, ...]] = reactive(())
+    jumps: reactive[str] = reactive("")
+    """What the keys jump between, empty for the events of the log."""
+    picked: reactive[tuple[str, bytes]] = reactive(("", b""))
+    """Name of the picked vehicle and its confidence over the recording, as float32; both empty without one."""
 
-    def show(self, timeline: Timeline, events: Sequence[Event]) -> None:
-        """Take the timeline's state; repaints only when something differs."""
+    def show(self, timeline: Timeline, events: Sequence[Event], system_id: int = 0, name: str = "") -> None:
+        """Take the timeline's state; repaints only when something differs.
+
+        Args:
+            timeline: of the replay.
+            events: of all of it, as far as it is analysed.
+            system_id: of the picked vehicle, 0 none.
+            name: its name.
+        """
         self.state = (timeline.start_us, timeline.stop_us, timeline.now_us, timeline.playing, timeline.speed)
         self.analysed = tuple(timeline.analysed)
+        self.gaps = tuple(timeline.gaps)
         if len(events) != len(self.marks) or (events and events[-1] is not self.marks[-1]):
             self.marks = tuple(events)
+        strip = bool(system_id) and self.app.size.height >= ROOMY_ROWS
+        self.picked = (plain(name), timeline.confidence(system_id).tobytes()) if strip else ("", b"")
+
+    def watch_picked(self, before: tuple[str, bytes], picked: tuple[str, bytes]) -> None:
+        """There is a second row while a vehicle is picked."""
+        if bool(before[1]) != bool(picked[1]):
+            self.styles.height = 2 if picked[1] else 1
 
     def render_line(self, y: int) -> Strip:
-        """The bar between clock and speed."""
+        """The bar between clock and speed; below it the confidence over the same cells."""
         left, right = self._left(), self._right()
         width = self.size.width
         length = width - width_of(left) - width_of(right)
-        track = self._track(length) if length >= 8 else []
-        return line([*left, *track, *right], width, HEAD)
+        if y == 0:
+            return line([*left, *(self._track(length) if length >= SHORTEST else []), *right], width, HEAD)
+        if length < SHORTEST or not self.picked[1]:
+            return blank(width, HEAD)
+        name = fitted(f" {self.picked[0]}", width_of(left) - 1)
+        confidence = np.frombuffer(self.picked[1], dtype=np.float32)
+        return line([(f"{name} ", ink(BRIGHT, HEAD)), *_confidence_parts(confidence, length)], width, HEAD)
 
     def _left(self) -> list[Part]:
         start_us, stop_us, now_us, playing, _ = self.state
@@ -58,28 +92,31 @@ class TimelineBar(Widget):
 
     def _right(self) -> list[Part]:
         _, _, now_us, _, speed = self.state
-        return [
+        parts = [
             (f" {clock(now_us, tenths=self.size.width >= 100)}", ink(INK, HEAD)),
             (f" ×{speed:g} ", ink(ACCENT, HEAD)),
         ]
+        return [*parts, (f"np {self.jumps} ", ink(FAINT, HEAD))] if self.jumps else parts
 
     def _track(self, length: int) -> list[Part]:
         start_us, stop_us, now_us, _, _ = self.state
-        at = _column(now_us, start_us, stop_us, length)
+        at = cell_of(now_us, start_us, stop_us, length)
         letters = [("━", ACCENT) if column < at else ("─", LINE) for column in range(length)]
         for column in self._columns_not_analysed(length):
             letters[column] = (NOT_ANALYSED, FAINT)
-        for event in sorted(self.marks, key=lambda event: event.level == "alarm"):
-            if start_us <= event.t_us <= stop_us and event.level != "info":
-                letters[_column(event.t_us, start_us, stop_us, length)] = ("╹", level_colour(event.level))
-        letters[at] = ("●", BRIGHT)
+        moments = cells_of(self.marks, self.gaps, start_us, stop_us, length)
+        for column, moment in enumerate(moments):
+            if moment is not None:
+                letters[column] = (SIGNS[moment], _colour(moment))
+        here = moments[at]
+        letters[at] = ("●", BRIGHT if here is None else _colour(here))
         return [(letter, ink(colour, HEAD)) for letter, colour in _joined(letters)]
 
     def _columns_not_analysed(self, length: int) -> set[int]:
         start_us, stop_us, *_ = self.state
         columns = set(range(length))
         for first_us, last_us in self.analysed:
-            first, last = (_column(t_us, start_us, stop_us, length) for t_us in (first_us, last_us))
+            first, last = (cell_of(t_us, start_us, stop_us, length) for t_us in (first_us, last_us))
             columns -= set(range(first, last + 1))
         return columns
 
@@ -92,9 +129,24 @@ class TimelineBar(Widget):
             self.post_message(SeekTo(start_us + round(share * (stop_us - start_us))))
 
 
-def _column(t_us: int, start_us: int, stop_us: int, length: int) -> int:
-    share = (t_us - start_us) / max(1, stop_us - start_us)
-    return round(min(max(share, 0.0), 1.0) * (length - 1))
+def _colour(moment: Moment) -> Colour:
+    return {"identity": INK, "warning": WARN, "gap": WARN, "mark": ACCENT, "alarm": ALARM}[moment]
+
+
+def _confidence_parts(confidence: NDArray[np.float32], length: int) -> list[Part]:
+    """A cell is as high as the least confidence in it: a space without a name, dotted where nothing is known yet."""
+    starts = np.linspace(0, len(confidence), length, endpoint=False).astype(int)
+    cells = np.fmin.reduceat(confidence, starts).tolist()
+    letters: list[tuple[str, Colour]] = []
+    for least in cells:
+        if least != least:
+            letters.append((NOT_ANALYSED, FAINT))
+        elif least <= 0.0:
+            letters.append((" ", FAINT))
+        else:
+            level = LEVELS[min(int(least * len(LEVELS)), len(LEVELS) - 1)]
+            letters.append((level, GOOD if least >= CONFIRMED else WARN))
+    return [(letter, ink(colour, HEAD)) for letter, colour in _joined(letters)]
 
 
 def _joined(letters: Sequence[tuple[str, Colour]]) -> list[tuple[str, Colour]]:

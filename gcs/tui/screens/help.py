@@ -11,6 +11,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from gcs.tui.draw.moments import SIGNS as MOMENT_SIGNS
 from gcs.tui.keys import GROUPS
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, ink, standing_colour
 from gcs.tui.panes.alarms import ALARM_KEYS
@@ -61,6 +62,8 @@ class HelpScreen(ModalScreen[None]):
         for sign, standing, meaning in SIGNS:
             text.append(f"  {sign:<11}", ink(standing_colour(standing)))  # type: ignore[arg-type]
             text.append(f"{meaning}\n", ink(INK))
+        signs = "   ".join(f"{sign} {kind}" for kind, sign in MOMENT_SIGNS.items())
+        text.append(f"On the time line\n  {signs}\n", ink(FAINT))
         text.append("  The tick on a box is its front. On the map: ◆ UAV, arrows are headings,\n", ink(FAINT))
         text.append("  circles are 1σ, dots are the image's footprint, ? a box without a name.", ink(FAINT))
         return text

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from assoc.identification.identifier import Identities
+from assoc.identification.identifier import Candidates, Identities
 from gcs.fold.quarantine import withhold_contested
 from gcs.session.identity_log import IdentityLog, read_identity
 from mavlink.fleet.fleet import Fleet
@@ -25,6 +25,7 @@ IDENTITIES = Identities(
     topology=np.array([0.9, 0.9, np.nan, 0.9]),
     fused=np.array([0.9, 0.9, np.nan, 0.9]),
     conflict=(),
+    candidates=Candidates.empty(4),
 )
 
 

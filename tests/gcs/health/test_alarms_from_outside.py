@@ -94,6 +94,30 @@ def reports_a_bad_compass(tmp_path):
     return Scene(Vehicle(UGV, extra=filter_status(compass=1.5))).run(5).came
 
 
+class Far(Vehicle):
+    """A share of what it sends is lost on the way."""
+
+    lost = 0.0
+
+    def frames(self, t_us):
+        self.rng = getattr(self, "rng", None) or np.random.default_rng(4)
+        return (raw for raw in super().frames(t_us) if self.rng.random() >= self.lost)
+
+
+@raises("loss", "warning")
+def is_at_the_edge_of_its_radio(tmp_path):
+    vehicle = Far(UGV)
+    vehicle.lost = 0.25
+    return Scene(vehicle).run(20).came
+
+
+@raises("loss")
+def is_beyond_the_edge_of_its_radio(tmp_path):
+    vehicle = Far(UGV)
+    vehicle.lost = 0.75
+    return Scene(vehicle).run(20).came
+
+
 @raises("attitude")
 def sends_no_attitude(tmp_path):
     return Scene(Vehicle(UAV, "hp")).run(5).came

@@ -6,10 +6,11 @@ import pytest
 
 from gcs.snapshot import Alarm, Event
 from gcs.tui import RollcallApp
+from gcs.tui.draw.event_rows import rows_of
 from gcs.tui.palette import FAINT, level_colour
 from gcs.tui.panes.alarms import AlarmPane
 from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane, grouped
+from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.fleet import columns_for
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.status import StatusBar
@@ -236,7 +237,7 @@ async def test_events_that_repeat_share_a_row():
     once = station.said.copy()
     event = FakeStation().said[0]
     station.said = [*once, *([event] * 512), replace(event, text="another")]
-    assert [times for _, times in grouped(station.said)] == [512, 1]
+    assert [row.times for row in rows_of(station.said)] == [512, 1]
     async with running(station, WIDE) as (app, pilot, _):
         await pilot.press("e", "up", "down")
         said = text_of(app.query_one(EventPane))

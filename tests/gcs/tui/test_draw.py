@@ -91,10 +91,10 @@ def test_a_clock_time_past_midnight_is_the_next_day():
 def test_events_beside_now():
     timeline = FakeTimeline()
     timeline.now_us = START_US + 130_000_000
-    said = make_events()
-    assert playback.event_beside(said, timeline, 1).text.startswith("UGV-13 tentative")
-    assert playback.event_beside(said, timeline, -1).text.startswith("UGV-11 confirmed")
-    assert playback.event_beside([], timeline, 1) is None
+    times_us = [event.t_us for event in make_events()]
+    assert playback.time_beside(times_us, timeline, 1) == START_US + 180_400_000
+    assert playback.time_beside(times_us, timeline, -1) == START_US + 95_200_000
+    assert playback.time_beside([], timeline, 1) is None
 
 
 @given(

@@ -34,7 +34,7 @@ async def test_keys_go_through_vehicles_and_then_unnamed_boxes():
     async with running(size=WIDE) as (app, pilot, _):
         await pilot.press("up")
         assert (app.selected, app.picked_track) == (0, 21)
-        assert "box 21" in text_of(app.query_one(IdentityPane))
+        assert "track 21" in text_of(app.query_one(IdentityPane))
         await pilot.press("up")
         assert (app.selected, app.picked_track) == (17, 0)
         await pilot.press("down", "down")
@@ -103,7 +103,7 @@ async def test_standings_say_since_when():
         ((600.0, -7.0), "above the picture, 7 px outside"),
         ((1200.0, 30.0), "in the picture at the upper right, where no box is"),
         ((640.0, 330.0), "in the middle of the picture, where no box is"),
-        ((UNNAMED.cx, UNNAMED.cy), "in the picture at the upper right, where box 21 is"),
+        ((UNNAMED.cx, UNNAMED.cy), "in the picture at the upper right, where track 21 is"),
         (None, "behind the camera: the picture does not show it"),
     ],
 )
@@ -124,4 +124,4 @@ async def test_the_pane_of_a_vehicle_without_a_box_says_which_box_it_may_be():
         await pilot.press(*["down"] * 6)
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert app.selected == 15
-        assert "upper right, where no box is" in said and "box 21: 34%, 9.8 m" in said and "4 σ" in said
+        assert "upper right, where no box is" in said and "track 21: 34%, 9.8 m" in said and "4 σ" in said

@@ -2,7 +2,7 @@ import pytest
 
 from mavlink.protocol.encoder import ARDUPILOT, COPTER, GCS, NO_AUTOPILOT, ROVER, MavlinkEncoder
 from mavlink.protocol.modes import fix_name, is_aircraft, is_ground_vehicle, is_vehicle, kind_name, mode_name
-from mavlink.reception.reception import SequenceLoss
+from mavlink.reception.packet_loss import SequenceLoss
 from tests.support.flights import FIELD, T0, S, World
 
 

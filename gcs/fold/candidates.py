@@ -1,0 +1,110 @@
+"""Who a box may be, in words: the likeliest vehicles, and what speaks against each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from assoc.identification.identifier import Candidates, Identities
+from gcs.certainty import certainty
+from gcs.snapshot import Candidate
+from mavlink.state import FleetState, VehicleStatus
+
+__all__ = ["CandidateWords"]
+
+OLD_S = 2.0
+"""A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
+FAR_DEVIATIONS = 3.0
+"""A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
+MOST_REASONS = 2
+"""More do not fit on a line, and the weightiest comes first."""
+
+
+class CandidateWords:
+    """The candidates in words, made anew when the identifier has compared anew."""
+
+    def __init__(self, threshold: float) -> None:
+        self._threshold = threshold
+        self._said_of: Candidates | None = None
+        self._names: list[int] = []
+        self._words: list[tuple[Candidate, ...]] = []
+
+    def of(self, identities: Identities | None, state: FleetState) -> Sequence[tuple[Candidate, ...]]:
+        """The candidates of each track, in the order of the identities.
+
+        Args:
+            identities: of a frame, None without a camera pose.
+            state: the fleet.
+        """
+        if identities is None:
+            return ()
+        names = identities.system_id.tolist()
+        if identities.candidates is not self._said_of or names != self._names:
+            self._said_of, self._names = identities.candidates, names
+            self._words = _in_words(identities, state, self._threshold)
+        return self._words
+
+
+def _in_words(identities: Identities, state: FleetState, threshold: float) -> list[tuple[Candidate, ...]]:
+    """The candidates of each track; ``threshold``: least confidence of a name."""
+    status = {each.system_id: each for each in state.vehicles}
+    rows = identities.candidates
+    names, sure = identities.system_id.tolist(), identities.confidence.tolist()
+    none = rows.none_of_ours.tolist()
+    found = []
+    for track, ids in enumerate(rows.system_id.tolist()):
+        numbers = zip(
+            ids,
+            rows.confidence[track].tolist(),
+            rows.distance_m[track].tolist(),
+            rows.deviation[track].tolist(),
+            rows.report_age_s[track].tolist(),
+            rows.better_track[track].tolist(),
+            rows.better_confidence[track].tolist(),
+            strict=True,
+        )
+        row = []
+        for vehicle, confidence, distance_m, deviation, age_s, better, better_sure in numbers:
+            own = vehicle == names[track]
+            reasons = list(_of_its_reports(status.get(vehicle), deviation, age_s))
+            if not own:
+                reasons += _of_its_rivals(confidence, none[track], threshold, better, better_sure)
+            row.append(
+                Candidate(
+                    system_id=vehicle,
+                    # the one number that decides: after all doubts about the vehicle
+                    confidence=sure[track] if own else confidence,
+                    distance_m=distance_m,
+                    against=", ".join(reasons[:MOST_REASONS]),
+                )
+            )
+        found.append(tuple(row))
+    return found
+
+
+def _of_its_reports(status: VehicleStatus | None, deviation: float, age_s: float) -> Iterator[str]:
+    """What is wrong with the vehicle's reports, or with where they put it."""
+    if status is not None and status.contested:
+        yield "several senders use its id"
+    elif status is not None and status.position_state == "refused":
+        yield f"its positions are refused: {status.refused_for}" if status.refused_for else "its positions are refused"
+    elif math.isinf(age_s):
+        yield "no position of it is known"
+    elif age_s > OLD_S:
+        yield f"its report is {age_s:.0f} s old"
+    if deviation > FAR_DEVIATIONS:
+        yield f"too far: {min(deviation, 99):.0f} σ"
+    if status is not None and status.doubted_for:
+        yield "it doubts its own position"
+
+
+def _of_its_rivals(
+    confidence: float, none_of_ours: float, threshold: float, better: int, better_confidence: float
+) -> Iterator[str]:
+    """What is likelier than that the box is this vehicle."""
+    if better:
+        yield f"track {better} fits it better ({certainty(better_confidence)})"
+    if none_of_ours > confidence:
+        yield "none of ours is likelier"
+    elif confidence < threshold and not better:
+        yield f"not sure enough: {certainty(threshold)} needed"

@@ -1,0 +1,124 @@
+"""Events as rows of the log: those that were searched for, and a vehicle's chatter folded into one row. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final
+
+from gcs.snapshot import Event
+
+__all__ = ["EventRow", "found_events", "rows_of"]
+
+CHATTER: Final = "text"
+"""The kind of events that vehicles word themselves: of these alone a run is folded."""
+NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?|\d+(?:\.\d+)?")
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """One row."""
+
+    event: Event
+    """The newest of those that it stands for; its text has the numbers of all: ``reached waypoint 1–12``."""
+    times: int
+    """How many."""
+
+
+def found_events(events: Iterable[Event], query: str, names: Mapping[int, str]) -> list[Event]:
+    """Events that have every word of a query in their kind, level, text or vehicle's name, in any case of letters.
+
+    A word that is a vehicle's name finds that vehicle alone: ``UGV-1`` does not find UGV-11.
+
+    Args:
+        events: to search.
+        query: words with spaces between.
+        names: of vehicles, by system id.
+    """
+    wanted = [_Word(word, names) for word in query.casefold().split()]
+    return [event for event in events if all(word.is_in(event, names) for word in wanted)]
+
+
+class _Word:
+    def __init__(self, word: str, names: Mapping[int, str]) -> None:
+        self._word = word
+        self._vehicles = {system_id for system_id, name in names.items() if name.casefold() == word}
+        self._whole = re.compile(rf"(?<!\w){re.escape(word)}(?!\w)")
+
+    def is_in(self, event: Event, names: Mapping[int, str]) -> bool:
+        text = f"{event.kind} {event.level} {names.get(event.system_id, '')} {event.text}".casefold()
+        if self._vehicles:
+            return event.system_id in self._vehicles or self._whole.search(text) is not None
+        return self._word in text
+
+
+def rows_of(events: Sequence[Event]) -> list[EventRow]:
+    """One row for a run of equal events, and one for a vehicle's texts that differ in numbers only.
+
+    Texts of other vehicles may lie within such a run, which stands at its newest event; another event of the same
+    vehicle ends it. Alarms are never folded into other alarms: only equal ones, one after the other, are counted.
+    """
+    runs: list[_Run | None] = []
+    latest: dict[int, int] = {}
+    """Index of each vehicle's latest run."""
+    for event in events:
+        before = latest.get(event.system_id) if _is_chatter(event) else len(runs) - 1
+        run = runs[before] if before is not None and before >= 0 else None
+        if before is not None and run is not None and run.takes(event):
+            runs[before] = None
+        else:
+            run = _Run(event)
+        run.add(event)
+        latest[event.system_id] = len(runs)
+        runs.append(run)
+    return [run.row for run in runs if run is not None]
+
+
+def _is_chatter(event: Event) -> bool:
+    return event.kind == CHATTER and event.level != "alarm" and event.system_id > 0
+
+
+@lru_cache(maxsize=4096)
+def _template(text: str) -> tuple[str, tuple[str, ...]]:
+    """A text with its numbers left out, and these."""
+    return NUMBER.sub("\0", text), tuple(NUMBER.findall(text))
+
+
+class _Run:
+    """Events that become one row."""
+
+    def __init__(self, event: Event) -> None:
+        self._event, self._times = event, 0
+        self._least: tuple[str, ...] = ()
+        self._most: tuple[str, ...] = ()
+
+    def takes(self, event: Event) -> bool:
+        last = self._event
+        if (last.system_id, last.kind, last.level) != (event.system_id, event.kind, event.level):
+            return False
+        return last.text == event.text or (_is_chatter(event) and _template(last.text)[0] == _template(event.text)[0])
+
+    def add(self, event: Event) -> None:
+        self._event, self._times = event, self._times + 1
+        numbers = _template(event.text)[1]
+        self._least = tuple(map(_smaller, self._least or numbers, numbers))
+        self._most = tuple(map(_larger, self._most or numbers, numbers))
+
+    @property
+    def row(self) -> EventRow:
+        if self._times == 1:
+            return EventRow(self._event, 1)
+        text, _ = _template(self._event.text)
+        for least, most in zip(self._least, self._most, strict=True):
+            text = text.replace("\0", least if least == most else f"{least}–{most}", 1)
+        return EventRow(replace(self._event, text=text), self._times)
+
+
+def _smaller(a: str, b: str) -> str:
+    return b if float(b) < float(a) else a
+
+
+def _larger(a: str, b: str) -> str:
+    return b if float(b) > float(a) else a

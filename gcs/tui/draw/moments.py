@@ -1,0 +1,70 @@
+"""What a time line marks, and keys jump between: alarms, the operator's marks, gaps, warnings, names. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, Literal
+
+from gcs.snapshot import Event
+from gcs.station import Gap
+
+__all__ = ["KINDS", "SIGNS", "Moment", "cell_of", "cells_of", "kind_of", "times_of"]
+
+Moment = Literal["identity", "warning", "gap", "mark", "alarm"]
+KINDS: Final[tuple[Moment, ...]] = ("identity", "warning", "gap", "mark", "alarm")
+"""The last one wins a cell in which there are several."""
+SIGNS: Final[dict[Moment, str]] = {"identity": "│", "warning": "╹", "gap": "░", "mark": "▼", "alarm": "!"}
+
+
+def kind_of(event: Event) -> Moment | None:
+    """As what an event is marked, None: it is not."""
+    if event.level == "alarm":
+        return "alarm"
+    if event.kind == "mark":
+        return "mark"
+    if event.kind == "identity":
+        return "identity"
+    return "warning" if event.level == "warning" else None
+
+
+def cells_of(
+    events: Sequence[Event], gaps: Sequence[Gap], start_us: int, stop_us: int, length: int
+) -> list[Moment | None]:
+    """What each cell of a time line marks: the worst of what happened in it.
+
+    Args:
+        events: in any order; those outside are passed over.
+        gaps: parts without video or telemetry.
+        start_us: of the line.
+        stop_us: of the line.
+        length: cells, above 0.
+    """
+    worst = [-1] * length
+
+    def put(kind: Moment, first_us: int, last_us: int) -> None:
+        rank = KINDS.index(kind)
+        for cell in range(
+            cell_of(first_us, start_us, stop_us, length), cell_of(last_us, start_us, stop_us, length) + 1
+        ):
+            worst[cell] = max(worst[cell], rank)
+
+    for gap in gaps:
+        put("gap", gap.start_us, gap.stop_us)
+    for event in events:
+        kind = kind_of(event)
+        if kind is not None and start_us <= event.t_us <= stop_us:
+            put(kind, event.t_us, event.t_us)
+    return [KINDS[rank] if rank >= 0 else None for rank in worst]
+
+
+def cell_of(t_us: int, start_us: int, stop_us: int, length: int) -> int:
+    """The cell of a time, the first or last one for times outside."""
+    share = (t_us - start_us) / max(1, stop_us - start_us)
+    return round(min(max(share, 0.0), 1.0) * (length - 1))
+
+
+def times_of(kind: Moment, events: Sequence[Event], gaps: Sequence[Gap]) -> list[int]:
+    """When there was something of a kind, Unix µs: a gap when it began."""
+    if kind == "gap":
+        return [gap.start_us for gap in gaps]
+    return [event.t_us for event in events if kind_of(event) == kind]

@@ -1,0 +1,150 @@
+"""How many of a vehicle's packets are lost on the way: by their sequence numbers and by the times they carry.
+
+A hole in the sequence numbers is not always a loss: routers pass on some message types only, recordings keep some, and
+messages of unknown dialects or without a signature are rejected. What a vehicle sends regularly distinguishes them: a
+lossy link swallows heartbeats and attitudes as well, a filter swallows none of those it lets pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+from mavlink.protocol.packet import Packet
+
+__all__ = ["PacketLoss", "SequenceLoss"]
+
+_SEQUENCE_LATE = 128
+"""Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
+_SEQUENCE_HALF_LIFE = 400.0
+"""Packets after which older ones count half in a loss."""
+_MAX_SEQUENCES = 32
+"""Counters followed for one loss: components times links."""
+
+_HEARTBEAT = 0
+_WINDOW_MS, _MOST_INTERVALS = 30_000, 64
+"""What is regular is measured over so long, and so many intervals."""
+_LEAST_INTERVALS = 4
+"""Of one message type, for its usual interval."""
+_KNOWN_FROM = 10
+"""Regular messages that have to come before a hole counts as a loss: of half as many it could be chance."""
+_COUNTED_EVERY = 8
+"""Messages between two counts."""
+_SHORTEST = 0.1
+"""The usual interval is the one that a tenth are shorter than: it is found though most messages are lost."""
+_SILENCE_MS = 10_000
+"""A longer interval is a silence, which is reported as that."""
+
+
+class SequenceLoss:
+    """Share of packets lost lately; every sender counts its packets per channel, modulo 256.
+
+    Args:
+        half_life: packets after which older ones count half.
+    """
+
+    __slots__ = ("_half_life", "_last", "expected", "received")
+
+    def __init__(self, half_life: float = _SEQUENCE_HALF_LIFE) -> None:
+        self._half_life = half_life
+        self._last: dict[tuple[int, int], int] = {}
+        self.expected = 0.0
+        """Packets sent lately, by their numbers; older ones count less."""
+        self.received = 0.0
+
+    def add(self, link: int, component_id: int, seq: int) -> None:
+        """Counts one packet."""
+        key = (link, component_id)
+        last = self._last.get(key)
+        if last is None and len(self._last) >= _MAX_SEQUENCES:
+            return
+        step = 1 if last is None else (seq - last) & 0xFF
+        self.received += 1.0
+        if step == 0 or step >= _SEQUENCE_LATE:
+            self.expected += 1.0 if step == 0 else 0.0
+            return
+        self._last[key] = seq
+        self.expected += step
+        if self.expected > self._half_life:
+            self.expected *= 0.5
+            self.received *= 0.5
+
+    @property
+    def share(self) -> float:
+        """0 nothing lost .. 1 everything."""
+        return max(0.0, 1.0 - self.received / self.expected) if self.expected > 0.0 else 0.0
+
+
+class _RegularMessage:
+    """One message type that a vehicle sends at a steady rate."""
+
+    __slots__ = ("_added", "_intervals_ms", "_last_ms", "_span_ms", "expected", "received")
+
+    def __init__(self, made_ms: int) -> None:
+        self._last_ms = made_ms
+        self._intervals_ms: deque[int] = deque(maxlen=_MOST_INTERVALS)
+        self._span_ms = 0
+        self._added = 0
+        self.received = 0
+        """Messages that came lately, as counted last."""
+        self.expected = 0
+        """Messages that were sent meanwhile, by the usual interval between them; 0 unknown."""
+
+    def add(self, made_ms: int) -> None:
+        """One that was made at a time in ms."""
+        interval_ms = made_ms - self._last_ms
+        if abs(interval_ms) > _SILENCE_MS:
+            self._last_ms = made_ms  # a silence or a reboot
+        if not 0 < interval_ms <= _SILENCE_MS:
+            return
+        self._last_ms = made_ms
+        if len(self._intervals_ms) == _MOST_INTERVALS:
+            self._span_ms -= self._intervals_ms[0]
+        self._intervals_ms.append(interval_ms)
+        self._span_ms += interval_ms
+        while self._span_ms > _WINDOW_MS:
+            self._span_ms -= self._intervals_ms.popleft()
+        self._added += 1
+        if self._added <= _COUNTED_EVERY or not self._added % _COUNTED_EVERY:
+            self._count()
+
+    def _count(self) -> None:
+        """How many came, and how many were sent by the usual interval."""
+        self.received, self.expected = len(self._intervals_ms), 0
+        if self.received >= _LEAST_INTERVALS:
+            usual_ms = sorted(self._intervals_ms)[int(_SHORTEST * self.received)]
+            self.expected = sum(max(1, round(interval / usual_ms)) for interval in self._intervals_ms)
+
+
+class PacketLoss:
+    """Share of the packets lost on one channel."""
+
+    __slots__ = ("_regular", "sequence")
+
+    def __init__(self, half_life: float = _SEQUENCE_HALF_LIFE) -> None:
+        self.sequence = SequenceLoss(half_life)
+        self._regular: dict[tuple[int, int], _RegularMessage] = {}
+
+    def add(self, packet: Packet) -> None:
+        """Counts one packet."""
+        self.sequence.add(packet.peer, packet.component_id, packet.seq)
+        message_id = packet.message_id
+        made_ms = packet.t_us // 1000 if message_id == _HEARTBEAT else packet.boot_ms
+        if not made_ms:
+            return
+        key = packet.component_id, message_id
+        regular = self._regular.get(key)
+        if regular is not None:
+            regular.add(made_ms)
+        elif len(self._regular) < _MAX_SEQUENCES:
+            self._regular[key] = _RegularMessage(made_ms)
+
+    @property
+    def share(self) -> float:
+        """0 nothing lost .. 1 everything; NaN while it is not known whether holes in the numbers are losses."""
+        numbered = self.sequence.share
+        if not numbered:
+            return 0.0
+        known = [regular for regular in self._regular.values() if regular.expected]
+        expected, received = sum(each.expected for each in known), sum(each.received for each in known)
+        return min(numbered, 1.0 - received / expected) if received >= _KNOWN_FROM else math.nan

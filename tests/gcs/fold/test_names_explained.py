@@ -1,0 +1,158 @@
+"""Who a box may be, since when, where a vehicle should be, and why a name goes: from packets and boxes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.fold.since import Since
+from tests.support.alarm_scenes import FOCAL_PX, OTHER, SIZE, STEP_US, UAV, UGV, UP_M, Scene, Vehicle
+from tests.support.flights import S
+from vision.detect.detections import Detections
+
+
+class Filmed(Scene):
+    """A scene whose camera misses some vehicles, sees a stranger, and keeps the snapshots."""
+
+    def __init__(self, *vehicles):
+        super().__init__(*vehicles)
+        self.hidden, self.stranger, self.pushed_px, self.kept = set(), None, 0.0, []
+
+    def boxes(self):
+        found = super().boxes()
+        found = replace(found, cx=found.cx + self.pushed_px)
+        rows = [k for k, vehicle in enumerate((UGV, OTHER)) if vehicle not in self.hidden]
+        found = found.select(np.array(rows, dtype=np.intp))
+        if self.stranger is None:
+            return found
+        east, north = self.stranger
+        place = {"cx": 640.0 + FOCAL_PX / UP_M * east, "cy": 360.0 - FOCAL_PX / UP_M * north}
+        one = {"w": 90.0, "h": 45.0, "angle": 0.3, "score": 0.9, "heading": math.nan, **place}
+        names = ("cx", "cy", "w", "h", "angle", "score", "heading")
+        return Detections(**{name: np.append(getattr(found, name), one[name]) for name in names})
+
+    def keep(self, snapshot):
+        super().keep(snapshot)
+        self.kept.append(snapshot)
+
+    @property
+    def last(self):
+        return self.kept[-1]
+
+    def row(self, system_id):
+        return next(row for row in self.last.vehicles if row.system_id == system_id)
+
+    def box(self, system_id):
+        return next(box for box in self.last.boxes if box.system_id == system_id)
+
+    def lost(self, system_id):
+        """Why it lost its name, each time."""
+        said = [event for event in self.events if event.kind == "identity" and event.system_id == system_id]
+        return [event.text.split(": ", 1)[1] for event in said if "no longer" in event.text and ": " in event.text]
+
+
+@pytest.fixture
+def scene():
+    return Filmed().run(12, filmed=True)
+
+
+def test_a_standing_says_since_when_and_a_missed_box_does_not_begin_it_anew(scene):
+    since = scene.row(UGV).standing_since_us
+    assert scene.row(UGV).standing == "confirmed" and 0 < since < scene.t_us - 5 * S
+    scene.hidden = {UGV}
+    scene.run(0.4, filmed=True)
+    assert scene.row(UGV).standing == "coasting" and scene.row(UGV).standing_since_us > since
+    scene.hidden = set()
+    scene.run(0.4, filmed=True)
+    assert scene.row(UGV).standing == "confirmed" and scene.row(UGV).standing_since_us == since
+    assert scene.box(UGV).since_us > 0 and scene.box(UGV).since_us <= since
+
+
+def test_an_interruption_that_lasts_begins_anew():
+    since = Since()
+    assert [since.update(t, "a", value) for t, value in ((1, "x"), (S, "x"), (2 * S, "y"), (3 * S, "x"))] == [
+        *(1, 1, 2 * S, 3 * S)
+    ]
+    assert since.update(3 * S + 1, "b", "x") == 3 * S + 1
+
+
+def test_the_candidates_of_a_box_are_the_fleet_with_what_speaks_against_each(scene):
+    box = scene.box(UGV)
+    first, second = box.candidates
+    assert (first.system_id, second.system_id) == (UGV, OTHER)
+    assert first.confidence == box.confidence and first.distance_m < 3.0 and not first.against
+    assert second.distance_m > 8.0
+    assert "too far" in second.against and f"track {scene.box(OTHER).track_id} fits it better (99%)" in second.against
+    assert box.none_of_ours < 0.05
+
+
+def test_a_box_that_is_nobody_has_candidates_too(scene):
+    scene.stranger = (0.0, 8.0)
+    scene.run(3, filmed=True)
+    box = next(box for box in scene.last.boxes if not box.system_id)
+    assert {each.system_id for each in box.candidates} == {UGV, OTHER}
+    assert box.none_of_ours == box.confidence > 0.5
+    assert all("too far" in each.against for each in box.candidates)
+    assert box.since_us > scene.t_us - 4 * S
+
+
+def test_an_old_report_speaks_against_a_vehicle(scene):
+    silent = next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UGV)
+    silent.sends = "ha"
+    scene.hidden = {UGV}
+    scene.stranger = (0.0, 8.0)
+    scene.run(5, filmed=True)
+    box = next(box for box in scene.last.boxes if not box.system_id)
+    against = next(each.against for each in box.candidates if each.system_id == UGV)
+    assert "report is" in against and "s old" in against
+
+
+def test_a_vehicle_says_where_the_picture_should_show_it(scene):
+    (east, north), _ = Vehicle(UGV).place(scene.t_us - STEP_US)
+    x, y = scene.row(UGV).expected_px
+    assert math.hypot(x - 640 - FOCAL_PX / UP_M * east, y - 360 + FOCAL_PX / UP_M * north) < 40.0
+    assert scene.row(UGV).in_view is True and scene.row(UAV).expected_px is None
+
+
+def test_without_a_camera_pose_nobody_is_said_to_be_out_of_view(scene):
+    next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UAV).sends = "h"
+    scene.run(6, filmed=True)
+    assert scene.last.pose == "unknown"
+    assert scene.row(UGV).in_view is None and scene.row(UGV).expected_px is None
+    assert scene.lost(UGV) == scene.lost(OTHER) == ["the UAV's position is lost"]
+
+
+def test_a_position_that_is_lost_puts_a_vehicle_neither_in_nor_out_of_view(scene):
+    next(vehicle for vehicle in scene.vehicles if vehicle.system_id == UGV).sends = "ha"
+    scene.run(8, filmed=True)
+    assert scene.row(UGV).position_state == "lost" and scene.row(UGV).in_view is None
+
+
+def test_a_name_that_goes_with_its_track_is_an_event(scene):
+    scene.hidden = {UGV}
+    scene.run(4, filmed=True)
+    assert scene.lost(UGV) == ["the track was lost"] and scene.lost(OTHER) == []
+
+
+def test_a_name_that_leaves_the_picture_is_an_event(scene):
+    for _ in range(60):
+        scene.pushed_px += 12.0
+        scene.run(0.1, filmed=True)
+        if not any(box.cx < SIZE[0] - 30 and box.system_id == UGV for box in scene.last.boxes):
+            scene.hidden = {UGV}
+    assert "it left the picture" in scene.lost(UGV)
+
+
+def test_a_name_whose_id_two_senders_use_goes_with_that_reason(scene):
+    scene.vehicles.append(Vehicle(UGV, shift_m=40.0, peer=77))
+    scene.run(8, filmed=True)
+    assert scene.row(UGV).contested
+    assert scene.lost(UGV)[0] == "several senders use its id"
+
+
+def test_certainties_in_events_are_as_everywhere(scene):
+    given = [event.text for event in scene.events if event.kind == "identity" and " is UGV" in event.text]
+    assert given and all("100%" not in text for text in given)
