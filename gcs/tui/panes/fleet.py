@@ -13,7 +13,8 @@ from textual.strip import Strip
 
 from gcs.certainty import certainty, named
 from gcs.snapshot import VehicleRow
-from gcs.tui.draw.format import age, metres, number, percent, plain, position, standing_word
+from gcs.tui.draw.format import age, number, percent, plain, position, standing_word
+from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, fitted, line
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import (
@@ -37,7 +38,7 @@ from mavlink.transmit.message_rates import LOSSY
 
 __all__ = ["FleetPane", "columns_for"]
 
-IDENTITY = "IDENTITY"
+IDENTITY, IDENTITY_CELLS = "IDENTITY", 13
 Cell = tuple[str, Colour]
 
 
@@ -50,20 +51,36 @@ class Column:
     rank: int
     """Columns of low rank stay when the pane is narrow."""
     cell: Callable[[VehicleRow], Cell]
+    """What it shows while that is fresh."""
     align: str = "left"
+    age_s: Callable[[VehicleRow], float] | None = None
+    """How old that is, None for what does not age."""
+
+    def aged_cell(self, row: VehicleRow) -> Cell:
+        """What it shows now."""
+        text, colour = self.cell(row)
+        return (text, colour) if self.age_s is None else aged(text, colour, self.age_s(row), self.width)
+
+
+def _heartbeat_age_s(row: VehicleRow) -> float:
+    return row.heartbeat_age_s
+
+
+def _position_age_s(row: VehicleRow) -> float:
+    return row.position_age_s
 
 
 def _mode(row: VehicleRow) -> Cell:
-    return plain(row.mode) or "–", INK
+    return plain(row.mode) or UNKNOWN, INK
 
 
 def _armed(row: VehicleRow) -> Cell:
-    words: dict[bool | None, Cell] = {True: ("armed", BRIGHT), False: ("safe", FAINT), None: ("–", FAINT)}
+    words: dict[bool | None, Cell] = {True: ("armed", BRIGHT), False: ("safe", INK), None: (UNKNOWN, FAINT)}
     return words[row.armed]
 
 
 def _fix(row: VehicleRow) -> Cell:
-    return plain(row.fix) or "–", WARN if row.fix in ("none", "2D") else INK
+    return plain(row.fix) or UNKNOWN, WARN if row.fix in ("none", "2D") else INK
 
 
 def _heartbeat(row: VehicleRow) -> Cell:
@@ -78,13 +95,17 @@ def _position(row: VehicleRow) -> Cell:
     return position(row.position_state, row.position_age_s), position_colour(row.position_state)
 
 
+def _spread(row: VehicleRow) -> Cell:
+    return spread(row.std_m, row.position_age_s), INK
+
+
 def _view(row: VehicleRow) -> Cell:
-    words: dict[bool | None, Cell] = {True: ("in", INK), False: ("out", FAINT), None: ("–", FAINT)}
+    words: dict[bool | None, Cell] = {True: ("in", INK), False: ("out", INK), None: (UNKNOWN, FAINT)}
     return words[row.in_view]
 
 
 def _loss(row: VehicleRow) -> Cell:
-    return percent(row.loss) or "–", WARN if row.loss > LOSSY else FAINT
+    return percent(row.loss) or UNKNOWN, WARN if row.loss > LOSSY else INK
 
 
 def _auth(row: VehicleRow) -> Cell:
@@ -97,13 +118,13 @@ def _auth(row: VehicleRow) -> Cell:
         return f"bad {_many(row.bad_signature)}", ALARM
     if row.unsigned:
         return f"open {_many(row.unsigned)}", WARN
-    return ("signed", INK) if row.signed else ("–", FAINT)
+    return aged("signed", INK, row.heartbeat_age_s, AUTH.width) if row.signed else (UNKNOWN, FAINT)
 
 
 def _refusals(row: VehicleRow) -> Cell:
     """The most frequent reason, and all together."""
     if not row.refusals:
-        return "–", FAINT
+        return UNKNOWN, FAINT
     reason = max(row.refusals, key=row.refusals.__getitem__)
     return f"{_many(sum(row.refusals.values()))} {plain(reason)}", WARN
 
@@ -121,23 +142,24 @@ def _height(row: VehicleRow, rows: Sequence[VehicleRow]) -> Cell:
     """In the UAV's row: how far above the middle of the fleet it is."""
     below = [float(each.p_enu[2]) for each in rows if each.role == "ugv" and math.isfinite(each.p_enu[2])]
     up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
-    return f"{number(up, 'm', 0)} up" if math.isfinite(up) else "–", INK
+    text = f"{number(up, 'm', 0)} up" if math.isfinite(up) else UNKNOWN
+    return aged(text, INK, row.position_age_s, IDENTITY_CELLS)
 
 
 COLUMNS = (
     Column(title="ID", width=3, rank=11, align="right", cell=lambda row: (str(row.system_id), FAINT)),
     Column(title="NAME", width=7, rank=0, cell=lambda row: (plain(row.name), BRIGHT)),
-    Column(title="TYPE", width=6, rank=12, cell=lambda row: (plain(row.kind) or "–", FAINT)),
-    Column(title="MODE", width=8, rank=3, cell=_mode),
-    Column(title="ARM", width=5, rank=7, cell=_armed),
-    Column(title="FIX", width=9, rank=4, cell=_fix),
+    Column(title="TYPE", width=6, rank=12, cell=lambda row: (plain(row.kind) or UNKNOWN, FAINT)),
+    Column(title="MODE", width=8, rank=3, cell=_mode, age_s=_heartbeat_age_s),
+    Column(title="ARM", width=5, rank=7, cell=_armed, age_s=_heartbeat_age_s),
+    Column(title="FIX", width=9, rank=4, cell=_fix, age_s=fix_age_s),
     Column(title="HEART", width=8, rank=5, align="right", cell=_heartbeat),
     Column(title="POS", width=8, rank=1, align="right", cell=_position),
-    Column(title="±", width=6, rank=8, align="right", cell=lambda row: (metres(row.std_m), FAINT)),
-    Column(title="LOSS", width=4, rank=9, align="right", cell=_loss),
-    Column(title="VIEW", width=4, rank=6, cell=_view),
-    Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or "–"), FAINT)),
-    Column(title=IDENTITY, width=13, rank=2, cell=_identity),
+    Column(title="±", width=6, rank=8, align="right", cell=_spread, age_s=_position_age_s),
+    Column(title="LOSS", width=4, rank=9, align="right", cell=_loss, age_s=_heartbeat_age_s),
+    Column(title="VIEW", width=4, rank=6, cell=_view, age_s=_position_age_s),
+    Column(title="TRK", width=4, rank=10, align="right", cell=lambda row: (str(row.track_id or UNKNOWN), FAINT)),
+    Column(title=IDENTITY, width=IDENTITY_CELLS, rank=2, cell=_identity),
 )
 AUTH = Column(title="AUTH", width=9, rank=3, cell=_auth)
 REFUSED = Column(title="REFUSED", width=14, rank=8, cell=_refusals)
@@ -199,7 +221,7 @@ class FleetPane(Pane):
         parts: list[Part] = [("▸" if picked else " ", ink(ACCENT, paper))]
         for index, column in enumerate(columns):
             aloft = row.role == "uav" and column.title == IDENTITY
-            text, colour = _height(row, rows) if aloft else column.cell(row)
+            text, colour = _height(row, rows) if aloft else column.aged_cell(row)
             if held and row.track_id and column.title == IDENTITY:
                 text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
             space = " " if index else ""

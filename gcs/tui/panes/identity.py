@@ -13,6 +13,7 @@ from gcs.certainty import certainty, named
 from gcs.report.overlay import drawable, named_count, standing_of
 from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.format import age, degrees, metres, number, percent, plain, position, standing_word
+from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
 from gcs.tui.palette import (
     ACCENT,
@@ -30,6 +31,7 @@ from gcs.tui.palette import (
 )
 from gcs.tui.panes.pane import Pane
 from gcs.tui.picking import picked_box
+from mavlink.state import SILENT_S
 
 __all__ = ["IdentityPane", "expected_place"]
 
@@ -42,6 +44,8 @@ NONE_OF_OURS: Final = "none of ours"
 EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
 )
+FACT_CELLS: Final = 40
+"""What a fact's age may take with it; a narrow pane cuts it."""
 Fact = tuple[str, str, Colour]
 
 
@@ -242,14 +246,23 @@ def _spread(std: float, digits: int) -> str:
 def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list[Fact]:
     facts = _doubts(row, keyed=bool(snapshot.health.keys))
     where = position(row.position_state, row.position_age_s)
-    spread = f" ±{metres(row.std_m)}" if math.isfinite(row.std_m) else ""
-    facts.append(("position", where + spread, position_colour(row.position_state)))
+    wide = spread(row.std_m, row.position_age_s)
+    known = "" if wide == UNKNOWN else f" ±{wide}"
+    facts.append(("position", where + known, position_colour(row.position_state)))
     facts += _box_facts(box) if box else []
-    facts.append(("heading", degrees(row.heading), INK))
+    facts.append(_dated("heading", degrees(row.heading), row.position_age_s))
     armed = {True: "armed", False: "disarmed", None: ""}[row.armed]
-    facts.append(("state", " ".join(word for word in (plain(row.mode), armed, plain(row.fix)) if word) or "–", INK))
-    facts.append(("heartbeat", f"{age(row.heartbeat_age_s)}  loss {percent(row.loss) or '–'}", INK))
+    facts.append(_dated("state", " ".join(word for word in (plain(row.mode), armed) if word), row.heartbeat_age_s))
+    facts.append(_dated("GNSS", plain(row.fix), fix_age_s(row)))
+    facts.append(_dated("loss", percent(row.loss), row.heartbeat_age_s))
+    silent = row.heartbeat_age_s > SILENT_S
+    facts.append(("heartbeat", age(row.heartbeat_age_s), ALARM if silent else INK))
     return facts
+
+
+def _dated(name: str, text: str, age_s: float) -> Fact:
+    """A fact as it looks at its age."""
+    return (name, *aged(text or UNKNOWN, INK, age_s, FACT_CELLS))
 
 
 def _doubts(row: VehicleRow, *, keyed: bool) -> list[Fact]:
