@@ -45,7 +45,7 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["InjectedFaults", "fly"]
+__all__ = ["CAMERA", "InjectedFaults", "RebootedEncoder", "fly"]
 
 S = 1_000_000
 BATCH_US = 4_000
@@ -304,7 +304,7 @@ def _link_datagrams(
 ) -> Iterator[_Datagram]:
     """Datagrams of one world over one link, delayed, by time of arrival."""
     signer = _ScriptedSigner() if flight.faults.signed else None
-    rebooted = _RebootedEncoder() if start_s > 0 else None
+    rebooted = RebootedEncoder() if start_s > 0 else None
     for number, packet in enumerate(fleet_telemetry(world)):
         if start_s * S <= packet.t_us - flight.start_us < stop_s * S:
             raw = rebooted.with_boot_time_reset(packet.raw) if rebooted else packet.raw
@@ -326,7 +326,7 @@ def _forged_datagrams(world: World, flight: _ScriptedFlight) -> Iterator[_Datagr
             yield _Datagram(t_us + 1000, k, 0, 77, encoder.heartbeat())
 
 
-class _RebootedEncoder:
+class RebootedEncoder:
     """Frames of a fleet whose boot clocks begin again."""
 
     def __init__(self) -> None:
