@@ -19,15 +19,14 @@ from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import palette, playback
-from gcs.tui.draw.format import age, clock, plain
 from gcs.tui.draw.moments import KINDS, Moment, times_of
 from gcs.tui.draw.pixels import Graphics, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
-from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token, unseen
-from gcs.tui.panes.banner import Banner
-from gcs.tui.panes.event_log import EventPane, text_with_sender
+from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token
+from gcs.tui.panes.banner import Alert, Banner, alert_of, error_line
+from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.key_hints import KeyHints
@@ -46,17 +45,10 @@ from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.themes import THEMES, ThemeName, textual_theme
 
-__all__ = ["RollcallApp", "error_line"]
+__all__ = ["RollcallApp"]
 
 POLL_S = 1 / 12
 SILENT_S = 2.0
-ALARM_SHOWN_US = 8_000_000
-
-
-def error_line(error: BaseException) -> str:
-    """One plain line on why the station stopped, or what of a flight that goes on does not work any more."""
-    text = plain(str(error)) or type(error).__name__
-    return text if isinstance(error, FlightError) else f"station stopped: {text}"
 
 
 class RollcallApp(App[None]):
@@ -155,7 +147,7 @@ class RollcallApp(App[None]):
         if self._station.timeline is not None and self._timeline is not None:
             name = self.snapshot.name_of(self.selected) if self.snapshot is not None else ""
             self._timeline.show(self._station.timeline, events, self.selected, name)
-        self._alert_line.text = self._alert()
+        self._alert_line.alert = self._alert()
         self._ring()
 
     def _ring(self) -> None:
@@ -165,24 +157,16 @@ class RollcallApp(App[None]):
             self.bell()
         self._rung = loud
 
-    def _alert(self) -> str:
-        if self._station.error is not None:
-            goes_on = isinstance(self._station.error, FlightError)
-            return error_line(self._station.error) + ("" if goes_on else " — q quits")
+    def _alert(self) -> Alert:
         silent_s = time.monotonic() - self._newest_at
-        if self._station.timeline is None and self.snapshot is not None and silent_s > SILENT_S:
-            return f"nothing new for {age(float(int(silent_s)))}: the screen shows the past"
-        fresh = [alarm for alarm in unseen(self._alarms.alarms, self._alarms.seen) if alarm.level == "alarm"]
-        if fresh:
-            more = f" (and {len(fresh) - 1} more)" if len(fresh) > 1 else ""
-            return f"{clock(fresh[0].since_us)} {plain(fresh[0].text)}{more} — a: what to do, A: seen"
-        now_us = 0 if self.snapshot is None else self.snapshot.now_us
-        recent = [
-            event
-            for event in self._events.all_events
-            if event.level == "alarm" and event.kind != "text" and 0 <= now_us - event.t_us < ALARM_SHOWN_US
-        ]
-        return f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], self.snapshot)}" if recent else ""
+        live = self._station.timeline is None and self.snapshot is not None
+        return alert_of(
+            self.snapshot,
+            self._events.all_events,
+            self._alarms.seen,
+            error=self._station.error,
+            silent_s=silent_s if live and silent_s > SILENT_S else 0.0,
+        )
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Replay keys exist only in a replay."""

@@ -12,9 +12,7 @@ from textual.layout import Layout, WidgetPlacement
 from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
-from gcs.tui.draw.alarm_groups import alike
 from gcs.tui.draw.pane_layout import LayoutState, Rect, arranged
-from gcs.tui.panes.alarms import ROWS_EACH
 from gcs.tui.panes.pane import Pane
 
 __all__ = ["PaneArea"]
@@ -69,13 +67,12 @@ class PaneArea(Widget):
     def fit_to(self, snapshot: Snapshot) -> None:
         """Follow the number of vehicles, whether there is a camera, and the shape of its frame."""
         aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.state.aspect
-        alarm_rows = max(1, ROWS_EACH * len(alike(snapshot.alarms)))
         fleet_rows = max(1, len(snapshot.vehicles))
         aspect = min(max(aspect, 0.3), 4.0)
         layout = self.state.layout
         if not self.state.chosen:
             layout = 2 if snapshot.image is None and snapshot.health.video == "none" else 1
-        self.change(replace(self.state, layout=layout, fleet_rows=fleet_rows, alarm_rows=alarm_rows, aspect=aspect))
+        self.change(replace(self.state, layout=layout, fleet_rows=fleet_rows, aspect=aspect))
 
     def choose(self, layout: int) -> None:
         """One of the three layouts, as it comes."""

@@ -15,6 +15,8 @@ FLEET_WIDTHS = (31, 40, 50, 59, 64, 70, 77)
 """Widths at which one more column of the fleet table fits."""
 IDENTITY_ROWS = 13
 EVENT_ROWS = 4
+ALARM_ROWS = 10
+"""Two or three alarms with their advice, however many there are: no pane moves when one comes or goes."""
 CHART_ROWS = 8
 ROOMY = (120, 36)
 
@@ -32,7 +34,6 @@ class LayoutState:
     maximised: str = ""
     """A pane that takes everything, empty for none."""
     fleet_rows: int = 8
-    alarm_rows: int = 1
     aspect: float = 16 / 9
     """Of the frame, width over height."""
 
@@ -127,13 +128,13 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
         "fleet": min(state.fleet_rows + 1, max(4, height // 2)),
         "identity": 6,
         "events": EVENT_ROWS,
-        "alarms": min(state.alarm_rows + 1, max(EVENT_ROWS, height // 3)),
+        "alarms": min(ALARM_ROWS, max(EVENT_ROWS, height // 3)),
     }
     for spare in ("identity", "events", "map", "video"):
         if len(panes) > 1 and spare in panes and sum(least[pane] for pane in panes) > height:
             panes.remove(spare)
     natural = {**least, "video": _video_rows(width, state), "fleet": state.fleet_rows + 1, "identity": IDENTITY_ROWS}
-    natural["alarms"] = state.alarm_rows + 1
+    natural["alarms"] = ALARM_ROWS
     rows = {pane: least[pane] for pane in panes}
     for pane in ("fleet", "alarms", "video", "identity"):
         if pane in rows:

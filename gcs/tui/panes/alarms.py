@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import ClassVar, Final
 
 from textual import events
@@ -13,14 +14,15 @@ from textual.strip import Strip
 from gcs.snapshot import Alarm
 from gcs.tui.draw.alarm_groups import Group, advice_of, alike, text_of
 from gcs.tui.draw.format import age, plain
-from gcs.tui.draw.strips import Part, fitted, line
+from gcs.tui.draw.strips import Part, folded, line
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
-from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, PANEL, PICKED, WARN, ink, level_colour
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["ALARM_KEYS", "ROWS_EACH", "AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
+__all__ = ["ALARM_KEYS", "AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
 
-ROWS_EACH: Final = 2
+CUT: Final = "    … z: the whole screen"
+"""In place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
 Seen = frozenset[tuple[str, int, str]]
 """Acknowledged alarms: key, since when, level. One that comes again, or gets worse, is a new one."""
@@ -50,7 +52,7 @@ def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:
 
 
 class AlarmPane(Pane):
-    """One trouble on two rows: whose and what, and what to do."""
+    """Whose trouble and what, and what to do, each on as many rows as it needs."""
 
     label: ClassVar[str] = "ALARMS"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -65,6 +67,8 @@ class AlarmPane(Pane):
         super().__init__(id=id)
         self._at = 0
         self._first = 0
+        self._shown: tuple[int, ...] = ()
+        """Of each row on screen, the number of its group."""
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -107,7 +111,9 @@ class AlarmPane(Pane):
         if not self.alarms:
             return [("none ", ink(GOOD, HEAD))]
         fresh = len(unseen(self.alarms, self.seen))
-        hint = f"{fresh} new · enter, A: seen " if fresh else "all seen "
+        below = len(self.groups) - 1 - max(self._shown, default=0)
+        hint = f"{self._first} above " * bool(self._first) + f"{below} below " * (below > 0)
+        hint += f"{fresh} new · enter, A: seen " if fresh else "all seen "
         return [(hint, ink(FAINT, HEAD)), *count_parts(loud, quiet)]
 
     def body(self, width: int, height: int) -> list[Strip]:
@@ -117,14 +123,23 @@ class AlarmPane(Pane):
         groups = self.groups
         if not groups:
             return [line([(" nothing is wrong that is known of", ink(FAINT))], width)]
-        each = ROWS_EACH if height >= ROWS_EACH else 1
-        fit = max(1, height // each)
         self._at = min(self._at, len(groups) - 1)
-        self._first = max(0, min(max(self._first, self._at - fit + 1), self._at, len(groups) - fit))
-        rows: list[Strip] = []
-        for index in range(self._first, min(self._first + fit, len(groups))):
-            rows += self._rows_of(groups[index], marked=self.has_focus and index == self._at, width=width)[:each]
-        return rows
+        rows = [partial(self._rows_of, group, marked=self._marks(at), width=width) for at, group in enumerate(groups)]
+        first = max(self._first, _earliest(rows, self._at, height))
+        self._first = min(first, self._at, _earliest(rows, len(rows) - 1, height))
+        shown: list[tuple[int, Strip]] = []
+        for at in range(self._first, len(rows)):
+            strips = rows[at]()
+            if len(strips) > height > 1 and not shown:
+                strips = [*strips[: height - 1], line([(CUT, ink(ACCENT))], width)]
+            elif len(shown) + len(strips) > height > 1:
+                break
+            shown += [(at, strip) for strip in strips]
+        self._shown = tuple(at for at, _ in shown[:height])
+        return [strip for _, strip in shown[:height]]
+
+    def _marks(self, at: int) -> bool:
+        return self.has_focus and at == self._at
 
     def _rows_of(self, group: Group, *, marked: bool, width: int) -> list[Strip]:
         assert self.snapshot is not None
@@ -134,17 +149,29 @@ class AlarmPane(Pane):
         colour = FAINT if known else level_colour(alarm.level)
         since = age(max(0.0, (self.snapshot.now_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "
-        text = fitted(plain(text_of(group)), width - len(head)).rstrip()
-        advised = fitted(plain(advice_of(group)), width - 4).rstrip()
-        what = [(head, ink(colour, paper, bold=not known)), (text, ink(FAINT if known else BRIGHT, paper))]
-        advice = [("    ", ink(FAINT, paper)), (advised, ink(ACCENT if marked else FAINT, paper))]
-        return [line(what, width, paper), line(advice, width, paper)]
+        first, *more = folded(plain(text_of(group)), max(1, width - len(head)))
+        said = ink(FAINT if known else BRIGHT, paper)
+        advised = ink(ACCENT if marked else INK if not known else FAINT, paper)
+        lines: list[list[Part]] = [[(head, ink(colour, paper, bold=not known)), (first, said)]]
+        lines += [[(" " * len(head), said), (text, said)] for text in more]
+        lines += [[("    ", advised), (text, advised)] for text in folded(plain(advice_of(group)), max(1, width - 4))]
+        return [line(parts, width, paper) for parts in lines]
 
     def on_click(self, event: events.Click) -> None:
-        """Mark the alarm under the pointer."""
-        if event.y > 0 and self.alarms:
-            self._at = min(self._first + (event.y - 1) // ROWS_EACH, len(self.groups) - 1)
+        """Mark the alarm under the pointer; acknowledge it at the second click."""
+        if 0 < event.y <= len(self._shown):
+            self._at = self._shown[event.y - 1]
             self.redraw()
+            if event.chain > 1:
+                self.action_seen_one()
+
+
+def _earliest(rows: Sequence[Callable[[], list[Strip]]], last: int, height: int) -> int:
+    """The first alarm on screen if the last one is to be whole at the bottom."""
+    first, used = last, len(rows[last]())
+    while first and (used := used + len(rows[first - 1]())) <= height:
+        first -= 1
+    return first
 
 
 def count_parts(loud: int, quiet: int) -> list[Part]:

@@ -1,31 +1,111 @@
-"""One loud row, there only when something is wrong: the station stopped, nothing new comes, an alarm came in."""
+"""The row below the status: the worst that is wrong, loud until it is acknowledged; always there, so nothing moves."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 from textual.reactive import reactive
 from textual.strip import Strip
 from textual.widget import Widget
 
-from gcs.tui.draw.format import plain
-from gcs.tui.draw.strips import fitted, line
-from gcs.tui.palette import ALARM, PANEL, ink
+from gcs.errors import FlightError
+from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.tui.draw.format import age, clock, plain
+from gcs.tui.draw.strips import fitted, line, width_of
+from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
+from gcs.tui.panes.alarms import Seen, unseen
+from gcs.tui.panes.event_log import text_with_sender
 
-__all__ = ["Banner"]
+__all__ = ["Alert", "Banner", "alert_of", "error_line"]
+
+EVENT_SHOWN_US = 8_000_000
+"""For how long an alarm of the event log that is in no list of alarms is shown: time to read two lines."""
+HINT = " a: what to do, A: seen "
+HINTED_FROM = 60
+"""Narrower rows have the words alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alert:
+    """What the row shows."""
+
+    level: Literal["alarm", "warning", "calm"] = "calm"
+    """``alarm`` is loud; ``calm`` is also what was acknowledged."""
+    text: str = ""
+    hinted: bool = False
+    """Whether the list of alarms has more about it."""
+
+
+def error_line(error: BaseException) -> str:
+    """One plain line on why the station stopped, or what of a flight that goes on does not work any more."""
+    text = plain(str(error)) or type(error).__name__
+    return text if isinstance(error, FlightError) else f"station stopped: {text}"
+
+
+def alert_of(
+    snapshot: Snapshot | None,
+    events: Sequence[Event],
+    seen: Seen,
+    *,
+    error: BaseException | None = None,
+    silent_s: float = 0.0,
+) -> Alert:
+    """The worst that is wrong.
+
+    Args:
+        snapshot: The newest.
+        events: The log.
+        seen: Acknowledged alarms.
+        error: Why the station stopped, or what of it does not work.
+        silent_s: For how long a flight has given nothing new, 0 while it does.
+    """
+    if error is not None:
+        goes_on = isinstance(error, FlightError)
+        return Alert(level="alarm", text=error_line(error) + ("" if goes_on else " — q quits"))
+    if silent_s:
+        return Alert(level="alarm", text=f"nothing new for {age(float(int(silent_s)))}: the screen shows the past")
+    if snapshot is None:
+        return Alert()
+    fresh = unseen(snapshot.alarms, seen)
+    loud = [alarm for alarm in fresh if alarm.level == "alarm"]
+    if loud:
+        return Alert(level="alarm", text=_summary(loud), hinted=True)
+    recent = [
+        event
+        for event in events
+        if event.level == "alarm" and event.kind != "text" and 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US
+    ]
+    if recent:
+        return Alert(level="alarm", text=f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot)}")
+    if fresh:
+        return Alert(level="warning", text=_summary(fresh), hinted=True)
+    return Alert(text=f"seen: {_summary(snapshot.alarms)}" if snapshot.alarms else "no alarms")
+
+
+def _summary(alarms: Sequence[Alarm]) -> str:
+    more = f" (and {len(alarms) - 1} more)" if len(alarms) > 1 else ""
+    return f"{clock(alarms[0].since_us)} {plain(alarms[0].text)}{more}"
 
 
 class Banner(Widget):
-    """Shown while ``text`` is not empty."""
+    """One row for the worst."""
 
     ALLOW_SELECT: ClassVar[bool] = False
-    text: reactive[str] = reactive("")
-
-    def watch_text(self, text: str) -> None:
-        """There only while there is something to show."""
-        self.display = bool(text)
+    alert: reactive[Alert] = reactive(Alert())
 
     def render_line(self, y: int) -> Strip:
-        """Dark on red; the words alone are enough."""
+        """Dark on red while it is an alarm; the marks and words alone are enough."""
         width = self.size.width
-        return line([(fitted(f" !! {plain(self.text)}", width), ink(PANEL, ALARM, bold=True))], width, ALARM)
+        if self.alert.level == "calm":
+            return line([(fitted(f" {plain(self.alert.text)}", width), ink(FAINT, HEAD))], width, HEAD)
+        loud = self.alert.level == "alarm"
+        style, paper = (ink(PANEL, ALARM, bold=True), ALARM) if loud else (ink(WARN, HEAD), HEAD)
+        hint = [(HINT, style)] if self.alert.hinted and width >= HINTED_FROM else []
+        text = fitted(f" {'!!' if loud else '! '} {plain(self.alert.text)}", width - width_of(hint))
+        return line([(text, style), *hint], width, paper)
+
+    async def on_click(self) -> None:
+        """All alarms."""
+        await self.run_action("app.pane('alarms')")

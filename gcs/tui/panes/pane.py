@@ -53,7 +53,8 @@ class Pane(Widget, can_focus=True):
         width, height = self.size
         if width <= 0 or height <= 0 or not self.display:
             return
-        rows = [self.heading(width), *self.body(width, height - 1)][:height]
+        body = self.body(width, height - 1)  # the heading may tell what of it is on screen
+        rows = [self.heading(width), *body][:height]
         rows += [blank(width)] * (height - len(rows))
         same = len(rows) == len(self._rows)
         changed = [y for y, row in enumerate(rows) if not same or row != self._rows[y]]
