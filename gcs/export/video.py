@@ -8,7 +8,8 @@ from typing import ClassVar
 
 import av
 
-from gcs.report.overlay import draw
+from gcs.report.labels import Labelling
+from gcs.report.overlay import draw, image_labels
 from gcs.session.line_file import open_new
 from gcs.snapshot import Snapshot
 
@@ -29,10 +30,12 @@ class VideoExport:
         self._stream: av.VideoStream | None = None
         self._start_us = 0
         self._last = -1
+        self._labelling: Labelling | None = None
 
     def write(self, snapshot: Snapshot) -> None:
         """Append one drawn frame; two frames of the same moment keep the first."""
-        image = draw(snapshot)
+        self._labelling = image_labels(snapshot, former=self._labelling)
+        image = draw(snapshot, labelling=self._labelling)
         height, width = (side - side % 2 for side in image.shape[:2])
         if self._stream is None:
             self._stream = self._film.add_stream("libx264", rate=30, options={"crf": "23", "preset": "veryfast"})

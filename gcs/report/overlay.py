@@ -7,7 +7,7 @@ here and turned to OpenCV's order only where OpenCV draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from types import MappingProxyType
 from typing import Final
@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.certainty import certainty
+from gcs.report.labels import Cells, Grid, Label, Labelling, leader_of, place_labels
+from gcs.report.vehicle_names import ShownName, shown_names
 from gcs.snapshot import Box, Snapshot, Standing
 
 __all__ = [
@@ -24,13 +26,17 @@ __all__ = [
     "STANDING_RGB",
     "box_bounds",
     "box_corners",
+    "box_keys",
+    "box_labels",
+    "box_texts",
+    "boxes_in_order",
     "draw",
     "drawable",
     "front_mark",
+    "image_labels",
     "is_picked",
     "label_of",
     "named_count",
-    "place_labels",
     "standing_of",
 ]
 
@@ -75,9 +81,12 @@ def standing_of(snapshot: Snapshot, box: Box) -> Standing:
 def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
     ``UGV-3 stated`` by the operator; ``UGV-3 97% (0.8s)`` is held, for want of a newer frame."""
+    return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else "?")
+
+
+def _label(snapshot: Snapshot, box: Box, name: str, *, certain: bool = True) -> str:
     standing = standing_of(snapshot, box)
-    name = snapshot.name_of(box.system_id) if box.system_id else "?"
-    sure = f" {'stated' if box.stated else certainty(box.confidence)}".rstrip() if box.system_id else ""
+    sure = f" {'stated' if box.stated else certainty(box.confidence)}".rstrip() if box.system_id and certain else ""
     before = "~" if standing == "coasting" else ""
     after = "?" if standing == "tentative" and not box.stated else ""
     held = f" ({snapshot.held_s:.1f}s)" if snapshot.held_s else ""
@@ -88,11 +97,6 @@ def named_count(snapshot: Snapshot) -> tuple[int, int]:
     """Confirmed ground vehicles and all ground vehicles."""
     standings = [row.standing for row in snapshot.vehicles if row.role == "ugv"]
     return standings.count("confirmed"), len(standings)
-
-
-def is_picked(box: Box, selected: int, track: int) -> bool:
-    """Whether a box is of the picked vehicle, or is the picked box without a name; 0 none."""
-    return bool(selected and box.system_id == selected) or bool(track and box.track_id == track)
 
 
 def drawable(box: Box) -> bool:
@@ -133,51 +137,107 @@ def box_bounds(box: Box, scale: float = 1.0, margin: float = 0.0) -> Rect:
     return float(left), float(top), float(right - left), float(bottom - top)
 
 
-def place_labels(anchors: Sequence[Rect], sizes: Sequence[tuple[float, float]], bounds: Rect) -> list[Rect]:
-    """Put each label beside its box so that labels cover neither each other nor other boxes where that is easy.
+def is_picked(box: Box, selected: int, track: int) -> bool:
+    """Whether a box is of the picked vehicle, or is the picked box without a name; 0 none."""
+    return bool(selected and box.system_id == selected) or bool(track and box.track_id == track)
+
+
+def boxes_in_order(snapshot: Snapshot, selected: int, track: int) -> list[Box]:
+    """Boxes that can be drawn, those first whose label is most wanted."""
+    return sorted(
+        filter(drawable, snapshot.boxes),
+        key=lambda box: (not is_picked(box, selected, track), box.system_id == 0, -box.cy),
+    )
+
+
+def box_texts(snapshot: Snapshot, box: Box, shown: ShownName | None) -> tuple[str, ...]:
+    """What may be written beside a box, the best first: as ``label_of``, then without certainty, then with the id."""
+    if shown is None:
+        return (label_of(snapshot, box),)
+    texts = (_label(snapshot, box, name, certain=each) for name in (shown.name, shown.short) for each in (True, False))
+    return tuple(dict.fromkeys(texts))
+
+
+def box_labels(
+    snapshot: Snapshot,
+    boxes: Sequence[Box],
+    anchors: Sequence[Cells],
+    shows: Callable[[str], bool],
+    pick: tuple[int, int] = (0, 0),
+) -> list[Label]:
+    """Labels of boxes.
 
     Args:
-        anchors: Upright bounding rectangle of each box; earlier ones choose first.
-        sizes: Width and height of each label, in the same units.
-        bounds: Rectangle that labels must not leave.
-
-    Returns:
-        One rectangle per label: the least covered of eight places round its box.
+        snapshot: Says who is sure.
+        boxes: Those that are drawn, in the order in which they choose.
+        anchors: Where each is.
+        shows: Whether the picture can show all letters of a text.
+        pick: System id and track id of what is picked, 0 none: its label is placed with its best text.
     """
-    boxes = np.array(anchors, dtype=np.float64).reshape(-1, 4)
-    placed = np.zeros_like(boxes)
-    for index, (anchor, size) in enumerate(zip(anchors, sizes, strict=True)):
-        spots = np.array([_clamp(spot, bounds) for spot in _spots(anchor, size)])
-        weight = np.full(len(boxes), 3.0)
-        weight[index] = 2.0
-        covered = 4.0 * _overlaps(spots, placed[:index]).sum(axis=1) + _overlaps(spots, boxes) @ weight
-        placed[index] = spots[int(np.argmin(covered))]
-    return [(x, y, w, h) for x, y, w, h in placed.tolist()]
+    names = shown_names(snapshot, shows)
+    labels = []
+    for key, box, anchor in zip(box_keys(boxes), boxes, anchors, strict=True):
+        shown = names.get(box.system_id)
+        texts = box_texts(snapshot, box, shown)
+        legend = shown.legend if shown else ""
+        short = 0 if shown is None or shown.name == shown.short else len(texts) // 2
+        stressed = is_picked(box, *pick)
+        labels.append(Label(key=key, anchor=anchor, texts=texts, legend=legend, short=short, stressed=stressed))
+    return labels
 
 
-def _spots(anchor: Rect, size: tuple[float, float]) -> list[Rect]:
-    x, y, w, h = anchor
-    lw, lh = size
-    middle, centre = x + (w - lw) / 2, y + (h - lh) / 2
-    corners = [(middle, y - lh), (middle, y + h), (x + w, centre), (x - lw, centre)]
-    corners += [(x + w, y - lh), (x - lw, y - lh), (x + w, y + h), (x - lw, y + h)]
-    return [(left, top, lw, lh) for left, top in corners]
+def box_keys(boxes: Sequence[Box]) -> list[int]:
+    """Whose a label is: the box's track, below 0 for boxes without one."""
+    keys: list[int] = []
+    for index, box in enumerate(boxes):
+        keys.append(box.track_id if box.track_id > 0 and box.track_id not in keys else -1 - index)
+    return keys
 
 
-def _clamp(rect: Rect, bounds: Rect) -> Rect:
+def image_labels(
+    snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: int = 0, former: Labelling | None = None
+) -> Labelling:
+    """Where ``draw`` writes, in squares of pixels.
+
+    Args:
+        snapshot: Its boxes.
+        scale: As for ``draw``.
+        selected: As for ``draw``.
+        track: As for ``draw``.
+        former: Of the frame before, so that labels stay where they are.
+    """
+    width, height = _size(snapshot, scale)
+    unit = _unit(height)
+    square = _square(unit)
+
+    def measure(text: str) -> tuple[int, int]:
+        across, down = _text_size(text, unit)
+        return math.ceil(across / square), math.ceil(down / square)
+
+    boxes = boxes_in_order(snapshot, selected, track)
+    anchors = [_squares(box_bounds(box, scale, 2 * unit), square) for box in boxes]
+    line = measure("0")[1]
+    grid = Grid(
+        columns=width // square,
+        rows=height // square,
+        measure=measure,
+        step=(line, line),
+        gap=1,
+        blocked=(_squares((0.0, 0.0, *_text_size(_header_of(snapshot, unit, width), unit)), square),),
+        covered=True,
+    )
+    return place_labels(box_labels(snapshot, boxes, anchors, _is_ascii, (selected, track)), grid, former)
+
+
+def _squares(rect: Rect, square: int) -> Cells:
     x, y, w, h = rect
-    left, top, width, height = bounds
-    return max(left, min(x, left + width - w)), max(top, min(y, top + height - h)), w, h
+    left, top = math.floor(x / square), math.floor(y / square)
+    return left, top, math.ceil((x + w) / square) - left, math.ceil((y + h) / square) - top
 
 
-def _overlaps(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(m, k) area that each of m rectangles has in common with each of k, as rows x, y, w, h."""
-    low = np.maximum(a[:, None, :2], b[None, :, :2])
-    high = np.minimum(a[:, None, :2] + a[:, None, 2:], b[None, :, :2] + b[None, :, 2:])
-    return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1), dtype=np.float64)
-
-
-def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: int = 0) -> NDArray[np.uint8]:
+def draw(
+    snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: int = 0, labelling: Labelling | None = None
+) -> NDArray[np.uint8]:
     """The image with boxes, front ticks, names and a header with time and fleet summary.
 
     Args:
@@ -185,33 +245,49 @@ def draw(snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: in
         scale: Size of the result against the image, above 0.
         selected: System id to stress, 0 none.
         track: Track id of a box without a name to stress, 0 none.
+        labelling: Of ``image_labels`` for the same snapshot, scale and selection; worked out unless given.
 
     Returns:
         (round(height · scale), round(width · scale), 3) uint8 BGR.
     """
     canvas = _canvas(snapshot, scale)
-    unit = max(0.75, canvas.shape[0] / 900)
-    boxes = sorted(
-        filter(drawable, snapshot.boxes),
-        key=lambda box: (not is_picked(box, selected, track), box.system_id == 0, -box.cy),
-    )
-    labels = [_ascii(label_of(snapshot, box)) for box in boxes]
-    sizes = [_text_size(text, unit) for text in labels]
-    anchors = [box_bounds(box, scale, 2 * unit) for box in boxes]
-    places = place_labels(anchors, sizes, (0, 0, canvas.shape[1], canvas.shape[0]))
+    unit = _unit(canvas.shape[0])
+    square = _square(unit)
+    boxes = boxes_in_order(snapshot, selected, track)
+    labelling = labelling or image_labels(snapshot, scale=scale, selected=selected, track=track)
     for box in boxes:
         _draw_box(canvas, box, STANDING_RGB[standing_of(snapshot, box)], scale, unit)
-    for box, text, place in zip(boxes, labels, places, strict=True):
-        colour = STANDING_RGB[standing_of(snapshot, box)]
-        highlighted = is_picked(box, selected, track)
-        _draw_label(canvas, text, place, unit, *((DARK, colour) if highlighted else (colour, DARK)))
-    _draw_header(canvas, snapshot, unit)
+    owners = dict(zip(box_keys(boxes), boxes, strict=True))
+    inks = {key: STANDING_RGB[standing_of(snapshot, box)] for key, box in owners.items()}
+    for place in (*labelling.places, *labelling.counts):
+        if place.leader:
+            x, y, end_x, end_y = (round(value * square) for value in leader_of(place))
+            cv2.line(canvas, (x, y), (end_x, end_y), DARK[::-1], 3, cv2.LINE_AA)
+            cv2.line(canvas, (x, y), (end_x, end_y), inks.get(place.key, HEADER_INK)[::-1], 1, cv2.LINE_AA)
+    for place in labelling.texts:
+        colour = inks.get(place.key, HEADER_INK)
+        highlighted = place.key in owners and is_picked(owners[place.key], selected, track)
+        corner = place.rect[0] * square, place.rect[1] * square
+        _draw_text(canvas, place.text, corner, unit, *((DARK, colour) if highlighted else (colour, DARK)))
+    _draw_text(canvas, _header_of(snapshot, unit, canvas.shape[1]), (0, 0), unit, HEADER_INK, DARK)
     return canvas
 
 
-def _canvas(snapshot: Snapshot, scale: float) -> NDArray[np.uint8]:
+def _unit(height: int) -> float:
+    return max(0.75, height / 900)
+
+
+def _square(unit: float) -> int:
+    return max(2, round(4 * unit))
+
+
+def _size(snapshot: Snapshot, scale: float) -> tuple[int, int]:
     width, height = (snapshot.width, snapshot.height) if snapshot.width and snapshot.height else EMPTY_SIZE
-    size = max(1, round(width * scale)), max(1, round(height * scale))
+    return max(1, round(width * scale)), max(1, round(height * scale))
+
+
+def _canvas(snapshot: Snapshot, scale: float) -> NDArray[np.uint8]:
+    size = _size(snapshot, scale)
     if snapshot.image is None:
         return np.full((size[1], size[0], 3), DARK[::-1], dtype=np.uint8)
     if snapshot.image.shape[1::-1] == size:
@@ -236,24 +312,35 @@ def _text_size(text: str, unit: float) -> tuple[float, float]:
     return float(width + 8 * unit), float(height + base + 4 * unit)
 
 
-def _draw_label(canvas: NDArray[np.uint8], text: str, place: Rect, unit: float, ink: Rgb, paper: Rgb) -> None:
-    x, y, w, h = (round(value) for value in place)
-    cv2.rectangle(canvas, (x, y), (x + w, y + h), paper[::-1], cv2.FILLED)
+def _draw_text(
+    canvas: NDArray[np.uint8], text: str, corner: tuple[int, int], unit: float, ink: Rgb, paper: Rgb
+) -> None:
+    if not text:
+        return
+    x, y = corner
+    w, h = (round(side) for side in _text_size(text, unit))
+    cv2.rectangle(canvas, (x, y), (x + w - 1, y + h - 1), paper[::-1], cv2.FILLED)
     origin = x + round(4 * unit), y + h - round(5 * unit)
     cv2.putText(canvas, text, origin, FONT, 0.55 * unit, ink[::-1], max(1, round(unit)), cv2.LINE_AA)
 
 
-def _draw_header(canvas: NDArray[np.uint8], snapshot: Snapshot, unit: float) -> None:
+def _header_of(snapshot: Snapshot, unit: float, width: int) -> str:
+    """Time, frame and fleet; as many of these as the image is wide enough for."""
     # counted from the epoch, since the platform's clock functions refuse far times
     moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=snapshot.now_us // 100_000 * 100 % FAR_MS)
-    clock = moment.strftime("%Y-%m-%d %H:%M:%S.%f")[:-5]
     named, total = named_count(snapshot)
     unnamed = sum(box.system_id == 0 for box in snapshot.boxes)
-    text = f"{clock}Z   frame {snapshot.frame}   {named}/{total} confirmed" + (f"   {unnamed} ?" if unnamed else "")
-    width, height = _text_size(text, unit)
-    _draw_label(canvas, text, (0.0, 0.0, width, height), unit, HEADER_INK, DARK)
+    parts = [
+        moment.strftime("%Y-%m-%d %H:%M:%S.%f")[:-5] + "Z",
+        f"frame {snapshot.frame}",
+        f"{named}/{total} confirmed",
+    ]
+    parts += [f"{unnamed} ?"] if unnamed else []
+    while parts and _text_size("   ".join(parts), unit)[0] > width:
+        parts.pop()
+    return "   ".join(parts)
 
 
-def _ascii(text: str) -> str:
+def _is_ascii(text: str) -> bool:
     """OpenCV's fonts hold printable ASCII only."""
-    return "".join(letter if " " <= letter <= "~" else "?" for letter in text)
+    return all(" " <= letter <= "~" for letter in text)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from gcs.mission.mission import Mission, MissionVehicle
@@ -51,3 +53,31 @@ def boxes(centre, angle=0.0, score=0.9, heading=np.nan, w=40.0, h=20.0):
     return Detections(
         cx=centre[:, 0], cy=centre[:, 1], **{k: np.broadcast_to(v, len(centre)) for k, v in columns.items()}
     )
+
+
+def misread(rows, texts, spare=0):
+    """What is wrong with the labels on a picture in letters, by what can be read there and nothing else.
+
+    Args:
+        rows: the picture's rows as text.
+        texts: for every vehicle that must be told apart there, all that may be written for it.
+        spare: how many others may be in a count such as ``+3``.
+
+    Returns:
+        A line for each text that is no vehicle's, each vehicle written twice, and those neither written nor counted.
+    """
+    owner = {text: key for key, forms in texts.items() for text in forms}
+    wrong, seen, more = [], [], 0
+    for row in rows:
+        for text in re.split(r"[^\w .,:;=+~?%()/<>\[\]\x27-]+|  +", row):
+            word = text.strip(" ")
+            bare = word.removeprefix("? ").removesuffix(" ?")
+            if word in owner or bare in owner:
+                seen.append(owner.get(word, owner.get(bare)))
+            elif re.fullmatch(r"\+\d+", word):
+                more += int(word)
+            elif word.strip("? ") and " = " not in word:
+                wrong.append(f"{word!r} is no vehicle's")
+    wrong += [f"{key} is written {seen.count(key)} times" for key in sorted(set(seen)) if seen.count(key) > 1]
+    missing = sorted(set(texts) - set(seen))
+    return wrong + ([f"{missing} are not written, {more} counted"] if not 0 <= more - len(missing) <= spare else [])

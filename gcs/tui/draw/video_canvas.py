@@ -9,25 +9,29 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.report.labels import Cells, Grid, Labelling, Place, place_labels
 from gcs.report.overlay import (
     box_bounds,
     box_corners,
+    box_keys,
+    box_labels,
+    boxes_in_order,
     drawable,
     front_mark,
     is_picked,
-    label_of,
-    place_labels,
     standing_of,
 )
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
-from gcs.tui.draw.format import plain
+from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
 from gcs.tui.draw.halfblock import fit, shrink
-from gcs.tui.palette import BRIGHT, FAINT, PANEL, pack, standing_colour
+from gcs.tui.palette import BRIGHT, FAINT, INK, PANEL, pack, standing_colour
 from gcs.tui.themes import DARK
 
-__all__ = ["box_at", "video_cells"]
+__all__ = ["box_at", "video_cells", "video_labels"]
+
+NO_VIDEO = "no video"
 
 SMALLEST_DOTS = 5.0
 """A box is drawn at least this long, else it is a speck on a small screen."""
@@ -36,7 +40,9 @@ _packed = partial(pack, theme=DARK)
 """Whatever the theme, the picture has the colours of the exported video: light ones on dark labels."""
 
 
-def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0) -> CellGrid:
+def video_cells(
+    snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, labelling: Labelling | None = None
+) -> CellGrid:
     """Draw one snapshot in a field of cells.
 
     Args:
@@ -45,23 +51,48 @@ def video_cells(snapshot: Snapshot, selected: int, columns: int, rows: int, trac
         columns: Cells, above 0.
         rows: Cells, above 0.
         track: Track id of a box without a name whose label is inverted, 0 none.
+        labelling: Of ``video_labels`` for the same; worked out unless given.
     """
     cells = CellGrid(columns, rows, _packed(PANEL))
-    if snapshot.width <= 0 or snapshot.height <= 0:
-        cells.text(max(0, columns // 2 - 4), rows // 2, "no video", _packed(FAINT))
-        return cells
-    left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
-    if snapshot.image is not None:
-        cells.image(shrink(snapshot.image, used_columns, used_rows), left, top)
-    else:
-        cells.text(left + max(0, used_columns // 2 - 4), top + used_rows // 2, "no video", _packed(FAINT))
-    boxes = sorted(
-        filter(drawable, snapshot.boxes),
-        key=lambda box: (not is_picked(box, selected, track), box.system_id == 0, -box.cy),
-    )
-    _outlines(cells, snapshot, boxes, (left, top), used_columns / snapshot.width)
-    _labels(cells, snapshot, boxes, (selected, track), (left, top, used_columns, used_rows))
+    if snapshot.width > 0 and snapshot.height > 0:
+        left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
+        if snapshot.image is not None:
+            cells.image(shrink(snapshot.image, used_columns, used_rows), left, top)
+        boxes = boxes_in_order(snapshot, selected, track)
+        labelling = labelling or video_labels(snapshot, selected, columns, rows, track)
+        _outlines(cells, snapshot, boxes, (left, top), used_columns / snapshot.width, labelling)
+        _write(cells, snapshot, boxes, (selected, track), labelling)
+    for x, y, width, _ in _notice(snapshot, columns, rows):
+        cells.text(x, y, NO_VIDEO[:width], _packed(FAINT))
     return cells
+
+
+def video_labels(
+    snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, former: Labelling | None = None
+) -> Labelling:
+    """Where ``video_cells`` writes; ``former`` is that of the frame before, so that labels stay where they are."""
+    if snapshot.width <= 0 or snapshot.height <= 0:
+        return Labelling()
+    left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
+    across, down = used_columns / snapshot.width, used_rows / snapshot.height
+    boxes = boxes_in_order(snapshot, selected, track)
+    anchors = []
+    for box in boxes:
+        x, y, w, h = box_bounds(box)
+        first, last = math.floor(left + x * across), math.ceil(left + (x + w) * across)
+        upper, lower = math.floor(top + y * down), math.ceil(top + (y + h) * down)
+        anchors.append((first, upper, last - first, lower - upper))
+    blocked = _notice(snapshot, columns, rows)
+    grid = Grid(columns=columns, rows=rows, measure=measure_cells, blocked=blocked, covered=True)
+    return place_labels(box_labels(snapshot, boxes, anchors, shows_in_cells, (selected, track)), grid, former)
+
+
+def _notice(snapshot: Snapshot, columns: int, rows: int) -> tuple[Cells, ...]:
+    """Where it is written that there is no video."""
+    if snapshot.image is not None and snapshot.width > 0 and snapshot.height > 0:
+        return ()
+    width = min(len(NO_VIDEO), columns)
+    return (((columns - width) // 2, rows // 2, width, 1),)
 
 
 def box_at(snapshot: Snapshot, x: int, y: int, columns: int, rows: int, reach: float = 4.0) -> Box | None:
@@ -79,7 +110,12 @@ def box_at(snapshot: Snapshot, x: int, y: int, columns: int, rows: int, reach: f
 
 
 def _outlines(
-    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], corner: tuple[int, int], columns_per_px: float
+    cells: CellGrid,
+    snapshot: Snapshot,
+    boxes: Sequence[Box],
+    corner: tuple[int, int],
+    columns_per_px: float,
+    labelling: Labelling,
 ) -> None:
     dots = BrailleCanvas(cells.columns, cells.rows)
     origin = np.array([2.0 * corner[0], 4.0 * corner[1]])
@@ -92,6 +128,9 @@ def _outlines(
         dots.polygon(_grown(box_corners(box), middle, grow) * scale + origin, ink, every)
         tick = _grown(front_mark(box, reach=0.6), middle, grow) * scale + origin
         dots.line(tick[0], tick[1], ink)
+    colours = [_packed(standing_colour(standing_of(snapshot, box))) for box in boxes]
+    inks = dict(zip(box_keys(boxes), colours, strict=True))
+    draw_leaders(dots, labelling, lambda place: inks.get(place.key, _packed(INK)))
     cells.dots(dots)
 
 
@@ -99,26 +138,21 @@ def _grown(points: NDArray[np.float64], middle: NDArray[np.float64], factor: flo
     return np.asarray(middle + (points - middle) * factor, dtype=np.float64)
 
 
-def _labels(
-    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], pick: tuple[int, int], field: tuple[int, int, int, int]
+def _write(
+    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], pick: tuple[int, int], labelling: Labelling
 ) -> None:
-    left, top, columns, rows = field
-    across, down = columns / snapshot.width, rows / snapshot.height
-    texts = [plain(label_of(snapshot, box)) for box in boxes]
-    anchors = []
-    for box in boxes:
-        x, y, w, h = box_bounds(box)
-        first, last = math.floor(left + x * across), math.ceil(left + (x + w) * across)
-        upper, lower = math.floor(top + y * down), math.ceil(top + (y + h) * down)
-        anchors.append((float(first), float(upper), float(last - first), float(lower - upper)))
-    bounds = (float(left), float(top), float(columns), float(rows))
-    places = place_labels(anchors, [(float(len(text)), 1.0) for text in texts], bounds)
-    for box, text, place in reversed(list(zip(boxes, texts, places, strict=True))):
-        colour = standing_colour(standing_of(snapshot, box))
-        stressed = is_picked(box, *pick)
-        ink, paper = (PANEL, colour) if stressed else (colour, PANEL)
-        if box.system_id and not stressed and not box.coasting:
-            ink = BRIGHT if standing_of(snapshot, box) == "confirmed" else colour
-        if snapshot.held_s and not stressed:
-            ink = FAINT
-        cells.text(round(place[0]), round(place[1]), text, _packed(ink), _packed(paper))
+    owners = dict(zip(box_keys(boxes), boxes, strict=True))
+
+    def look_of(place: Place) -> tuple[int, int]:
+        box = owners.get(place.key)
+        if box is None:
+            return _packed(INK), _packed(PANEL)
+        standing = standing_of(snapshot, box)
+        colour = standing_colour(standing)
+        if is_picked(box, *pick):
+            return _packed(PANEL), _packed(colour)
+        if snapshot.held_s:
+            return _packed(FAINT), _packed(PANEL)
+        return _packed(BRIGHT if standing == "confirmed" else colour), _packed(PANEL)
+
+    write_labels(cells, labelling, look_of)

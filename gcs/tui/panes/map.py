@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from textual.strip import Strip
 
+from gcs.report.labels import Labelling
 from gcs.snapshot import Snapshot
 from gcs.tui.draw.ground_view import map_view_of, points_of
-from gcs.tui.draw.map_canvas import chart_cells
+from gcs.tui.draw.map_canvas import chart_cells, map_labels
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.palette import FAINT, HEAD, ink
 from gcs.tui.panes.pane import Pane
@@ -32,6 +33,7 @@ class MapPane(Pane):
         self._zoom = 0
         self._follow = 0
         self._scale = 0.0
+        self._labelling = Labelling()
 
     @property
     def follow(self) -> str:
@@ -46,11 +48,13 @@ class MapPane(Pane):
     def zoom_by(self, steps: int) -> None:
         """Closer (positive) or farther; 0 fits everything again."""
         self._zoom = min(max(self._zoom + steps, -ZOOM_LIMIT), ZOOM_LIMIT) if steps else 0
+        self._labelling = Labelling()
         self.redraw()
 
     def follow_next(self) -> None:
         """Hold the next thing in the middle."""
         self._follow = (self._follow + 1) % len(FOLLOW)
+        self._labelling = Labelling()
         self.redraw()
 
     def note(self) -> Sequence[Part]:
@@ -66,9 +70,12 @@ class MapPane(Pane):
             return [line([(" waiting for positions …", ink(FAINT))], width)]
         centre = self._centre(self.snapshot)
         points = points_of(self.snapshot)
-        self._scale = map_view_of(points, width, height, before=self._scale, centre=centre).metres_per_dot
-        view = map_view_of(points, width, height, before=self._scale, zoom=self._zoom, centre=centre)
-        return chart_cells(self.snapshot, self.selected, view).strips()
+        # the last row is north and scale
+        rows = max(1, height - 1)
+        self._scale = map_view_of(points, width, rows, before=self._scale, centre=centre).metres_per_dot
+        view = map_view_of(points, width, rows, before=self._scale, zoom=self._zoom, centre=centre)
+        self._labelling = map_labels(self.snapshot, self.selected, view, self._labelling)
+        return chart_cells(self.snapshot, self.selected, view, self._labelling).strips()[:height]
 
     def _centre(self, snapshot: Snapshot) -> NDArray[np.float64] | None:
         if self.follow == "UAV":

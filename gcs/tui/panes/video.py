@@ -10,12 +10,13 @@ from textual import events
 from textual.app import ComposeResult
 from textual.strip import Strip
 
-from gcs.report.overlay import draw
+from gcs.report.labels import Labelling
+from gcs.report.overlay import draw, image_labels
 from gcs.snapshot import HELD_SHOWN_S, Snapshot
 from gcs.tui.draw.format import age, plain
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
-from gcs.tui.draw.video_canvas import box_at, video_cells
+from gcs.tui.draw.video_canvas import box_at, video_cells, video_labels
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
@@ -39,6 +40,7 @@ class VideoPane(Pane):
         self._rest_until = 0.0
         self._look: tuple[int, int, int, int] = (0, 0, 0, 0)
         self._late = False
+        self._labelling = Labelling()
 
     def compose(self) -> ComposeResult:
         """An image of textual-image in pixel mode, nothing else."""
@@ -70,7 +72,9 @@ class VideoPane(Pane):
         if self._pixels is not None:
             self._send(self._pixels, self.snapshot, width, height)
             return []
-        return video_cells(self.snapshot, self.selected, width, height, self.picked_track).strips()
+        track = self.picked_track
+        self._labelling = video_labels(self.snapshot, self.selected, width, height, track, self._labelling)
+        return video_cells(self.snapshot, self.selected, width, height, track, self._labelling).strips()
 
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()
@@ -85,7 +89,10 @@ class VideoPane(Pane):
         child.styles.width = max(1, min(width, int(wide * scale / pixels.cell_width)))
         child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
         child.styles.margin = (1, 0, 0, 0)
-        child.image = pixels.to_widget(draw(snapshot, scale=scale, selected=self.selected, track=self.picked_track))  # type: ignore[attr-defined]
+        selected, track = self.selected, self.picked_track
+        self._labelling = image_labels(snapshot, scale=scale, selected=selected, track=track, former=self._labelling)
+        image = draw(snapshot, scale=scale, selected=selected, track=track, labelling=self._labelling)
+        child.image = pixels.to_widget(image)  # type: ignore[attr-defined]
         self.call_after_refresh(self._rest, now)
 
     def _rest(self, began: float) -> None:

@@ -11,6 +11,8 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from gcs.tui.draw.format import standing_word
+from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK
 from gcs.tui.draw.moments import SIGNS as MOMENT_SIGNS
 from gcs.tui.keys import GROUPS
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, ink, standing_colour
@@ -24,6 +26,10 @@ SIGNS = (
     ("~UGV-3 88%", "coasting", "coasting: predicted, not seen in this frame"),
     ("?", "unidentified", "unknown: a vehicle without a name"),
 )
+
+
+MARKS_EACH = 4
+"""Of the map's marks in one row."""
 
 
 class HelpScreen(ModalScreen[None]):
@@ -64,6 +70,15 @@ class HelpScreen(ModalScreen[None]):
             text.append(f"{meaning}\n", ink(INK))
         signs = "   ".join(f"{sign} {kind}" for kind, sign in MOMENT_SIGNS.items())
         text.append(f"On the time line\n  {signs}\n", ink(FAINT))
-        text.append("  The tick on a box is its front. On the map: ◆ UAV, arrows are headings,\n", ink(FAINT))
-        text.append("  circles are 1σ, dots are the image's footprint, ? a box without a name.", ink(FAINT))
+        text.append(
+            "  The tick on a box is its front; a number alone is a system id, +3 three more without room.\n", ink(FAINT)
+        )
+        text.append("On the map\n", ink(ACCENT, bold=True))
+        marks = [f"{mark} {standing_word(standing)}" for standing, mark in STANDING_MARKS.items()]
+        for first in range(0, len(marks), MARKS_EACH):
+            text.append("  " + "".join(f"{mark:<16}" for mark in marks[first : first + MARKS_EACH]) + "\n", ink(INK))
+        text.append(
+            f"  {UAV_MARK} UAV, {BOX_MARK} a box without a name, a line from a mark is its heading,\n", ink(FAINT)
+        )
+        text.append("  circles are 1σ, dots are the image's footprint.", ink(FAINT))
         return text

@@ -9,15 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.report.labels import Grid, Label, place_labels
 from gcs.report.overlay import (
     STANDING_RGB,
     box_bounds,
     box_corners,
     draw,
     front_mark,
+    image_labels,
     label_of,
     named_count,
-    place_labels,
     standing_of,
 )
 from tests.support.fake_station import HOSTILE, make_snapshot
@@ -115,16 +116,74 @@ def test_unknown_front_has_no_mark_and_still_has_bounds():
     assert box_bounds(box) == (40.0, 35.0, 20.0, 10.0)
 
 
+def grid_of(columns, rows, **change):
+    return Grid(columns=columns, rows=rows, measure=lambda text: (len(text), 1), covered=True, **change)
+
+
 def test_crowded_labels_do_not_cover_each_other():
-    anchors = [(100.0 + 30 * i, 100.0, 25.0, 20.0) for i in range(4)]
-    places = place_labels(anchors, [(28.0, 10.0)] * 4, (0, 0, 400, 300))
-    assert all(overlap(a, b) == 0 for a, b in combinations(places, 2))
+    labels = [Label(key=i, anchor=(100 + 30 * i, 100, 25, 20), texts=("a" * 28,)) for i in range(4)]
+    places = place_labels(labels, grid_of(400, 300)).places
+    assert len(places) == 4
+    assert all(overlap(a.rect, b.rect) == 0 for a, b in combinations(places, 2))
 
 
 def test_labels_stay_in_the_image():
-    anchors = [(-20.0, -20.0, 30.0, 30.0), (390.0, 290.0, 30.0, 30.0)]
-    for x, y, w, h in place_labels(anchors, [(60.0, 12.0)] * 2, (0, 0, 400, 300)):
+    anchors = [(-20, -20, 30, 30), (390, 290, 30, 30)]
+    labels = [Label(key=i, anchor=anchor, texts=("a" * 60,)) for i, anchor in enumerate(anchors)]
+    places = place_labels(labels, grid_of(400, 300)).places
+    assert len(places) == 2
+    for place in places:
+        x, y, w, h = place.rect
         assert x >= 0 and x + w <= 400 and y >= 0 and y + h <= 300
+
+
+def test_a_label_of_a_mark_outside_is_left_out():
+    label = Label(key=1, anchor=(-40, 5, 30, 3), texts=("a",))
+    assert place_labels([label], grid_of(40, 20)).texts == ()
+
+
+def test_what_finds_no_place_is_counted():
+    labels = [Label(key=i, anchor=(5, 0, 1, 1), texts=("abcde", "ab")) for i in range(1, 9)]
+    labelling = place_labels(labels, grid_of(10, 1))
+    assert sum(int(place.text) for place in labelling.counts) == 8 - len(labelling.places)
+    assert labelling.counts
+
+
+@pytest.mark.parametrize("scale", [0.3, 0.5, 1.0, 1.5])
+def test_names_on_the_image_cover_neither_each_other_nor_the_header(scale):
+    heaps = [
+        replace(BOX, track_id=n + 1, system_id=n + 1, cx=200 + 5 * (n % 4) + 300 * (n % 3), cy=300 + 9 * (n // 4))
+        for n in range(40)
+    ]
+    crowd = replace(SNAPSHOT, boxes=tuple(heaps), image=None)
+    labelling = image_labels(crowd, scale=scale)
+    rects = [place.rect for place in labelling.texts]
+    assert all(overlap(a, b) == 0 for a, b in combinations(rects, 2))
+    assert len(labelling.places) + sum(int(place.text) for place in labelling.counts) == 40
+    drawn = draw(crowd, scale=scale, labelling=labelling)
+    bare = draw(crowd, scale=scale, labelling=replace(labelling, places=(), counts=(), legend=()))
+    # every text lies in the image: no pixel of the header is touched, and something is drawn in each place
+    unit = max(0.75, drawn.shape[0] / 900)
+    square = max(2, round(4 * unit))
+    head = np.s_[: round(8 * unit), : round(100 * unit)]
+    assert np.array_equal(drawn[head], bare[head])
+    for left, top, width, height in rects:
+        window = np.s_[top * square : (top + height) * square, left * square : (left + width) * square]
+        assert drawn[window].shape[:2] == (height * square, width * square)
+        assert (drawn[window] != np.array((26, 18, 14))).any()
+
+
+def test_a_name_that_opencv_cannot_write_is_its_id():
+    rows = tuple(replace(row, name="漢字") if row.system_id == 11 else row for row in SNAPSHOT.vehicles)
+    texts = [place.text for place in image_labels(replace(SNAPSHOT, vehicles=rows)).places]
+    assert "11 97%" in texts and "UGV-12 99%" in texts
+
+
+def test_the_header_is_never_cut():
+    small = replace(SNAPSHOT, width=160, height=90, image=None, boxes=())
+    wide = draw(replace(SNAPSHOT, image=None, boxes=()))
+    assert (draw(small)[:, -1] == draw(small)[-1, -1]).all()
+    assert (wide[:20, :300] != draw(small)[-1, -1]).any()
 
 
 @pytest.mark.parametrize("text", HOSTILE)

@@ -1,0 +1,418 @@
+"""Where names stand on a picture so that none is cut or covered. Pure.
+
+Each label gets the best place that is free: beside its mark, else farther away with a line to it, else in a shorter
+text that the legend explains; what finds no place at all is counted ("+3").
+
+Units: whole cells of a grid, x right, y down: those of a terminal, or squares of pixels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+__all__ = ["Cells", "Grid", "Label", "Labelling", "Place", "leader_of", "place_labels"]
+
+Cells = tuple[int, int, int, int]
+"""Left, top, width, height."""
+Measure = Callable[[str], tuple[int, int]]
+"""Width and height of a text."""
+
+RINGS: Final = 5
+"""How many steps a label may be away from its mark: a line much longer is hard to follow."""
+RING_COST: Final = 2.0
+COVER_COST: Final = 8.0
+"""Of a label that lies wholly on boxes: it rather goes four steps away."""
+CROSSING_COST: Final = 8.0
+"""Of a line to the mark that runs under another label or mark."""
+SHORTER_COST: Final = 100.0
+"""A whole name anywhere is better than a part of it nearby."""
+ADVANTAGE: Final = 1.5
+"""A label leaves a place that is still free only for one better by this, with room around: else it would flicker."""
+IMPROVED_AT_ONCE: Final = 5
+"""Of the labels that stay, so many look for a better place in each frame, in turn: it takes longest."""
+LEGEND_SHARE: Final = 3
+"""The legend keeps to the lowest third."""
+LEGEND_ROUNDS: Final = 4
+MARK_GAP: Final = 1
+"""Cells between a text and the mark of another, so that it is not read as its letter."""
+COUNTED_NEAR: Final = 6
+"""Labels without a place are counted together within so many steps."""
+COUNT_KEY: Final = -1_000_000
+"""Keys of counts are this minus the first label's, which is below any other."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Label:
+    """What is to be written beside a mark."""
+
+    key: int
+    """Whose it is, the same from frame to frame."""
+    anchor: Cells
+    """The mark, which may reach over the edge."""
+    texts: tuple[str, ...]
+    """The best first, each shorter than the one before."""
+    legend: str = ""
+    """Explains the texts from ``short`` on, empty where they need no explanation."""
+    short: int = 1
+    stressed: bool = False
+    """Placed first and with its best text if that is possible at all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A text and where it stands."""
+
+    key: int
+    text: str
+    rect: Cells
+    form: int = 0
+    """Which of the label's texts it is."""
+    leader: bool = False
+    """Whether a line to the mark is needed."""
+    anchor: Cells = (0, 0, 0, 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Labelling:
+    """Every text of a picture; no two of them have a cell in common."""
+
+    places: tuple[Place, ...] = ()
+    """Of the labels that found room, in the order given."""
+    counts: tuple[Place, ...] = ()
+    """``+3``: so many labels found none here."""
+    legend: tuple[Place, ...] = ()
+    """What the shorter texts mean."""
+    former: Mapping[int, tuple[int, int, int]] = field(default_factory=dict)
+    """Form and offset from the mark, by key."""
+    turn: int = 0
+    """How many frames came before."""
+
+    @property
+    def texts(self) -> tuple[Place, ...]:
+        """All that is written."""
+        return (*self.places, *self.counts, *self.legend)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """What labels are placed in and what they must keep clear of."""
+
+    columns: int
+    rows: int
+    measure: Measure
+    step: tuple[int, int] = (2, 1)
+    """Across and down, how much farther each ring of places is."""
+    gap: int = 2
+    """Cells between two texts in a row, so that they are not read as one."""
+    blocked: tuple[Cells, ...] = ()
+    """Where something else is written."""
+    covered: bool = False
+    """Marks may be covered where there is no better place: boxes are larger than their labels."""
+
+
+def place_labels(
+    labels: Sequence[Label], grid: Grid, former: Labelling | None = None, marks: Iterable[Cells] = ()
+) -> Labelling:
+    """Place labels, those before first; the same arguments always give the same places.
+
+    Args:
+        labels: A later one takes what earlier ones leave; one whose mark lies outside of the grid is left out.
+        grid: The field.
+        former: Of the frame before: a label stays where it is while that place is free.
+        marks: Marks without a label, which labels keep clear of as well.
+
+    Returns:
+        Where every label is, or in which count.
+    """
+    former = former or Labelling()
+    labels = [label for label in (_inside(label, grid) for label in labels) if label is not None]
+    present = {label.key: label for label in labels}
+    explained = {place.key for place in former.legend if place.key in present and present[place.key].legend}
+    spare = ""
+    for last in (*[False] * LEGEND_ROUNDS, True):
+        occupied = _Occupied(grid, [label.anchor for label in labels], list(marks))
+        remainder = occupied.take_first(spare, range(grid.rows)) if spare else None
+        legend = [_legend_place(occupied, present[key]) for key in sorted(explained)]
+        places, unplaced = _place_all(labels, occupied, former)
+        counts, missing = _count(unplaced, occupied, former)
+        if missing and not spare and not last:
+            spare = f"+{len(labels)}"
+            continue
+        wanted = {place.key for place in places if place.form >= present[place.key].short and present[place.key].legend}
+        if wanted <= explained or last:
+            break
+        explained |= wanted
+    if missing and remainder is not None:
+        counts.append(Place(key=COUNT_KEY, text=f"+{missing}", rect=remainder))
+    found = [place for place in legend if place is not None and place.key in wanted]
+    offsets = {
+        p.key: (p.form, p.rect[0] - p.anchor[0], p.rect[1] - p.anchor[1])
+        for p in (*places, *counts)
+        if p.key != COUNT_KEY
+    }
+    return Labelling(
+        places=tuple(places), counts=tuple(counts), legend=tuple(found), former=offsets, turn=former.turn + 1
+    )
+
+
+def leader_of(place: Place) -> tuple[float, float, float, float]:
+    """The line from a label to its mark: x and y of the nearest point of the text's middle row, and of the mark."""
+    return _line(place.rect, place.anchor)
+
+
+def _line(rect: Cells, anchor: Cells) -> tuple[float, float, float, float]:
+    left, top, width, height = rect
+    x, y, w, h = anchor
+    start_y = top + height / 2
+    start_x = min(max(x + w / 2, left), left + width)
+    return start_x, start_y, min(max(start_x, x), x + w) if w > 1 else x + 0.5, min(max(start_y, y), y + h)
+
+
+def _inside(label: Label, grid: Grid) -> Label | None:
+    """With the part of the mark that is in the grid."""
+    x, y, w, h = label.anchor
+    left, top, right, bottom = max(0, x), max(0, y), min(x + w, grid.columns), min(y + h, grid.rows)
+    if left >= right or top >= bottom:
+        return None
+    anchor = (left, top, right - left, bottom - top)
+    return label if anchor == label.anchor else replace(label, anchor=anchor)
+
+
+class _Occupied:
+    """Which cells are taken, as one whole number of bits for each row."""
+
+    def __init__(self, grid: Grid, anchors: Sequence[Cells], marks: Sequence[Cells]) -> None:
+        self.grid = grid
+        self._taken = [0] * grid.rows
+        self._marks = [0] * grid.rows
+        for rect in grid.blocked:
+            self._fill(self._taken, rect)
+        for rect in (*anchors, *marks):
+            self._fill(self._marks, rect)
+
+    def take(self, rect: Cells) -> None:
+        self._fill(self._taken, rect)
+
+    def release(self, rect: Cells) -> None:
+        for row in range(rect[1], rect[1] + rect[3]):
+            self._taken[row] &= ~_bits(rect, row)
+
+    def take_first(self, text: str, rows: Iterable[int]) -> Cells | None:
+        """The leftmost place for a text in the first of these rows that has one."""
+        width, height = self.grid.measure(text)
+        columns, gap = self.grid.columns, self.grid.gap
+        for top in rows:
+            taken = 0
+            for row in range(max(0, top), min(self.grid.rows, top + height)):
+                taken |= self._taken[row] | (0 if self.grid.covered else self._marks[row])
+            # beyond the edges nothing is in the way
+            free = ~taken << gap | (1 << gap) - 1
+            length, needed = 1, width + 2 * gap
+            while length < needed:
+                step = min(length, needed - length)
+                free &= free >> step
+                length += step
+            left = (free & -free).bit_length() - 1
+            if 0 <= left <= columns - width and 0 <= top <= self.grid.rows - height:
+                self.take((left, top, width, height))
+                return left, top, width, height
+        return None
+
+    def fits(self, rect: Cells, own: Cells | None = None, margin: int = 0) -> bool:
+        """Whether a text there is whole and covers no other text, and no mark where those must stay visible."""
+        left, top, width, height = rect
+        if left < 0 or top < 0 or left + width > self.grid.columns or top + height > self.grid.rows:
+            return False
+        gap = self.grid.gap + margin
+        wide = _bits((left - gap, top, width + 2 * gap, 1), top)
+        for row in range(max(0, top - margin), min(self.grid.rows, top + height + margin)):
+            if self._taken[row] & wide:
+                return False
+        if self.grid.covered:
+            return True
+        wide = _bits((left - MARK_GAP, top, width + 2 * MARK_GAP, 1), top)
+        bits = _bits((left, top, width, 1), top)
+        for row in range(top, top + height):
+            mine = _bits(own, row) if own else 0
+            if self._marks[row] & wide & ~mine or mine & bits:
+                return False
+        return True
+
+    def _share_covered(self, rect: Cells) -> float:
+        """Share of a text that lies on marks."""
+        _, top, width, height = rect
+        bits = _bits(rect, top)
+        return sum((self._marks[row] & bits).bit_count() for row in range(top, top + height)) / (width * height)
+
+    def nuisance(self, rect: Cells, anchor: Cells, *, line: bool) -> float:
+        """What a place costs beside its distance: what it covers, and whether the line to its mark is cut."""
+        cost = COVER_COST * self._share_covered(rect) if self.grid.covered else 0.0
+        return cost + CROSSING_COST if line and self._cuts_line(rect, anchor) else cost
+
+    def _cuts_line(self, rect: Cells, anchor: Cells) -> bool:
+        """Whether the line from a label to its mark runs under another label or mark."""
+        x, y, end_x, end_y = _line(rect, anchor)
+        count = 2 + int(max(abs(end_x - x), abs(end_y - y)))
+        for at in range(1, count):
+            column, row = int(x + (end_x - x) * at / count), int(y + (end_y - y) * at / count)
+            if not (0 <= column < self.grid.columns and 0 <= row < self.grid.rows):
+                continue
+            taken = self._taken[row]
+            if not self.grid.covered:
+                taken |= self._marks[row] & ~_bits(anchor, row)
+            if taken >> column & 1 and not _bits(rect, row) >> column & 1:
+                return True
+        return False
+
+    def _fill(self, rows: list[int], rect: Cells) -> None:
+        top, height = rect[1], rect[3]
+        for row in range(max(0, top), min(self.grid.rows, top + height)):
+            rows[row] |= _bits(rect, row)
+
+
+def _bits(rect: Cells, row: int) -> int:
+    left, top, width, height = rect
+    if not top <= row < top + height:
+        return 0
+    right = left + width
+    left = max(0, left)
+    return ((1 << (right - left)) - 1) << left if right > left else 0
+
+
+def _legend_place(occupied: _Occupied, label: Label) -> Place | None:
+    rows = occupied.grid.rows
+    height = occupied.grid.measure(label.legend)[1]
+    rect = occupied.take_first(
+        label.legend, range(rows - height, rows - max(height, rows // LEGEND_SHARE) - 1, -height)
+    )
+    return None if rect is None else Place(key=label.key, text=label.legend, rect=rect)
+
+
+def _place_all(labels: Sequence[Label], occupied: _Occupied, former: Labelling) -> tuple[list[Place], list[Label]]:
+    """Those that can stay do, then the others choose, then those in a poor place look for a better one."""
+    placed: dict[int, Place] = {}
+    for label in labels:
+        if label.stressed and former.former.get(label.key, (1,))[0] > 0:
+            place = _search(label, occupied)
+        else:
+            place = _as_before(label, occupied, former)
+        if place is not None:
+            placed[label.key] = place
+            occupied.take(place.rect)
+    kept = list(placed)
+    unplaced = []
+    for label in labels:
+        if label.key not in placed:
+            place = _search(label, occupied)
+            if place is None:
+                unplaced.append(label)
+            else:
+                placed[label.key] = place
+                occupied.take(place.rect)
+    by_key = {label.key: label for label in labels}
+    first = former.turn * IMPROVED_AT_ONCE % max(1, len(kept))
+    for key in (kept * 2)[first : first + IMPROVED_AT_ONCE]:
+        placed[key] = _improved(by_key[key], placed[key], occupied)
+    return [placed[label.key] for label in labels if label.key in placed], unplaced
+
+
+def _as_before(label: Label, occupied: _Occupied, former: Labelling) -> Place | None:
+    if label.key not in former.former:
+        return None
+    form, across, down = former.former[label.key]
+    if form >= len(label.texts):
+        return None
+    width, height = occupied.grid.measure(label.texts[form])
+    left = max(0, min(label.anchor[0] + across, occupied.grid.columns - width))
+    top = max(0, min(label.anchor[1] + down, occupied.grid.rows - height))
+    rect = (left, top, width, height)
+    return _place(label, form, rect, occupied.grid) if occupied.fits(rect, label.anchor) else None
+
+
+def _improved(label: Label, place: Place, occupied: _Occupied) -> Place:
+    occupied.release(place.rect)
+    below = _cost_of(place, occupied) - ADVANTAGE
+    better = (_search(label, occupied, margin=1, below=below) if below > 0 else None) or place
+    occupied.take(better.rect)
+    return better
+
+
+def _cost_of(place: Place, occupied: _Occupied) -> float:
+    ring = _ring_of(place.rect, place.anchor, occupied.grid)
+    base = place.form * SHORTER_COST + ring * RING_COST
+    return base + occupied.nuisance(place.rect, place.anchor, line=ring > 0)
+
+
+def _search(label: Label, occupied: _Occupied, margin: int = 0, below: float = math.inf) -> Place | None:
+    """The cheapest free place, None when there is none, or none cheaper than ``below``."""
+    for form, text in enumerate(label.texts):
+        size = occupied.grid.measure(text)
+        best, least = None, below
+        for ring in range(RINGS + 1):
+            base = form * SHORTER_COST + ring * RING_COST
+            if base >= least:
+                break
+            for rect in _spots(label.anchor, size, ring, occupied.grid.step):
+                if base < least and occupied.fits(rect, label.anchor, margin):
+                    cost = base + occupied.nuisance(rect, label.anchor, line=ring > 0)
+                    if cost < least:
+                        best, least = rect, cost
+        if best is not None:
+            return _place(label, form, best, occupied.grid)
+    return None
+
+
+def _place(label: Label, form: int, rect: Cells, grid: Grid) -> Place:
+    away = _ring_of(rect, label.anchor, grid) > 0
+    return Place(key=label.key, text=label.texts[form], rect=rect, form=form, anchor=label.anchor, leader=away)
+
+
+def _ring_of(rect: Cells, anchor: Cells, grid: Grid) -> int:
+    """How many steps lie between a label and its mark."""
+    left, top, width, height = rect
+    x, y, w, h = anchor
+    across, down = max(left - x - w, x - left - width, 0), max(top - y - h, y - top - height, 0)
+    return max(-(-across // grid.step[0]), -(-down // grid.step[1]))
+
+
+def _spots(anchor: Cells, size: tuple[int, int], ring: int, step: tuple[int, int]) -> Iterator[Cells]:
+    """Places round a mark at a distance; a point's name is rather beside it, a box's above it."""
+    x, y, w, h = anchor
+    width, height = size
+    across, down = ring * step[0], ring * step[1]
+    left, right = x - width - across, x + w + across
+    above, below = y - height - down, y + h + down
+    middle, centre = x + (w - width) // 2, y + (h - height) // 2
+    beside = [(right, centre), (left, centre)]
+    over = [(middle, above), (middle, below)]
+    first = [*beside, *over] if h <= height else [*over, *beside]
+    aligned = [(x, above), (x, below), (x + w - width, above), (x + w - width, below)]
+    corners = [(right, above), (left, above), (right, below), (left, below)]
+    for place in (*first, *aligned, *corners):
+        yield *place, width, height
+
+
+def _count(unplaced: Sequence[Label], occupied: _Occupied, former: Labelling) -> tuple[list[Place], int]:
+    """``+3`` where three labels near each other found no place, and how many found not even that."""
+    counts: list[Place] = []
+    missing = 0
+    waiting = list(unplaced)
+    while waiting:
+        first = waiting[0]
+        near = [label for label in waiting if _near(first.anchor, label.anchor, occupied.grid.step)]
+        waiting = [label for label in waiting if label not in near]
+        label = Label(key=COUNT_KEY - first.key, anchor=first.anchor, texts=(f"+{len(near)}",))
+        place = _as_before(label, occupied, former) or _search(label, occupied)
+        if place is None:
+            missing += len(near)
+        else:
+            occupied.take(place.rect)
+            counts.append(place)
+    return counts, missing
+
+
+def _near(a: Cells, b: Cells, step: tuple[int, int]) -> bool:
+    return abs(a[0] - b[0]) <= COUNTED_NEAR * step[0] and abs(a[1] - b[1]) <= COUNTED_NEAR * step[1]

@@ -1,0 +1,61 @@
+"""Which words stand for a vehicle on a picture: its name where that is shown right and is its alone, else its id."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from gcs.snapshot import Snapshot
+from infra.plain_text import plain
+
+__all__ = ["ShownName", "shown_names"]
+
+LONGEST_NAME: Final = 40
+"""Letters; a longer name is a line of text, not a label."""
+SIGNS: Final = "?~+"
+"""They say how sure a name is, or count labels: a name that begins or ends with one would be misread."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownName:
+    """What may be written for a vehicle."""
+
+    short: str
+    """Its system id, ``UAV`` for the UAV: never the same for two."""
+    name: str
+    """Its name, else the same as ``short``."""
+    legend: str
+    """What ``short`` means, empty where that is clear from the name itself, or the name cannot be shown."""
+
+
+def shown_names(snapshot: Snapshot, shows: Callable[[str], bool]) -> Mapping[int, ShownName]:
+    """What may be written for every vehicle of the table and every named box.
+
+    Args:
+        snapshot: Names may be words from a mission file, of any length and in any writing.
+        shows: Whether a picture can show all letters of a text.
+    """
+    uavs = {row.system_id for row in snapshot.vehicles if row.role == "uav"}
+    ids = {row.system_id for row in snapshot.vehicles} | {box.system_id for box in snapshot.boxes if box.system_id}
+    names = {row.system_id: row.name for row in snapshot.vehicles}
+    names |= {system_id: snapshot.name_of(system_id) for system_id in ids - names.keys()}
+    names = {system_id: plain(name[: LONGEST_NAME + 1]).strip() for system_id, name in names.items()}
+    shorts = {system_id: "UAV" if system_id in uavs else str(system_id) for system_id in ids}
+    often = Counter(names.values())
+    reserved = set(shorts.values())
+    shown = {}
+    for system_id, name in names.items():
+        short = shorts[system_id]
+        right = 0 < len(name) <= LONGEST_NAME and "\N{REPLACEMENT CHARACTER}" not in name and shows(name)
+        own = right and often[name] == 1 and name not in reserved - {short} and name.strip(SIGNS) == name
+        clear = right and name.strip(SIGNS) and not _ends_with_id(name, short) and system_id not in uavs
+        legend = f"{short} = {name}" if clear else ""
+        use_name = own and system_id not in uavs
+        shown[system_id] = ShownName(short=short, name=name if use_name else short, legend=legend)
+    return shown
+
+
+def _ends_with_id(name: str, short: str) -> bool:
+    return name.endswith(short) and not name[: -len(short)][-1:].isdigit()
