@@ -9,24 +9,17 @@ Units: whole cells of a grid, x right, y down: those of a terminal, or squares o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-__all__ = ["Cells", "Grid", "Label", "Labelling", "Place", "leader_of", "place_labels"]
+from gcs.report.label_grid import Cells, Grid, Occupied, line_between
 
-Cells = tuple[int, int, int, int]
-"""Left, top, width, height."""
-Measure = Callable[[str], tuple[int, int]]
-"""Width and height of a text."""
+__all__ = ["Label", "Labelling", "Place", "leader_of", "place_labels"]
 
 RINGS: Final = 5
 """How many steps a label may be away from its mark: a line much longer is hard to follow."""
 RING_COST: Final = 2.0
-COVER_COST: Final = 8.0
-"""Of a label that lies wholly on boxes: it rather goes four steps away."""
-CROSSING_COST: Final = 8.0
-"""Of a line to the mark that runs under another label or mark."""
 SHORTER_COST: Final = 100.0
 """A whole name anywhere is better than a part of it nearby."""
 ADVANTAGE: Final = 1.5
@@ -36,8 +29,6 @@ IMPROVED_AT_ONCE: Final = 5
 LEGEND_SHARE: Final = 3
 """The legend keeps to the lowest third."""
 LEGEND_ROUNDS: Final = 4
-MARK_GAP: Final = 1
-"""Cells between a text and the mark of another, so that it is not read as its letter."""
 COUNTED_NEAR: Final = 6
 """Labels without a place are counted together within so many steps."""
 COUNT_KEY: Final = -1_000_000
@@ -96,23 +87,6 @@ class Labelling:
         return (*self.places, *self.counts, *self.legend)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Grid:
-    """What labels are placed in and what they must keep clear of."""
-
-    columns: int
-    rows: int
-    measure: Measure
-    step: tuple[int, int] = (2, 1)
-    """Across and down, how much farther each ring of places is."""
-    gap: int = 2
-    """Cells between two texts in a row, so that they are not read as one."""
-    blocked: tuple[Cells, ...] = ()
-    """Where something else is written."""
-    covered: bool = False
-    """Marks may be covered where there is no better place: boxes are larger than their labels."""
-
-
 def place_labels(
     labels: Sequence[Label], grid: Grid, former: Labelling | None = None, marks: Iterable[Cells] = ()
 ) -> Labelling:
@@ -133,7 +107,7 @@ def place_labels(
     explained = {place.key for place in former.legend if place.key in present and present[place.key].legend}
     spare = ""
     for last in (*[False] * LEGEND_ROUNDS, True):
-        occupied = _Occupied(grid, [label.anchor for label in labels], list(marks))
+        occupied = Occupied(grid, [label.anchor for label in labels], list(marks))
         remainder = occupied.take_first(spare, range(grid.rows)) if spare else None
         legend = [_legend_place(occupied, present[key]) for key in sorted(explained)]
         places, unplaced = _place_all(labels, occupied, former)
@@ -160,15 +134,7 @@ def place_labels(
 
 def leader_of(place: Place) -> tuple[float, float, float, float]:
     """The line from a label to its mark: x and y of the nearest point of the text's middle row, and of the mark."""
-    return _line(place.rect, place.anchor)
-
-
-def _line(rect: Cells, anchor: Cells) -> tuple[float, float, float, float]:
-    left, top, width, height = rect
-    x, y, w, h = anchor
-    start_y = top + height / 2
-    start_x = min(max(x + w / 2, left), left + width)
-    return start_x, start_y, min(max(start_x, x), x + w) if w > 1 else x + 0.5, min(max(start_y, y), y + h)
+    return line_between(place.rect, place.anchor)
 
 
 def _inside(label: Label, grid: Grid) -> Label | None:
@@ -181,108 +147,7 @@ def _inside(label: Label, grid: Grid) -> Label | None:
     return label if anchor == label.anchor else replace(label, anchor=anchor)
 
 
-class _Occupied:
-    """Which cells are taken, as one whole number of bits for each row."""
-
-    def __init__(self, grid: Grid, anchors: Sequence[Cells], marks: Sequence[Cells]) -> None:
-        self.grid = grid
-        self._taken = [0] * grid.rows
-        self._marks = [0] * grid.rows
-        for rect in grid.blocked:
-            self._fill(self._taken, rect)
-        for rect in (*anchors, *marks):
-            self._fill(self._marks, rect)
-
-    def take(self, rect: Cells) -> None:
-        self._fill(self._taken, rect)
-
-    def release(self, rect: Cells) -> None:
-        for row in range(rect[1], rect[1] + rect[3]):
-            self._taken[row] &= ~_bits(rect, row)
-
-    def take_first(self, text: str, rows: Iterable[int]) -> Cells | None:
-        """The leftmost place for a text in the first of these rows that has one."""
-        width, height = self.grid.measure(text)
-        columns, gap = self.grid.columns, self.grid.gap
-        for top in rows:
-            taken = 0
-            for row in range(max(0, top), min(self.grid.rows, top + height)):
-                taken |= self._taken[row] | (0 if self.grid.covered else self._marks[row])
-            # beyond the edges nothing is in the way
-            free = ~taken << gap | (1 << gap) - 1
-            length, needed = 1, width + 2 * gap
-            while length < needed:
-                step = min(length, needed - length)
-                free &= free >> step
-                length += step
-            left = (free & -free).bit_length() - 1
-            if 0 <= left <= columns - width and 0 <= top <= self.grid.rows - height:
-                self.take((left, top, width, height))
-                return left, top, width, height
-        return None
-
-    def fits(self, rect: Cells, own: Cells | None = None, margin: int = 0) -> bool:
-        """Whether a text there is whole and covers no other text, and no mark where those must stay visible."""
-        left, top, width, height = rect
-        if left < 0 or top < 0 or left + width > self.grid.columns or top + height > self.grid.rows:
-            return False
-        gap = self.grid.gap + margin
-        wide = _bits((left - gap, top, width + 2 * gap, 1), top)
-        for row in range(max(0, top - margin), min(self.grid.rows, top + height + margin)):
-            if self._taken[row] & wide:
-                return False
-        if self.grid.covered:
-            return True
-        wide = _bits((left - MARK_GAP, top, width + 2 * MARK_GAP, 1), top)
-        bits = _bits((left, top, width, 1), top)
-        for row in range(top, top + height):
-            mine = _bits(own, row) if own else 0
-            if self._marks[row] & wide & ~mine or mine & bits:
-                return False
-        return True
-
-    def _share_covered(self, rect: Cells) -> float:
-        """Share of a text that lies on marks."""
-        _, top, width, height = rect
-        bits = _bits(rect, top)
-        return sum((self._marks[row] & bits).bit_count() for row in range(top, top + height)) / (width * height)
-
-    def nuisance(self, rect: Cells, anchor: Cells, *, line: bool) -> float:
-        """What a place costs beside its distance: what it covers, and whether the line to its mark is cut."""
-        cost = COVER_COST * self._share_covered(rect) if self.grid.covered else 0.0
-        return cost + CROSSING_COST if line and self._cuts_line(rect, anchor) else cost
-
-    def _cuts_line(self, rect: Cells, anchor: Cells) -> bool:
-        """Whether the line from a label to its mark runs under another label or mark."""
-        x, y, end_x, end_y = _line(rect, anchor)
-        count = 2 + int(max(abs(end_x - x), abs(end_y - y)))
-        for at in range(1, count):
-            column, row = int(x + (end_x - x) * at / count), int(y + (end_y - y) * at / count)
-            if not (0 <= column < self.grid.columns and 0 <= row < self.grid.rows):
-                continue
-            taken = self._taken[row]
-            if not self.grid.covered:
-                taken |= self._marks[row] & ~_bits(anchor, row)
-            if taken >> column & 1 and not _bits(rect, row) >> column & 1:
-                return True
-        return False
-
-    def _fill(self, rows: list[int], rect: Cells) -> None:
-        top, height = rect[1], rect[3]
-        for row in range(max(0, top), min(self.grid.rows, top + height)):
-            rows[row] |= _bits(rect, row)
-
-
-def _bits(rect: Cells, row: int) -> int:
-    left, top, width, height = rect
-    if not top <= row < top + height:
-        return 0
-    right = left + width
-    left = max(0, left)
-    return ((1 << (right - left)) - 1) << left if right > left else 0
-
-
-def _legend_place(occupied: _Occupied, label: Label) -> Place | None:
+def _legend_place(occupied: Occupied, label: Label) -> Place | None:
     rows = occupied.grid.rows
     height = occupied.grid.measure(label.legend)[1]
     rect = occupied.take_first(
@@ -291,7 +156,7 @@ def _legend_place(occupied: _Occupied, label: Label) -> Place | None:
     return None if rect is None else Place(key=label.key, text=label.legend, rect=rect)
 
 
-def _place_all(labels: Sequence[Label], occupied: _Occupied, former: Labelling) -> tuple[list[Place], list[Label]]:
+def _place_all(labels: Sequence[Label], occupied: Occupied, former: Labelling) -> tuple[list[Place], list[Label]]:
     """Those that can stay do, then the others choose, then those in a poor place look for a better one."""
     placed: dict[int, Place] = {}
     for label in labels:
@@ -319,7 +184,7 @@ def _place_all(labels: Sequence[Label], occupied: _Occupied, former: Labelling) 
     return [placed[label.key] for label in labels if label.key in placed], unplaced
 
 
-def _as_before(label: Label, occupied: _Occupied, former: Labelling) -> Place | None:
+def _as_before(label: Label, occupied: Occupied, former: Labelling) -> Place | None:
     if label.key not in former.former:
         return None
     form, across, down = former.former[label.key]
@@ -332,7 +197,7 @@ def _as_before(label: Label, occupied: _Occupied, former: Labelling) -> Place | 
     return _place(label, form, rect, occupied.grid) if occupied.fits(rect, label.anchor) else None
 
 
-def _improved(label: Label, place: Place, occupied: _Occupied) -> Place:
+def _improved(label: Label, place: Place, occupied: Occupied) -> Place:
     occupied.release(place.rect)
     below = _cost_of(place, occupied) - ADVANTAGE
     better = (_search(label, occupied, margin=1, below=below) if below > 0 else None) or place
@@ -340,13 +205,13 @@ def _improved(label: Label, place: Place, occupied: _Occupied) -> Place:
     return better
 
 
-def _cost_of(place: Place, occupied: _Occupied) -> float:
+def _cost_of(place: Place, occupied: Occupied) -> float:
     ring = _ring_of(place.rect, place.anchor, occupied.grid)
     base = place.form * SHORTER_COST + ring * RING_COST
     return base + occupied.nuisance(place.rect, place.anchor, line=ring > 0)
 
 
-def _search(label: Label, occupied: _Occupied, margin: int = 0, below: float = math.inf) -> Place | None:
+def _search(label: Label, occupied: Occupied, margin: int = 0, below: float = math.inf) -> Place | None:
     """The cheapest free place, None when there is none, or none cheaper than ``below``."""
     for form, text in enumerate(label.texts):
         size = occupied.grid.measure(text)
@@ -395,7 +260,7 @@ def _spots(anchor: Cells, size: tuple[int, int], ring: int, step: tuple[int, int
         yield *place, width, height
 
 
-def _count(unplaced: Sequence[Label], occupied: _Occupied, former: Labelling) -> tuple[list[Place], int]:
+def _count(unplaced: Sequence[Label], occupied: Occupied, former: Labelling) -> tuple[list[Place], int]:
     """``+3`` where three labels near each other found no place, and how many found not even that."""
     counts: list[Place] = []
     missing = 0

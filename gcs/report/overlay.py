@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.certainty import certainty
-from gcs.report.labels import Cells, Grid, Label, Labelling, leader_of, place_labels
+from gcs.report.label_grid import Cells, Grid
+from gcs.report.labels import Label, Labelling, leader_of, place_labels
 from gcs.report.vehicle_names import ShownName, shown_names
 from gcs.snapshot import Box, Snapshot, Standing
 

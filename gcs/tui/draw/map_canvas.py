@@ -10,7 +10,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.report.labels import Grid, Label, Labelling, Place, place_labels
+from gcs.report.label_grid import Grid
+from gcs.report.labels import Label, Labelling, Place, place_labels
 from gcs.report.vehicle_names import shown_names
 from gcs.snapshot import Snapshot, Standing, VehicleRow
 from gcs.tui.draw.braille import BrailleCanvas

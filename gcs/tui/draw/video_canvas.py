@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.report.labels import Cells, Grid, Labelling, Place, place_labels
+from gcs.report.label_grid import Cells, Grid
+from gcs.report.labels import Labelling, Place, place_labels
 from gcs.report.overlay import (
     box_bounds,
     box_corners,

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gcs.report.labels import Grid, Label, place_labels
+from gcs.report.label_grid import Grid
+from gcs.report.labels import Label, place_labels
 from gcs.report.overlay import (
     STANDING_RGB,
     box_bounds,
