@@ -43,7 +43,8 @@ def _rows(check: Check) -> Iterator[tuple[str, str, str]]:
 
 
 def _terminal() -> Check:
-    from gcs.tui.draw.pixels import has_terminal, pixel_images
+    from gcs.tui.draw.pixels import picture_mode, pixel_images
+    from gcs.tui.draw.terminal_kind import has_terminal
 
     if not has_terminal():
         return Check(
@@ -51,7 +52,8 @@ def _terminal() -> Check:
         )
     columns, rows = shutil.get_terminal_size()
     colours = "16 million colours" if os.environ.get("COLORTERM") in ("truecolor", "24bit") else "256 colours or fewer"
-    images = "images as pixels" if pixel_images("pixels") else "images as half blocks"
+    grain = picture_mode("auto", None).grain
+    images = "images as " + ("pixels" if pixel_images("pixels") else "half blocks" if grain == "halves" else grain)
     found = f"{columns}×{rows}, {colours}, {images}"
     if columns < _SMALLEST[0] or rows < _SMALLEST[1]:
         return Check(name="terminal", verdict="short", found=found, advice="make it 80×24 at least")

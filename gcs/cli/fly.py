@@ -17,6 +17,7 @@ import typer
 from gcs.cli.arguments import hide_in_process_list
 from gcs.cli.output.console import (
     FAR_S,
+    GRAPHICS,
     NO_NAMES,
     NOT_AVAILABLE,
     AsJson,
@@ -80,7 +81,7 @@ def fly(
         float | None,
         typer.Option(callback=check_range(0.1, FAR_S), help="Stop after so many seconds; without a screen."),
     ] = None,
-    graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
+    graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
     bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
     theme: Theme = "dark",
     as_json: AsJson = False,

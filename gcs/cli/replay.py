@@ -9,6 +9,7 @@ import typer
 
 from gcs.cli.output.console import (
     FRAME_SIZE,
+    GRAPHICS,
     Graphics,
     Theme,
     VideoStart,
@@ -30,7 +31,7 @@ def replay(
     mission: Annotated[Path | None, typer.Option(help="Mission file; overrides the session's own.")] = None,
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
-    graphics: Annotated[Graphics, typer.Option(help="How the terminal shows video.")] = "auto",
+    graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
     theme: Theme = "dark",
 ) -> None:
     """Play, seek and step through a recording."""

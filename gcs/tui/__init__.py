@@ -31,7 +31,7 @@ def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False, th
 
     Args:
         station: A running flight or replay.
-        graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, ``blocks`` never asks it.
+        graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, the others never ask it.
         bell: ring the terminal's bell at every new alarm.
         theme: colours to begin with.
     """

@@ -20,7 +20,7 @@ from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import palette, playback
 from gcs.tui.draw.moments import KINDS, Moment, times_of
-from gcs.tui.draw.pixels import Graphics, pixel_images
+from gcs.tui.draw.pixels import Graphics, picture_mode, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
@@ -72,7 +72,8 @@ class RollcallApp(App[None]):
 
         Args:
             station: A running flight or replay; it is stopped by whoever started it.
-            graphics: ``pixels`` and ``auto`` ask the terminal for real pixels and fall back to half blocks.
+            graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, else the finest blocks that it
+                is known to draw; the others are these blocks, unasked.
             bell: ring the terminal's bell at every new alarm.
             theme: Colours to begin with.
         """
@@ -94,9 +95,11 @@ class RollcallApp(App[None]):
         self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")
+        pixels = pixel_images(graphics)
+        mode = picture_mode("blocks" if pixels else graphics, self.console.color_system)
         self._panes = PaneArea(
             [
-                VideoPane(id="video", pixels=pixel_images(graphics)),
+                VideoPane(id="video", pixels=pixels, mode=mode),
                 self._map,
                 FleetPane(id="fleet"),
                 self._identity,

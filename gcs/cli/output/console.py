@@ -34,6 +34,7 @@ __all__ = [
     "BAD_INPUT",
     "FAR_S",
     "FRAME_SIZE",
+    "GRAPHICS",
     "NOT_AVAILABLE",
     "NO_NAMES",
     "AsJson",
@@ -60,10 +61,14 @@ FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, wher
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
 MOST_PX = 16384
 """No camera has a longer side."""
-Graphics = Literal["auto", "blocks", "pixels"]
+Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
 Theme = Annotated[
     Literal["dark", "light", "high-contrast"], typer.Option(help="Colours of the screens; the key t changes them.")
 ]
+GRAPHICS = (
+    "How the terminal shows video: pixels (kitty, sixel, iTerm2), half blocks, or sextants or octants where its fonts "
+    "have them; auto: the finest that it is known to show."
+)
 LogLevel = Literal["debug", "info", "warning", "error"]
 FAR_S = 1e9
 """Some thirty years: further from its log no video begins."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -13,34 +14,45 @@ from rich.style import Style
 from textual.strip import Strip
 
 from gcs.tui.draw.braille import BrailleCanvas
+from gcs.tui.draw.mosaic import HALF, Mosaic
+from gcs.tui.draw.xterm_palette import nearest
 
 __all__ = ["CellGrid"]
 
-HALF = ord("▀")
 CACHE_SIZE = 24_576
 
 
 class CellGrid:
     """Letter, ink and paper of every cell."""
 
-    def __init__(self, columns: int, rows: int, paper: int) -> None:
+    def __init__(self, columns: int, rows: int, paper: int, *, palette: bool = False) -> None:
+        """Make an empty grid.
+
+        Args:
+            columns: Cells.
+            rows: Cells.
+            paper: 0xRRGGBB.
+            palette: For a terminal of 256 colours.
+        """
         self.columns, self.rows = columns, rows
+        self._looks = _PALETTE_LOOKS if palette else _LOOKS
+        self._pictured: NDArray[np.bool_] = np.zeros((rows, columns), dtype=np.bool_)
         self.letter: NDArray[np.int64] = np.full((rows, columns), ord(" "), dtype=np.int64)
         self.ink: NDArray[np.int64] = np.full((rows, columns), paper, dtype=np.int64)
         self.paper: NDArray[np.int64] = np.full((rows, columns), paper, dtype=np.int64)
 
-    def image(self, pixels: NDArray[np.int64], left: int, top: int) -> None:
-        """Put (2·rows, columns) packed pixels as half blocks, two above each other in a cell."""
-        rows, columns = pixels.shape[0] // 2, pixels.shape[1]
+    def picture(self, mosaic: Mosaic, left: int, top: int) -> None:
+        """Put an image's cells with their corner at a place."""
+        rows, columns = mosaic.letter.shape
         window = np.s_[top : top + rows, left : left + columns]
-        self.letter[window] = HALF
-        self.ink[window] = pixels[0::2]
-        self.paper[window] = pixels[1::2]
+        self.letter[window], self.ink[window], self.paper[window] = mosaic.letter, mosaic.ink, mosaic.paper
+        self._pictured[window] = True
 
     def dots(self, dots: BrailleCanvas) -> None:
-        """Lay braille over the cells; half blocks below become the darkened mean of their two pixels."""
+        """Lay braille over the cells; those of a picture become the darkened mean of their two colours."""
         at = dots.bits > 0
-        under = at & (self.letter == HALF)
+        under = at & self._pictured
+        self._pictured &= ~at
         mean = _mean(self.ink[under], self.paper[under])
         # half as bright as the image, so that the line is visible on busy ground
         self.paper[under] = _mean(mean, np.zeros_like(mean))
@@ -62,7 +74,7 @@ class CellGrid:
         """One strip per row; equal neighbours share a segment."""
         looks = self.ink << 24 | self.paper
         rows = zip(self.letter.tolist(), looks.tolist(), strict=True)
-        return [Strip(_segments(letters, row), self.columns) for letters, row in rows]
+        return [Strip(_segments(letters, row, self._looks), self.columns) for letters, row in rows]
 
 
 def _mean(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -71,14 +83,21 @@ def _mean(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 class _Looks(dict[int, Segment]):
-    """Half-block segments by packed ink and paper, bounded: a new Rich style costs 5 µs, a look-up 0.05 µs."""
+    """Segments of one letter by letter, ink and paper, bounded: a new Rich style costs 5 µs, a look-up 0.05 µs."""
+
+    def __init__(self, colour: Callable[[int], Color]) -> None:
+        super().__init__()
+        self._colour = colour
 
     def __missing__(self, look: int) -> Segment:
         if len(self) >= CACHE_SIZE:
             self.clear()
-        ink, paper = look >> 24, look & 0xFFFFFF
-        style = Style.from_color(_colour(ink), _colour(paper))
-        self[look] = segment = Segment("▀", style)
+        letter, ink, paper = look >> 48, look >> 24 & 0xFFFFFF, look & 0xFFFFFF
+        if letter == HALF:
+            style = Style.from_color(self._colour(ink), self._colour(paper))
+        else:  # letters of one look share its style
+            style = self[HALF << 48 | look & 0xFFFFFFFFFFFF].style or Style.null()
+        self[look] = segment = Segment(chr(letter), style)
         return segment
 
 
@@ -87,10 +106,15 @@ def _colour(packed: int) -> Color:
     return Color.from_rgb(packed >> 16, packed >> 8 & 255, packed & 255)
 
 
-_LOOKS = _Looks()
+@lru_cache(maxsize=4096)
+def _palette_colour(packed: int) -> Color:
+    return Color.from_ansi(nearest(packed))
 
 
-def _segments(letters: list[int], looks: list[int]) -> list[Segment]:
+_LOOKS, _PALETTE_LOOKS = _Looks(_colour), _Looks(_palette_colour)
+
+
+def _segments(letters: list[int], looks: list[int], known: _Looks) -> list[Segment]:
     segments: list[Segment] = []
     start, end = 0, len(letters)
     while start < end:
@@ -98,10 +122,9 @@ def _segments(letters: list[int], looks: list[int]) -> list[Segment]:
         stop = start + 1
         while stop < end and looks[stop] == look:
             stop += 1
-        known = _LOOKS[look]
-        if stop == start + 1 and letters[start] == HALF:
-            segments.append(known)
+        if stop == start + 1:
+            segments.append(known[letters[start] << 48 | look])
         else:
-            segments.append(Segment("".join(map(chr, letters[start:stop])), known.style))
+            segments.append(Segment("".join(map(chr, letters[start:stop])), known[HALF << 48 | look].style))
         start = stop
     return segments

@@ -26,7 +26,7 @@ from gcs.snapshot import Box, Snapshot
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
-from gcs.tui.draw.halfblock import fit, shrink
+from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode, fit, mosaic_of
 from gcs.tui.palette import BRIGHT, FAINT, INK, PANEL, pack, standing_colour
 from gcs.tui.themes import DARK
 
@@ -42,7 +42,13 @@ _packed = partial(pack, theme=DARK)
 
 
 def video_cells(
-    snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, labelling: Labelling | None = None
+    snapshot: Snapshot,
+    selected: int,
+    columns: int,
+    rows: int,
+    track: int = 0,
+    labelling: Labelling | None = None,
+    mode: PictureMode = HALF_BLOCKS,
 ) -> CellGrid:
     """Draw one snapshot in a field of cells.
 
@@ -53,12 +59,13 @@ def video_cells(
         rows: Cells, above 0.
         track: Track id of a box without a name whose label is inverted, 0 none.
         labelling: Of ``video_labels`` for the same; worked out unless given.
+        mode: What the terminal can show.
     """
-    cells = CellGrid(columns, rows, _packed(PANEL))
+    cells = CellGrid(columns, rows, _packed(PANEL), palette=mode.palette)
     if snapshot.width > 0 and snapshot.height > 0:
         left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
         if snapshot.image is not None:
-            cells.image(shrink(snapshot.image, used_columns, used_rows), left, top)
+            cells.picture(mosaic_of(snapshot.image, used_columns, used_rows, mode), left, top)
         boxes = boxes_in_order(snapshot, selected, track)
         labelling = labelling or video_labels(snapshot, selected, columns, rows, track)
         _outlines(cells, snapshot, boxes, (left, top), used_columns / snapshot.width, labelling)

@@ -14,6 +14,7 @@ from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_labels
 from gcs.snapshot import HELD_SHOWN_S, Snapshot
 from gcs.tui.draw.format import age, plain
+from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.draw.video_canvas import box_at, video_cells, video_labels
@@ -34,8 +35,9 @@ class VideoPane(Pane):
 
     label: ClassVar[str] = "VIDEO"
 
-    def __init__(self, *, id: str, pixels: Pixels | None = None) -> None:
+    def __init__(self, *, id: str, pixels: Pixels | None = None, mode: PictureMode = HALF_BLOCKS) -> None:
         super().__init__(id=id)
+        self._mode = mode
         self._pixels = pixels
         self._rest_until = 0.0
         self._look: tuple[int, int, int, int] = (0, 0, 0, 0)
@@ -74,7 +76,7 @@ class VideoPane(Pane):
             return []
         track = self.picked_track
         self._labelling = video_labels(self.snapshot, self.selected, width, height, track, self._labelling)
-        return video_cells(self.snapshot, self.selected, width, height, track, self._labelling).strips()
+        return video_cells(self.snapshot, self.selected, width, height, track, self._labelling, self._mode).strips()
 
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()

@@ -14,8 +14,8 @@ from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.format import age, bytes_text, clock, degrees, duration, metres, plain, position
 from gcs.tui.draw.ground_view import map_view_of, points_of, scale_bar, step_scale
-from gcs.tui.draw.halfblock import fit, shrink
 from gcs.tui.draw.map_canvas import chart_cells
+from gcs.tui.draw.mosaic import HALF, Mosaic, fit
 from gcs.tui.draw.pane_layout import PANES, LayoutState, arranged
 from gcs.tui.draw.strips import bar, fitted, line
 from gcs.tui.draw.video_canvas import box_at, video_cells
@@ -158,7 +158,7 @@ def test_lines_from_anywhere_stay_in_the_grid(ends):
 
 def test_cells_become_strips_of_equal_neighbours():
     cells = CellGrid(6, 2, 0)
-    cells.image(np.array([[INK] * 4, [0] * 4]), 1, 0)
+    cells.picture(Mosaic(np.full((1, 4), HALF), np.full((1, 4), INK), np.zeros((1, 4), dtype=int)), 1, 0)
     cells.text(4, 1, "漢x", INK)
     strips = cells.strips()
     assert [strip.text for strip in strips] == [" ▀▀▀▀ ", "    ·x"]
@@ -172,15 +172,6 @@ def test_images_keep_their_shape(columns, rows):
     assert left + wide <= columns and top + high <= rows and wide >= 1 and high >= 1
     if min(wide, high) > 8:
         assert wide / (2 * high) == pytest.approx(16 / 9, rel=0.1)
-
-
-def test_shrunk_colours_are_near_the_image():
-    image = np.zeros((40, 60, 3), dtype=np.uint8)
-    image[:] = (40, 120, 200)
-    pixels = shrink(image, 6, 2)
-    assert pixels.shape == (4, 6) and len(np.unique(pixels)) == 1
-    red, green, blue = pixels[0, 0] >> 16, pixels[0, 0] >> 8 & 255, pixels[0, 0] & 255
-    assert abs(red - 200) < 16 and abs(green - 120) < 16 and abs(blue - 40) < 20
 
 
 def test_names_stand_on_the_image_and_boxes_can_be_found_again():
