@@ -12,6 +12,7 @@ from typing import ClassVar
 from rich.text import Text
 from textual.app import App, ComposeResult
 from textual.binding import BindingType
+from textual.command import Provider
 from textual.filter import ANSIToTruecolor, LineFilter
 from textual.reactive import reactive
 
@@ -19,12 +20,13 @@ from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
 from gcs.tui import palette, playback
+from gcs.tui.actions import ActionProvider, actions
 from gcs.tui.draw.moments import KINDS, Moment, times_of
 from gcs.tui.draw.pixels import Graphics, picture_mode, pixel_images
 from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
-from gcs.tui.panes.alarms import ALARM_KEYS, AlarmPane, token
+from gcs.tui.panes.alarms import AlarmPane, token
 from gcs.tui.panes.banner import Alert, Banner, alert_of, error_line
 from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.fleet import FleetPane
@@ -56,10 +58,11 @@ class RollcallApp(App[None]):
 
     CSS_PATH = "app.tcss"
     TITLE = "Rollcall"
-    ENABLE_COMMAND_PALETTE = False
+    ENABLE_COMMAND_PALETTE = True
+    COMMANDS: ClassVar[set[type[Provider]]] = {ActionProvider}  # type: ignore[assignment]
     ALLOW_SELECT = False
     AUTO_FOCUS = None
-    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS, *ALARM_KEYS]
+    BINDINGS: ClassVar[list[BindingType]] = [*BINDINGS]
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
@@ -269,6 +272,10 @@ class RollcallApp(App[None]):
         if self.snapshot is not None:
             self._pick(*beside(self.snapshot, (self.selected, self.picked_track), steps))
 
+    def action_pick_vehicle(self, system_id: int) -> None:
+        """Select one vehicle."""
+        self._pick(system_id, 0)
+
     def _pick(self, system_id: int, track_id: int) -> None:
         self.selected, self.picked_track = system_id, 0 if system_id else track_id
 
@@ -316,8 +323,8 @@ class RollcallApp(App[None]):
         self.push_screen(ask, lambda words: None if words is None else setattr(self._events, "words", words))
 
     def action_help(self) -> None:
-        """All keys."""
-        self.push_screen(HelpScreen(live=self._station.timeline is None))
+        """All keys, marks and colours."""
+        self.push_screen(HelpScreen(actions(self._panes.panes, live=self._station.timeline is None)))
 
     def action_mark(self) -> None:
         """Prompt for a text about this moment."""

@@ -66,7 +66,8 @@ STATION: Final = (
     _key("s", "still", "still", "Still: save the full frame with names as PNG", id="station.still"),
     _key("S", "save", "save", "Save this screen as SVG, never over a file", id="station.save"),
     _key("t", "next_theme", "theme", "Theme: dark, light, high contrast", id="station.theme"),
-    _key("question_mark", "help", "help", "All keys", id="station.help", shown="?"),
+    _key("ctrl+p", "command_palette", "palette", "Command palette: any action by its words", id="station.palette"),
+    _key("question_mark", "help", "help", "All keys, marks and colours, by pages", id="station.help", shown="?"),
     _key(
         "q,ctrl+q",
         "leave",
@@ -77,7 +78,12 @@ STATION: Final = (
     ),
 )
 
-GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION))
+ALARMS: Final = (
+    _key("a", "pane('alarms')", "alarms", "Alarms: show and focus, again to hide", id="pane.alarms"),
+    _key("A", "acknowledge", "seen", "Acknowledge all alarms", id="alarms.seen"),
+)
+
+GROUPS: Final = (("Replay", REPLAY), ("Panes", PANES), ("Look", LOOK), ("Station", STATION), ("Alarms", ALARMS))
 BINDINGS: Final = [binding for _, group in GROUPS for binding in group]
 REPLAY_ACTIONS: Final = frozenset({"toggle_play", "jump", "step", "speed", "edge", "go_to", "event", "jumps"})
 

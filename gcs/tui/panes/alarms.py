@@ -19,20 +19,13 @@ from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["ALARM_KEYS", "AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
+__all__ = ["AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
 
 CUT: Final = "    … z: the whole screen"
 """In place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
 Seen = frozenset[tuple[str, int, str]]
 """Acknowledged alarms: key, since when, level. One that comes again, or gets worse, is a new one."""
-
-ALARM_KEYS: Final = (
-    Binding(
-        "a", "pane('alarms')", "alarms", id="pane.alarms", tooltip="Alarms: show and focus, again to hide", show=False
-    ),
-    Binding("A", "acknowledge", "seen", id="alarms.seen", tooltip="Acknowledge all alarms", show=False),
-)
 
 
 def token(alarm: Alarm) -> tuple[str, int, str]:

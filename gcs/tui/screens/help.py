@@ -1,84 +1,140 @@
-"""The help screen: every key in a word, and what the signs on the video mean."""
+"""The help screen: every key in a word, and what the marks and colours mean, in pages that fit the terminal."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+from typing import ClassVar, Final
 
-from rich.text import Text
+from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
-from textual.widgets import Static
+from textual.strip import Strip
+from textual.widget import Widget
 
-from gcs.tui.draw.format import standing_word
-from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK
-from gcs.tui.draw.moments import SIGNS as MOMENT_SIGNS
-from gcs.tui.keys import GROUPS
-from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, ink, standing_colour
-from gcs.tui.panes.alarms import ALARM_KEYS
+from gcs.tui.actions import Action
+from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
+from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, INK, Colour, ink
+from gcs.tui.screens.legend import LEGEND
 
-__all__ = ["HelpScreen"]
+__all__ = ["HelpScreen", "pages"]
 
-SIGNS = (
-    ("UGV-3 97%", "confirmed", "confirmed: the box is this vehicle, with this probability"),
-    ("UGV-3? 61%", "tentative", "tentative: best guess, not to be relied on"),
-    ("~UGV-3 88%", "coasting", "coasting: predicted, not seen in this frame"),
-    ("?", "unidentified", "unknown: a vehicle without a name"),
-)
+KEY_CELLS: Final = 12
+COLUMN_CELLS: Final = 58
+"""A second column comes with twice this width."""
+Entry = tuple[str, Colour, str]
+"""A key or sign, its colour, and what it is."""
+Block = tuple[str, list[Entry]]
 
 
-MARKS_EACH = 4
-"""Of the map's marks in one row."""
+def pages(blocks: Iterable[Block], columns: int, width: int, height: int) -> list[list[list[list[Part]]]]:
+    """Blocks of entries in pages of columns of lines, no text cut.
+
+    Args:
+        blocks: Heading and entries each; one that goes on in the next column repeats its heading.
+        columns: On a page, above 0.
+        width: Of a column, cells.
+        height: Of a page, rows, above 1.
+    """
+    filled: list[list[list[Part]]] = [[]]
+    for title, entries in blocks:
+        heading: list[Part] = [(title, ink(ACCENT, bold=True))]
+        for at, entry in enumerate(entries):
+            lines = list(_lines(entry, width))
+            column = filled[-1]
+            if len(column) + len(lines) + (at == 0) > height and column:
+                filled.append([heading, *lines])
+            else:
+                column += [heading, *lines] if at == 0 else lines
+    return [filled[first : first + columns] for first in range(0, len(filled), columns)]
+
+
+def _lines(entry: Entry, width: int) -> Iterator[list[Part]]:
+    sign, colour, words = entry
+    first, *more = folded(words, max(1, width - KEY_CELLS - 3))
+    yield [(f"  {fitted(sign, KEY_CELLS)} ", ink(colour)), (first, ink(INK))]
+    for text in more:
+        yield [(" " * (KEY_CELLS + 3), ink(INK)), (text, ink(INK))]
+
+
+class HelpPage(Widget):
+    """One page at a time, under a heading and over a row that tells how to turn."""
+
+    def __init__(self, blocks: Sequence[Block]) -> None:
+        """Show help.
+
+        Args:
+            blocks: All of it.
+        """
+        super().__init__(id="help")
+        self._blocks = blocks
+        self._at = 0
+
+    @property
+    def pages(self) -> list[list[list[list[Part]]]]:
+        """Of the size as it is now."""
+        columns = max(1, min(2, self.size.width // COLUMN_CELLS))
+        return pages(self._blocks, columns, self.size.width // columns - 1, max(2, self.size.height - 2))
+
+    def turn(self, steps: int) -> None:
+        """To another page; after the last comes the first."""
+        self._at = (self._at + steps) % len(self.pages)
+        self.refresh()
+
+    def render_line(self, y: int) -> Strip:
+        """A row of the page."""
+        width, height = self.size
+        count = len(self.pages)
+        self._at = min(self._at, count - 1)
+        if y == 0:
+            number = [(f"page {self._at + 1} of {count} ", ink(BRIGHT, HEAD))]
+            return split_line([(" HELP", ink(ACCENT, HEAD, bold=True))], number, width)
+        if y == height - 1:
+            keys = " ? or → next page   ← page before   esc closes"
+            return line([(keys, ink(FAINT, HEAD))], width, HEAD)
+        columns = self.pages[self._at]
+        each = width // max(1, min(2, width // COLUMN_CELLS))
+        strips = [line([(" ", ink()), *(rows[y - 1] if y <= len(rows) else [])], each) for rows in columns]
+        rest = width - each * len(strips)
+        return Strip.join([*strips, blank(rest)]) if rest else Strip.join(strips)
+
+    def on_click(self, event: events.Click) -> None:
+        """The next page; from the left quarter the one before."""
+        self.turn(-1 if event.x < self.size.width // 4 else 1)
 
 
 class HelpScreen(ModalScreen[None]):
-    """Leave with any of its keys."""
+    """All keys and marks; leave with ``esc``, ``q`` or ``enter``."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,question_mark,q,enter", "dismiss", "Close", id="help.close", tooltip="Close the help"),
-        Binding("down,j", "scroll(2)", "Down", id="help.down", tooltip="Scroll down", show=False),
-        Binding("up,k", "scroll(-2)", "Up", id="help.up", tooltip="Scroll up", show=False),
+        Binding("escape,q,enter", "dismiss", "Close", id="help.close", tooltip="Close the help"),
+        Binding("question_mark,right,down,space,pagedown,l,j", "turn(1)", "Next", id="help.next", tooltip="Next page"),
+        Binding("left,up,pageup,h,k", "turn(-1)", "Before", id="help.previous", tooltip="Page before"),
     ]
 
-    def __init__(self, *, live: bool) -> None:
+    def __init__(self, actions: Iterable[Action]) -> None:
+        """Show help.
+
+        Args:
+            actions: What the keys do.
+        """
         super().__init__()
-        self._live = live
+        self._page = HelpPage(_blocks(actions))
 
     def compose(self) -> ComposeResult:
-        """Two columns of keys over the signs."""
-        with VerticalScroll(id="help", can_focus=False):
-            yield Static(self._text(), markup=False)
+        """The page."""
+        yield self._page
 
-    def action_scroll(self, rows: int) -> None:
-        """Move the text."""
-        self.query_one("#help").scroll_relative(y=rows, animate=False)
+    def action_turn(self, steps: int) -> None:
+        """To another page."""
+        self._page.turn(steps)
 
-    def _text(self) -> Text:
-        text = Text(no_wrap=True)
-        for title, bindings in (*GROUPS, ("Alarms", ALARM_KEYS)):
-            if title == "Replay" and self._live:
-                continue
-            text.append(f"{title}\n", ink(ACCENT, bold=True))
-            for binding in bindings:
-                shown = binding.key_display or binding.key.split(",")[0]
-                text.append(f"  {shown:<8}", ink(BRIGHT))
-                text.append(f" {binding.tooltip}\n", ink(INK))
-        text.append("On the video\n", ink(ACCENT, bold=True))
-        for sign, standing, meaning in SIGNS:
-            text.append(f"  {sign:<11}", ink(standing_colour(standing)))  # type: ignore[arg-type]
-            text.append(f"{meaning}\n", ink(INK))
-        signs = "   ".join(f"{sign} {kind}" for kind, sign in MOMENT_SIGNS.items())
-        text.append(f"On the time line\n  {signs}\n", ink(FAINT))
-        text.append(
-            "  The tick on a box is its front; a number alone is a system id, +3 three more without room.\n", ink(FAINT)
-        )
-        text.append("On the map\n", ink(ACCENT, bold=True))
-        marks = [f"{mark} {standing_word(standing)}" for standing, mark in STANDING_MARKS.items()]
-        for first in range(0, len(marks), MARKS_EACH):
-            text.append("  " + "".join(f"{mark:<16}" for mark in marks[first : first + MARKS_EACH]) + "\n", ink(INK))
-        text.append(
-            f"  {UAV_MARK} UAV, {BOX_MARK} a box without a name, a line from a mark is its heading,\n", ink(FAINT)
-        )
-        text.append("  circles are 1σ, dots are the image's footprint.", ink(FAINT))
-        return text
+
+def _blocks(actions: Iterable[Action]) -> list[Block]:
+    """Keys by group, then marks and colours."""
+    keys: list[Block] = [
+        (title, [(action.keys, BRIGHT, action.words) for action in group])
+        for title, group in groupby(actions, key=lambda action: action.group)
+    ]
+    return [*keys, *LEGEND]

@@ -7,7 +7,6 @@ from gcs.tui.keys import BINDINGS
 from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.map import MapPane
 from gcs.tui.panes.timeline import TimelineBar
-from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.prompts import Prompt
 from tests.support.fake_station import SMALL, START_US, STOP_US, WIDE, on_screen, polled, running, screen_text, text_of
 
@@ -204,27 +203,6 @@ async def test_event_log_filters_and_scrolls():
         assert "line 49" not in text_of(log) and "UGV-17 position lost" in text_of(log)
         await pilot.press("l")
         assert "tentative" not in text_of(log) and "UGV-17 position lost" in text_of(log)
-
-
-async def test_help_lists_every_key():
-    async with running(size=(100, 60)) as (app, pilot, _):
-        await pilot.press("question_mark")
-        assert isinstance(app.screen, HelpScreen)
-        said = screen_text(app)
-        for binding in BINDINGS:
-            assert binding.tooltip in said, binding.tooltip
-        await pilot.press("question_mark")
-        assert not isinstance(app.screen, HelpScreen)
-
-
-async def test_help_scrolls_on_a_small_screen():
-    async with running() as (app, pilot, _):
-        await pilot.press("question_mark")
-        first = screen_text(app)
-        await pilot.press("down", "down", "down")
-        await pilot.pause()
-        assert screen_text(app) != first
-        await pilot.press("escape")
 
 
 def test_every_key_has_an_id_and_a_tooltip():

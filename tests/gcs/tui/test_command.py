@@ -7,8 +7,6 @@ from contextlib import asynccontextmanager
 import pytest
 
 from gcs.tui import RollcallApp
-from gcs.tui.keys import BINDINGS
-from gcs.tui.panes.alarms import ALARM_KEYS
 from gcs.tui.screens.command import OrderList
 from gcs.tui.screens.prompts import Confirm
 from tests.support.fake_station import HOSTILE, SMALL, FakeStation, screen_text
@@ -128,13 +126,3 @@ async def test_every_size(size):
         await pilot.pause()
         await pilot.press("y")
         assert desk.given == [("hold", 0)]
-
-
-async def test_the_help_lists_the_command_key_and_those_of_the_alarms():
-    async with commanding(None, size=(100, 64)) as (app, pilot):
-        await pilot.press("question_mark")
-        await pilot.pause()
-        said = screen_text(app)
-        for binding in (*BINDINGS, *ALARM_KEYS):
-            if binding.id is not None and not binding.id.startswith("replay."):
-                assert binding.tooltip in said, binding.tooltip
