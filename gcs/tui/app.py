@@ -100,9 +100,10 @@ class RollcallApp(App[None]):
         self._alarms = AlarmPane(id="alarms")
         pixels = pixel_images(graphics)
         mode = picture_mode("blocks" if pixels else graphics, self.console.color_system)
+        self._video = VideoPane(id="video", pixels=pixels, mode=mode)
         self._panes = PaneArea(
             [
-                VideoPane(id="video", pixels=pixels, mode=mode),
+                self._video,
                 self._map,
                 FleetPane(id="fleet"),
                 self._identity,
@@ -287,6 +288,10 @@ class RollcallApp(App[None]):
             self._events.words = ""
         else:
             self._pick(0, 0)
+
+    def action_inset(self) -> None:
+        """Enlarge the picked vehicle in a corner of the video, or no more."""
+        self._video.enlarged = not self._video.enlarged
 
     def action_zoom(self, steps: int) -> None:
         """Zoom the map."""
