@@ -58,6 +58,8 @@ class VideoPane(Pane):
         """State of the video, rate, lag and frame number."""
         if self.snapshot is None:
             return ()
+        if self.enlarged and not (self._inset and self._inset.seen):
+            return [(self._inset_note(), ink(WARN, HEAD))]
         health = self.snapshot.health
         colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
         parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
@@ -68,12 +70,13 @@ class VideoPane(Pane):
             parts += [(f"{health.fps:.0f} fps ", ink(FAINT, HEAD))] if health.fps > 0 else []
             parts += [(f"lag {health.lag_s:.1f}s ", ink(late, HEAD))] if health.lag_s >= LAG_SHOWN_S else []
             parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
-        if self.enlarged and self._inset is None:
-            picked = self.selected or self.picked_track
-            parts.insert(0, ("Z: not in the picture " if picked else "Z: pick a vehicle ", ink(WARN, HEAD)))
-        elif self.enlarged and self._inset is not None and not self._inset.seen:
-            parts.insert(0, ("Z: where it should be ", ink(WARN, HEAD)))
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
+
+    def _inset_note(self) -> str:
+        """Why the picked vehicle is not seen enlarged."""
+        if self._inset is not None:
+            return "Z: where it should be "
+        return "Z: not in the picture " if self.selected or self.picked_track else "Z: pick a vehicle "
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The frame, or a word on what is awaited."""

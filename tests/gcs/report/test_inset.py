@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import cv2
@@ -13,7 +14,7 @@ from gcs.report.overlay import draw, image_inset, image_labels
 from gcs.tui.draw.cell_labels import measure_cells
 from gcs.tui.draw.mosaic import PictureMode, fit
 from gcs.tui.draw.video_canvas import video_cells, video_inset, video_labels
-from tests.support.fake_station import HEIGHT, WIDTH, box, make_snapshot, running, screen_text
+from tests.support.fake_station import HEIGHT, WIDTH, make_snapshot, running, screen_text
 
 SNAPSHOT = make_snapshot()
 BOXES = {each.system_id: each for each in SNAPSHOT.boxes if each.system_id}
@@ -76,7 +77,7 @@ def test_it_stays_in_its_corner_until_another_is_better():
     for cx in range(400, 900, 4):
         inset = video_inset(replace(SNAPSHOT, boxes=(at(float(cx), 200.0),)), 11, 80, 24, former=inset)
         corners.append(inset.rect[:2])
-    assert sum(a != b for a, b in zip(corners, corners[1:], strict=False)) <= 1
+    assert sum(a != b for a, b in itertools.pairwise(corners)) <= 1
 
 
 def test_without_a_box_it_shows_where_the_vehicle_should_be_and_nothing_where_that_is_outside():
@@ -141,10 +142,3 @@ async def test_a_click_on_it_picks_nothing_below():
         x, y, *_ = app.query_one("#video")._inset.rect
         await pilot.click("#video", offset=(x + 2, y + 3))
         assert app.selected == 11
-
-
-def test_every_box_of_the_snapshot_can_be_enlarged():
-    for each in SNAPSHOT.boxes:
-        inset = video_inset(SNAPSHOT, each.system_id, 80, 24, 0 if each.system_id else each.track_id)
-        assert inset is not None or each.track_id == 0
-    assert box(0, 0, 0.0, 0.0, 0.0, 0.5).track_id == 0
