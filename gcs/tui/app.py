@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from rich.text import Text
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.command import Provider
 from textual.filter import ANSIToTruecolor, LineFilter
@@ -45,15 +45,16 @@ from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
+from gcs.tui.terminal.terminal_app import MOST_FPS, TerminalApp
 from gcs.tui.themes import THEMES, ThemeName, textual_theme
 
 __all__ = ["RollcallApp"]
 
-POLL_S = 1 / 12
+POLL_S = 1 / MOST_FPS
 SILENT_S = 2.0
 
 
-class RollcallApp(App[None]):
+class RollcallApp(TerminalApp):
     """Screens of one station; the station's threads never touch a widget."""
 
     CSS_PATH = "app.tcss"
@@ -69,7 +70,13 @@ class RollcallApp(App[None]):
     picked_track: reactive[int] = reactive(0, repaint=False)
 
     def __init__(
-        self, station: Station, *, graphics: Graphics = "auto", bell: bool = False, theme: ThemeName = "dark"
+        self,
+        station: Station,
+        *,
+        graphics: Graphics = "auto",
+        bell: bool = False,
+        theme: ThemeName = "dark",
+        fps: float = MOST_FPS,
     ) -> None:
         """Show a station.
 
@@ -79,8 +86,9 @@ class RollcallApp(App[None]):
                 is known to draw; the others are these blocks, unasked.
             bell: ring the terminal's bell at every new alarm.
             theme: Colours to begin with.
+            fps: most pictures a second of the video and the map.
         """
-        super().__init__()
+        super().__init__(fps)
         for each in THEMES.values():
             self.register_theme(textual_theme(each))
         self.theme = theme
@@ -142,11 +150,16 @@ class RollcallApp(App[None]):
 
     def _poll(self) -> None:
         newest = self._station.latest()
+        waits = self.picture_waits()
+        if waits:
+            self._panes.hold_pictures(True)
         if newest is not None and newest is not self.snapshot:
             self._newest_at = time.monotonic()
             self._panes.fit_to(newest)
             self._pick(*followed(newest, (self.selected, self.picked_track)))
             self.snapshot = newest
+        if not waits:
+            self._panes.hold_pictures(False)
         self._status.title = self._station.title
         events = self._station.events()
         if len(events) != len(self._events.all_events) or (events and events[-1] is not self._events.all_events[-1]):

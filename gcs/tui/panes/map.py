@@ -27,6 +27,7 @@ class MapPane(Pane):
     """The map."""
 
     label: ClassVar[str] = "MAP"
+    is_picture: ClassVar[bool] = True
 
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)

@@ -24,6 +24,8 @@ class Pane(Widget, can_focus=True):
 
     ALLOW_SELECT: ClassVar[bool] = False
     label: ClassVar[str] = ""
+    is_picture: ClassVar[bool] = False
+    """Takes most of what goes to the terminal, and waits until the terminal has the last one."""
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
@@ -33,6 +35,8 @@ class Pane(Widget, can_focus=True):
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._rows: list[Strip] = []
+        self._held = False
+        self._owed = False
 
     def note(self) -> Sequence[Part]:
         """The heading's right end."""
@@ -53,6 +57,9 @@ class Pane(Widget, can_focus=True):
         width, height = self.size
         if width <= 0 or height <= 0 or not self.display:
             return
+        self._owed = self._held and bool(self._rows)
+        if self._owed:
+            return
         body = self.body(width, height - 1)  # the heading may tell what of it is on screen
         rows = [self.heading(width), *body][:height]
         rows += [blank(width)] * (height - len(rows))
@@ -65,6 +72,12 @@ class Pane(Widget, can_focus=True):
             self._rows = rows
         if changed:
             self.refresh(*(Region(0, y, width, 1) for y in changed))
+
+    def hold(self, held: bool) -> None:
+        """Keep what is shown for now; what was to be drawn meanwhile is drawn when that is over."""
+        self._held = held
+        if self._owed and not held:
+            self.redraw()
 
     def render_line(self, y: int) -> Strip:
         """One row as it was last built."""

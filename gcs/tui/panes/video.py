@@ -36,6 +36,7 @@ class VideoPane(Pane):
     """The frame with boxes and names."""
 
     label: ClassVar[str] = "VIDEO"
+    is_picture: ClassVar[bool] = True
     enlarged: reactive[bool] = reactive(False, repaint=False)
     """Whether the picked vehicle is shown enlarged in a corner."""
 
