@@ -75,7 +75,7 @@ def test_pictures_that_a_slow_line_cannot_carry_are_dropped_and_keys_are_answere
             assert terminal.queued <= KEY_BYTES
         terminal.wait_for("▌".encode(), since)
         assert terminal.shown.find("▌".encode(), since) - since <= (KEY_BYTES if replies else 10 * KEY_BYTES), answer
-    terminal.press(b"q")
+    terminal.press(b"qq")  # asked, and yes
     assert end_of(terminal, tmp_path)[:2] == ("0", "True")
 
 
@@ -104,5 +104,5 @@ def test_late_replies_are_no_keys(begin, tmp_path):
         time.sleep(0.01)
     since = terminal.press(b"f")
     terminal.wait_for("▌".encode(), since)  # the help would be in the way
-    terminal.press(b"q")
+    terminal.press(b"qq")  # asked, and yes
     assert end_of(terminal, tmp_path)[:2] == ("0", "True")
