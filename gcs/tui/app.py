@@ -15,6 +15,7 @@ from textual.binding import BindingType
 from textual.command import Provider
 from textual.filter import ANSIToTruecolor, LineFilter
 from textual.reactive import reactive
+from textual.widget import Widget
 
 from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
@@ -133,7 +134,8 @@ class RollcallApp(TerminalApp):
         if self._timeline is not None:
             yield self._timeline
         hints = REPLAY_HINTS if not live else COMMAND_HINTS if self._commands else LIVE_HINTS
-        yield KeyHints((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
+        self._hints = KeyHints((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
+        yield self._hints
 
     def on_mount(self) -> None:
         """Start to poll."""
@@ -141,6 +143,7 @@ class RollcallApp(TerminalApp):
             loop = asyncio.get_running_loop()
             loop.add_signal_handler(signal.SIGTERM, self._end)
             loop.add_signal_handler(signal.SIGHUP, self.exit)
+        self.watch(self.screen, "focused", self._show_keys_of)
         self._poll()
         self.set_interval(POLL_S, self._poll)
 
@@ -169,6 +172,9 @@ class RollcallApp(TerminalApp):
             self._timeline.show(self._station.timeline, events, self.selected, name)
         self._alert_line.alert = self._alert()
         self._ring()
+
+    def _show_keys_of(self, focused: Widget | None) -> None:
+        self._hints.pane = focused.id or "" if isinstance(focused, Pane) else ""
 
     def _ring(self) -> None:
         """Once for every new alarm, if at all."""
@@ -289,6 +295,13 @@ class RollcallApp(TerminalApp):
     def action_pick_vehicle(self, system_id: int) -> None:
         """Select one vehicle."""
         self._pick(system_id, 0)
+
+    def action_show_event(self, t_us: int, system_id: int) -> None:
+        """Pick the vehicle of an event, and in a replay go to its time."""
+        if self.snapshot is not None and system_id in {row.system_id for row in self.snapshot.vehicles}:
+            self._pick(system_id, 0)
+        if self._station.timeline is not None:
+            self._station.timeline.seek(t_us)
 
     def _pick(self, system_id: int, track_id: int) -> None:
         self.selected, self.picked_track = system_id, 0 if system_id else track_id

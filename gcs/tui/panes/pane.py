@@ -13,8 +13,10 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
-from gcs.tui.draw.strips import Part, blank, split_line
+from gcs.tui.draw.strips import Part, blank, split_line, width_of
+from gcs.tui.keys import PANE_HINTS
 from gcs.tui.palette import ACCENT, HEAD, INK, ink
+from gcs.tui.panes.key_hints import hint_parts
 
 __all__ = ["Pane"]
 
@@ -47,10 +49,16 @@ class Pane(Widget, can_focus=True):
         return []
 
     def heading(self, width: int) -> Strip:
-        """The first row; a mark and a brighter name show the focus."""
+        """The first row; with the focus a mark, a brighter name, and the keys that act here as far as there is room."""
         name: Style = ink(ACCENT, HEAD, bold=True) if self.has_focus else ink(INK, HEAD)
         mark = "▌" if self.has_focus else " "
-        return split_line([(mark, ink(ACCENT, HEAD)), (self.label, name), (" ", name)], self.note(), width)
+        left, note = [(mark, ink(ACCENT, HEAD)), (self.label, name), (" ", name)], self.note()
+        if self.has_focus and self.id is not None:
+            for hint in PANE_HINTS.get(self.id, ()):
+                parts = hint_parts(hint, HEAD)
+                if width_of(left) + width_of(parts) + width_of(note) < width:
+                    left += parts
+        return split_line(left, note, width)
 
     def redraw(self) -> None:
         """Build all rows again and repaint those that differ."""

@@ -17,7 +17,7 @@ from gcs.snapshot import Event
 from gcs.station import Gap, Timeline
 from gcs.tui.draw.format import clock, duration, plain
 from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
-from gcs.tui.draw.strips import Part, blank, fitted, line, width_of
+from gcs.tui.draw.strips import Part, blank, clickable, fitted, line, width_of
 from gcs.tui.messages import SeekTo
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, Colour, ink
 
@@ -88,13 +88,14 @@ class TimelineBar(Widget):
         total = duration((stop_us - start_us) / 1e6)
         now = duration((now_us - start_us) / 1e6)
         mark = ("► play ", ink(ACCENT, HEAD, bold=True)) if playing else ("║ pause", ink(INK, HEAD, bold=True))
+        mark = clickable(mark, "app.toggle_play")
         return [(" ", ink(INK, HEAD)), mark, (f" {now}", ink(BRIGHT, HEAD)), (f"/{total} ", ink(FAINT, HEAD))]
 
     def _right(self) -> list[Part]:
         _, _, now_us, _, speed = self.state
         parts = [
             (f" {clock(now_us, tenths=self.size.width >= 100)}", ink(INK, HEAD)),
-            (f" ×{speed:g} ", ink(ACCENT, HEAD)),
+            clickable((f" ×{speed:g} ", ink(ACCENT, HEAD)), "app.speed(1)"),
         ]
         return [*parts, (f"np {self.jumps} ", ink(FAINT, HEAD))] if self.jumps else parts
 
