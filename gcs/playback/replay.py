@@ -23,6 +23,8 @@ from gcs.playback.gaps import find_gaps
 from gcs.session.event_log import append_event, marks_path, read_events
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.trails import Trail, Trails
+from mavlink.geodesy import LocalFrame
 from vision.video.video import Frame, VideoFile
 
 __all__ = ["Replay"]
@@ -58,6 +60,7 @@ class Replay:
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._now_us = float(self._times[0])
+        self._trails = Trails()
         self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
         self.gaps = find_gaps(self._analysis.frames_us, self._analysis.packets_us, self.start_us, self.stop_us)
         self._playing = True
@@ -107,6 +110,11 @@ class Replay:
         """Least confidence in a vehicle's name in each of equal parts of the recording, as far as it is analysed."""
         with self._lock:
             return self._confidence.of(system_id)
+
+    def trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
+        """Where vehicles were in the seconds before a moment."""
+        with self._lock:
+            return self._trails.before(t_us, span_s, origin)
 
     @property
     def playing(self) -> bool:
@@ -191,6 +199,7 @@ class Replay:
             with self._lock:
                 self._done.append(snapshot)
                 self._confidence.add(snapshot)
+                self._trails.add(snapshot)
                 self._events += snapshot.events
                 del self._events[:-MOST_EVENTS]
             if self._stop.is_set():

@@ -103,7 +103,7 @@ class RollcallApp(TerminalApp):
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
-        self._map = MapPane(id="map")
+        self._map = MapPane(id="map", trails=station.timeline.trails if station.timeline else None)
         self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")
