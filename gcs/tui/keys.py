@@ -62,7 +62,14 @@ PANES: Final = (
 LOOK: Final = (
     _key("up,k", "pick(-1)", "vehicle", "Vehicle or box without a name above", id="pick.up", shown="↑"),
     _key("down,j", "pick(1)", "vehicle", "Vehicle or box without a name below", id="pick.down", shown="↓"),
-    _key("escape", "release", "back", "Leave the zoomed pane, then the vehicle", id="pick.none", shown="esc"),
+    _key(
+        "escape",
+        "release",
+        "back",
+        "Leave the zoomed pane, then the search, then the vehicle",
+        id="pick.none",
+        shown="esc",
+    ),
     _key("plus,equals_sign", "zoom(1)", "closer", "Map: closer", id="map.closer", shown="+"),
     _key("minus", "zoom(-1)", "farther", "Map: farther", id="map.farther", shown="-"),
     _key("0", "zoom(0)", "fit", "Map: fit everything", id="map.fit"),

@@ -14,13 +14,16 @@ import pytest
 from PIL import Image
 from rich.color import Color
 from rich.console import Console
+from textual.geometry import Region
 
+from gcs.tui import RollcallApp
+from gcs.tui import app as app_module
 from gcs.tui.draw.mosaic import OCTANTS, SEXTANTS, PictureMode, mosaic_of
-from gcs.tui.draw.pixels import _shows_inline, inline_image, picture_mode
+from gcs.tui.draw.pixels import Pixels, _inline_widget, _shows_inline, inline_image, picture_mode
 from gcs.tui.draw.terminal_kind import ask_version, finest_grain
 from gcs.tui.draw.video_canvas import video_cells
 from gcs.tui.draw.xterm_palette import FIRST, PALETTE, dithered, nearest
-from tests.support.fake_station import make_snapshot
+from tests.support.fake_station import FakeStation, make_snapshot
 
 MODES = [PictureMode(grain=grain, palette=palette) for grain in ("halves", "sextants", "octants") for palette in (0, 1)]
 HIGH = {"halves": 2, "sextants": 3, "octants": 4}
@@ -211,6 +214,18 @@ def test_an_inline_image_is_a_picture_of_its_own_size_for_iterm2():
     image = Image.open(io.BytesIO(base64.b64decode(data)))
     assert image.size == (60, 40) and image.getpixel((30, 20))[1] > 190
     assert f"size={len(base64.b64decode(data))};" in head
+
+
+async def test_the_inline_image_is_drawn_where_the_video_is(monkeypatch):
+    pixels = Pixels(widget=_inline_widget(), cell_width=10, cell_height=20)
+    monkeypatch.setattr(app_module, "pixel_images", lambda graphics: pixels)
+    async with RollcallApp(FakeStation(), graphics="pixels").run_test(size=(100, 30)) as pilot:
+        await pilot.pause(0.3)
+        (coded,) = pilot.app.query_one("#pixels").children
+        *_, last = coded.render_lines(Region(0, 0, *coded.size))
+        place, image, _ = (segment.text for segment in last)
+        assert image.startswith("\x1b]1337;File=inline=1;")
+        assert place == f"\x1b[{coded.region.y + 1};{coded.region.x + 1}H"
 
 
 def test_inline_images_are_for_those_who_show_them():
