@@ -36,7 +36,8 @@ KEY_S, CPU_S = 0.4, 15.0
 SETTLE_S = 2.0
 FASTER_FPS, FASTER_S = 15, 20.0
 PICKED = re.compile(r"▸(\S+)")
-DOWN, PAUSE, HOME = b"\x1b[B", b" ", b"\x1b[H"
+DOWN, UP, SPACE, HOME = b"\x1b[B", b"\x1b[A", b" ", b"\x1b[H"
+PLAYING = "►"
 
 
 @dataclass(slots=True)
@@ -51,17 +52,18 @@ class Figures:
 
 
 def measure_keys(session: TerminalSession, keys: int, case: str, figures: Figures) -> None:
-    """Pick one vehicle after the other."""
+    """Pick the one vehicle and the other."""
     rng = random.Random(7)
-    for _ in range(keys):
+    for k in range(keys + 1):
         before = PICKED.findall(session.catch_up())
-        pressed_s = session.press(DOWN)
+        pressed_s = session.press(UP if k % 2 else DOWN)
 
         def moved(text: str, before: list[str] = before) -> bool:
             return PICKED.findall(text) != before
 
         shown_s = session.wait_for(moved, limit_s=10.0)
-        figures.key_ms.setdefault(case, []).append(1e3 * (shown_s - pressed_s))
+        if k:  # before the first nothing is picked
+            figures.key_ms.setdefault(case, []).append(1e3 * (shown_s - pressed_s))
         time.sleep(KEY_S * rng.uniform(0.7, 1.3))
 
 
@@ -80,14 +82,12 @@ def measure_replay(gcs: Path, recording: Path, keys: int, figures: Figures) -> N
         shown_s = session.wait_for(lambda text: "▀" in text)
         figures.first_s.append(shown_s - session.started_s)
         _wait_analysed(session)
-        session.press(PAUSE)
-        time.sleep(SETTLE_S)
+        _from_start(session, playing=False)
         measure_keys(session, keys, "paused", figures)
         measure_cpu(session, "idle", figures)
-        session.press(HOME + PAUSE)
-        time.sleep(SETTLE_S)
+        _from_start(session, playing=True)
         measure_cpu(session, "replay, 10 frames/s, 120×40", figures)
-        session.press(HOME)
+        _from_start(session, playing=True)
         measure_keys(session, keys, "playing", figures)
 
 
@@ -96,8 +96,7 @@ def measure_faster(gcs: Path, recording: Path, figures: Figures) -> None:
     with _replay(gcs, recording, DENSE) as session:
         session.wait_for(lambda text: "▀" in text)
         _wait_analysed(session)
-        session.press(HOME)
-        time.sleep(SETTLE_S)
+        _from_start(session, playing=True)
         measure_cpu(session, f"replay, {FASTER_FPS} frames/s, 160×45", figures, FASTER_S - 2 * SETTLE_S)
 
 
@@ -140,11 +139,19 @@ def _wait_analysed(session: TerminalSession) -> None:
     session.wait_for(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], limit_s=120.0)
 
 
+def _from_start(session: TerminalSession, *, playing: bool) -> None:
+    session.press(HOME)
+    time.sleep(SETTLE_S)
+    if (PLAYING in session.catch_up()) != playing:
+        session.press(SPACE)
+        time.sleep(SETTLE_S)
+
+
 def simulate(gcs: Path, folder: Path) -> Path:
     """A recording with more frames a second, as every checkout can replay it."""
     scenario = folder / "faster.toml"
     scenario.write_text(f'name = "faster"\nfps = {FASTER_FPS}.0\nduration_s = {FASTER_S}\n')
-    subprocess.run([gcs, "sim", scenario, "--video", "-o", folder / "faster"], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([gcs, "sim", scenario, "--video", "-o", folder / "faster"], check=True, capture_output=True)
     return folder / "faster"
 
 
