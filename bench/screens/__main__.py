@@ -38,9 +38,9 @@ async def checked(moments: Sequence[Moment], size: Size) -> tuple[int, list[Viol
     return screens, found
 
 
-def check_flight(script: Script, sizes: Iterable[Size], examples: int) -> list[Row]:
+def check_flight(script: Script, sizes: Iterable[Size], every: int, examples: int) -> list[Row]:
     """Fly once, show it at every size."""
-    moments, rows = list(fly(script)), []
+    moments, rows = list(fly(script))[::every], []
     for size in sizes:
         screens, found = asyncio.run(checked(moments, size))
         name = f"{size[0]}x{size[1]}"
@@ -97,6 +97,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--flights", nargs="*", help="some of the flights, by name")
     parser.add_argument("--sizes", nargs="*", type=_size, default=SIZES, help="columns and rows, 80x24")
+    parser.add_argument("--every", type=int, default=1, help="look at each nth poll of the screen (%(default)s)")
     parser.add_argument("--examples", type=int, default=0, help="print so many of each violation")
     parser.add_argument("--before", type=Path, help="rows of an earlier run, to be set beside these")
     parser.add_argument("--out", type=Path, default=RESULTS / "screens.csv", help="rows (%(default)s)")
@@ -105,7 +106,7 @@ def main() -> None:
     rows: list[Row] = []
     for script in SCRIPTS:
         if not options.flights or script.name in options.flights:
-            rows += (these := check_flight(script, options.sizes, options.examples))
+            rows += (these := check_flight(script, options.sizes, options.every, options.examples))
             print(f"{script.name}: {sum(row[4] for row in these):,} on {sum(row[2] for row in these):,}", flush=True)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     with options.out.open("w", newline="", encoding="utf-8") as file:

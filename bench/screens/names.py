@@ -33,13 +33,13 @@ LEAST_PREFIX = 2
 LABEL_LETTER = re.compile(r"[\w\-?~%+.,:=±… \0]")
 WORDS = frozenset(
     (
-        *("UAV", "N", "no", "video", "waiting", "for", "first", "frame", "new", "not", "analysed", "yet", "home"),
-        *("stale", "lost", "never", "refused", "contested", "several", "held", "old", "position", "positions"),
-        *("m", "km", "s", "ago"),
+        *("N", "no", "video", "waiting", "for", "first", "frame", "new", "not", "analysed", "yet", "home"),
+        *("stale", "lost", "never", "refused", "contested", "several", "held", "old", "position", "positions", "ago"),
     )
 )
 """Words on video and map that are no names."""
-VALUES = re.compile(r"~|\?+|~\?|\d{1,2}%|\+\d+|[+±]?\d+(\.\d+)?(s|m|h|km)?|…")
+VALUE = re.compile(r"(?<![\w-])(\d{1,2}%|[+±]?\d+(\.\d+)? ?(km|m|s|h)|~?\?+)(?![\w-])")
+COUNT = re.compile(r"\+(\d+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,9 +51,27 @@ class _Label:
     text: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Read:
+    """What the labels of a pane say."""
+
+    shown: Counter[int]
+    """How often each vehicle has a label."""
+    marks: tuple[tuple[int, str], ...]
+    """Of each label, the vehicle and the signs of its standing."""
+    counted: int
+    """Labels that found no room."""
+    legend: frozenset[int]
+    """Ids that are explained."""
+    bare: frozenset[int]
+    """Vehicles whose labels are their ids."""
+    strange: tuple[str, ...]
+    """Letters that are neither names nor known words."""
+
+
 @lru_cache(maxsize=64)
 def _pattern(names: tuple[str, ...]) -> re.Pattern[str]:
-    """Whole names with the marks of their standing, the longest first."""
+    """Whole names with the signs of their standing, the longest first."""
     some = "|".join(re.escape(name) for name in sorted(names, key=len, reverse=True))
     return re.compile(rf"(?<![\w-])(~?)({some})(\??)(?![\w-])")
 
@@ -77,18 +95,56 @@ def _labels(screen: Screen, pane: str) -> Iterator[_Label]:
             start = x if x < left + width and LABEL_LETTER.match(row[x]) else x + 1
 
 
-def _read_names(screen: Screen, pane: str, names: tuple[str, ...]) -> tuple[list[re.Match[str]], int, list[str]]:
-    """Whole names on a pane, how many more are counted, and letters that are neither names nor known words."""
-    found: list[re.Match[str]] = []
-    counted, strange = 0, []
+def _read(screen: Screen, pane: str, snapshot: Snapshot) -> _Read:
+    """The labels of a pane: names, or system ids where the name is explained or cannot be shown."""
+    ids = {row.name: row.system_id for row in snapshot.vehicles}
+    bare = {"UAV" if row.role == "uav" else str(row.system_id): row.system_id for row in snapshot.vehicles}
+    names, words = _pattern(tuple(ids)), _pattern(tuple(bare))
+    explanation = re.compile(rf"(?<![\w-])({'|'.join(bare)}) = ({'|'.join(map(re.escape, ids))})$")
+    shown, marks, counted, legend, short, strange = Counter[int](), list[tuple[int, str]](), 0, set(), set(), []
     for label in _labels(screen, pane):
-        found += _pattern(names).finditer(label.text)
-        for word in _pattern(names).sub(" ", label.text).split():
-            if word in WORDS or VALUES.fullmatch(word):
-                counted += int(word[1:]) if re.fullmatch(r"\+\d+", word) else 0
-            else:
+        if (match := explanation.search(label.text)) and bare[match[1]] == ids[match[2]]:
+            legend.add(ids[match[2]])
+            continue
+        text = VALUE.sub(" ", label.text)
+        for pattern, known in ((names, ids), (words, bare)):
+            for match in pattern.finditer(text):
+                shown[known[match[2]]] += 1
+                marks.append((known[match[2]], match[1] + match[3]))
+                if known is bare:
+                    short.add(known[match[2]])
+            text = pattern.sub(" ", text)
+        for word in text.split():
+            if match := COUNT.fullmatch(word):
+                counted += int(match[1])
+            elif word not in WORDS:
                 strange.append(f"{label.text!r} at {label.x},{label.y}")
-    return found, counted, strange
+    return _Read(
+        shown=shown,
+        marks=tuple(marks),
+        counted=counted,
+        legend=frozenset(legend),
+        bare=frozenset(short),
+        strange=tuple(strange),
+    )
+
+
+def _check_labels(read: _Read, where: str, snapshot: Snapshot, wanted: set[int]) -> Iterator[tuple[str, str]]:
+    """Whole, none twice, none of the wanted left out without being counted, ids explained where they do not speak."""
+    for text in read.strange:
+        yield f"damaged name on the {where}", text
+    for system_id, times in read.shown.items():
+        if times > 1:
+            yield f"damaged name on the {where}", f"{snapshot.name_of(system_id)} is there {times} times"
+    missing = wanted - read.shown.keys()
+    if len(missing) > read.counted:
+        names = sorted(map(snapshot.name_of, missing))
+        yield "name left out and not counted", f"{names} on the {where}, {read.counted} counted"
+    for system_id in read.bare - read.legend:
+        name = snapshot.name_of(system_id)
+        clear = name.endswith(str(system_id)) or not name.isascii() or "UAV" in name
+        if not clear:
+            yield "id without a name", f"{system_id} for {name} on the {where}"
 
 
 def check_video_labels(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
@@ -96,50 +152,32 @@ def check_video_labels(screen: Screen, moment: Moment) -> Iterator[tuple[str, st
     if "video" not in screen.panes:
         return
     snapshot = moment.snapshot
-    found, counted, strange = _read_names(screen, "video", _names(snapshot))
-    for text in strange:
-        yield "damaged name on the video", text
-    shown = Counter(match[2] for match in found)
-    boxes = {snapshot.name_of(box.system_id): box for box in snapshot.boxes if box.system_id}
-    for name, times in shown.items():
-        if name not in boxes:
+    boxes = {box.system_id: box for box in snapshot.boxes if box.system_id}
+    inside = {i for i, box in boxes.items() if 0 <= box.cx < snapshot.width and 0 <= box.cy < snapshot.height}
+    read = _read(screen, "video", snapshot)
+    yield from _check_labels(read, "video", snapshot, inside)
+    standings = {row.system_id: row.standing for row in snapshot.vehicles}
+    for system_id, signs in read.marks:
+        name = snapshot.name_of(system_id)
+        if system_id not in boxes:
             yield "name of a vehicle that is not named", f"{name} on the video"
-        elif times > 1:
-            yield "damaged name on the video", f"{name} is there {times} times"
-    standings = {row.name: row.standing for row in snapshot.vehicles}
-    for match in found:
-        if not match[1] and not match[3] and standings[match[2]] in ("tentative", "unidentified"):
-            yield "name of a vehicle that is not named", f"{match[2]} without a mark is {standings[match[2]]}"
-    if shown and moment.now_us - moment.frame_us > (HELD_S + SLACK_S) * 1e6:
-        age_s = (moment.now_us - moment.frame_us) * 1e-6
-        yield "names older than they look", f"{len(shown)} names on a frame of {age_s:.1f} s ago"
-    inside = {name for name, box in boxes.items() if 0 <= box.cx < snapshot.width and 0 <= box.cy < snapshot.height}
-    missing = inside - shown.keys()
-    if len(missing) > counted:
-        yield "name left out and not counted", f"{sorted(missing)} on the video, {counted} counted"
+        elif not signs and standings.get(system_id) in ("tentative", "unidentified"):
+            yield "name of a vehicle that is not named", f"{name} without a sign is {standings[system_id]}"
+    age_s = (moment.now_us - moment.frame_us) * 1e-6
+    if read.shown and age_s > HELD_S + SLACK_S:
+        yield "names older than they look", f"{len(read.shown)} names on a frame of {age_s:.1f} s ago"
 
 
 def check_map_labels(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
     """Labels on the map: whole, none twice, none left out without being counted while the map shows everything."""
     if "map" not in screen.panes:
         return
-    snapshot = moment.snapshot
-    names = _names(snapshot)
-    found, counted, strange = _read_names(screen, "map", names)
-    for text in strange:
-        yield "damaged name on the map", text
-    shown = Counter(match[2] for match in found)
-    for name, times in shown.items():
-        if times > 1:
-            yield "damaged name on the map", f"{name} is there {times} times"
     placed = {
-        row.name
-        for row in snapshot.vehicles
+        row.system_id
+        for row in moment.snapshot.vehicles
         if row.role == "ugv" and row.position_state == "ok" and np.isfinite(row.p_enu[:2]).all()
     }
-    missing = placed - shown.keys()
-    if len(missing) > counted:
-        yield "name left out and not counted", f"{sorted(missing)} on the map, {counted} counted"
+    yield from _check_labels(_read(screen, "map", moment.snapshot), "map", moment.snapshot, placed)
 
 
 def check_cut_names(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:

@@ -168,7 +168,7 @@ def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
     if silent:
         found["links silent"] = (3, "silent|no link")
     if health.video == "stalled":
-        found["the video has stopped"] = (3, r"video (stalled|stopped|lost)|NO VIDEO")
+        found["the video has stopped"] = (3, "video (stalled|stopped)|no video")
     if health.keys == 0:
-        found["nothing is authenticated"] = (2, "AUTHENTICATED|NO KEYS|NOT AUTH|no keys")
+        found["nothing is authenticated"] = (2, r"NOTHING IS AUTHENTICATED|\bOPEN\b")
     return found
