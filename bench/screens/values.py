@@ -109,11 +109,13 @@ def _look(screen: Screen, title: str, y: int) -> float | None:
 def check_alarms(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
     """Every alarm of the list is counted in the status bar; the worst has the row below it."""
     alarms = moment.snapshot.alarms
-    for level, word in (("alarm", "alarm"), ("warning", "warning")):
-        true = sum(alarm.level == level for alarm in alarms)
-        match = re.search(rf"\b(\d+) {word}s?\b", screen.rows[0])
-        if true != (int(match[1]) if match else 0):
-            yield "alarm neither visible nor counted", f"{true} {word}s: {screen.rows[0].strip()!r}"
+    loud = sum(alarm.level == "alarm" for alarm in alarms)
+    match = re.search(r"\b(\d+) alarms?(?: \+(\d+)\b)?", screen.rows[0])
+    other = re.search(r"\b(\d+) warnings?\b", screen.rows[0])
+    counted = int(match[1]) if match else 0, int((other and other[1]) or (match and match[2]) or 0)
+    if counted != (loud, len(alarms) - loud):
+        true = f"{loud} alarms, {len(alarms) - loud} warnings"
+        yield "alarm neither visible nor counted", f"{true}: {screen.rows[0].strip()!r}"
     worst = next((alarm for alarm in alarms if alarm.level == "alarm"), None)
     if worst is not None and not any("!!" in row and worst.text[:20] in row for row in screen.rows[1:4]):
         yield "alarm neither visible nor counted", f"{worst.text!r} has no row"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,12 +35,7 @@ class BrailleCanvas:
 
     def line(self, start: NDArray[np.float64], end: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
         """A straight line; ``every`` above 1 leaves gaps between dots."""
-        clipped = _clip(start, end, 2.0 * self.columns, 4.0 * self.rows)
-        if clipped is None:
-            return
-        a, b = clipped
-        count = min(LONGEST, max(1, math.ceil(float(np.abs(b - a).max()) / every)))
-        self.points(a + (b - a) * np.linspace(0.0, 1.0, count + 1)[:, None], ink)
+        self.points(self._along(start.tolist(), end.tolist(), every), ink)
 
     def path(self, xy: NDArray[np.float64], inks: NDArray[np.int64]) -> None:
         """Lines between neighbours of (k, 2) positions, each with its own ink; a row of NaN interrupts them.
@@ -65,8 +62,21 @@ class BrailleCanvas:
 
     def polygon(self, corners: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
         """A closed outline through (k, 2) corners."""
-        for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            self.line(start, end, ink, every)
+        places = corners.tolist()
+        edges = [self._along(start, end, every) for start, end in pairwise([*places, *places[:1]])]
+        if edges:
+            self.points(np.concatenate(edges), ink)
+
+    def _along(self, start: Sequence[float], end: Sequence[float], every: float) -> NDArray[np.float64]:
+        """(k, 2) dots of a straight line, as far as it is inside the grid."""
+        clipped = _clip(start, end, 2.0 * self.columns, 4.0 * self.rows)
+        if clipped is None:
+            return np.empty((0, 2))
+        (x, y), (end_x, end_y) = clipped
+        count = min(LONGEST, max(1, math.ceil(max(abs(end_x - x), abs(end_y - y)) / every)))
+        # p = a + (b − a) k / n
+        step = np.array([(end_x - x) / count, (end_y - y) / count])
+        return np.asarray(np.array([x, y]) + np.arange(count + 1)[:, None] * step, dtype=np.float64)
 
     def circle(self, centre: NDArray[np.float64], radius: float, ink: int, every: float = 1.0) -> None:
         """A circle; nothing for radii that are unknown or beyond all sense."""
@@ -81,23 +91,19 @@ LEAST_STEP = 1e-9
 
 
 def _clip(
-    start: NDArray[np.float64], end: NDArray[np.float64], width: float, height: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    start: Sequence[float], end: Sequence[float], width: float, height: float
+) -> tuple[tuple[float, float], tuple[float, float]] | None:
     """The part of a segment inside the grid (Liang–Barsky), None when there is none or an end is unknown."""
-    if not (np.isfinite(start).all() and np.isfinite(end).all()):
+    (x, y), (end_x, end_y) = start, end
+    if not all(map(math.isfinite, (x, y, end_x, end_y))):
         return None
-    delta = end - start
+    across, down = end_x - x, end_y - y
     enter, leave = 0.0, 1.0
-    for step, low in (
-        (-delta[0], start[0]),
-        (delta[0], width - start[0]),
-        (-delta[1], start[1]),
-        (delta[1], height - start[1]),
-    ):
+    for step, low in ((-across, x), (across, width - x), (-down, y), (down, height - y)):
         if abs(step) < LEAST_STEP:
             if low < 0:
                 return None
             continue
         at = low / step
         enter, leave = (max(enter, at), leave) if step < 0 else (enter, min(leave, at))
-    return (start + delta * enter, start + delta * leave) if enter <= leave else None
+    return ((x + across * enter, y + down * enter), (x + across * leave, y + down * leave)) if enter <= leave else None

@@ -19,6 +19,8 @@ __all__ = ["HALF", "HALF_BLOCKS", "Grain", "Mosaic", "PictureMode", "fit", "mosa
 Grain = Literal["halves", "sextants", "octants"]
 """How a cell is divided."""
 HALF: Final = ord("▀")
+ROWS_EACH: Final = 4
+"""A row of the result is the mean of at least so many of a larger image."""
 LUMA_STEP: Final = 6
 CHROMA_STEP: Final = 12
 PLAIN_LEVELS: Final = 9
@@ -118,7 +120,9 @@ def _split(parts: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.uint
 
 def _shrunk(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
     way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
-    return np.asarray(cv2.resize(image, (width, height), interpolation=way), dtype=np.uint8)
+    # reading every row of a large frame would cost more than all else that is drawn
+    some = image[:: max(1, image.shape[0] // (ROWS_EACH * height))]
+    return np.asarray(cv2.resize(some, (width, height), interpolation=way), dtype=np.uint8)
 
 
 def _reduced(bgr: NDArray[np.uint8], *, palette: bool) -> NDArray[np.int64]:

@@ -178,10 +178,11 @@ def _alarms(snapshot: Snapshot) -> list[Item]:
     """How many, by level; none while nothing is wrong."""
     if not snapshot.alarms:
         return []
-    parts = count_parts(*alarm_counts(snapshot.alarms))
+    loud, quiet = alarm_counts(snapshot.alarms)
+    parts = count_parts(loud, quiet)
     parts[-1] = (parts[-1][0].rstrip(), parts[-1][1])
-    worst = (parts[0][0].rstrip(), parts[0][1])
-    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (worst,)))]
+    more = [(f"+{quiet}", parts[-1][1])] if loud and quiet else []
+    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (*parts[:1], *more)))]
 
 
 def _open(health: Health) -> list[Item]:
