@@ -60,6 +60,8 @@ async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None,
     def report(path: Path | None) -> None:
         if path is None:
             return
+        if station.folder is not None:
+            path = path.relative_to(station.folder)  # the folder may be moved, with its event log
         text = f"still of frame {snapshot.frame} saved: {path}"
         station.add_event(Event(t_us=_now_us(station), level="info", kind="operator", text=text, system_id=selected))
         app.notify(f"saved {path}", markup=False)

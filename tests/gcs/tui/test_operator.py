@@ -72,7 +72,7 @@ async def test_a_still_of_a_flight_is_the_whole_frame_with_names_and_never_repla
             pass
         assert first.read_bytes() == before and len(found) == 2
         await pilot.pause()
-        assert any(event.kind == "operator" and str(first) in event.text for event in station.said)
+        assert any(event.kind == "operator" and event.text.endswith(f": stills/{first.name}") for event in station.said)
 
 
 async def test_a_still_of_a_replay_goes_where_the_operator_says(tmp_path):
