@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gcs.limits import Limits
 from mavlink.geodesy import LocalFrame
-from mavlink.state import Level
+from mavlink.state import Level, VehicleCondition
 
 __all__ = [
     "Alarm",
@@ -88,27 +88,6 @@ class Alarm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleCondition:
-    """How a vehicle is by its own word; NaN and empty are unknown."""
-
-    voltage_v: float = NAN
-    charge: float = NAN
-    """Of its battery, 0..1."""
-    power_age_s: float = NEVER
-    """Of voltage and charge."""
-    satellites: int = -1
-    """In use, -1 unknown."""
-    hdop: float = NAN
-    receiver_age_s: float = NEVER
-    """Of satellites and HDOP."""
-    radio: float = NAN
-    """Signal above noise at the worse end of its radio link, dB or the radio's own units."""
-    radio_age_s: float = NEVER
-    faults: tuple[str, ...] = ()
-    """What its estimator or its arming checks complain about now, in words."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleRow:
     """One line of the fleet table."""
 
@@ -170,7 +149,7 @@ class VehicleRow:
     """Its compass contradicts its filter."""
     clock_fault: str = ""
     """What is wrong with its clocks, empty while nothing is."""
-    condition: VehicleCondition = VehicleCondition()
+    condition: VehicleCondition = field(default_factory=VehicleCondition)
     fence: str = ""
     """Which fence of those that hold for it is nearest to be broken, or broken most; empty without one."""
     fence_m: float = NAN

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "ARMING_FAILURES",
     "SILENT_S",
     "CameraReport",
     "ChannelStatus",
@@ -19,11 +20,14 @@ __all__ = [
     "PositionState",
     "Reports",
     "UavState",
+    "VehicleCondition",
     "VehicleStatus",
 ]
 
 Array = NDArray[np.float64]
 Level = Literal["info", "warning", "alarm"]
+ARMING_FAILURES = ("PreArm: ", "Arm: ", "Preflight Fail: ")
+"""How ArduPilot and PX4 begin a status text on why a vehicle cannot be armed."""
 SILENT_S = 3.5
 """A vehicle or a link without a packet for this long is silent: three heartbeats of one a second are missing, which is
 longer than the delay of a slow radio."""
@@ -110,6 +114,34 @@ class ChannelStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleCondition:
+    """How a vehicle is by its own word; NaN and empty are unknown, inf is the age of what was never received."""
+
+    voltage_v: float = math.nan
+    charge: float = math.nan
+    """Of its battery, 0..1; of several the lowest."""
+    battery: str = ""
+    """What its battery monitor says of it where it is not well: ``low``, ``critical``, ``failed`` …"""
+    power_age_s: float = math.inf
+    """Of voltage and charge."""
+    satellites: int = -1
+    """In use, −1 unknown."""
+    hdop: float = math.nan
+    receiver_age_s: float = math.inf
+    """Of satellites and HDOP."""
+    radio: float = math.nan
+    """Signal above noise at the worse end of its radio link, in the radio's own units."""
+    radio_age_s: float = math.inf
+    filter_ratio: float = math.nan
+    """Largest innovation of its filter over what the filter allows: from 1 on a measurement is rejected."""
+    filter_age_s: float = math.inf
+    faults: tuple[str, ...] = ()
+    """Sensors and other parts that it reports as failing now, in words."""
+    arming: tuple[str, ...] = ()
+    """Why it cannot be armed now, in its own words: plain text from the air."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleStatus:
     """How one vehicle and its link are doing."""
 
@@ -120,7 +152,6 @@ class VehicleStatus:
     armed: bool | None
     fix: str
     """``none``, ``2D``, ``3D``, ``DGPS``, ``RTK float``, ``RTK``."""
-    satellites: int
     heartbeat_age_s: float
     """inf never."""
     position_age_s: float
@@ -173,6 +204,7 @@ class VehicleStatus:
     """Why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
     compass_doubted: bool = False
     """Its compass contradicts its filter: its heading may be wrong."""
+    condition: VehicleCondition = VehicleCondition()
     hardware: str = ""
     """Hardware id in hexadecimal, empty before AUTOPILOT_VERSION."""
 

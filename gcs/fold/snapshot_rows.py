@@ -160,6 +160,7 @@ def vehicle_rows(
                 doubted_for=status.doubted_for,
                 compass_doubted=status.compass_doubted,
                 clock_fault=status.clock_fault,
+                condition=status.condition,
             )
         )
     return tuple(rows)

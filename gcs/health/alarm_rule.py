@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from gcs.snapshot import Health, Level, LinkHealth, Snapshot, VehicleRow
+from gcs.snapshot import Level, Snapshot
 
 __all__ = ["CLEARS_AFTER_S", "GROWING_S", "AlarmRule"]
 
@@ -15,15 +15,15 @@ CLEARS_AFTER_S = 3.0
 GROWING_S = 10.0
 """A counter that should not grow counts as growing for so long after it grew: long enough to be seen."""
 
-Subject = TypeVar("Subject", VehicleRow, LinkHealth, Health)
+Subject = TypeVar("Subject")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmRule(Generic[Subject]):
-    """One alarm that each vehicle, each link, or the station may have.
+    """One alarm that each vehicle, two vehicles together, each link, or the station may have.
 
-    Its functions take that of which it is (a row of the fleet table, a link, the health of the station) and the
-    snapshot that it is part of. Either ``condition`` or ``counter`` is given.
+    Its functions take that of which it is (a row of the fleet table, a pair of them, a link, the health of the station)
+    and the snapshot that it is part of. Either ``condition`` or ``counter`` is given.
     """
 
     key: str

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from gcs.health.alarm_rule import AlarmRule
+from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.link_alarms import LINK_RULES
+from gcs.health.proximity_alarms import PAIR_RULES, near_pairs
 from gcs.health.station_alarms import STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.snapshot import Snapshot
@@ -19,7 +21,7 @@ Rules = Iterable[AlarmRule[Any]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What one rule finds for one vehicle, for one link, or for the station."""
+    """What one rule finds for one vehicle, for two, for one link, or for the station."""
 
     rule: AlarmRule[Any]
     key: str
@@ -35,7 +37,10 @@ class Finding:
 def findings(snapshot: Snapshot) -> Iterator[Finding]:
     """All that is wrong now or worth keeping, and every counter that is not at zero."""
     for row in snapshot.vehicles:
-        yield from _findings(VEHICLE_RULES, row, snapshot, f" {row.system_id}", f"{row.name}: ", row.system_id)
+        whose, name = f" {row.system_id}", f"{row.name}: "
+        yield from _findings((*VEHICLE_RULES, *CONDITION_RULES), row, snapshot, whose, name, row.system_id)
+    for pair in near_pairs(snapshot):
+        yield from _findings(PAIR_RULES, pair, snapshot, f" {pair.key}", f"{pair.names}: ")
     for link in snapshot.health.links:
         yield from _findings(LINK_RULES, link, snapshot, f" {link.name}", f"{link.name}: ")
     yield from _findings(STATION_RULES, snapshot.health, snapshot)

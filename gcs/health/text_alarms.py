@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gcs.snapshot import Alarm, Event
+from mavlink.state import ARMING_FAILURES
 
 __all__ = ["ADVICE", "MOST_TEXTS", "TextAlarms"]
 
@@ -18,8 +19,6 @@ MOST_TEXTS = 6
 GONE_US = 60_000_000
 """An acknowledged text is over when it was not repeated for so long: autopilots repeat what still holds every 30 s."""
 ADVICE = "these are the vehicle's own words, not this program's: check the vehicle; acknowledged, it goes"
-ARMING = ("PreArm: ", "Arm: ")
-"""How ArduPilot's arming checks begin: what they find is an alarm for as long as it lasts."""
 
 
 @dataclass(slots=True)
@@ -45,9 +44,9 @@ class TextAlarms:
         self._texts: dict[str, _Text] = {}
 
     def add(self, event: Event) -> None:
-        """Take in an event; only serious texts of vehicles count."""
+        """Take in an event; only serious texts of vehicles count, and not arming checks: they have their own alarm."""
         words = event.text.partition(" says: ")[2]
-        if event.kind != "text" or event.level != "alarm" or words.startswith(ARMING):
+        if event.kind != "text" or event.level != "alarm" or words.startswith(ARMING_FAILURES):
             return
         whose = f"text {event.system_id} "
         key = whose + event.text

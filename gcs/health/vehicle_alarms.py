@@ -11,7 +11,7 @@ from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.state import SILENT_S
 
-__all__ = ["APART_M", "APART_S", "APART_STDS", "VEHICLE_RULES"]
+__all__ = ["APART_M", "APART_S", "APART_STDS", "VEHICLE_RULES", "answers"]
 
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
@@ -48,7 +48,7 @@ def _silent(row: VehicleRow) -> bool:
     return _ever_received(row) and row.heartbeat_age_s > SILENT_S and not positions_come
 
 
-def _answers(row: VehicleRow) -> bool:
+def answers(row: VehicleRow) -> bool:
     """Whether it was received before, and is now."""
     return _ever_received(row) and not _silent(row)
 
@@ -76,7 +76,7 @@ def _no_attitude(row: VehicleRow, now: Snapshot) -> bool:
 
 def _loses(row: VehicleRow, now: Snapshot) -> bool:
     # two senders of one id count separately, which looks like a loss
-    return row.loss > now.limits.loss and _answers(row) and not row.contested
+    return row.loss > now.limits.loss and answers(row) and not row.contested
 
 
 VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
@@ -120,7 +120,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         meaning="0/0, a jump, a position that jumps to and fro, an impossible height or speed, a place "
         f"{FLEET_SPAN_M / 1e3:g} km from the others, for {UNSTEADY_S:g} s: the reason is given",
         advice="its receiver fails, is jammed or is spoofed: do not act on its name",
-        condition=lambda row, _: row.position_state == "refused" and _answers(row),
+        condition=lambda row, _: row.position_state == "refused" and answers(row),
         detail=lambda row, _: row.refused_for,
         each_detail=True,
         kept_while=lambda row, _: _silent(row) and bool(row.refused_for),
@@ -133,7 +133,7 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="no position yet",
         meaning=f"received for {NO_POSITION_S:g} s, and no position",
         advice="wait for its GPS fix; ask for its position stream",
-        condition=lambda row, _: row.position_state == "never" and _answers(row),
+        condition=lambda row, _: row.position_state == "never" and answers(row),
         kept_while=lambda row, _: row.position_state == "never" and _silent(row),
         lasts_s=NO_POSITION_S,
     ),

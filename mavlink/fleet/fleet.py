@@ -20,6 +20,7 @@ from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix, Pose, Positio
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
 from mavlink.estimation.positions import VehicleLimits, in_frame
+from mavlink.fleet.radio import MODEM_MESSAGES, add_radio_status
 from mavlink.fleet.vehicle import PositionReport, Vehicle
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.protocol.decode import decode
@@ -59,8 +60,6 @@ _MAX_WAITING = 2000
 """Reports kept until the origin is known."""
 _MAX_REPORTS = 100_000
 """Reports kept until they are collected."""
-_MODEM_MESSAGES = (109, 166)
-"""RADIO_STATUS and RADIO: about a radio, under the system id of the vehicle behind it."""
 _UNKNOWN = Fix(*[math.nan] * 9)
 
 
@@ -148,7 +147,8 @@ class Fleet:
         message_id = packet.message_id
         if message_id not in DEFINITIONS:
             return ()  # its checksum could not be verified, so not even its sender is known
-        if message_id in _MODEM_MESSAGES:
+        if message_id in MODEM_MESSAGES:
+            add_radio_status(packet, self._vehicles)
             return ()
         vehicle = self._vehicles.get(packet.system_id)
         if packet.auth > Auth.GOOD:
@@ -161,6 +161,8 @@ class Fleet:
         if message_id == AUTOPILOT_VERSION:
             return self._after(vehicle, vehicle.add_hardware_id(packet, arrival))
         sample = decode(packet)
+        if not arrival.late:
+            vehicle.conditions.add(sample, arrival.sender[:2])
         handler = self._handlers.get(type(sample))
         return self._after(vehicle, tuple(handler(vehicle, sample, arrival))) if handler is not None else ()
 

@@ -19,6 +19,7 @@ from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes,
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
 from mavlink.estimation.positions import Positions, VehicleLimits, Verdict, fix_of, place_error, position_std
+from mavlink.fleet.condition import ConditionReports
 from mavlink.fleet.statustext import StatusTexts
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.messages import (
@@ -84,14 +85,14 @@ class Vehicle:
         self.attitudes = Attitudes()
         self.rejections = PositionRejections()
         self.doubts = PositionDoubts()
+        self.conditions = ConditionReports(self.rejections.count)
         self._reception = Reception()
         self._duplicate_id = DuplicateIdDetector(limits, drives=drives, links=links, address=address)
         self._drives = drives
         self._limits = limits
         self._clock_health = ClockHealth()
         self._components, self._receivers = Components(), GpsReceivers()
-        self._jumps = JumpDetector()
-        self._texts = StatusTexts()
+        self._jumps, self._texts = JumpDetector(), StatusTexts()
         self._change_reports = Throttle(_CHANGE_US)
         self._autopilot_reports = Throttle(_OTHER_AUTOPILOT_US)
 
@@ -134,9 +135,8 @@ class Vehicle:
         self._components.keep_heartbeat(sample)
         self.doubts.add_heartbeat(sample)
         if first:
-            yield self._notice(
-                t_us, "info", f"{self._components.kind} {self.system_id} is there, {self._components.mode}"
-            )
+            text = f"{self._components.kind} {self.system_id} is there, {self._components.mode}"
+            yield self._notice(t_us, "info", text)
         elif before is not None and not self.in_conflict(t_us):
             if kinds and self._duplicate_id.reports.due("kind", t_us):
                 text = f"system {self.system_id} was a {kinds[0]} and reports to be a {kinds[1]}"
@@ -354,7 +354,6 @@ class Vehicle:
             mode=self._components.mode,
             armed=heartbeat.armed if heartbeat else None,
             fix=fix_name(gps.fix_type) if gps else "none",
-            satellites=gps.satellites if gps else 0,
             heartbeat_age_s=max(0.0, (t_us - heartbeat.t_us) * 1e-6) if heartbeat else math.inf,
             position_age_s=estimate.age_s if estimate else math.inf,
             attitude_age_s=pose.age_s if pose else math.inf,
@@ -381,6 +380,7 @@ class Vehicle:
             round_trip_s=self._clock_health.round_trip_s,
             clock_error_s=self._clock_health.error_s,
             clock_fault="" if self.in_conflict(t_us) else self._clock_health.fault(self.clock),
+            condition=self.conditions.at(t_us, self._components.autopilot),
             hardware=self._duplicate_id.hardware_text,
             doubted_for=doubt.reason if doubt is not None else "",
             compass_doubted=self.doubts.compass_doubted(t_us),

@@ -17,6 +17,7 @@ from infra.plain_text import plain
 from mavlink.geodesy import euler_from_quaternion
 from mavlink.protocol.messages import (
     Attitude,
+    BatteryStatus,
     CameraFov,
     CameraInformation,
     CameraSettings,
@@ -29,6 +30,7 @@ from mavlink.protocol.messages import (
     MountStatus,
     RadioStatus,
     Sample,
+    SecondGps,
     SensorHealth,
     StatusText,
     SystemTime,
@@ -88,6 +90,10 @@ def _global_position(head: _Head, v: _Values) -> GlobalPosition:
     )
 
 
+def _hdop(eph: int) -> float:
+    return eph * 0.01 if 0 < eph < 65535 else math.nan
+
+
 def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
     fix_us, lat, lon, alt, eph, _, _, _, fix_type, satellites, _, h_acc, v_acc, *_ = v
     return GpsRaw(
@@ -96,12 +102,17 @@ def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
         lat * 1e-7,
         lon * 1e-7,
         alt * 1e-3,
-        eph * 0.01 if 0 < eph < 65535 else math.nan,
-        satellites if satellites < 255 else 0,
+        _hdop(eph),
+        satellites if satellites < 255 else -1,
         h_acc * 1e-3 if 0 < h_acc < 0xFFFFFFFF else math.nan,
         v_acc * 1e-3 if 0 < v_acc < 0xFFFFFFFF else math.nan,
         fix_us,
     )
+
+
+def _second_gps(head: _Head, v: _Values) -> SecondGps:
+    eph, fix_type, satellites = v[5], v[9], v[10]
+    return SecondGps(*head, fix_type, _hdop(eph), satellites if satellites < 255 else -1)
 
 
 # EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS share these
@@ -133,13 +144,41 @@ def _estimator_status(head: _Head, v: _Values) -> FilterStatus:
 
 
 # MAV_SYS_STATUS_SENSOR
-_GPS, _AHRS = 1 << 5, 1 << 21
+_GPS, _AHRS, _ARMING = 1 << 5, 1 << 21, 1 << 28
+_SENSORS = {
+    "gyroscope": 1 << 0 | 1 << 17,
+    "accelerometer": 1 << 1 | 1 << 18,
+    "compass": 1 << 2 | 1 << 19,
+    "barometer": 1 << 3,
+    "airspeed sensor": 1 << 4,
+    "rangefinder": 1 << 8,
+    "motor outputs": 1 << 15,
+    "fence of its own": 1 << 20,
+    "log": 1 << 24,
+    "battery": 1 << 25,
+    "proximity sensor": 1 << 26,
+    "propulsion": 1 << 30,
+}
+"""What a vehicle cannot do without; no remote control, which a fleet that drives by itself has not."""
 
 
 def _sys_status(head: _Head, v: _Values) -> SensorHealth:
-    present, enabled, health, *_ = v
-    gps, estimate = (bool(health & bit) if present & enabled & bit else None for bit in (_GPS, _AHRS))
-    return SensorHealth(*head, gps, estimate)
+    present, enabled, health, _, millivolts, *_ = v
+    used = present & enabled
+    gps, estimate, arming = (bool(health & bit) if used & bit else None for bit in (_GPS, _AHRS, _ARMING))
+    unhealthy = tuple(f"{name} unhealthy" for name, bits in _SENSORS.items() if used & bits & ~health)
+    return SensorHealth(*head, gps, estimate, arming, unhealthy, _volts((millivolts,)), v[12])
+
+
+def _volts(cells_mv: tuple[int, ...]) -> float:
+    """Sum of what is known of the cells, NaN where nothing is; 0 is sent for cells that are not measured."""
+    total = sum(cell for cell in cells_mv if cell != 65535)
+    return total * 1e-3 if total else math.nan
+
+
+def _battery(head: _Head, v: _Values) -> BatteryStatus:
+    battery_id, function, _, charge, _, state = v[14:20]
+    return BatteryStatus(*head, battery_id, function, _volts(v[3:13] + v[20:24]), charge, state)
 
 
 def _gimbal(head: _Head, v: _Values) -> GimbalAttitude:
@@ -242,6 +281,8 @@ _MAKERS: dict[int, Callable[[_Head, _Values], Sample]] = {
     33: _global_position,
     109: _radio,
     111: _timesync,
+    124: _second_gps,
+    147: _battery,
     158: _mount_status,
     166: _radio,
     193: _ekf_status,

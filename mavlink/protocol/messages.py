@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 __all__ = [
     "Attitude",
+    "BatteryStatus",
     "CameraFov",
     "CameraInformation",
     "CameraSettings",
@@ -23,6 +24,7 @@ __all__ = [
     "MountStatus",
     "RadioStatus",
     "Sample",
+    "SecondGps",
     "SensorHealth",
     "StatusText",
     "SystemTime",
@@ -119,12 +121,21 @@ class GpsRaw(_Sample):
     alt_m: float
     hdop: float
     satellites: int
-    """0 when unknown."""
+    """−1 when unknown."""
     h_acc_m: float
     """1σ horizontal accuracy."""
     v_acc_m: float
     fix_us: int
     """When the fix was made: µs since boot on most autopilots, Unix time on some, 0 unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class SecondGps(_Sample):
+    """GPS2_RAW (124): what a second receiver makes of its satellites."""
+
+    fix_type: int
+    hdop: float
+    satellites: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +162,28 @@ class SensorHealth(_Sample):
     gps: bool | None
     estimate: bool | None
     """Of attitude and position (AHRS)."""
+    arming: bool | None
+    """Whether it could be armed."""
+    unhealthy: tuple[str, ...]
+    """Other sensors that are in use and not healthy, in words."""
+    voltage_v: float
+    """Of its first battery."""
+    charge_percent: int
+    """Left in it, −1 unknown; not checked yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryStatus(_Sample):
+    """BATTERY_STATUS (147)."""
+
+    battery_id: int
+    function: int
+    """MAV_BATTERY_FUNCTION: 4 a payload's."""
+    voltage_v: float
+    charge_percent: int
+    """−1 unknown; not checked yet."""
+    state: int
+    """MAV_BATTERY_CHARGE_STATE: 2 low, 3 critical, 4 emergency, 5 failed, 6 unhealthy; all else is well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,7 +324,9 @@ Sample = (
     | GlobalPosition
     | GpsRaw
     | FilterStatus
+    | SecondGps
     | SensorHealth
+    | BatteryStatus
     | GimbalAttitude
     | MountOrientation
     | MountStatus

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import islice
 
 from mavlink.protocol.packet import Packet
 
@@ -24,14 +25,12 @@ _MAX_SEQUENCES = 32
 _HEARTBEAT = 0
 _WINDOW_MS, _MOST_INTERVALS = 30_000, 64
 """What is regular is measured over so long, and so many intervals."""
+_NEIGHBOURS = 10
+"""Intervals on each side of one that tell what is usual there: of so many, a few are whole though most messages are
+lost."""
 _LEAST_INTERVALS = 4
-"""Of one message type, for its usual interval."""
 _KNOWN_FROM = 10
 """Regular messages that have to come before a hole counts as a loss: of half as many it could be chance."""
-_COUNTED_EVERY = 8
-"""Messages between two counts."""
-_SHORTEST = 0.1
-"""The usual interval is the one that a tenth are shorter than: it is found though most messages are lost."""
 _SILENCE_MS = 10_000
 """A longer interval is a silence, which is reported as that."""
 
@@ -78,17 +77,25 @@ class SequenceLoss:
 class _RegularMessage:
     """One message type that a vehicle sends at a steady rate."""
 
-    __slots__ = ("_added", "_intervals_ms", "_last_ms", "_span_ms", "expected", "received")
+    __slots__ = ("_intervals_ms", "_last_ms", "_sent", "_span_ms")
 
     def __init__(self, made_ms: int) -> None:
         self._last_ms = made_ms
-        self._intervals_ms: deque[int] = deque(maxlen=_MOST_INTERVALS)
+        self._intervals_ms: deque[int] = deque()
+        self._sent: deque[int] = deque()
+        """Messages in each interval, its last one among them."""
         self._span_ms = 0
-        self._added = 0
-        self.received = 0
-        """Messages that came lately, as counted last."""
-        self.expected = 0
-        """Messages that were sent meanwhile, by the usual interval between them; 0 unknown."""
+
+    @property
+    def received(self) -> int:
+        """Messages that came lately, 0 while too few for a usual interval did."""
+        count = len(self._intervals_ms)
+        return count if count >= _LEAST_INTERVALS else 0
+
+    @property
+    def sent(self) -> int:
+        """Messages that were sent meanwhile, by the usual interval between them."""
+        return sum(self._sent)
 
     def add(self, made_ms: int) -> None:
         """One that was made at a time in ms."""
@@ -98,22 +105,25 @@ class _RegularMessage:
         if not 0 < interval_ms <= _SILENCE_MS:
             return
         self._last_ms = made_ms
-        if len(self._intervals_ms) == _MOST_INTERVALS:
-            self._span_ms -= self._intervals_ms[0]
+        while self._span_ms > _WINDOW_MS or len(self._intervals_ms) >= _MOST_INTERVALS:
+            self._span_ms -= self._intervals_ms.popleft()
+            self._sent.popleft()
         self._intervals_ms.append(interval_ms)
         self._span_ms += interval_ms
-        while self._span_ms > _WINDOW_MS:
-            self._span_ms -= self._intervals_ms.popleft()
-        self._added += 1
-        if self._added <= _COUNTED_EVERY or not self._added % _COUNTED_EVERY:
-            self._count()
+        at = len(self._intervals_ms) - 1
+        self._sent.append(self._sent_in(at))
+        if at >= _NEIGHBOURS:  # those after it are known now as well
+            self._sent[at - _NEIGHBOURS] = self._sent_in(at - _NEIGHBOURS)
 
-    def _count(self) -> None:
-        """How many came, and how many were sent by the usual interval."""
-        self.received, self.expected = len(self._intervals_ms), 0
-        if self.received >= _LEAST_INTERVALS:
-            usual_ms = sorted(self._intervals_ms)[int(_SHORTEST * self.received)]
-            self.expected = sum(max(1, round(interval / usual_ms)) for interval in self._intervals_ms)
+    def _sent_in(self, at: int) -> int:
+        """Messages sent in one interval, by what is usual before and after it: at a change of the rate the longer."""
+        usual_ms = max(self._usual_ms(at - _NEIGHBOURS, at + 1), self._usual_ms(at, at + _NEIGHBOURS + 1))
+        return max(1, round(self._intervals_ms[at] / usual_ms)) if usual_ms else 1
+
+    def _usual_ms(self, start: int, stop: int) -> int:
+        """The second shortest interval, since the shortest may end with an extra message; 0 where there are too few."""
+        near = sorted(islice(self._intervals_ms, max(0, start), stop))
+        return near[1] if len(near) >= _LEAST_INTERVALS else 0
 
 
 class PacketLoss:
@@ -145,6 +155,6 @@ class PacketLoss:
         numbered = self.sequence.share
         if not numbered:
             return 0.0
-        known = [regular for regular in self._regular.values() if regular.expected]
-        expected, received = sum(each.expected for each in known), sum(each.received for each in known)
-        return min(numbered, 1.0 - received / expected) if received >= _KNOWN_FROM else math.nan
+        known = [regular for regular in self._regular.values() if regular.received]
+        sent, received = sum(each.sent for each in known), sum(each.received for each in known)
+        return min(numbered, 1.0 - received / sent) if received >= _KNOWN_FROM else math.nan

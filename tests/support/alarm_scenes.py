@@ -1,4 +1,5 @@
-"""Vehicles on the air before a station: what they send goes through the fold, and the alarms that come are kept."""
+"""Vehicles on the air before a station: what they send goes through the fold, and the alarms that come are kept; and
+for every alarm about vehicles a scene that raises it."""
 
 import math
 from collections.abc import Callable
@@ -8,11 +9,15 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.fold.pipeline import Pipeline
+from gcs.mission.fence import Fence
 from gcs.mission.mission import parse_mission
 from gcs.snapshot import Health
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
+from mavlink.signing.streams import ticks_of
 from tests.support.flights import FIELD, T0, S
+from tests.support.signed_vehicles import Sender as Signed
+from tests.support.signed_vehicles import secret_of, verifier
 from vision.detect.detections import Detections
 
 UAV, UGV, OTHER = 1, 11, 12
@@ -138,3 +143,250 @@ def filter_status(flags=0x033F, position=0.01, compass=0.01):
     """EKF_STATUS_REPORT once a second."""
     report = dialect.MAVLink_ekf_status_report_message(flags, 0.01, position, 0.01, compass, 0.0)
     return lambda speaker, t_us: [speaker.pack(report)]
+
+
+CASES = {}
+
+
+def raises(key, level="alarm"):
+    """Registers how an alarm is raised: a function that gives the alarms that came, by key and level."""
+
+    def register(case):
+        CASES[key, level] = case
+        return case
+
+    return register
+
+
+# what vehicles send
+
+
+@raises("silent")
+def falls_silent():
+    scene = Scene().run(3)
+    scene.vehicles[1].sends = ""
+    return scene.run(6).came
+
+
+@raises("position", "warning")
+@raises("position")
+def stops_its_positions():
+    scene = Scene().run(3)
+    scene.vehicles[1].sends = "h"
+    return scene.run(8).came
+
+
+@raises("refused")
+def reports_zeros():
+    scene = Scene().run(3)
+    scene.vehicles[1].sends = "h0"
+    return scene.run(4).came
+
+
+@raises("no position", "warning")
+def never_has_a_position():
+    return Scene(Vehicle(UGV, "h")).run(12).came
+
+
+@raises("doubted")
+def reports_a_glitch():
+    return Scene(Vehicle(UGV, extra=filter_status(flags=0x833F, position=27.0))).run(5).came
+
+
+@raises("compass")
+def reports_a_bad_compass():
+    return Scene(Vehicle(UGV, extra=filter_status(compass=1.5))).run(5).came
+
+
+class Far(Vehicle):
+    """A share of what it sends is lost on the way."""
+
+    lost = 0.0
+
+    def frames(self, t_us):
+        self.rng = getattr(self, "rng", None) or np.random.default_rng(4)
+        return (raw for raw in super().frames(t_us) if self.rng.random() >= self.lost)
+
+
+@raises("loss", "warning")
+def is_at_the_edge_of_its_radio():
+    vehicle = Far(UGV)
+    vehicle.lost = 0.25
+    return Scene(vehicle).run(20).came
+
+
+@raises("loss")
+def is_beyond_the_edge_of_its_radio():
+    vehicle = Far(UGV)
+    vehicle.lost = 0.75
+    return Scene(vehicle).run(20).came
+
+
+@raises("attitude")
+def sends_no_attitude():
+    return Scene(Vehicle(UAV, "hp")).run(5).came
+
+
+@raises("clock", "warning")
+def has_a_slow_clock():
+    return Scene(Vehicle(UGV, drift_ppm=800.0)).run(90).came
+
+
+@raises("contested")
+def shares_its_id():
+    return Scene(Vehicle(UGV), Vehicle(UGV, shift_m=-60.0, peer=99, booted_us=T0 - 900 * S)).run(8).came
+
+
+@raises("conflict")
+def is_filmed_elsewhere():
+    scene = Scene().run(8, filmed=True)
+    scene.vehicles[1].shift_m = 15.0
+    return scene.run(4, filmed=True).came
+
+
+# what a verifier says of what they send
+
+
+class Signs(Vehicle):
+    """Signs, with a key or another's, by a clock that lags."""
+
+    secret, lag_s, timed = secret_of(UGV), 0, True
+
+    def __post_init__(self):
+        super().__post_init__()
+        signed = Signed(self.system_id, secret=self.secret)
+        self.speaker._mav.signing = signed.mav.signing
+
+    def frames(self, t_us):
+        self.speaker._mav.signing.timestamp = ticks_of(t_us) - self.lag_s * 100_000
+        yield from super().frames(t_us)
+
+
+def judged(vehicle, *, keys=1):
+    vehicle.check = verifier(UGV).check
+    scene = Scene(vehicle)
+    scene.health = replace(scene.health, keys=keys, free_bytes=10**11)
+    return scene
+
+
+@raises("signature")
+def signs_with_another_key():
+    return judged(type("Forger", (Signs,), {"secret": secret_of(99)})(UGV)).run(3).came
+
+
+@raises("unsigned", "warning")
+def does_not_sign():
+    return judged(Vehicle(UGV)).run(3).came
+
+
+@raises("held")
+def was_signed_long_ago():
+    return judged(type("Late", (Signs,), {"lag_s": 1800})(UGV)).run(6).came
+
+
+@raises("replay")
+def is_played_again():
+    vehicle = Signs(UGV, "hpat")
+    kept = []
+    vehicle.extra = lambda speaker, t_us: kept.append(speaker.heartbeat()) or kept[-1:]
+    scene = judged(vehicle).run(15)
+    player = Vehicle(UGV, "", peer=99, check=vehicle.check, extra=lambda speaker, t_us: kept[:10])
+    scene.vehicles.append(player)
+    return scene.run(3).came
+
+
+@raises("unheard", "warning")
+def is_never_heard():
+    return Scene(Vehicle(OTHER, "")).run(17).came
+
+
+def message(name, *values, **more):
+    """Frames once a second of one message of the dialect."""
+    made = getattr(dialect, f"MAVLink_{name}_message")(*values, **more)
+    return lambda speaker, t_us: [speaker.pack(made)]
+
+
+def battery(percent=80, millivolts=12_000, *, number=0, function=1, state=0):
+    """BATTERY_STATUS."""
+    volts = [millivolts, *[65535] * 9]
+    return message("battery_status", number, function, 3, 2000, volts, 500, 100, -1, percent, charge_state=state)
+
+
+def receiver(satellites=12, hdop=0.8, fix_type=3):
+    """GPS_RAW_INT."""
+    return lambda speaker, t_us: [
+        speaker.gps_raw_int(0, -35.363, 149.165, 584.0, fix_type=fix_type, satellites=satellites, hdop=hdop)
+    ]
+
+
+def sensors(health, *, percent=-1, millivolts=65535, enabled=0x1FFFFFFF):
+    """SYS_STATUS."""
+    return message("sys_status", enabled, enabled, health, 0, millivolts, -1, percent, 0, 0, 0, 0, 0, 0)
+
+
+def raised_by(extra, seconds=15, **limits):
+    """Alarms of a vehicle that reports this."""
+    mission = replace(MISSION, limits=replace(MISSION.limits, **limits))
+    return Scene(Vehicle(UGV, extra=extra), mission=mission).run(seconds).came
+
+
+@raises("battery", "warning")
+def has_a_low_battery():
+    return raised_by(battery(20))
+
+
+@raises("battery")
+def has_an_empty_battery():
+    return raised_by(battery(-1, 10_400), battery_v=10.5)
+
+
+@raises("reception", "warning")
+def sees_few_satellites():
+    return raised_by(receiver(satellites=4, hdop=3.2))
+
+
+@raises("reception")
+def loses_its_fix():
+    return raised_by(receiver(satellites=3, fix_type=1))
+
+
+@raises("arming", "warning")
+def fails_its_arming_checks():
+    return raised_by(lambda speaker, t_us: [speaker.statustext("PreArm: compass not calibrated", 2)])
+
+
+@raises("part", "warning")
+def has_a_broken_compass():
+    return raised_by(sensors(0x1FFFFFFF & ~4))
+
+
+def fenced(north_m):
+    """Alarms of vehicles in a field that ends so far north of where they turn."""
+    corners = (-90, -90), (90, -90), (90, north_m), (-90, north_m)
+    places = tuple(tuple(map(float, FIELD.to_geodetic([*corner, 0.0])[:2])) for corner in corners)
+    return Scene(mission=replace(MISSION, fence=(Fence(polygon=places),))).run(8).came
+
+
+@raises("fence", "warning")
+def comes_near_a_fence():
+    return fenced(RADIUS_M + 0.5)
+
+
+@raises("fence")
+def breaks_a_fence():
+    return fenced(RADIUS_M - 2.0)
+
+
+def with_separation(metres):
+    """Alarms of two vehicles, 20 m apart and more, that must be so far apart."""
+    return Scene(mission=replace(MISSION, limits=replace(MISSION.limits, separation_m=metres))).run(8).came
+
+
+@raises("near", "warning")
+def are_perhaps_too_near():
+    return with_separation(19.0)
+
+
+@raises("near")
+def are_too_near():
+    return with_separation(25.0)

@@ -6,13 +6,16 @@ from pathlib import Path
 import pytest
 
 from gcs.health.alarm_rule import CLEARS_AFTER_S, GROWING_S
+from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.link_alarms import LINK_RULES
+from gcs.health.proximity_alarms import PAIR_RULES
 from gcs.health.station_alarms import LATE_S, STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from vision.stream.stream import STALL_S
 
 PAGE = Path("docs/operations.md")
-NAMED = [*(("NAME: ", rule) for rule in VEHICLE_RULES), *(("LINK: ", rule) for rule in LINK_RULES)]
+NAMED = [("NAME: ", rule) for rule in (*VEHICLE_RULES, *CONDITION_RULES)]
+NAMED += [*(("NAME and NAME: ", rule) for rule in PAIR_RULES), *(("LINK: ", rule) for rule in LINK_RULES)]
 NAMED += [("", rule) for rule in STATION_RULES]
 HEAD = "| alarm | level | raised when | over | do |\n|---|---|---|---|---|\n"
 RULES = [rule for _, rule in NAMED]

@@ -13,8 +13,10 @@ from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.monitor import FlightMonitor, Throughput
 from gcs.flight.video import FlightVideo
 from gcs.fold.pipeline import Pipeline
+from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.faults import Faults
 from gcs.health.link_alarms import LINK_RULES
+from gcs.health.proximity_alarms import PAIR_RULES
 from gcs.health.station_alarms import STALLED_S, STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.session.recorder import Recorder
@@ -23,177 +25,21 @@ from infra.wall_clock import ClockWatch
 from mavlink.ingest.health import IngestHealth
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
-from mavlink.signing.streams import ticks_of
 from mavlink.tlog.writer import TlogWriter
-from tests.support.alarm_scenes import MISSION, OTHER, UAV, UGV, Scene, Vehicle, filter_status
+from tests.support.alarm_scenes import CASES, MISSION, OTHER, UAV, UGV, Scene, Vehicle, raises
 from tests.support.faulty_disk import HangingDisk
 from tests.support.flights import T0, S
 from tests.support.frames import heartbeats
 from tests.support.ports import free_port
 from tests.support.receiving import HOST, wait_for
-from tests.support.signed_vehicles import Sender as Signed
-from tests.support.signed_vehicles import secret_of, verifier
 from tests.support.video_senders import Sender as Camera
 from tests.support.video_senders import coded
 from tests.support.waiting import until
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-RULES = (*VEHICLE_RULES, *LINK_RULES, *STATION_RULES)
-CASES = {}
+RULES = (*VEHICLE_RULES, *CONDITION_RULES, *PAIR_RULES, *LINK_RULES, *STATION_RULES)
 LINE = Event(t_us=T0, level="info", kind="operator", text="a line of the event log")
-
-
-def raises(key, level="alarm"):
-    """Registers how an alarm is raised: a function that gives the alarms that came, by key and level."""
-
-    def register(case):
-        CASES[key, level] = case
-        return case
-
-    return register
-
-
-# what vehicles send
-
-
-@raises("silent")
-def falls_silent(tmp_path):
-    scene = Scene().run(3)
-    scene.vehicles[1].sends = ""
-    return scene.run(6).came
-
-
-@raises("position", "warning")
-@raises("position")
-def stops_its_positions(tmp_path):
-    scene = Scene().run(3)
-    scene.vehicles[1].sends = "h"
-    return scene.run(8).came
-
-
-@raises("refused")
-def reports_zeros(tmp_path):
-    scene = Scene().run(3)
-    scene.vehicles[1].sends = "h0"
-    return scene.run(4).came
-
-
-@raises("no position", "warning")
-def never_has_a_position(tmp_path):
-    return Scene(Vehicle(UGV, "h")).run(12).came
-
-
-@raises("doubted")
-def reports_a_glitch(tmp_path):
-    return Scene(Vehicle(UGV, extra=filter_status(flags=0x833F, position=27.0))).run(5).came
-
-
-@raises("compass")
-def reports_a_bad_compass(tmp_path):
-    return Scene(Vehicle(UGV, extra=filter_status(compass=1.5))).run(5).came
-
-
-class Far(Vehicle):
-    """A share of what it sends is lost on the way."""
-
-    lost = 0.0
-
-    def frames(self, t_us):
-        self.rng = getattr(self, "rng", None) or np.random.default_rng(4)
-        return (raw for raw in super().frames(t_us) if self.rng.random() >= self.lost)
-
-
-@raises("loss", "warning")
-def is_at_the_edge_of_its_radio(tmp_path):
-    vehicle = Far(UGV)
-    vehicle.lost = 0.25
-    return Scene(vehicle).run(20).came
-
-
-@raises("loss")
-def is_beyond_the_edge_of_its_radio(tmp_path):
-    vehicle = Far(UGV)
-    vehicle.lost = 0.75
-    return Scene(vehicle).run(20).came
-
-
-@raises("attitude")
-def sends_no_attitude(tmp_path):
-    return Scene(Vehicle(UAV, "hp")).run(5).came
-
-
-@raises("clock", "warning")
-def has_a_slow_clock(tmp_path):
-    return Scene(Vehicle(UGV, drift_ppm=800.0)).run(90).came
-
-
-@raises("contested")
-def shares_its_id(tmp_path):
-    return Scene(Vehicle(UGV), Vehicle(UGV, shift_m=-60.0, peer=99, booted_us=T0 - 900 * S)).run(8).came
-
-
-@raises("conflict")
-def is_filmed_elsewhere(tmp_path):
-    scene = Scene().run(8, filmed=True)
-    scene.vehicles[1].shift_m = 15.0
-    return scene.run(4, filmed=True).came
-
-
-# what a verifier says of what they send
-
-
-class Signs(Vehicle):
-    """Signs, with a key or another's, by a clock that lags."""
-
-    secret, lag_s, timed = secret_of(UGV), 0, True
-
-    def __post_init__(self):
-        super().__post_init__()
-        signed = Signed(self.system_id, secret=self.secret)
-        self.speaker._mav.signing = signed.mav.signing
-
-    def frames(self, t_us):
-        self.speaker._mav.signing.timestamp = ticks_of(t_us) - self.lag_s * 100_000
-        yield from super().frames(t_us)
-
-
-def judged(vehicle, *, keys=1):
-    vehicle.check = verifier(UGV).check
-    scene = Scene(vehicle)
-    scene.health = replace(scene.health, keys=keys, free_bytes=10**11)
-    return scene
-
-
-@raises("signature")
-def signs_with_another_key(tmp_path):
-    return judged(type("Forger", (Signs,), {"secret": secret_of(99)})(UGV)).run(3).came
-
-
-@raises("unsigned", "warning")
-def does_not_sign(tmp_path):
-    return judged(Vehicle(UGV)).run(3).came
-
-
-@raises("held")
-def was_signed_long_ago(tmp_path):
-    return judged(type("Late", (Signs,), {"lag_s": 1800})(UGV)).run(6).came
-
-
-@raises("replay")
-def is_played_again(tmp_path):
-    vehicle = Signs(UGV, "hpat")
-    kept = []
-    vehicle.extra = lambda speaker, t_us: kept.append(speaker.heartbeat()) or kept[-1:]
-    scene = judged(vehicle).run(15)
-    player = Vehicle(UGV, "", peer=99, check=vehicle.check, extra=lambda speaker, t_us: kept[:10])
-    scene.vehicles.append(player)
-    return scene.run(3).came
-
-
-@raises("unheard", "warning")
-def is_never_heard(tmp_path):
-    return Scene(Vehicle(OTHER, "")).run(17).came
 
 
 # what links, disks, cameras and this computer do

@@ -260,7 +260,7 @@ def test_clock_readings_of_two_senders_are_no_drift():
 
 
 def test_loss_rate_and_age_are_reported_for_each_link():
-    air = Air(Sender(), Sender(link=1, peer=3, seq=140, phase_us=50_000, loss=0.5, rate_hz=1)).run(15)
+    air = Air(Sender(), Sender(link=1, peer=3, seq=140, phase_us=50_000, loss=0.5, rate_hz=1)).run(35)
     status = air.status()
     first, second = status.channels
     assert (first.link, first.peer, second.link, second.peer) == (0, 1, 1, 3)

@@ -200,7 +200,7 @@ def test_accuracy_comes_from_the_receiver(world):
     world.rover(11, T0)
     state = world.fleet.at(T0)
     assert state.std_m[0] == pytest.approx(0.3)
-    assert (state.vehicles[1].fix, state.vehicles[1].satellites) == ("RTK", 17)
+    assert (state.vehicles[1].fix, state.vehicles[1].condition.satellites) == ("RTK", 17)
     said = world.feed(world.speakers[11].gps_raw_int(0, 1, 2, 3, fix_type=1), T0 + S)
     assert [(n.level, n.text) for n in said] == [("warning", "GPS fix none, was RTK")]
     assert "no GPS fix" in world.rover(11, T0 + S)[0].text

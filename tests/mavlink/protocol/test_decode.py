@@ -95,7 +95,7 @@ def test_gps_accuracy_and_its_absence():
     assert full == GpsRaw(77, 1, 1, 6, 1.5, -2.5, 30.0, pytest.approx(0.7), 17, 0.3, full.v_acc_m, full.fix_us)
     bare = decoded(MessageEncoder(1, version=1).gps_raw_int(0, 0, 0, 0, satellites=255))
     assert math.isnan(bare.hdop) and math.isnan(bare.h_acc_m) and math.isnan(bare.v_acc_m)
-    assert bare.satellites == 0
+    assert bare.satellites == -1
 
 
 def test_gimbal_and_mount():

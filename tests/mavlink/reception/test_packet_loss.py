@@ -93,3 +93,19 @@ def test_a_silence_and_a_restart_are_no_loss():
     loss(sent(10, start=60), lambda message_id: message_id in REGULAR, reception)
     rebooted = ((t_us + 100 * S, message_id, raw) for t_us, message_id, raw in sent(10))
     assert loss(rebooted, lambda message_id: message_id in REGULAR, reception) <= 0.02
+
+
+def test_a_rate_that_changes_and_extra_heartbeats_are_no_loss():
+    reception, most, seen = Reception(), 0.0, 0
+    for t_us, message_id, raw in sent(60):
+        # attitudes once a second at first; the heartbeat is repeated at every change of the mode
+        seen += message_id == ATTITUDE
+        if message_id == HUD or (message_id == ATTITUDE and seen < 300 and seen % 10):
+            continue
+        reception.add_packet(Packet(t_us, raw), message_id)
+        if message_id == HEARTBEAT and seen % 100 < 10:
+            extra = MavlinkEncoder(11)
+            extra._mav.seq = raw[4] + 1
+            reception.add_packet(Packet(t_us + 300_000, extra.heartbeat(custom_mode=seen)), HEARTBEAT)
+        most = max(most, 0.0 if math.isnan(reception.loss) else reception.loss)
+    assert most < 0.1
