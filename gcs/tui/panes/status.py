@@ -182,7 +182,8 @@ def _alarms(snapshot: Snapshot) -> list[Item]:
     parts = count_parts(loud, quiet)
     parts[-1] = (parts[-1][0].rstrip(), parts[-1][1])
     more = [(f"+{quiet}", parts[-1][1])] if loud and quiet else []
-    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (*parts[:1], *more)))]
+    worst = (parts[0][0].rstrip(), parts[0][1])
+    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (*parts[:1], *more), (worst,)))]
 
 
 def _open(health: Health) -> list[Item]:
