@@ -212,6 +212,19 @@ class Pipeline:
         self._events += self._names.update(t_us, identities, state, tracks, self._optics.size)
         return self._snapshot(index, t_us, state, view, image, identities, health)
 
+    def between_frames(self, t_us: int, health: Health | None = None) -> Snapshot:
+        """A moment of a recording between two frames: no evidence is taken in, so that names rest on frames alone.
+
+        Args:
+            t_us: When, Unix µs on the video's clock.
+            health: How the program was doing, passed on.
+        """
+        state = self.fleet.at(self._telemetry_time(t_us))
+        self._notices.follow(state)
+        self._follow_origin()
+        view = self._frame_camera(state, None)
+        return self._snapshot(NO_FRAME, t_us, state, view, None, self._names_held(state), health)
+
     def _names_held(self, state: FleetState) -> Identities | None:
         """Names of the last frame that was looked at, without those that the fleet's state forbids now."""
         found = self._look.found if self._look else None

@@ -14,7 +14,7 @@ from gcs.health.station_alarms import STATION_RULES
 from gcs.health.vehicle_alarms import VEHICLE_RULES
 from gcs.snapshot import Snapshot
 
-__all__ = ["Finding", "findings"]
+__all__ = ["Finding", "ReportedAlarm", "findings", "reported_alarm"]
 
 Rules = Iterable[AlarmRule[Any]]
 
@@ -32,6 +32,41 @@ class Finding:
     """Of a counter that should not grow; None: the rule's condition holds."""
     raises: bool = True
     """False: the condition does not hold, and an alarm that was raised before is kept all the same."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReportedAlarm:
+    """An alarm that an event tells of."""
+
+    rule: AlarmRule[Any]
+    key: str
+    """Of the alarm."""
+    worked_out: bool
+    """Whether packets and frames alone raise it: then a recording raises it again."""
+
+
+_WORKED_OUT = frozenset({"unheard", "video", "video clock"})
+"""Of the station's alarms."""
+
+
+def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None:
+    """The alarm that such an event tells of; None: this program words none like that, or logs it elsewhere."""
+    best: tuple[int, ReportedAlarm] | None = None
+    tables: tuple[Rules, ...] = (VEHICLE_RULES,) if system_id else (STATION_RULES, LINK_RULES)
+    for rules in tables:
+        for rule in rules:
+            whose, found, rest = text.rpartition(rule.text)
+            if not found or rule.kind != kind or rule.logged_by or (rest and not rest.startswith(": ")):
+                continue
+            if (whose and not whose.endswith(": ")) or bool(whose) != (rules is not STATION_RULES):
+                continue
+            name = str(system_id) if system_id else whose.removesuffix(": ")
+            detail = rest.removeprefix(": ") if rule.each_detail else ""
+            key = " ".join(part for part in (rule.key, name, detail) if part)
+            worked_out = bool(system_id) or rule.key in _WORKED_OUT
+            if best is None or len(rule.text) > best[0]:
+                best = len(rule.text), ReportedAlarm(rule=rule, key=key, worked_out=worked_out)
+    return best[1] if best else None
 
 
 def findings(snapshot: Snapshot) -> Iterator[Finding]:

@@ -5,9 +5,11 @@ The decoder and the detector are imported when a recording needs them: to load t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,16 +19,16 @@ from numpy.typing import NDArray
 from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
-from gcs.mission.mission import Mission, MissionVehicle
-from gcs.playback.recorded_order import RecordedTurns, missing_inputs
-from gcs.session.fold_order import NO_FRAME
+from gcs.mission.mission import Mission
+from gcs.playback.discovery import discover
+from gcs.playback.gaps import VIDEO_GAP_S
+from gcs.playback.moments import moments_between, telemetry_times
+from gcs.playback.recorded_order import PacketsInOrder, RecordedTurns, missing_inputs
+from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.frame_tables import FrameDetections, read_detections, read_times
 from gcs.session.log import SessionLog
 from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
-from mavlink.protocol.decode import decode
-from mavlink.protocol.messages import Heartbeat
-from mavlink.protocol.modes import is_aircraft, is_ground_vehicle
 from mavlink.protocol.packet import Packet
 from vision.camera.intrinsics import resized
 from vision.detect.detections import Detections
@@ -35,33 +37,15 @@ if TYPE_CHECKING:
     from vision.detect.detector import Detector
     from vision.video.video import Frame, VideoFile
 
-__all__ = ["Analysis", "discover"]
+__all__ = ["Analysis"]
 
 Image = NDArray[np.uint8]
+Times = NDArray[np.int64]
 
-# Frames a second when there is neither video nor detections: the fleet and the map still replay.
-TELEMETRY_FPS = 5.0
-TELEMETRY_PAUSE_US = 60_000_000
-"""By then every alarm of silence has come."""
-
-
-def discover(log: SessionLog) -> Mission:
-    """Who flies and who drives, from the heartbeats of a log.
-
-    Raises:
-        SessionError: no aircraft or no ground vehicle sends in it.
-    """
-    kinds: dict[int, int] = {}
-    for packet in log.accepted_packets(0):
-        sample = decode(packet)
-        if isinstance(sample, Heartbeat):
-            kinds.setdefault(sample.system_id, sample.type)
-    aircraft = sorted(i for i, kind in kinds.items() if is_aircraft(kind))
-    ground = sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))
-    if not aircraft or not ground:
-        missing = "aircraft" if not aircraft else "ground vehicle"
-        raise SessionError(f"{log.path}: no {missing} heartbeat in it; name the vehicles with --mission")
-    return Mission(uav=MissionVehicle(system_id=aircraft[0]), ugv=tuple(MissionVehicle(system_id=i) for i in ground))
+WARM_UP_US = 20_000_000
+"""A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
+LOOKED_US = 8_000_000
+"""And looks at the frames of so long: most vehicles are named within some seconds."""
 
 
 class Analysis:
@@ -92,6 +76,7 @@ class Analysis:
             RecordedTurns.open(session.folds, self._log, self._boxes) if session.folds and self._boxes else None
         )
         self.times_us = self._frame_times(times)
+        self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._size = self._frame_size()
         self.warnings = tuple(self._find_warnings())
 
@@ -119,7 +104,7 @@ class Analysis:
         known = self.video.times_us if self.video is not None else times
         if known is not None:
             return self._turns.times_from(known) if self._turns else known
-        return _telemetry_times(self._log.times_us)
+        return telemetry_times(self._log.times_us)
 
     def _frame_size(self) -> FrameSize:
         """Size of frames that have no image, as far as it is known."""
@@ -172,6 +157,11 @@ class Analysis:
             yield f"the frames' time goes back {backwards} times: what is named around there is not to be trusted"
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a frame, px; 0 unknown."""
+        return self._size.size or (0, 0)
+
+    @property
     def frames_us(self) -> NDArray[np.int64] | None:
         """(n,) when each frame was taken; None for telemetry alone."""
         return self.times_us if self.video is not None or self._frames is not None else None
@@ -182,7 +172,7 @@ class Analysis:
         return self._log.times_us
 
     def detector(self) -> Detector | None:
-        """The mission's detector when frames have to be looked at, else None."""
+        """The mission's detector when frames have to be looked at."""
         if self.video is None or self._boxes is not None:
             return None
         from gcs.fold.detector_factory import open_mission_detector
@@ -197,10 +187,7 @@ class Analysis:
         Args:
             images: Put each frame's image into its snapshot; frames of a video that cannot be decoded are left out.
         """
-        senders = self._log.senders
-        pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
-        for text in self.warnings:
-            pipeline.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
+        pipeline = self._pipeline()
         if self._turns is None:
             yield from self._by_time(pipeline, images)
             return
@@ -208,15 +195,88 @@ class Analysis:
             if snapshot.image is not None or not images or self.video is None:
                 yield snapshot  # a video has no frames without an image
 
+    def moments(
+        self, flown: Sequence[Event] = (), provisional_from_us: int | None = None
+    ) -> Iterator[tuple[int, Snapshot]]:
+        """Fold the recording for a screen: its frames, without images, and moments in between at which none came.
+
+        Args:
+            flown: What the flight reported, in order of time: the recording lasts at least so long, and alarms that
+                were acknowledged then are.
+            provisional_from_us: Begin some seconds before this time: names are provisional, and no alarm is told. None:
+                from the start.
+
+        Yields:
+            Time on the recording's time line, Unix µs, and what is known then.
+        """
+        flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
+        received_us = np.sort(np.concatenate([self._log.times_us, self.times_us, flown_us]))
+        if provisional_from_us is None:
+            seen = deque(event for event in flown if event.alarm)
+            pipeline, start_us = self._pipeline(), int(received_us[0])
+            for at_us, snapshot in self._moments(pipeline, received_us, start_us, None):
+                yield at_us, snapshot
+                while seen and seen[0].t_us <= at_us:
+                    pipeline.add_event(seen.popleft())
+            return
+        looks_us = provisional_from_us - LOOKED_US
+        for at_us, snapshot in self._moments(self._pipeline(), received_us, provisional_from_us - WARM_UP_US, looks_us):
+            if at_us > looks_us:
+                yield at_us, replace(snapshot, provisional=True, alarms=(), events=())
+
+    def _pipeline(self) -> Pipeline:
+        senders = self._log.senders
+        pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
+        for text in self.warnings:
+            pipeline.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
+        return pipeline
+
+    def _moments(
+        self, pipeline: Pipeline, received_us: Times, hears_us: int, looks_us: int | None
+    ) -> Iterator[tuple[int, Snapshot]]:
+        """Moments with the telemetry from one time on and the frames from another, None: with all frames."""
+        shift_us, at_us = 0, (hears_us if looks_us is None else looks_us) - 1
+        if self._turns is not None:
+            for at_us, turn, taken, boxes in self._turns.placed_turns(self.times_us):
+                for packet in taken:
+                    if at_us >= hears_us:
+                        self._add_packet(pipeline, packet)
+                if looks_us is None or at_us >= looks_us:
+                    yield at_us, self._fold_turn(pipeline, turn, boxes, self.health_at(at_us, turn.frame))
+                shift_us = turn.t_us - at_us
+            packets = PacketsInOrder(self._turns.packets_after())
+            frames: Iterator[tuple[int, int, Image | None, Detections | None]] = iter(())
+        else:
+            packets = PacketsInOrder(self._log.packets())
+            deque(packets.until(hears_us - 1), maxlen=0)
+            frames = self._frames_with_boxes(images=False, from_us=looks_us)
+        for index, t_us, _, boxes in frames:
+            yield from self._moments_without_frame(pipeline, packets, moments_between(at_us, t_us, received_us))
+            for packet in packets.until(t_us):
+                self._add_packet(pipeline, packet)
+            health = self.health_at(t_us, index)
+            yield t_us, pipeline.add_frame(index, t_us, size=self._size.size, detections=boxes, health=health)
+            at_us = max(at_us, t_us)
+        stop_us = int(received_us[-1])
+        times_us = chain(moments_between(at_us, stop_us, received_us), [stop_us] * (at_us < stop_us))
+        yield from self._moments_without_frame(pipeline, packets, times_us, shift_us)
+
+    def _moments_without_frame(
+        self, pipeline: Pipeline, packets: PacketsInOrder, times_us: Iterator[int], shift_us: int = 0
+    ) -> Iterator[tuple[int, Snapshot]]:
+        """Moments on the recording's time line; shift_us: what the clock of the packets' stamps is ahead of it."""
+        for t_us in times_us:
+            for packet in packets.until(t_us + shift_us):
+                self._add_packet(pipeline, packet)
+            yield t_us, pipeline.between_frames(t_us + shift_us, self.health_at(t_us, NO_FRAME))
+
     def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
-        packets = _PacketsInOrder(self._log.packets())
+        packets = PacketsInOrder(self._log.packets())
         for index, t_us, image, boxes in self._frames_with_boxes(images):
             for packet in packets.until(t_us):
                 self._add_packet(pipeline, packet)
-            shown = image if images else None
-            yield pipeline.add_frame(
-                index, t_us, image=shown, size=self._size.size, detections=boxes, health=self._health(index)
-            )
+            shown, health = image if images else None, self._health(index)
+            yield pipeline.add_frame(index, t_us, image=shown, size=self._size.size, detections=boxes, health=health)
 
     def _by_turns(self, pipeline: Pipeline, recorded: RecordedTurns, images: bool) -> Iterator[Snapshot]:
         """Each turn of the fold as it was made; frames that the flight did not look at show the fleet as it was.
@@ -229,20 +289,13 @@ class Analysis:
         for turn, packets, boxes in recorded.turns(len(self.times_us)):
             for packet in packets:
                 self._add_packet(pipeline, packet)
-            if turn.frame == NO_FRAME:
-                health = self._health(latest.frame if latest else 0)
-                events = pipeline.add_frame(NO_FRAME, turn.t_us, health=health, heard_us=turn.heard_us).events
-                early += () if latest else events
-                latest = replace(latest, events=latest.events + events) if latest else None
+            without = turn.frame == NO_FRAME
+            health = self._health((latest.frame if latest else 0) if without else turn.frame)
+            now = self._fold_turn(pipeline, turn, boxes, health)
+            if without:
+                early += () if latest else now.events
+                latest = replace(latest, events=latest.events + now.events) if latest else None
                 continue
-            now = pipeline.add_frame(
-                turn.frame,
-                turn.t_us,
-                size=turn.size,
-                detections=boxes,
-                health=self._health(turn.frame),
-                heard_us=turn.heard_us,
-            )
             if latest is not None:
                 yield latest
             for index, t_us, image in places:
@@ -255,6 +308,11 @@ class Analysis:
             yield latest
             for index, t_us, image in places:
                 yield _without_boxes(latest, index, t_us, image)
+
+    def _fold_turn(self, pipeline: Pipeline, turn: FoldTurn, boxes: Detections | None, health: Health) -> Snapshot:
+        return pipeline.add_frame(
+            turn.frame, turn.t_us, size=turn.size, detections=boxes, health=health, heard_us=turn.heard_us
+        )
 
     def _frames_in_order(self, images: bool) -> Iterator[tuple[int, int, Image | None]]:
         """Index, time and, where asked for, image of every frame."""
@@ -278,13 +336,29 @@ class Analysis:
     def _health(self, index: int) -> Health:
         return Health(frames=index + 1, video="ok" if self.video else "none")
 
-    def _frames_with_boxes(self, images: bool) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
-        """Index, time, image and boxes of every frame; the images only where asked for."""
-        detector = self.detector()
+    def health_at(self, t_us: int, index: int) -> Health:
+        """As far as it is recorded: whether frames came at a time."""
+        health = self._health(index)
+        if self.frames_us is None:
+            return health
+        before = int(np.searchsorted(self._frames_order_us, t_us, side="right"))
+        if not before:
+            return replace(health, video="waiting" if self.video else "none")
+        stalled = t_us - int(self._frames_order_us[before - 1]) > VIDEO_GAP_S * 1e6
+        return replace(health, video="stalled") if stalled else health
+
+    def _frames_with_boxes(
+        self, images: bool, from_us: int | None = None
+    ) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
+        """Index, time, image and boxes of every frame; the images only where asked for.
+
+        From a time on, only what was recorded: frames are not looked at for it.
+        """
+        detector = self.detector() if from_us is None else None
         if detector is not None and self.video is not None:
             from vision.video.prefetch import look_ahead
 
-            scale = _GroundScale(self.mission, _PacketsInOrder(self._log.packets()))
+            scale = _GroundScale(self.mission, PacketsInOrder(self._log.packets()))
             with closing(look_ahead(self.video.frames(), detector, scale.gsd_m)) as looked:
                 for frame, boxes in looked:
                     yield frame.index, frame.t_us, frame.image, boxes
@@ -293,7 +367,8 @@ class Analysis:
                 yield frame.index, frame.t_us, frame.image, self._recorded_boxes(frame.index)
         else:
             for index, t_us in enumerate(self.times_us.tolist()):
-                yield index, t_us, None, self._recorded_boxes(index)
+                if from_us is None or t_us >= from_us:
+                    yield index, t_us, None, self._recorded_boxes(index)
 
     def _recorded_boxes(self, index: int) -> Detections | None:
         """Detections of a frame; one without any was perhaps never looked at, as a live flight skips frames."""
@@ -306,40 +381,15 @@ class Analysis:
             self.video.close()
 
 
-def _telemetry_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Moments to show a log at that has no frames: five a second, in pauses for a minute only."""
-    t_us = np.unique(t_us)
-    step_us = int(1e6 / TELEMETRY_FPS)
-    ends = np.flatnonzero(np.diff(t_us, append=t_us[-1] + TELEMETRY_PAUSE_US + 1) > TELEMETRY_PAUSE_US)
-    starts = np.concatenate([[0], ends[:-1] + 1])
-    last_us = np.minimum(t_us[ends] + TELEMETRY_PAUSE_US, t_us[-1])
-    return np.concatenate(
-        [np.arange(a, b + 1, step_us, dtype=np.int64) for a, b in zip(t_us[starts], last_us, strict=True)]
-    )
-
-
 def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:
     """A frame on which the detector was not run: the fleet as it was then, and no boxes."""
     return replace(near, frame=index, t_us=t_us, image=image, boxes=(), events=())
 
 
-class _PacketsInOrder:
-    """Packets in the order of arrival, handed out up to a time."""
-
-    def __init__(self, packets: Iterator[Packet]) -> None:
-        self._packets = packets
-        self._next = next(packets, None)
-
-    def until(self, t_us: int) -> Iterator[Packet]:
-        while self._next is not None and self._next.t_us <= t_us:
-            yield self._next
-            self._next = next(self._packets, None)
-
-
 class _GroundScale:
     """Ground metres a pixel of frames that the fold has not come to yet, from a fold of the telemetry of its own."""
 
-    def __init__(self, mission: Mission, packets: _PacketsInOrder) -> None:
+    def __init__(self, mission: Mission, packets: PacketsInOrder) -> None:
         self._pipeline = Pipeline(mission)
         self._packets = packets
 

@@ -18,10 +18,26 @@ from infra.files.segments import segments
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 
-__all__ = ["RecordedTurns", "missing_inputs"]
+__all__ = ["PacketsInOrder", "RecordedTurns", "missing_inputs"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
+_MOST_QUEUED_US = 5_000_000
+"""A turn is made at most so long after a record that it has not taken in yet."""
+
+
+class PacketsInOrder:
+    """Packets in the order of arrival, handed out up to a time."""
+
+    def __init__(self, packets: Iterator[Packet]) -> None:
+        self._packets = packets
+        self._next = next(packets, None)
+
+    def until(self, t_us: int) -> Iterator[Packet]:
+        """The next ones up to a time, inclusive."""
+        while self._next is not None and self._next.t_us <= t_us:
+            yield self._next
+            self._next = next(self._packets, None)
 
 
 class RecordedTurns:
@@ -63,6 +79,32 @@ class RecordedTurns:
         frames = np.arange(len(known), max(later) + 1)
         more = np.interp(frames, np.array(list(later)), np.array(list(later.values()), dtype=np.float64))
         return np.concatenate([known, np.round(more).astype(np.int64)])
+
+    def placed_turns(
+        self, frames_us: NDArray[np.int64]
+    ) -> Iterator[tuple[int, FoldTurn, Iterator[Packet], Detections | None]]:
+        """The same as :meth:`turns`, each with its time on the recording's time line, Unix µs.
+
+        Args:
+            frames_us: (n,) times of the frames on it.
+        """
+        line_us, stamped_us, last_us = self._log.times_us, self._log.stamped_us, 0
+        for turn, packets, boxes in self.turns(len(frames_us)):
+            if turn.frame != NO_FRAME:
+                at_us = int(frames_us[turn.frame])
+            else:
+                # as the clock stood at the last record before; a clock that was set since shows in the next one
+                record = min(max(turn.records, 1), len(line_us))
+                at_us = turn.t_us + int(line_us[record - 1] - stamped_us[record - 1]) if record else turn.t_us
+                if 0 < turn.records < len(line_us):
+                    at_us = min(at_us, int(line_us[turn.records]) + _MOST_QUEUED_US)
+            last_us = max(last_us, at_us)
+            yield last_us, turn, packets, boxes
+
+    def packets_after(self) -> Iterator[Packet]:
+        """Packets of which no turn is recorded any more, of a flight that was killed."""
+        stop = int(self._stops[-1]) if len(self._stops) else 0
+        return islice(self._log.packets(as_stamped=True), stop, None)
 
     def turns(self, frames: int) -> Iterator[tuple[FoldTurn, Iterator[Packet], Detections | None]]:
         """Each turn with the packets that were taken in before it, which are to be used up, and its boxes.

@@ -1,8 +1,9 @@
 """A recording on the screens: analysed once from the start in one thread, shown at any place and speed by another.
 
-What is shown at a moment is the very snapshot that ``gcs identify`` computes for it. A place that the analysis has not
-reached yet shows the frame alone, and playing waits there. Marks that are made meanwhile go to a ``marks.jsonl``, and
-nothing else is written.
+What is shown at a frame has the names that ``gcs identify`` computes for it; in between, where no frame came, the fleet
+goes on as it did in flight. A place that the analysis has not reached yet shows the frame alone until it is worked out
+provisionally (``gcs.playback.preview``). What the flight itself reported is shown beside it. Marks that are made
+meanwhile go to a ``marks.jsonl``, and nothing else is written.
 """
 
 from __future__ import annotations
@@ -13,18 +14,21 @@ from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.playback.analysis import Analysis
+from gcs.playback.as_flown import FlownReports
 from gcs.playback.confidence import ConfidenceHistory
 from gcs.playback.gaps import find_gaps
+from gcs.playback.preview import Preview
+from gcs.playback.snapshot_store import SnapshotStore
 from gcs.session.event_log import append_event, marks_path, read_events
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
-from gcs.trails import Trail, Trails
-from mavlink.geodesy import LocalFrame
+from infra.session_format import EVENTS
 from vision.video.video import Frame, VideoFile
 
 __all__ = ["Replay"]
@@ -32,8 +36,24 @@ __all__ = ["Replay"]
 SPEED_LEAST, SPEED_MOST = 0.1, 20.0
 # Decoding on is cheaper than seeking for jumps up to this many frames.
 DECODE_ON = 30
-MOST_EVENTS = 5000
 TICK_S = 0.02
+SOON_US = 5_000_000
+"""The analysis itself will be at a place that is no farther ahead."""
+PERIOD_US = 200_000
+"""How often a place is drawn again of which nothing is known but its frame."""
+
+
+class Place(NamedTuple):
+    """What is shown at a time."""
+
+    store: SnapshotStore | None
+    """None: nothing is worked out."""
+    number: int
+    """Of the snapshot in it."""
+    frame: int
+    """The newest one then, -1 before the first."""
+    final: bool
+    """Whether all of the recording is analysed: what differs from the flight is known then."""
 
 
 class Replay:
@@ -48,19 +68,28 @@ class Replay:
         Raises:
             SessionError, TlogError, VideoError, ModelError: a part that cannot be used.
         """
-        self._analysis = Analysis(session, redetect=redetect)
-        self._decoded = _DecodedFrames(session, self._analysis.video)
-        self._times = self._analysis.times_us
-        self._done: list[Snapshot] = []
-        self._events: list[Event] = []
-        self._marks_path = marks_path(session.path)
-        self._added = _read_marks(self._marks_path, int(self._times[0]))
-        """Marks and what else the operator did, in order of time."""
-        self._latest: Snapshot | None = None
         self._lock = threading.Lock()
+        self._analysis = analysis = Analysis(session, redetect=redetect)
+        self._decoded = _DecodedFrames(session, analysis.video)
+        self._times = np.maximum.accumulate(analysis.times_us)
+        times = np.concatenate([self._times, analysis.packets_us])
+        first_us, last_us = int(times.min()), int(times.max())
+        self._reports, trouble = FlownReports.read(session.tlog.with_name(EVENTS), first_us, last_us)
+        flown_us = [event.t_us for event in self._reports.flown]
+        self._start_us, self._stop_us = min(first_us, *flown_us[:1], first_us), max(last_us, *flown_us[-1:], last_us)
+        self._done = SnapshotStore()
+        self._finished = False
+        self._preview = Preview(lambda t_us: analysis.moments(self._reports.flown, provisional_from_us=t_us))
+        self._marks_path = marks_path(session.path)
+        self._added = _read_marks(self._marks_path, first_us)
+        """Marks and what else the operator did, in order of time."""
+        if trouble:
+            self.add_event(Event(t_us=first_us, level="warning", kind="recording", text=trouble))
+        self._told: tuple[Event, ...] = ()
+        self._events: tuple[Event, ...] = ()
+        self._latest: Snapshot | None = None
         self._stop = threading.Event()
-        self._now_us = float(self._times[0])
-        self._trails = Trails()
+        self._now_us = float(self._start_us)
         self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
         self.gaps = find_gaps(self._analysis.frames_us, self._analysis.packets_us, self.start_us, self.stop_us)
         self._playing = True
@@ -77,8 +106,10 @@ class Replay:
     @property
     def title(self) -> str:
         """The session's name, and how far the analysis is while it runs."""
-        share = len(self._done) / len(self._times)
-        return self._title if share >= 1 else f"{self._title} (analysed {share:.0%})"
+        if self._finished:
+            return self._title
+        share = (self._reached_us - self._start_us) / max(1, self._stop_us - self._start_us)
+        return f"{self._title} (analysed {min(share, 0.99):.0%})"
 
     @property
     def timeline(self) -> Replay:
@@ -87,13 +118,13 @@ class Replay:
 
     @property
     def start_us(self) -> int:
-        """First frame."""
-        return int(self._times[0])
+        """First frame, packet or event."""
+        return self._start_us
 
     @property
     def stop_us(self) -> int:
-        """Last frame."""
-        return int(self._times[-1])
+        """Last one."""
+        return self._stop_us
 
     @property
     def now_us(self) -> int:
@@ -103,18 +134,12 @@ class Replay:
     @property
     def analysed(self) -> Sequence[tuple[int, int]]:
         """The part from the start that the analysis has been through."""
-        done = len(self._done)
-        return [(self.start_us, int(self._times[done - 1]))] if done else []
+        return [(self._start_us, self._reached_us)] if len(self._done) else []
 
     def confidence(self, system_id: int) -> NDArray[np.float32]:
         """Least confidence in a vehicle's name in each of equal parts of the recording, as far as it is analysed."""
         with self._lock:
             return self._confidence.of(system_id)
-
-    def trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
-        """Where vehicles were in the seconds before a moment."""
-        with self._lock:
-            return self._trails.before(t_us, span_s, origin)
 
     @property
     def playing(self) -> bool:
@@ -131,9 +156,13 @@ class Replay:
         return self._latest
 
     def events(self) -> Sequence[Event]:
-        """All events found so far, also those ahead of the place on show."""
+        """What the flight reported and what was found so far, also ahead of the place on show."""
         with self._lock:
-            return tuple(sorted((*self._events, *self._added), key=lambda event: event.t_us))
+            told = self._reports.events()
+            if told is not self._told or len(self._events) != len(told) + len(self._added):
+                self._told = told
+                self._events = tuple(sorted((*told, *self._added), key=lambda event: event.t_us))
+            return self._events
 
     def play(self) -> None:
         """Let time run; at the end, from the start again."""
@@ -155,8 +184,10 @@ class Replay:
         """Pause and move by frames."""
         with self._lock:
             self._playing = False
-            place = int(np.clip(self._place() + frames, 0, len(self._times) - 1))
-            self._now_us = float(self._times[place])
+            frame = int(np.clip(self._frame_at(self._now_us) + frames, 0, len(self._times) - 1))
+            goal_us = float(self._times[frame])
+            if (goal_us - self._now_us) * frames > 0:
+                self._now_us = goal_us
 
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""
@@ -195,49 +226,99 @@ class Replay:
             self.error = error
 
     def _analyse(self) -> None:
-        for snapshot in self._analysis.snapshots(images=False):
+        """Work out all of it from the start, but first what is looked at far ahead."""
+        moments = self._analysis.moments(self._reports.flown)
+        while not self._stop.is_set():
+            t_us = self.now_us
+            if t_us > self._reached_us + SOON_US and self._preview.wants(t_us):
+                self._preview.advance(t_us)
+                continue
+            moment = next(moments, None)
+            if moment is None:
+                break
+            at_us, snapshot = moment
             with self._lock:
-                self._done.append(snapshot)
+                self._done.add(at_us, snapshot)
                 self._confidence.add(snapshot)
-                self._trails.add(snapshot)
-                self._events += snapshot.events
-                del self._events[:-MOST_EVENTS]
-            if self._stop.is_set():
-                return
+                self._reports.add(at_us, snapshot.events, snapshot.alarms)
+        self._finished = not self._stop.is_set()
+        self._preview.clear()
 
-    def _place(self) -> int:
-        return max(int(np.searchsorted(self._times, self._now_us, side="right")) - 1, 0)
+    @property
+    def _reached_us(self) -> int:
+        """How far the analysis is."""
+        if self._finished:
+            return self._stop_us
+        return self._done.stop_us if len(self._done) else self._start_us
+
+    def _frame_at(self, t_us: float) -> int:
+        """The newest frame at or before a time, -1 before the first."""
+        return int(np.searchsorted(self._times, t_us, side="right")) - 1
 
     def _play(self) -> None:
-        shown: tuple[int, bool] = (-1, False)
+        shown: Place | None = None
         before = time.monotonic()
         while not self._stop.wait(TICK_S):
             now = time.monotonic()
             with self._lock:
                 if self._playing:
                     self._advance((now - before) * self._speed)
-                place, analysed = self._place(), self._place() < len(self._done)
+                place = self._place()
             before = now
-            if (place, analysed) != shown:
+            if place != shown:
                 self._show(place)
-                shown = (place, analysed)
+                shown = place
+
+    def _place(self) -> Place:
+        """What is to be shown now."""
+        t_us = self.now_us
+        frame = self._frame_at(t_us)
+        if len(self._done) and t_us <= self._reached_us:
+            return Place(self._done, max(self._done.place(t_us), 0), frame, self._finished)
+        provisional = self._preview.at(t_us)
+        if provisional:
+            return Place(*provisional, frame, final=False)
+        return Place(None, t_us // PERIOD_US, frame, final=False)
 
     def _advance(self, seconds: float) -> None:
-        """Let time run, but not past the analysis and not past the end."""
-        reached = self._times[min(len(self._done), len(self._times)) - 1] if self._done else self._times[0]
-        limit = max(float(reached), self._now_us) if len(self._done) < len(self._times) else float(self.stop_us)
-        self._now_us = min(self._now_us + seconds * 1e6, limit)
+        """Let time run, but not past what is worked out and not past the end."""
+        t_us = self.now_us
+        limit_us = self._reached_us
+        if t_us > limit_us:
+            provisional = self._preview.at(t_us)
+            limit_us = provisional[0].stop_us if provisional else t_us
+        self._now_us = max(min(self._now_us + seconds * 1e6, float(limit_us)), self._now_us)
         if self._now_us >= self.stop_us:
             self._playing = False
 
-    def _show(self, place: int) -> None:
+    def _show(self, place: Place) -> None:
+        frame = self._decoded.at(place.frame) if place.frame >= 0 else None
+        image = frame.image if frame else None
+        base = place.store.snapshot(place.number) if place.store else self._blank(place.frame, image)
         with self._lock:
-            done = self._done[place] if place < len(self._done) else None
-            last = self._done[-1] if self._done else None
-        frame = self._decoded.at(place)
-        base = done or (replace(last, boxes=(), events=(), t_us=int(self._times[place]), frame=place) if last else None)
-        if base is not None:
-            self._latest = replace(base, image=frame.image if frame else None)
+            alarms = self._reports.alarms(base.now_us, base.alarms)
+        # a frame that the flight did not look at came after what it is shown with
+        frame_us = base.frame_us if base.frame == place.frame else base.t_us
+        self._latest = replace(base, image=image, frame=place.frame, frame_us=frame_us, alarms=alarms)
+
+    def _blank(self, frame: int, image: NDArray[np.uint8] | None) -> Snapshot:
+        """A place of which nothing is known but its frame."""
+        width, height = self._analysis.size if image is None else (image.shape[1], image.shape[0])
+        return Snapshot(
+            t_us=self.now_us,
+            frame=frame,
+            frame_us=int(self._times[frame]) if frame >= 0 else 0,
+            analysed=False,
+            width=width,
+            height=height,
+            image=image,
+            vehicles=(),
+            boxes=(),
+            footprint_enu=None,
+            uav_enu=np.full(3, np.nan),
+            uav_heading=np.nan,
+            health=self._analysis.health_at(self.now_us, frame),
+        )
 
 
 def _read_marks(path: Path, start_us: int) -> list[Event]:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from gcs.errors import SessionError
-from gcs.playback.analysis import Analysis, discover
+from gcs.playback.analysis import Analysis
+from gcs.playback.discovery import discover
 from gcs.session.clock_steps import ClockSteps
 from gcs.session.log import SessionLog
 from gcs.session.session import open_session

@@ -1,0 +1,231 @@
+"""What a flight itself reported, from its ``events.jsonl``, beside what a replay works out again.
+
+Both are shown where they differ. An event of either counts as the other's when it tells the same of the same vehicle at
+about the same time; an alarm, when both have it at about the same time.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from gcs.health.alarm_rules import ReportedAlarm, reported_alarm
+from gcs.health.alarms import rank
+from gcs.session.event_log import read_events
+from gcs.snapshot import Alarm, Event
+from infra.files.segments import segments
+
+__all__ = ["FlownAlarm", "FlownReports"]
+
+SAME_US: Final = 5_000_000
+"""A replay without the flight's order of packets and frames finds the same some seconds earlier or later."""
+WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
+"""Kinds of events that a replay works out again; the others tell of links, disks and people."""
+MOST_EVENTS: Final = 20_000
+OUTSIDE_US: Final = 86_400_000_000
+"""Events that are farther from all packets and frames are from a clock that was wrong."""
+_OVER: Final = re.compile(r"over after \d+ s: (.*)")
+_SEEN: Final = "seen: "
+_SURE: Final = re.compile(r" \(\d+%\)")
+
+
+@dataclass(slots=True)
+class FlownAlarm:
+    """An alarm that the flight showed."""
+
+    alarm: Alarm
+    until_us: int
+    worked_out: bool = True
+    """Whether a replay can find it at all."""
+
+
+class FlownReports:
+    """Events and alarms as the flight had them, and as they are worked out again.
+
+    Args:
+        events: as recorded, empty where nothing was.
+        start_us: first packet or frame.
+        stop_us: last one.
+    """
+
+    def __init__(self, events: Sequence[Event], start_us: int, stop_us: int) -> None:
+        near = (event for event in events if start_us - OUTSIDE_US <= event.t_us <= stop_us + OUTSIDE_US)
+        self._flown = sorted(near, key=lambda event: event.t_us)[-MOST_EVENTS:]
+        self._unmatched: dict[tuple[str, int, str], list[int]] = {}
+        for index, event in enumerate(self._flown):
+            self._unmatched.setdefault(_gist(event), []).append(index)
+        self._matched: set[int] = set()
+        self._now: list[Event] = []
+        self._alarms = _alarms(self._flown)
+        self._seen = [event for event in self._flown if event.kind == "operator" and event.text.startswith(_SEEN)]
+        self._found: dict[str, list[tuple[int, int]]] = {}
+        """When a replay has an alarm: from and until, by its key."""
+        self._worked_out_us = 0
+        self._shown: tuple[Event, ...] | None = None
+
+    @classmethod
+    def read(cls, path: Path, start_us: int, stop_us: int) -> tuple[FlownReports, str]:
+        """Read all segments of ``events.jsonl``; also what could not be read, in words, empty when all could."""
+        events: list[Event] = []
+        lost, trouble = 0, ""
+        for part in segments(path):
+            try:
+                more, skipped = read_events(part)
+            except OSError as error:
+                trouble = f"{part.name} cannot be read: {error.strerror}"
+                continue
+            events += more
+            lost += skipped
+        if lost and not trouble:
+            trouble = f"{path.name}: {lost} lines could not be read and were skipped"
+        return cls(events, start_us, stop_us), trouble
+
+    @property
+    def flown(self) -> Sequence[Event]:
+        """What the flight reported, in order of time."""
+        return self._flown
+
+    def add(self, t_us: int, events: Iterable[Event], alarms: Iterable[Alarm]) -> None:
+        """Take in what a replay finds at its next moment.
+
+        Args:
+            t_us: the moment; all before it is worked out.
+            events: new ones.
+            alarms: on at the moment.
+        """
+        for event in events:
+            self._add_event(event)
+        for alarm in alarms:
+            spans = self._found.setdefault(alarm.key, [])
+            if spans and spans[-1][0] == alarm.since_us:
+                spans[-1] = alarm.since_us, t_us
+            else:
+                spans.append((alarm.since_us, t_us))
+        if t_us // SAME_US != self._worked_out_us // SAME_US:
+            self._shown = None
+        self._worked_out_us = max(t_us, self._worked_out_us)
+
+    def _add_event(self, event: Event) -> None:
+        self._shown = None
+        same = self._unmatched.get(_gist(event), [])
+        near = [index for index in same if abs(self._flown[index].t_us - event.t_us) <= SAME_US]
+        if near:
+            index = min(near, key=lambda index: abs(self._flown[index].t_us - event.t_us))
+            same.remove(index)
+            self._matched.add(index)
+            return
+        differs = bool(self._flown) and event.kind in WORKED_OUT
+        self._now.append(replace(event, reported="now") if differs else event)
+        del self._now[:-MOST_EVENTS]
+
+    def events(self) -> tuple[Event, ...]:
+        """What the flight reported, and what is worked out besides; in order of time."""
+        if self._shown is None:
+            passed_us = self._worked_out_us - SAME_US
+            then = (
+                replace(event, reported="then")
+                if event.kind in WORKED_OUT and event.t_us < passed_us and index not in self._matched
+                else event
+                for index, event in enumerate(self._flown)
+            )
+            self._shown = tuple(sorted((*then, *self._now), key=lambda event: event.t_us))
+        return self._shown
+
+    def alarms(self, t_us: int, found: Sequence[Alarm]) -> tuple[Alarm, ...]:
+        """Alarms on at a moment, the worst and newest first; where flight and replay differ, it is told whose they are.
+
+        Args:
+            t_us: the moment.
+            found: what the replay finds then.
+        """
+        if not self._flown:
+            return tuple(found)
+        on = [flown for flown in self._alarms if flown.alarm.since_us <= t_us < flown.until_us]
+        keys = {alarm.key for alarm in found}
+        shown = [self._compared(alarm, t_us) for alarm in found]
+        shown += [self._as_flown(flown, t_us) for flown in on if flown.alarm.key not in keys]
+        return tuple(sorted(shown, key=lambda alarm: (-rank(alarm.level), -alarm.since_us, alarm.key)))
+
+    def _compared(self, alarm: Alarm, t_us: int) -> Alarm:
+        """An alarm of the replay beside the flight's."""
+        both = any(each.alarm.key == alarm.key and _overlap(each, alarm.since_us, t_us) for each in self._alarms)
+        differs = not both and reported_alarm(alarm.text, alarm.kind, alarm.system_id) is not None
+        return replace(alarm, acknowledged=self._was_seen(alarm, t_us), reported="now" if differs else "")
+
+    def _as_flown(self, flown: FlownAlarm, t_us: int) -> Alarm:
+        """An alarm of the flight that the replay does not have at the moment."""
+        passed = self._worked_out_us > flown.alarm.since_us + SAME_US
+        spans = self._found.get(flown.alarm.key, ())
+        differs = flown.worked_out and passed and not any(_overlap(flown, *span) for span in spans)
+        known = self._was_seen(flown.alarm, t_us)
+        return replace(flown.alarm, acknowledged=known, reported="then" if differs else "")
+
+    def _was_seen(self, alarm: Alarm, t_us: int) -> bool:
+        """Whether the operator had acknowledged it."""
+        return any(
+            alarm.since_us - SAME_US <= event.t_us <= t_us
+            and (event.alarm == alarm.key or event.text == _SEEN + alarm.text)
+            for event in self._seen
+        )
+
+
+def _overlap(flown: FlownAlarm, since_us: int, until_us: int) -> bool:
+    return flown.alarm.since_us - SAME_US <= until_us and since_us <= flown.until_us + SAME_US
+
+
+def _gist(event: Event) -> tuple[str, int, str]:
+    """What an event tells, without how sure it is."""
+    text = event.text
+    if event.kind == "text":
+        text = text.partition(" says: ")[2] or text
+    return event.kind, event.system_id, _SURE.sub("", text)
+
+
+def _alarms(events: Sequence[Event]) -> list[FlownAlarm]:
+    """Alarms by the events that tell of their coming and going; others of their level are events alone."""
+    alarms: list[FlownAlarm] = []
+    on: dict[str, FlownAlarm] = {}
+    overs = [(index, match[1]) for index, event in enumerate(events) if (match := _OVER.fullmatch(event.text))]
+    over_at: dict[tuple[str, int, str], list[int]] = {}
+    for index, text in overs:
+        over_at.setdefault((events[index].kind, events[index].system_id, text), []).append(index)
+    end_us = events[-1].t_us + 1 if events else 0
+    for index, event in enumerate(events):
+        if match := _OVER.fullmatch(event.text):
+            for key in [key for key, flown in on.items() if _is_of(flown.alarm, event, match[1])]:
+                on.pop(key).until_us = event.t_us
+            continue
+        if event.level == "info":
+            continue
+        known = reported_alarm(event.text, event.kind, event.system_id)
+        ends = over_at.get((event.kind, event.system_id, event.text), [])
+        if known is None and bisect_left(ends, index) == len(ends):
+            continue
+        flown = _flown(event, known, end_us)
+        if flown.alarm.key in on:
+            on.pop(flown.alarm.key).until_us = event.t_us
+        on[flown.alarm.key] = flown
+        alarms.append(flown)
+    return alarms
+
+
+def _is_of(alarm: Alarm, event: Event, text: str) -> bool:
+    return (alarm.kind, alarm.system_id) == (event.kind, event.system_id) and alarm.text == text
+
+
+def _flown(event: Event, known: ReportedAlarm | None, end_us: int) -> FlownAlarm:
+    """An alarm by the event of its coming; known: its rule, None where this program words it in another way."""
+    alarm = Alarm(
+        key=known.key if known else event.text,
+        level=event.level,
+        kind=event.kind,
+        text=event.text,
+        advice=known.rule.advice if known else "",
+        since_us=event.t_us,
+        system_id=event.system_id,
+    )
+    return FlownAlarm(alarm=alarm, until_us=end_us, worked_out=known is not None and known.worked_out)
