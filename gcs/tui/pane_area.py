@@ -67,18 +67,12 @@ class PaneArea(Widget):
     def fit_to(self, snapshot: Snapshot) -> None:
         """Follow the number of vehicles, whether there is a camera, and the shape of its frame."""
         aspect = snapshot.width / snapshot.height if snapshot.width > 0 and snapshot.height > 0 else self.state.aspect
-        fleet_rows = max(1, len(snapshot.vehicles))
+        fleet_rows = max(1, len(snapshot.vehicles)) if snapshot.analysed else self.state.fleet_rows
         aspect = min(max(aspect, 0.3), 4.0)
         layout = self.state.layout
         if not self.state.chosen:
-            layout = 2 if snapshot.image is None and snapshot.health.video == "none" else 1
+            layout = 2 if snapshot.image is None and snapshot.health.video in ("none", "stalled") else 1
         self.change(replace(self.state, layout=layout, fleet_rows=fleet_rows, aspect=aspect))
-
-    def hold_pictures(self, held: bool) -> None:
-        """Keep the video and the map as they are for now, or let them go on."""
-        for pane in self.panes:
-            if pane.is_picture:
-                pane.hold(held)
 
     def choose(self, layout: int) -> None:
         """One of the three layouts, as it comes."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from gcs.health.station_alarms import first_of
 from gcs.snapshot import Alarm
+from gcs.tui.draw.format import REPORTED_WORDS
 
 __all__ = ["Group", "advice_of", "alike", "text_of"]
 
@@ -22,13 +24,19 @@ def alike(alarms: Iterable[Alarm]) -> tuple[Group, ...]:
     groups: dict[object, list[Alarm]] = {}
     for alarm in alarms:
         several = len(shared[_what(alarm)]) > 1 or not alarm.system_id
-        own = alarm.system_id, alarm.kind == "text"  # its own words are not among what was found out about it
+        own = (
+            alarm.system_id,
+            alarm.kind == "text",
+            alarm.reported,
+        )  # its own words are not among what was found out about it
         groups.setdefault(_what(alarm) if several else own, []).append(alarm)
     return tuple(map(tuple, groups.values()))
 
 
 def text_of(group: Group) -> str:
     """``UGV-1, UGV-2: no heartbeat`` with the first few names where there are many; ``UGV-1: this; that``."""
+    if group[0].reported:
+        return REPORTED_WORDS[group[0].reported] + text_of(tuple(replace(alarm, reported="") for alarm in group))
     if len(group) == 1:
         return group[0].text
     names = dict.fromkeys(_parts(alarm)[0] for alarm in group)
@@ -43,7 +51,7 @@ def advice_of(group: Group) -> str:
 
 
 def _what(alarm: Alarm) -> tuple[str, ...]:
-    return alarm.level, alarm.kind, alarm.advice, _trouble(alarm) if alarm.system_id else alarm.key
+    return alarm.level, alarm.kind, alarm.advice, alarm.reported, _trouble(alarm) if alarm.system_id else alarm.key
 
 
 def _trouble(alarm: Alarm) -> str:

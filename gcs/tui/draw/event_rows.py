@@ -96,7 +96,8 @@ class _Run:
 
     def takes(self, event: Event) -> bool:
         last = self._event
-        if (last.system_id, last.kind, last.level) != (event.system_id, event.kind, event.level):
+        told = (event.system_id, event.kind, event.level, event.reported)
+        if (last.system_id, last.kind, last.level, last.reported) != told:
             return False
         return last.text == event.text or (_is_chatter(event) and _template(last.text)[0] == _template(event.text)[0])
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from typing import Final
 
-from gcs.snapshot import Standing
+from gcs.snapshot import Reported, Standing
 from infra.plain_text import plain
 
 __all__ = [
+    "NOT_ANALYSED",
+    "REPORTED_WORDS",
     "age",
     "bytes_text",
     "clock",
@@ -21,6 +25,11 @@ __all__ = [
     "position",
     "standing_word",
 ]
+
+NOT_ANALYSED: Final = "not analysed yet"
+"""In place of all that is not known of a place of a recording."""
+REPORTED_WORDS: Final[Mapping[Reported, str]] = {"": "", "then": "then: ", "now": "now recomputed: "}
+"""Before what only the flight reported, and what only the replay of it does."""
 
 
 def age(seconds: float) -> str:

@@ -35,7 +35,7 @@ def token(alarm: Alarm) -> tuple[str, int, str]:
 
 def unseen(alarms: Iterable[Alarm], seen: Seen) -> list[Alarm]:
     """Alarms that are not acknowledged."""
-    return [alarm for alarm in alarms if token(alarm) not in seen]
+    return [alarm for alarm in alarms if not alarm.acknowledged and token(alarm) not in seen]
 
 
 def alarm_counts(alarms: Sequence[Alarm]) -> tuple[int, int]:
@@ -106,7 +106,7 @@ class AlarmPane(Pane):
         fresh = len(unseen(self.alarms, self.seen))
         below = len(self.groups) - 1 - max(self._shown, default=0)
         hint = f"{self._first} above " * bool(self._first) + f"{below} below " * (below > 0)
-        hint += f"{fresh} new " if fresh else "all seen "
+        hint += f"{fresh} new · enter, A: seen " if fresh else "all seen "
         return [(hint, ink(FAINT, HEAD)), *count_parts(loud, quiet)]
 
     def body(self, width: int, height: int) -> list[Strip]:

@@ -12,7 +12,7 @@ from textual.widget import Widget
 
 from gcs.errors import FlightError
 from gcs.snapshot import Alarm, Event, Snapshot
-from gcs.tui.draw.format import age, clock, plain
+from gcs.tui.draw.format import NOT_ANALYSED, REPORTED_WORDS, age, clock, plain
 from gcs.tui.draw.strips import fitted, line, width_of
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import Seen, unseen
@@ -81,12 +81,14 @@ def alert_of(
         return Alert(level="alarm", text=f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot)}")
     if fresh:
         return Alert(level="warning", text=_summary(fresh), hinted=True)
-    return Alert(text=f"seen: {_summary(snapshot.alarms)}" if snapshot.alarms else "no alarms")
+    if snapshot.alarms:
+        return Alert(text=f"seen: {_summary(snapshot.alarms)}")
+    return Alert(text="no alarms" if snapshot.analysed and not snapshot.provisional else f"alarms: {NOT_ANALYSED}")
 
 
 def _summary(alarms: Sequence[Alarm]) -> str:
     more = f" (and {len(alarms) - 1} more)" if len(alarms) > 1 else ""
-    return f"{clock(alarms[0].since_us)} {plain(alarms[0].text)}{more}"
+    return f"{clock(alarms[0].since_us)} {REPORTED_WORDS[alarms[0].reported]}{plain(alarms[0].text)}{more}"
 
 
 class Banner(Widget):

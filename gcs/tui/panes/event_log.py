@@ -13,7 +13,7 @@ from textual.strip import Strip
 
 from gcs.snapshot import Event, Level, Snapshot
 from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
-from gcs.tui.draw.format import clock, plain
+from gcs.tui.draw.format import REPORTED_WORDS, clock, plain
 from gcs.tui.draw.strips import Part, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
 from gcs.tui.panes.pane import Pane
@@ -55,7 +55,6 @@ class EventPane(Pane):
     """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the frame."""
 
     label: ClassVar[str] = "EVENTS"
-    FOCUS_ON_CLICK = False  # rows unfold with the focus, and another one would be under the pointer
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "scroll_by(1)", "Older", id="events.up", show=False, tooltip="Scroll the event log up"),
         Binding("down,j", "scroll_by(-1)", "Newer", id="events.down", show=False, tooltip="Scroll the event log down"),
@@ -131,11 +130,6 @@ class EventPane(Pane):
         """Newer."""
         self.action_scroll_by(-2)
 
-    def on_click(self, event: events.Click) -> None:
-        """The heading takes the focus; a row shows its event."""
-        if event.y == 0:
-            self.focus()
-
     def note(self) -> Sequence[Part]:
         """The filter, and whether the newest is on screen."""
         back = f"{self._back} newer below · " if self._back else ""
@@ -182,12 +176,12 @@ class EventPane(Pane):
             parts.append((f"{fitted(plain(event.kind), 9)} ", ink(ACCENT if ours else FAINT)))
         room = max(1, width - width_of(parts) - 1)
         often = f" × {row.times}" if row.times > 1 else ""
-        text, style = plain(text_with_sender(event, self.snapshot)), ink(BRIGHT if ours else colour)
+        text, style = (
+            plain(REPORTED_WORDS[event.reported] + text_with_sender(event, self.snapshot)),
+            ink(BRIGHT if ours else colour),
+        )
         if not self.has_focus:
-            lines = [[*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)]]
-        else:
-            first, *more = folded(text + often, room)
-            indent = (" " * width_of(parts), style)
-            lines = [[*parts, (first, style)], *([indent, (rest, style)] for rest in more)]
-        there = {"@click": f"app.show_event({event.t_us}, {event.system_id})"}
-        return [line(each, width).apply_meta(there) for each in lines]
+            return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]
+        first, *more = folded(text + often, room)
+        indent = (" " * width_of(parts), style)
+        return [line([*parts, (first, style)], width), *(line([indent, (rest, style)], width) for rest in more)]

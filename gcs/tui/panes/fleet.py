@@ -13,7 +13,7 @@ from textual.strip import Strip
 
 from gcs.certainty import certainty, named
 from gcs.snapshot import VehicleRow
-from gcs.tui.draw.format import age, number, percent, plain, position, standing_word
+from gcs.tui.draw.format import NOT_ANALYSED, age, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, fitted, line
 from gcs.tui.messages import VehiclePicked
@@ -201,6 +201,8 @@ class FleetPane(Pane):
 
     def body(self, width: int, height: int) -> list[Strip]:
         """One row per vehicle; scrolled so that the selected one is on screen."""
+        if self.snapshot is not None and not self.snapshot.analysed:
+            return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
         if self.snapshot is None or not self.snapshot.vehicles:
             return [line([(" no vehicle received yet", ink(FAINT))], width)]
         rows = self.snapshot.vehicles
@@ -224,6 +226,8 @@ class FleetPane(Pane):
             text, colour = _height(row, rows) if aloft else column.aged_cell(row)
             if held and row.track_id and column.title == IDENTITY:
                 text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
+            elif self.snapshot and self.snapshot.provisional and column.title == IDENTITY:
+                colour = FAINT
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)

@@ -10,10 +10,9 @@ from typing import ClassVar, Final
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
-from gcs.report.box_shapes import drawable
-from gcs.report.overlay import named_count, standing_of
+from gcs.report.overlay import drawable, named_count, standing_of
 from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
-from gcs.tui.draw.format import age, degrees, metres, number, percent, plain, position, standing_word
+from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
 from gcs.tui.palette import (
@@ -70,12 +69,15 @@ class IdentityPane(Pane):
             return ()
         who = plain(self.snapshot.name_of(self.selected)) if self.selected else f"track {self.picked_track}"
         held = f"names {age(self.snapshot.held_s)} old · " if self.snapshot.held_s else ""
+        held += "provisional · " if self.snapshot.provisional else ""
         return [(held, ink(WARN, HEAD)), (f"{who} ", ink(ACCENT, HEAD, bold=True))]
 
     def body(self, width: int, height: int) -> list[Strip]:
         """Candidates in whole lines, then facts as name and value, in two columns where there is room."""
         if self.snapshot is None:
             return []
+        if not self.snapshot.analysed:
+            return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
         row = next((row for row in self.snapshot.vehicles if row.system_id == self.selected), None)
         box = picked_box(self.snapshot, self.selected, self.picked_track)
         if self._evidence:

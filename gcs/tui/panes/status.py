@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar, Final
+from typing import ClassVar
 
 from textual.reactive import reactive
 from textual.strip import Strip
@@ -16,8 +16,8 @@ from gcs.health.link_alarms import is_silent
 from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
 from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
-from gcs.tui.draw.format import age, bytes_text, clock, duration, plain
-from gcs.tui.draw.strips import Part, clickable, split_line, width_of
+from gcs.tui.draw.format import NOT_ANALYSED, age, bytes_text, clock, duration, plain
+from gcs.tui.draw.strips import Part, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, Colour, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts, count_parts
 
@@ -52,18 +52,6 @@ class Rank(IntEnum):
     SIZE = 13
     LINKS_NAMED = 14
     TITLE = 15
-
-
-PANES_BY_RANK: Final = {
-    Rank.ALARMS: "alarms",
-    Rank.DISK_TROUBLE: "alarms",
-    Rank.LINK_TROUBLE: "alarms",
-    Rank.VIDEO_TROUBLE: "alarms",
-    Rank.OPEN: "alarms",
-    Rank.NAMES: "identity",
-    Rank.VIDEO: "video",
-}
-"""Which pane has more about it: a click brings it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,9 +105,7 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
     right: list[Part] = []
     for item, parts in fitting([*ends, *items], width - MARGIN):
-        goal = PANES_BY_RANK.get(item.rank)
-        shown = [clickable(part, f"app.pane({goal!r})") for part in parts] if goal else parts
-        (left if item in ends else right).extend([*shown, gap])
+        (left if item in ends else right).extend([*parts, gap])
     right[-1:] = [(" ", gap[1])]
     return split_line(left, right, width)
 
@@ -228,6 +214,8 @@ def _disk(health: Health) -> Item:
 
 def _names(snapshot: Snapshot) -> Item:
     """How many are confirmed; with the age of the names where they are held, and no count once they are too old."""
+    if not snapshot.analysed:
+        return _item(Rank.NAMES, WARN, NOT_ANALYSED)
     if any(row.standing == "no new frame" for row in snapshot.vehicles):
         return _item(Rank.NAMES, WARN, f"no new frame for {age(snapshot.frame_age_s)}", "no new frame")
     named, total = named_count(snapshot)
@@ -235,6 +223,8 @@ def _names(snapshot: Snapshot) -> Item:
     if snapshot.held_s:
         ago = f"{age(snapshot.held_s)} ago"
         return _item(Rank.NAMES, FAINT, f"{count} confirmed {ago}", f"{count} {ago}")
+    if snapshot.provisional:
+        return _item(Rank.NAMES, FAINT, f"{count} confirmed, provisional", f"{count} provisional")
     return _item(Rank.NAMES, count_colour(named, total), f"{count} confirmed", count)
 
 

@@ -10,7 +10,8 @@ import pytest
 from gcs.cli.score import print_score
 from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import load_mission
-from gcs.playback.analysis import TELEMETRY_PAUSE_US, Analysis
+from gcs.playback.analysis import Analysis
+from gcs.playback.moments import QUIET_US
 from gcs.report.score import score_files
 from gcs.session.clock_steps import MOST_STEPS, ClockSteps
 from gcs.session.frame_tables import MOST_MISSING, read_detections, read_times
@@ -186,7 +187,7 @@ def test_a_log_of_two_records_years_apart_asks_for_no_memory(tmp_path):
     log.write_bytes(b"".join(t_us.to_bytes(8, "big") + packet(k).raw for k, t_us in enumerate(times_us)))
     (tmp_path / "session.toml").write_text("[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 2\n")
     peak, analysis = peak_bytes(lambda: Analysis(open_session(tmp_path)))
-    assert len(analysis.times_us) <= 200 * (TELEMETRY_PAUSE_US // 200_000 + 1)
+    assert len(analysis.times_us) <= 200 * (QUIET_US // 200_000 + 1)
     assert analysis.times_us[-1] >= times_us[-1] - 200_000
     assert peak < 8 << 20
 
