@@ -155,6 +155,11 @@ def textual_theme(theme: Theme) -> TextualTheme:
         variables={
             "block-cursor-background": colours[Colour.PICKED],
             "block-cursor-foreground": colours[Colour.BRIGHT],
+            "block-cursor-blurred-background": colours[Colour.PICKED],
+            "block-cursor-blurred-foreground": colours[Colour.BRIGHT],
             "text-muted": colours[Colour.FAINT],
+            "scrollbar": colours[Colour.LINE],
+            "scrollbar-background": colours[Colour.HEAD],
+            "scrollbar-corner-color": colours[Colour.HEAD],
         },
     )

@@ -19,6 +19,8 @@ ALARM_ROWS = 10
 """Two or three alarms with their advice, however many there are: no pane moves when one comes or goes."""
 CHART_ROWS = 8
 ROOMY = (120, 36)
+SMALLEST = 60
+"""Columns that screens are made for: from here on the narrowest fleet table is whole."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +77,8 @@ def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) ->
     if not left or not right:
         return _column(left or right, (0, 0, width, height), state)
     most = max(FLEET_WIDTHS[0], round(0.35 * width))
-    right_width = min(max(size for size in FLEET_WIDTHS if size <= most), width // 2)
+    half = max(width // 2, FLEET_WIDTHS[0]) if width >= SMALLEST else width // 2
+    right_width = min(max(size for size in FLEET_WIDTHS if size <= most), half)
     left_width = width - right_width - 1
     return {
         **_column(left, (0, 0, left_width, height), state),

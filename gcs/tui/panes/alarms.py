@@ -21,6 +21,9 @@ from gcs.tui.panes.pane import Pane
 
 __all__ = ["AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
 
+ADVICE_INDENT: Final = "    "
+HANGING_FROM: Final = 60
+"""Narrower panes have what is wrong over their whole width, below since when."""
 CUT: Final = "    … z: the whole screen"
 """In place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
@@ -105,6 +108,9 @@ class AlarmPane(Pane):
             return [("none ", ink(GOOD, HEAD))]
         fresh = len(unseen(self.alarms, self.seen))
         below = len(self.groups) - 1 - max(self._shown, default=0)
+        if self.size.width < HANGING_FROM:
+            hidden = self._first + below
+            return [(f"{fresh} new " * bool(fresh) + f"+{hidden} " * (hidden > 0), ink(BRIGHT, HEAD))]
         hint = f"{self._first} above " * bool(self._first) + f"{below} below " * (below > 0)
         hint += f"{fresh} new · enter, A: seen " if fresh else "all seen "
         return [(hint, ink(FAINT, HEAD)), *count_parts(loud, quiet)]
@@ -142,12 +148,17 @@ class AlarmPane(Pane):
         colour = FAINT if known else level_colour(alarm.level)
         since = age(max(0.0, (self.snapshot.now_us - min(each.since_us for each in group)) * 1e-6))
         head = f"{'▸' if marked else ' '}{'seen    ' if known else WORDS.get(alarm.level, '        ')} {since:>5} "
-        first, *more = folded(plain(text_of(group)), max(1, width - len(head)))
+        indent = " " * (len(head) if width >= HANGING_FROM else len(ADVICE_INDENT))
+        text = plain(text_of(group))
+        first = folded(text, max(1, width - len(head)))[0]
+        rest = text[len(first) :].lstrip()
+        more = folded(rest, max(1, width - len(indent))) if rest else []
         said = ink(FAINT if known else BRIGHT, paper)
         advised = ink(ACCENT if marked else INK if not known else FAINT, paper)
         lines: list[list[Part]] = [[(head, ink(colour, paper, bold=not known)), (first, said)]]
-        lines += [[(" " * len(head), said), (text, said)] for text in more]
-        lines += [[("    ", advised), (text, advised)] for text in folded(plain(advice_of(group)), max(1, width - 4))]
+        lines += [[(indent, said), (each, said)] for each in more]
+        advice = folded(plain(advice_of(group)), max(1, width - len(ADVICE_INDENT)))
+        lines += [[(ADVICE_INDENT, advised), (each, advised)] for each in advice]
         return [line(parts, width, paper) for parts in lines]
 
     def on_click(self, event: events.Click) -> None:

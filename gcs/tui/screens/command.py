@@ -15,7 +15,7 @@ from textual.widgets.option_list import Option
 
 from gcs.station import Commands
 from gcs.tui.draw.format import plain
-from gcs.tui.palette import ACCENT, FAINT, INK, ink
+from gcs.tui.palette import ACCENT, FAINT, HEAD, INK, ink
 from gcs.tui.screens.prompts import Confirm
 
 __all__ = ["OrderList", "ask_for_order"]
@@ -82,11 +82,13 @@ class OrderList(ModalScreen[str | None]):
     def compose(self) -> ComposeResult:
         """A heading over the list."""
         with Vertical():
-            yield Static(Text("Command the UAV", ink(ACCENT, bold=True)), markup=False)
+            yield Static(Text("Command the UAV", ink(ACCENT, HEAD, bold=True)), markup=False)
             yield OptionList(
                 *(Option(Text(plain(words), ink(INK)), id=key) for key, words in self._orders), markup=False
             )
-            yield Static(Text("enter chooses, asked once more before it is sent; esc closes", ink(FAINT)), markup=False)
+            yield Static(
+                Text("enter chooses, asked once more before it is sent; esc closes", ink(FAINT, HEAD)), markup=False
+            )
 
     def on_option_list_option_selected(self, event: OptionList.OptionSelected) -> None:
         """Hand the order over."""

@@ -11,7 +11,7 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
-from gcs.tui.palette import ACCENT, FAINT, INK, ink
+from gcs.tui.palette import ACCENT, FAINT, HEAD, INK, ink
 
 __all__ = ["Leave", "LeaveFlight"]
 
@@ -36,10 +36,10 @@ class LeaveFlight(ModalScreen[Leave]):
     def compose(self) -> ComposeResult:
         """Question and keys."""
         with Vertical():
-            yield Static(Text("End the flight and seal the recording?", ink(ACCENT, bold=True)), markup=False)
-            yield Static(Text("y or q   end the flight and seal the recording", ink(INK)), markup=False)
-            yield Static(Text("l        leave the screen only: the flight goes on", ink(INK)), markup=False)
-            yield Static(Text("n        stay", ink(FAINT)), markup=False)
+            yield Static(Text("End the flight and seal the recording?", ink(ACCENT, HEAD, bold=True)), markup=False)
+            yield Static(Text("y or q   end the flight and seal the recording", ink(INK, HEAD)), markup=False)
+            yield Static(Text("l        leave the screen only: the flight goes on", ink(INK, HEAD)), markup=False)
+            yield Static(Text("n        stay", ink(FAINT, HEAD)), markup=False)
 
     def action_answer(self, answer: Leave) -> None:
         """Close with the answer."""

@@ -13,7 +13,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from gcs.tui.draw.format import plain
-from gcs.tui.palette import ACCENT, ALARM, FAINT, ink
+from gcs.tui.palette import ACCENT, ALARM, FAINT, HEAD, ink
 
 __all__ = ["Confirm", "Prompt"]
 
@@ -43,9 +43,9 @@ class Prompt(ModalScreen[Answer | None]):
     def compose(self) -> ComposeResult:
         """Question, answer, hint."""
         with Vertical(id="ask"):
-            yield Static(Text(self._question, ink(ACCENT, bold=True)), markup=False)
+            yield Static(Text(self._question, ink(ACCENT, HEAD, bold=True)), markup=False)
             yield Input(self._value, id="answer", select_on_focus=False, compact=True)
-            yield Static(Text(self._hint, ink(FAINT)), id="hint", markup=False)
+            yield Static(Text(self._hint, ink(FAINT, HEAD)), id="hint", markup=False)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Close with the parsed answer, or show why it was refused."""
@@ -53,7 +53,7 @@ class Prompt(ModalScreen[Answer | None]):
             answer = self._parse(event.value)
         except (ValueError, OSError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self.query_one("#hint", Static).update(Text(plain(reason), ink(ALARM)))
+            self.query_one("#hint", Static).update(Text(plain(reason), ink(ALARM, HEAD)))
             return
         self.dismiss(answer)
 
@@ -87,8 +87,8 @@ class Confirm(ModalScreen[bool]):
     def compose(self) -> ComposeResult:
         """Question and keys."""
         with Vertical():
-            yield Static(Text(f"{plain(self._question)}?", ink(ACCENT, bold=True)), markup=False)
-            yield Static(Text("y yes   n no", ink(FAINT)), markup=False)
+            yield Static(Text(f"{plain(self._question)}?", ink(ACCENT, HEAD, bold=True)), markup=False)
+            yield Static(Text("y yes   n no", ink(FAINT, HEAD)), markup=False)
 
     def action_answer(self, yes: bool) -> None:
         """Close with the answer."""

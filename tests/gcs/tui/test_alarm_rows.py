@@ -85,6 +85,15 @@ async def test_alarms_that_are_not_on_screen_are_counted():
         assert "above" not in text_of(pane) and "(11)" in words_of(pane)
 
 
+async def test_alarms_without_room_are_counted_on_the_smallest_screen_too():
+    station = FakeStation(live=True)
+    station.snapshot = replace(station.snapshot, alarms=alarms(9))
+    async with running(station, (60, 20)) as (app, pilot, _):
+        await pilot.press("a")
+        await pilot.pause()
+        assert "9 new +8" in text_of(app.query_one(AlarmPane)).splitlines()[0]
+
+
 async def test_a_click_marks_an_alarm_a_second_one_acknowledges_it():
     station = FakeStation(live=True)
     station.snapshot = replace(station.snapshot, alarms=alarms(3))

@@ -5,6 +5,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from rich.cells import cell_len
 
 from gcs.cli.output.console import Theme
 from gcs.snapshot import Standing
@@ -108,17 +109,20 @@ def test_standings_differ_for_colour_blind_eyes_too(name, eye):
 
 
 def is_text(letter):
-    """Neither blank, nor a part of the picture, nor braille."""
-    return not letter.isspace() and letter not in "▀▄" and not 0x2800 <= ord(letter) < 0x2900
+    """Neither blank, nor a part of the picture, nor braille, nor an emoji, which has colours of its own."""
+    return not letter.isspace() and letter not in "▀▄" and not 0x2800 <= ord(letter) < 0x2900 and ord(letter) < 0x1F000
 
 
-def unreadable(app):
-    """Texts of the screen whose contrast is too low, lines and blocks less strictly."""
+def unreadable(app, region=None):
+    """Texts of the screen, or of a region of it, whose contrast is too low; lines and blocks less strictly."""
     found = set()
-    for row in app.screen._compositor.render_strips():
+    for y, row in enumerate(app.screen._compositor.render_strips()):
+        x = 0
         for text, style, _ in row:
             letters = {letter for letter in text if is_text(letter)}
-            if not letters:
+            inside = region is None or region.contains(x, y)
+            x += cell_len(text)
+            if not letters or not inside:
                 continue
             assert style.color and style.color.triplet and style.bgcolor and style.bgcolor.triplet, text
             drawn = all(0x2500 <= ord(letter) < 0x25A0 for letter in letters)
@@ -137,6 +141,30 @@ async def test_every_text_on_the_screen_can_be_read(name, size):
             assert not unreadable(app)
             await pilot.press("e", "down", "down", "down")
             assert not unreadable(app)
+
+
+@pytest.mark.parametrize("name", THEMES)
+@pytest.mark.parametrize(
+    ("key", "box"),
+    [
+        ("ctrl+p", "CommandList"),
+        ("ctrl+p", "CommandPalette #--input"),
+        ("question_mark", "#help"),
+        ("q", "LeaveFlight > Vertical"),
+        ("m", "#ask"),
+    ],
+)
+async def test_what_is_laid_over_the_panes_can_be_read(name, key, box):
+    app = RollcallApp(FakeStation(live=True), graphics="blocks", theme=name)
+    async with app.run_test(size=SMALL) as pilot:
+        await pilot.press(key)
+        for _ in range(100):
+            await pilot.pause(0.02)
+            region = app.screen.query_one(box).region
+            if region.area:
+                break
+        await pilot.pause()
+        assert region.area > 0 and not unreadable(app, region)
 
 
 async def test_a_key_changes_the_theme_of_all_that_is_on_screen():
