@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.trails import Trail
+from mavlink.geodesy import LocalFrame
 
 __all__ = ["Commands", "Gap", "Station", "Timeline"]
 
@@ -64,6 +66,9 @@ class Timeline(Protocol):
     def confidence(self, system_id: int) -> NDArray[np.float32]:
         """(n,) least confidence in a vehicle's name in each of n equal parts of the recording; 0 while it has none, NaN
         where nothing was worked out yet."""
+
+    def trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
+        """Where vehicles were in the seconds before a moment, as far as that was worked out, about an origin."""
 
     @property
     def playing(self) -> bool:

@@ -28,7 +28,9 @@ from gcs.playback.snapshot_store import SnapshotStore
 from gcs.session.event_log import append_event, marks_path, read_events
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.trails import Trail, Trails
 from infra.session_format import EVENTS
+from mavlink.geodesy import LocalFrame
 from vision.video.video import Frame, VideoFile
 
 __all__ = ["Replay"]
@@ -90,6 +92,7 @@ class Replay:
         self._latest: Snapshot | None = None
         self._stop = threading.Event()
         self._now_us = float(self._start_us)
+        self._trails = Trails()
         self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
         self.gaps = find_gaps(self._analysis.frames_us, self._analysis.packets_us, self.start_us, self.stop_us)
         self._playing = True
@@ -140,6 +143,11 @@ class Replay:
         """Least confidence in a vehicle's name in each of equal parts of the recording, as far as it is analysed."""
         with self._lock:
             return self._confidence.of(system_id)
+
+    def trails(self, t_us: int, span_s: float, origin: LocalFrame | None) -> Sequence[Trail]:
+        """Where vehicles were in the seconds before a moment."""
+        with self._lock:
+            return self._trails.before(t_us, span_s, origin)
 
     @property
     def playing(self) -> bool:
@@ -240,6 +248,7 @@ class Replay:
             with self._lock:
                 self._done.add(at_us, snapshot)
                 self._confidence.add(snapshot)
+                self._trails.add(snapshot)
                 self._reports.add(at_us, snapshot.events, snapshot.alarms)
         self._finished = not self._stop.is_set()
         self._preview.clear()

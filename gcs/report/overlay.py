@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.certainty import certainty
+from gcs.report.box_shapes import Rect, box_bounds, box_corners, drawable, front_mark
+from gcs.report.inset import Inset, crop, inset_for, moved_boxes, title_of
 from gcs.report.label_grid import Cells, Grid
 from gcs.report.labels import Label, Labelling, leader_of, place_labels
 from gcs.report.vehicle_names import ShownName, shown_names
@@ -25,15 +27,12 @@ from gcs.snapshot import Box, Snapshot, Standing
 __all__ = [
     "DARK",
     "STANDING_RGB",
-    "box_bounds",
-    "box_corners",
     "box_keys",
     "box_labels",
     "box_texts",
     "boxes_in_order",
     "draw",
-    "drawable",
-    "front_mark",
+    "image_inset",
     "image_labels",
     "is_picked",
     "label_of",
@@ -42,8 +41,6 @@ __all__ = [
 ]
 
 Rgb = tuple[int, int, int]
-Rect = tuple[float, float, float, float]
-"""Left, top, width, height."""
 
 STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
     {
@@ -61,8 +58,6 @@ DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
 FAR_MS: Final = 250_000_000_000_000
 HEADER_INK: Final = (214, 222, 235)
-FARTHEST_PX: Final = 30_000.0
-"""OpenCV counts in 16 bits before the point when it smooths lines."""
 EMPTY_SIZE: Final = (1280, 720)
 FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 
@@ -98,44 +93,6 @@ def named_count(snapshot: Snapshot) -> tuple[int, int]:
     """Confirmed ground vehicles and all ground vehicles."""
     standings = [row.standing for row in snapshot.vehicles if row.role == "ugv"]
     return standings.count("confirmed"), len(standings)
-
-
-def drawable(box: Box) -> bool:
-    """Whether a box has a place and a size that can be drawn."""
-    numbers = (box.cx, box.cy, box.w, box.h, box.angle)
-    return box.w > 0 and box.h > 0 and all(abs(number) < FARTHEST_PX for number in numbers)
-
-
-def box_corners(box: Box) -> NDArray[np.float64]:
-    """(4, 2) pixel corners of an oriented box, clockwise from its own top left."""
-    c, s = math.cos(box.angle), math.sin(box.angle)
-    # p = c + R(angle) · (±w/2, ±h/2)
-    half = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (box.w, box.h)
-    return np.asarray(half @ np.array([(c, s), (-s, c)]) + (box.cx, box.cy), dtype=np.float64)
-
-
-def front_mark(box: Box, reach: float = 0.45) -> NDArray[np.float64]:
-    """(2, 2) pixel ends of the tick ahead of the front edge, NaN when the front is unknown.
-
-    Args:
-        box: Its heading is clockwise from image up.
-        reach: Length of the tick in lengths of the box.
-    """
-    if not math.isfinite(box.heading):
-        return np.full((2, 2), math.nan)
-    # d = (sin heading, −cos heading): clockwise from image up, y down
-    direction = np.array([math.sin(box.heading), -math.cos(box.heading)])
-    along = abs(math.cos(box.angle) * direction[0] + math.sin(box.angle) * direction[1])
-    length = box.w * along + box.h * (1.0 - along)
-    edge = np.array([box.cx, box.cy]) + direction * length / 2
-    return np.stack([edge, edge + direction * length * reach])
-
-
-def box_bounds(box: Box, scale: float = 1.0, margin: float = 0.0) -> Rect:
-    """Upright rectangle round a scaled box and its front tick."""
-    points = np.vstack([box_corners(box), front_mark(box)]) * scale
-    (left, top), (right, bottom) = np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
-    return float(left), float(top), float(right - left), float(bottom - top)
 
 
 def is_picked(box: Box, selected: int, track: int) -> bool:
@@ -195,8 +152,36 @@ def box_keys(boxes: Sequence[Box]) -> list[int]:
     return keys
 
 
+def image_inset(
+    snapshot: Snapshot, *, scale: float, selected: int, track: int = 0, former: Inset | None = None
+) -> Inset | None:
+    """Where ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known.
+
+    Args:
+        snapshot: Its boxes.
+        scale: As for ``draw``.
+        selected: As for ``draw``.
+        track: As for ``draw``.
+        former: Of the frame before.
+    """
+    width, height = _size(snapshot, scale)
+    top = math.ceil(_text_size("0", _unit(height))[1])
+    marks = []
+    for box in boxes_in_order(snapshot, selected, track):
+        x, y, w, h = box_bounds(box, scale)
+        marks.append((box, (math.floor(x), math.floor(y), math.ceil(w), math.ceil(h))))
+    picked = next((box for box, _ in marks if is_picked(box, selected, track)), None)
+    return inset_for(snapshot, selected, (0, top, width, max(0, height - top)), marks, picked, former=former)
+
+
 def image_labels(
-    snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: int = 0, former: Labelling | None = None
+    snapshot: Snapshot,
+    *,
+    scale: float = 1.0,
+    selected: int = 0,
+    track: int = 0,
+    former: Labelling | None = None,
+    inset: Inset | None = None,
 ) -> Labelling:
     """Where ``draw`` writes, in squares of pixels.
 
@@ -206,6 +191,7 @@ def image_labels(
         selected: As for ``draw``.
         track: As for ``draw``.
         former: Of the frame before, so that labels stay where they are.
+        inset: As for ``draw``: no label is on it.
     """
     width, height = _size(snapshot, scale)
     unit = _unit(height)
@@ -218,13 +204,14 @@ def image_labels(
     boxes = boxes_in_order(snapshot, selected, track)
     anchors = [_squares(box_bounds(box, scale, 2 * unit), square) for box in boxes]
     line = measure("0")[1]
+    header = (0.0, 0.0, *_text_size(_header_of(snapshot, unit, width), unit))
     grid = Grid(
         columns=width // square,
         rows=height // square,
         measure=measure,
         step=(line, line),
         gap=1,
-        blocked=(_squares((0.0, 0.0, *_text_size(_header_of(snapshot, unit, width), unit)), square),),
+        blocked=tuple(_squares(rect, square) for rect in (header, *([inset.rect] if inset else []))),
         covered=True,
     )
     return place_labels(box_labels(snapshot, boxes, anchors, _is_ascii, (selected, track)), grid, former)
@@ -237,7 +224,13 @@ def _squares(rect: Rect, square: int) -> Cells:
 
 
 def draw(
-    snapshot: Snapshot, *, scale: float = 1.0, selected: int = 0, track: int = 0, labelling: Labelling | None = None
+    snapshot: Snapshot,
+    *,
+    scale: float = 1.0,
+    selected: int = 0,
+    track: int = 0,
+    labelling: Labelling | None = None,
+    inset: Inset | None = None,
 ) -> NDArray[np.uint8]:
     """The image with boxes, front ticks, names and a header with time and fleet summary.
 
@@ -246,7 +239,8 @@ def draw(
         scale: Size of the result against the image, above 0.
         selected: System id to stress, 0 none.
         track: Track id of a box without a name to stress, 0 none.
-        labelling: Of ``image_labels`` for the same snapshot, scale and selection; worked out unless given.
+        labelling: Of ``image_labels`` for the same snapshot, scale, selection and inset; worked out unless given.
+        inset: Of ``image_inset``, None for none.
 
     Returns:
         (round(height · scale), round(width · scale), 3) uint8 BGR.
@@ -255,7 +249,7 @@ def draw(
     unit = _unit(canvas.shape[0])
     square = _square(unit)
     boxes = boxes_in_order(snapshot, selected, track)
-    labelling = labelling or image_labels(snapshot, scale=scale, selected=selected, track=track)
+    labelling = labelling or image_labels(snapshot, scale=scale, selected=selected, track=track, inset=inset)
     for box in boxes:
         _draw_box(canvas, box, STANDING_RGB[standing_of(snapshot, box)], scale, unit)
     owners = dict(zip(box_keys(boxes), boxes, strict=True))
@@ -265,6 +259,8 @@ def draw(
             x, y, end_x, end_y = (round(value * square) for value in leader_of(place))
             cv2.line(canvas, (x, y), (end_x, end_y), DARK[::-1], 3, cv2.LINE_AA)
             cv2.line(canvas, (x, y), (end_x, end_y), inks.get(place.key, HEADER_INK)[::-1], 1, cv2.LINE_AA)
+    if inset is not None:
+        _draw_inset(canvas, snapshot, boxes, inset, selected, scale)
     for place in labelling.texts:
         colour = inks.get(place.key, HEADER_INK)
         highlighted = place.key in owners and is_picked(owners[place.key], selected, track)
@@ -272,6 +268,27 @@ def draw(
         _draw_text(canvas, place.text, corner, unit, *((DARK, colour) if highlighted else (colour, DARK)))
     _draw_text(canvas, _header_of(snapshot, unit, canvas.shape[1]), (0, 0), unit, HEADER_INK, DARK)
     return canvas
+
+
+def _draw_inset(
+    canvas: NDArray[np.uint8], snapshot: Snapshot, boxes: Sequence[Box], inset: Inset, selected: int, scale: float
+) -> None:
+    x, y, width, height = inset.rect
+    unit = _unit(canvas.shape[0])
+    window = canvas[y : y + height, x : x + width]
+    part = crop(snapshot, inset)
+    window[:] = DARK[::-1]
+    if part is not None:
+        window[:] = cv2.resize(part, (width, height), interpolation=cv2.INTER_CUBIC)
+    larger = width / inset.part[2]
+    for box in moved_boxes(boxes, inset):
+        _draw_box(window, box, STANDING_RGB[standing_of(snapshot, box)], larger, unit)
+    name = snapshot.name_of(selected) if selected else ""
+    title = title_of(
+        name, selected, larger / scale, lambda text: _is_ascii(text) and _text_size(text, unit)[0] <= width
+    )
+    _draw_text(canvas, title, (x, y), unit, HEADER_INK, DARK)
+    cv2.rectangle(canvas, (x, y), (x + width - 1, y + height - 1), HEADER_INK[::-1], 1)
 
 
 def _unit(height: int) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
+from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import ThemeName
 
 __all__ = ["Ended", "RollcallApp", "run"]
@@ -26,7 +27,14 @@ class Ended:
     """By the operator, or by a signal to end; else the screens broke or the terminal is gone."""
 
 
-def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False, theme: ThemeName = "dark") -> Ended:
+def run(
+    station: Station,
+    graphics: Graphics = "auto",
+    *,
+    bell: bool = False,
+    theme: ThemeName = "dark",
+    fps: float = MOST_FPS,
+) -> Ended:
     """Show a station until the operator quits; whoever started it stops it.
 
     Args:
@@ -34,10 +42,11 @@ def run(station: Station, graphics: Graphics = "auto", *, bell: bool = False, th
         graphics: ``auto`` and ``pixels`` show real pixels where the terminal can, the others never ask it.
         bell: ring the terminal's bell at every new alarm.
         theme: colours to begin with.
+        fps: most pictures a second of the video and the map.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
     gc.collect()
     gc.freeze()
-    app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme)
+    app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme, fps=fps)
     app.run()
     return Ended(code=app.return_code or 0, left=app.left)

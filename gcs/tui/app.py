@@ -10,11 +10,12 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from rich.text import Text
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.binding import BindingType
 from textual.command import Provider
 from textual.filter import ANSIToTruecolor, LineFilter
 from textual.reactive import reactive
+from textual.widget import Widget
 
 from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
@@ -45,15 +46,16 @@ from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
+from gcs.tui.terminal.terminal_app import MOST_FPS, TerminalApp
 from gcs.tui.themes import THEMES, ThemeName, textual_theme
 
 __all__ = ["RollcallApp"]
 
-POLL_S = 1 / 12
+POLL_S = 1 / MOST_FPS
 SILENT_S = 2.0
 
 
-class RollcallApp(App[None]):
+class RollcallApp(TerminalApp):
     """Screens of one station; the station's threads never touch a widget."""
 
     CSS_PATH = "app.tcss"
@@ -69,7 +71,13 @@ class RollcallApp(App[None]):
     picked_track: reactive[int] = reactive(0, repaint=False)
 
     def __init__(
-        self, station: Station, *, graphics: Graphics = "auto", bell: bool = False, theme: ThemeName = "dark"
+        self,
+        station: Station,
+        *,
+        graphics: Graphics = "auto",
+        bell: bool = False,
+        theme: ThemeName = "dark",
+        fps: float = MOST_FPS,
     ) -> None:
         """Show a station.
 
@@ -79,8 +87,9 @@ class RollcallApp(App[None]):
                 is known to draw; the others are these blocks, unasked.
             bell: ring the terminal's bell at every new alarm.
             theme: Colours to begin with.
+            fps: most pictures a second of the video and the map.
         """
-        super().__init__()
+        super().__init__(fps)
         for each in THEMES.values():
             self.register_theme(textual_theme(each))
         self.theme = theme
@@ -94,15 +103,16 @@ class RollcallApp(App[None]):
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
-        self._map = MapPane(id="map")
+        self._map = MapPane(id="map", trails=station.timeline.trails if station.timeline else None)
         self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")
         pixels = pixel_images(graphics)
         mode = picture_mode("blocks" if pixels else graphics, self.console.color_system)
+        self._video = VideoPane(id="video", pixels=pixels, mode=mode)
         self._panes = PaneArea(
             [
-                VideoPane(id="video", pixels=pixels, mode=mode),
+                self._video,
                 self._map,
                 FleetPane(id="fleet"),
                 self._identity,
@@ -124,7 +134,8 @@ class RollcallApp(App[None]):
         if self._timeline is not None:
             yield self._timeline
         hints = REPLAY_HINTS if not live else COMMAND_HINTS if self._commands else LIVE_HINTS
-        yield KeyHints((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
+        self._hints = KeyHints((*hints[:2], ("a", "alarms"), *hints[2:]) if live else hints, id="hints")
+        yield self._hints
 
     def on_mount(self) -> None:
         """Start to poll."""
@@ -132,6 +143,7 @@ class RollcallApp(App[None]):
             loop = asyncio.get_running_loop()
             loop.add_signal_handler(signal.SIGTERM, self._end)
             loop.add_signal_handler(signal.SIGHUP, self.exit)
+        self.watch(self.screen, "focused", self._show_keys_of)
         self._poll()
         self.set_interval(POLL_S, self._poll)
 
@@ -141,11 +153,16 @@ class RollcallApp(App[None]):
 
     def _poll(self) -> None:
         newest = self._station.latest()
+        waits = self.picture_waits()
+        if waits:
+            self._panes.hold_pictures(True)
         if newest is not None and newest is not self.snapshot:
             self._newest_at = time.monotonic()
             self._panes.fit_to(newest)
             self._pick(*followed(newest, (self.selected, self.picked_track)))
             self.snapshot = newest
+        if not waits:
+            self._panes.hold_pictures(False)
         self._status.title = self._station.title
         events = tuple(self._station.events())
         if events != self._events.all_events:
@@ -155,6 +172,9 @@ class RollcallApp(App[None]):
             self._timeline.show(self._station.timeline, events, self.selected, name)
         self._alert_line.alert = self._alert()
         self._ring()
+
+    def _show_keys_of(self, focused: Widget | None) -> None:
+        self._hints.pane = focused.id or "" if isinstance(focused, Pane) else ""
 
     def _ring(self) -> None:
         """Once for every new alarm, if at all."""
@@ -276,6 +296,13 @@ class RollcallApp(App[None]):
         """Select one vehicle."""
         self._pick(system_id, 0)
 
+    def action_show_event(self, t_us: int, system_id: int) -> None:
+        """Pick the vehicle of an event, and in a replay go to its time."""
+        if self.snapshot is not None and system_id in {row.system_id for row in self.snapshot.vehicles}:
+            self._pick(system_id, 0)
+        if self._station.timeline is not None:
+            self._station.timeline.seek(t_us)
+
     def _pick(self, system_id: int, track_id: int) -> None:
         self.selected, self.picked_track = system_id, 0 if system_id else track_id
 
@@ -287,6 +314,10 @@ class RollcallApp(App[None]):
             self._events.words = ""
         else:
             self._pick(0, 0)
+
+    def action_inset(self) -> None:
+        """Enlarge the picked vehicle in a corner of the video, or no more."""
+        self._video.enlarged = not self._video.enlarged
 
     def action_zoom(self, steps: int) -> None:
         """Zoom the map."""

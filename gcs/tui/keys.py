@@ -2,11 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
 from textual.binding import Binding
+from textual.keys import format_key
 
-__all__ = ["BINDINGS", "COMMAND_HINTS", "GROUPS", "LIVE_HINTS", "REPLAY_ACTIONS", "REPLAY_HINTS"]
+__all__ = [
+    "BINDINGS",
+    "COMMAND_HINTS",
+    "GROUPS",
+    "LIVE_HINTS",
+    "PANE_HINTS",
+    "REPLAY_ACTIONS",
+    "REPLAY_HINTS",
+    "Hint",
+    "hints_for",
+    "signs_in",
+]
+
+Hint = tuple[str, str]
+"""Keys as they are shown, one letter each or one word, and what they do."""
 
 
 def _key(keys: str, action: str, label: str, tooltip: str, *, shown: str | None = None, id: str) -> Binding:
@@ -37,6 +54,7 @@ PANES: Final = (
     _key("i", "pane('identity')", "identity", "Identity: evidence of the vehicle, again to hide", id="pane.identity"),
     _key("e", "pane('events')", "events", "Event log: show and focus, again to hide", id="pane.events"),
     _key("z", "maximise", "zoom", "Focused pane over the whole screen and back", id="pane.maximise"),
+    _key("Z", "inset", "enlarge", "Video: the picked vehicle enlarged in a corner, again to hide", id="video.inset"),
     _key("1", "layout(1)", "video", "Layout: video first", id="layout.video"),
     _key("2", "layout(2)", "map", "Layout: map first", id="layout.map"),
     _key("3", "layout(3)", "both", "Layout: video and map above the whole table", id="layout.both"),
@@ -99,6 +117,7 @@ LIVE_HINTS: Final = (
     ("?", "help"),
     ("↑↓", "vehicle"),
     ("z", "zoom"),
+    ("Z", "enlarge"),
     ("123", "layout"),
     ("vMfie", "panes"),
     ("l", "level"),
@@ -121,6 +140,7 @@ REPLAY_HINTS: Final = (
     ("np", "event"),
     ("↑↓", "vehicle"),
     ("z", "zoom"),
+    ("Z", "enlarge"),
     (",.", "frame"),
     ("123", "layout"),
     ("vMfie", "panes"),
@@ -131,3 +151,39 @@ REPLAY_HINTS: Final = (
     ("m", "mark"),
     ("s", "still"),
 )
+PANE_HINTS: Final[Mapping[str, tuple[Hint, ...]]] = MappingProxyType(
+    {
+        "video": (("↑↓", "pick"), ("s", "still"), ("z", "zoom")),
+        "map": (("+-0", "zoom"), ("c", "follow"), ("z", "whole screen")),
+        "fleet": (("↑↓", "vehicle"), ("z", "all columns")),
+        "identity": (("↑↓", "pick"), ("x", "evidence"), ("z", "zoom")),
+        "alarms": (("↑↓", "alarm"), ("enter", "seen"), ("A", "all seen"), ("z", "zoom")),
+        "events": (("↑↓", "scroll"), ("l", "level"), ("/", "search"), ("z", "zoom")),
+    }
+)
+"""What acts in a pane while it has the focus, by the pane's id: in its heading, and first in the last row."""
+_KEYS_BY_SIGN: Final = {format_key(key): key for binding in BINDINGS for key in binding.key.split(",")} | {
+    "enter": "enter"
+}
+
+
+def hints_for(base: Sequence[Hint], pane: str) -> list[Hint]:
+    """The hints of the last row while a pane, or none, has the focus: how to leave and get help, then what acts there.
+
+    Args:
+        base: The row without a focus.
+        pane: The focused pane's id, empty for none.
+    """
+    own = PANE_HINTS.get(pane, ())
+    taken = {sign for keys, _ in own for sign in signs_in(keys)}
+    rest = [hint for hint in base[2:] if not taken & set(signs_in(hint[0]))]
+    return [*base[:2], *own, *rest]
+
+
+def signs_in(keys: str) -> dict[str, str]:
+    """Each sign of a hint's keys, and the key that it is to Textual.
+
+    Raises:
+        KeyError: Nothing is bound to one of them.
+    """
+    return {sign: _KEYS_BY_SIGN[sign] for sign in ([keys] if keys in _KEYS_BY_SIGN else keys)}

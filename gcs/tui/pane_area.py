@@ -74,6 +74,12 @@ class PaneArea(Widget):
             layout = 2 if snapshot.image is None and snapshot.health.video in ("none", "stalled") else 1
         self.change(replace(self.state, layout=layout, fleet_rows=fleet_rows, aspect=aspect))
 
+    def hold_pictures(self, held: bool) -> None:
+        """Keep the video and the map as they are for now, or let them go on."""
+        for pane in self.panes:
+            if pane.is_picture:
+                pane.hold(held)
+
     def choose(self, layout: int) -> None:
         """One of the three layouts, as it comes."""
         self.change(replace(self.state, layout=layout, chosen=True, toggled=frozenset(), maximised=""))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gcs.snapshot import Alarm, Box, Event, Health, LinkHealth, Snapshot, Standing, VehicleRow
 from gcs.station import Gap
+from gcs.trails import Trails
 from gcs.tui import RollcallApp
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.pane import Pane
@@ -203,6 +204,7 @@ class FakeTimeline:
         self.analysed: list[tuple[int, int]] = [(START_US, STOP_US)]
         self.gaps: list[Gap] = []
         self.sure: dict[int, NDArray[np.float32]] = {}
+        self.past = Trails()
         self.playing = False
         self.speed = 1.0
         self.steps: list[int] = []
@@ -222,6 +224,9 @@ class FakeTimeline:
     def step(self, frames: int) -> None:
         self.playing = False
         self.steps.append(frames)
+
+    def trails(self, t_us, span_s, origin):
+        return self.past.before(t_us, span_s, origin)
 
     def set_speed(self, speed: float) -> None:
         self.speed = speed

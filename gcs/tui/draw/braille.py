@@ -37,6 +37,29 @@ class BrailleCanvas:
         """A straight line; ``every`` above 1 leaves gaps between dots."""
         self.points(self._along(start.tolist(), end.tolist(), every), ink)
 
+    def path(self, xy: NDArray[np.float64], inks: NDArray[np.int64]) -> None:
+        """Lines between neighbours of (k, 2) positions, each with its own ink; a row of NaN interrupts them.
+
+        Args:
+            xy: Positions; where both ends of a line are beyond the same edge it is left out.
+            inks: (k,) of the line that begins there.
+        """
+        size = np.array([2.0 * self.columns, 4.0 * self.rows])
+        start, step = xy[:-1], np.diff(xy, axis=0)
+        end = xy[1:]
+        inside = ~((np.maximum(start, end) < 0) | (np.minimum(start, end) >= size)).any(axis=1)
+        keep = inside & np.isfinite(step).all(axis=1)
+        start, step, inks = start[keep], step[keep], inks[:-1][keep]
+        counts = np.clip(np.ceil(np.abs(step).max(axis=1, initial=0.0)), 1, LONGEST).astype(np.int64)
+        which = np.repeat(np.arange(len(counts)), counts)
+        # 0, 1/n, … (n − 1)/n along each line of n dots
+        along = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[which]
+        dots = np.floor(start[which] + step[which] * along[:, None])
+        seen = ((dots >= 0) & (dots < size)).all(axis=1)
+        x, y = dots[seen].astype(np.int64).T
+        np.bitwise_or.at(self.bits, (y // 4, x // 2), BITS[y % 4, x % 2])
+        self.ink[y // 4, x // 2] = inks[which][seen]
+
     def polygon(self, corners: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
         """A closed outline through (k, 2) corners."""
         places = corners.tolist()

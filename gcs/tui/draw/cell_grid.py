@@ -48,6 +48,12 @@ class CellGrid:
         self.letter[window], self.ink[window], self.paper[window] = mosaic.letter, mosaic.ink, mosaic.paper
         self._pictured[window] = True
 
+    def place(self, window: CellGrid, left: int, top: int) -> None:
+        """Put another grid's cells over these, with its corner at a place; all of it must be inside."""
+        at = np.s_[top : top + window.rows, left : left + window.columns]
+        self.letter[at], self.ink[at], self.paper[at] = window.letter, window.ink, window.paper
+        self._pictured[at] = window._pictured
+
     def dots(self, dots: BrailleCanvas) -> None:
         """Lay braille over the cells; those of a picture become the darkened mean of their two colours."""
         at = dots.bits > 0

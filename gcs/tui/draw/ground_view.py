@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.snapshot import Snapshot
 
-__all__ = ["MapView", "map_view_of", "points_of", "scale_bar", "step_scale"]
+__all__ = ["HOME_ENU", "MapView", "map_view_of", "points_of", "scale_bar", "step_scale"]
 
 STEPS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 """Scales of a decade: the map changes in steps, not with every metre driven."""
@@ -18,6 +18,8 @@ FINEST_M, COARSEST_M = 0.01, 10_000.0
 MARGIN_X, MARGIN_Y = 20.0, 12.0
 """Dots kept free for names."""
 DEFAULT_SPAN_M = 40.0
+HOME_ENU = np.zeros(2)
+"""The UAV's first position, which the metres are counted from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +37,30 @@ class MapView:
         # x = W/2 + (e − e0)/s, y = H/2 − (n − n0)/s
         shift = (p_enu[:, :2] - (self.east, self.north)) / self.metres_per_dot
         return np.asarray(shift * (1.0, -1.0) + (self.columns, 2.0 * self.rows), dtype=np.float64)
+
+    def cell(self, p_enu: NDArray[np.float64]) -> tuple[int, int] | None:
+        """Column and row of a place, (2+,) metres; None outside and for NaN."""
+        x, y = self.dots(p_enu[None])[0]
+        # NaN is in no cell
+        return (int(x // 2), int(y // 4)) if 0 <= x < 2 * self.columns and 0 <= y < 4 * self.rows else None
+
+    def ground(self, column: float, row: float) -> NDArray[np.float64]:
+        """(2,) metres of the middle of a cell."""
+        # the inverse of dots, at the middle of 2 × 4 dots
+        x, y = 2 * column + 1 - self.columns, 4 * row + 2 - 2 * self.rows
+        return np.array([self.east + x * self.metres_per_dot, self.north - y * self.metres_per_dot])
+
+    def moved(self, columns: int, rows: int) -> MapView:
+        """The window that many cells further east and south."""
+        step = self.metres_per_dot
+        return replace(self, east=self.east + 2 * columns * step, north=self.north - 4 * rows * step)
+
+    def zoomed(self, steps: int, column: int, row: int) -> MapView:
+        """Closer (positive) or farther, with the same ground in a cell as before."""
+        scale = step_scale(self.metres_per_dot, -steps)
+        held, ratio = self.ground(column, row), scale / self.metres_per_dot
+        east, north = held + (np.array([self.east, self.north]) - held) * ratio
+        return replace(self, east=float(east), north=float(north), metres_per_dot=scale)
 
 
 def points_of(snapshot: Snapshot) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -14,14 +15,25 @@ from gcs.report.label_grid import Grid
 from gcs.report.labels import Label, Labelling, Place, place_labels
 from gcs.report.vehicle_names import shown_names
 from gcs.snapshot import Snapshot, Standing, VehicleRow
+from gcs.trails import Trail
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
 from gcs.tui.draw.format import plain
-from gcs.tui.draw.ground_view import MapView, scale_bar
+from gcs.tui.draw.ground_view import HOME_ENU, MapView, scale_bar
+from gcs.tui.draw.map_lines import (
+    CURSOR_MARK,
+    HOME_MARK,
+    PICK_MARKS,
+    Ruler,
+    draw_fences,
+    draw_ruler,
+    draw_trails,
+    ruler_texts,
+)
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, LINE, PANEL, Colour, pack, standing_colour
 
-__all__ = ["BOX_MARK", "STANDING_MARKS", "UAV_MARK", "chart_cells", "map_labels"]
+__all__ = ["BOX_MARK", "STANDING_MARKS", "UAV_MARK", "MapExtras", "chart_cells", "map_labels", "marked_at"]
 
 STANDING_MARKS: Final[Mapping[Standing, str]] = MappingProxyType(
     {
@@ -40,9 +52,29 @@ BOX_MARK: Final = "?"
 NOSE_DOTS: Final = 7.0
 """Length of the line that shows a heading; the first two or three dots are under the mark."""
 UAV_NOSE_DOTS: Final = 11.0
+REACH: Final = 4.0
+"""Cells from a mark that a click may be."""
+GAP: Final = 2
+"""Cells between texts of the last row."""
 
 
-def chart_cells(snapshot: Snapshot, selected: int, view: MapView, labelling: Labelling | None = None) -> CellGrid:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapExtras:
+    """What is on the map beside the snapshot."""
+
+    track: int = 0
+    """Track id of the picked box without a name, 0 none."""
+    trails: tuple[Trail, ...] = ()
+    ruler: Ruler = field(default_factory=Ruler)
+
+
+def chart_cells(
+    snapshot: Snapshot,
+    selected: int,
+    view: MapView,
+    labelling: Labelling | None = None,
+    extras: MapExtras | None = None,
+) -> CellGrid:
     """Draw the ground as the view shows it, and below it a row with north and scale; what is selected is inverted.
 
     Args:
@@ -50,15 +82,20 @@ def chart_cells(snapshot: Snapshot, selected: int, view: MapView, labelling: Lab
         selected: System id, 0 none.
         view: Which ground, and how many cells.
         labelling: Of ``map_labels`` for the same; worked out unless given.
+        extras: What else is drawn.
 
     Returns:
         One row more than the view has.
     """
+    extras = extras or MapExtras()
     cells = CellGrid(view.columns, view.rows + 1, pack(PANEL))
     dots = BrailleCanvas(view.columns, view.rows + 1)
     rows = _placed_rows(snapshot, selected)
-    marks = _marks(snapshot, rows, view)
-    labelling = labelling or map_labels(snapshot, selected, view)
+    marks = _marks(snapshot, rows, view, extras)
+    labelling = labelling or map_labels(snapshot, selected, view, extras=extras)
+    colours = {mark.system_id: mark.colour for mark in marks if mark.system_id}
+    draw_trails(dots, extras.trails, view, _trail_inks(snapshot))
+    draw_fences(dots, snapshot, view)
     if snapshot.footprint_enu is not None:
         dots.polygon(view.dots(snapshot.footprint_enu), pack(LINE), every=2.0)
     for row in rows:
@@ -67,7 +104,7 @@ def chart_cells(snapshot: Snapshot, selected: int, view: MapView, labelling: Lab
     for row in rows:
         _nose(dots, _dot(view, row.p_enu), row.heading, NOSE_DOTS, standing_colour(row.standing))
     _nose(dots, _dot(view, snapshot.uav_enu), snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT)
-    colours = {mark.system_id: mark.colour for mark in marks if mark.system_id}
+    draw_ruler(dots, extras.ruler, view)
     draw_leaders(dots, labelling, lambda place: pack(colours.get(place.key, INK)))
     dots.bits[view.rows :] = 0
     cells.dots(dots)
@@ -81,18 +118,44 @@ def chart_cells(snapshot: Snapshot, selected: int, view: MapView, labelling: Lab
         return (pack(PANEL), pack(colour)) if picked else (pack(colour), None)
 
     write_labels(cells, labelling, look_of)
-    bar, _ = scale_bar(view.metres_per_dot, view.columns // 3)
-    cells.text(1, view.rows, f"N↑  {bar}"[: view.columns - 1], pack(FAINT))
+    _write_scale(cells, snapshot, view, extras.ruler)
     return cells
 
 
-def map_labels(snapshot: Snapshot, selected: int, view: MapView, former: Labelling | None = None) -> Labelling:
+def _trail_inks(snapshot: Snapshot) -> dict[int, int]:
+    colours = {
+        row.system_id: ACCENT if row.role == "uav" else standing_colour(row.standing) for row in snapshot.vehicles
+    }
+    return {system_id: pack(colour) for system_id, colour in colours.items()}
+
+
+def _write_scale(cells: CellGrid, snapshot: Snapshot, view: MapView, ruler: Ruler) -> None:
+    """North and scale, then of the ruler what there is room for."""
+    texts = ruler_texts(ruler, snapshot)
+    bar, _ = scale_bar(view.metres_per_dot, view.columns // (6 if texts else 3))
+    scale = f" N↑  {bar}"
+    cells.text(0, view.rows, scale[: view.columns], pack(FAINT))
+    left = len(scale) + GAP
+    for text in texts:
+        if left + len(text) <= view.columns:
+            cells.text(left, view.rows, text, pack(BRIGHT))
+            left += len(text) + GAP
+
+
+def map_labels(
+    snapshot: Snapshot,
+    selected: int,
+    view: MapView,
+    former: Labelling | None = None,
+    extras: MapExtras | None = None,
+) -> Labelling:
     """Where ``chart_cells`` writes names; ``former`` is of the frame before, so that labels stay where they are."""
+    extras = extras or MapExtras()
     rows = _placed_rows(snapshot, selected)
     state = {row.system_id: "" if row.position_state == "ok" else f" {plain(row.position_state)}" for row in rows}
     names = shown_names(snapshot, shows_in_cells)
     labels, others = [], []
-    for mark in _marks(snapshot, rows, view):
+    for mark in _marks(snapshot, rows, view, extras):
         anchor = (mark.x, mark.y, 1, 1)
         if not mark.system_id:
             others.append(anchor)
@@ -120,6 +183,19 @@ def _placed_rows(snapshot: Snapshot, selected: int) -> list[VehicleRow]:
     return sorted(rows, key=lambda row: (row.system_id != selected, row.standing != "confirmed"))
 
 
+def marked_at(snapshot: Snapshot, view: MapView, column: int, row: int) -> tuple[int, int]:
+    """System id of the vehicle nearest to a cell, else track id of the box without a name; both 0 out of reach."""
+    places = [(each.system_id, 0, each.p_enu) for each in snapshot.vehicles]
+    places += [(0, box.track_id, box.p_enu) for box in snapshot.boxes if not box.system_id]
+    near = []
+    for system_id, track_id, p_enu in places:
+        if (cell := view.cell(p_enu)) is not None:
+            # cells are twice as high as wide
+            near.append((math.hypot(cell[0] - column, 2 * (cell[1] - row)), system_id, track_id))
+    away, system_id, track_id = min(near, default=(math.inf, 0, 0))
+    return (system_id, track_id) if away <= REACH else (0, 0)
+
+
 class _Mark(NamedTuple):
     x: int
     y: int
@@ -128,31 +204,28 @@ class _Mark(NamedTuple):
     system_id: int = 0
 
 
-def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> list[_Mark]:
-    """What is in view: the UAV, ground vehicles, boxes without a name; earlier ones are drawn over later ones."""
-    marks = []
+def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras: MapExtras) -> list[_Mark]:
+    """What is in view: cursor, UAV, ground vehicles, boxes without a name, home; earlier ones over later ones."""
+    pointers = zip((extras.ruler.cursor, *extras.ruler.picks), (CURSOR_MARK, *PICK_MARKS), strict=False)
+    cells = [(place and view.cell(np.array(place)), glyph) for place, glyph in pointers]
+    marks = [_Mark(*cell, glyph, BRIGHT) for cell, glyph in cells if cell]
     uav = next((row.system_id for row in snapshot.vehicles if row.role == "uav"), 0)
-    if (cell := _cell(view, snapshot.uav_enu)) is not None:
+    if (cell := view.cell(snapshot.uav_enu)) is not None:
         marks.append(_Mark(*cell, UAV_MARK, ACCENT, uav))
     for row in rows:
-        if (cell := _cell(view, row.p_enu)) is not None:
+        if (cell := view.cell(row.p_enu)) is not None:
             glyph = STANDING_MARKS.get(row.standing, BOX_MARK)
             marks.append(_Mark(*cell, glyph, standing_colour(row.standing), row.system_id))
-    nameless = (_cell(view, box.p_enu) for box in snapshot.boxes if not box.system_id)
-    unknown = standing_colour("unidentified")
-    return [*marks, *(_Mark(*cell, BOX_MARK, unknown) for cell in nameless if cell is not None)]
+    for box in snapshot.boxes:
+        if not box.system_id and (cell := view.cell(box.p_enu)) is not None:
+            picked = bool(extras.track) and box.track_id == extras.track
+            marks.append(_Mark(*cell, BOX_MARK, BRIGHT if picked else standing_colour("unidentified")))
+    home = view.cell(HOME_ENU) if snapshot.origin is not None else None
+    return marks if home is None else [*marks, _Mark(*home, HOME_MARK, FAINT)]
 
 
 def _dot(view: MapView, p_enu: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(view.dots(p_enu[None])[0], dtype=np.float64)
-
-
-def _cell(view: MapView, p_enu: NDArray[np.float64]) -> tuple[int, int] | None:
-    x, y = _dot(view, p_enu)
-    # NaN is in no cell
-    if not (0 <= x < 2 * view.columns and 0 <= y < 4 * view.rows):
-        return None
-    return int(x // 2), int(y // 4)
 
 
 def _residuals(dots: BrailleCanvas, snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView) -> None:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.tui.draw.xterm_palette import dithered
+from gcs.tui.draw.xterm_palette import LUMA_BGR, dithered
 
 __all__ = ["HALF", "HALF_BLOCKS", "Grain", "Mosaic", "PictureMode", "fit", "mosaic_of"]
 
@@ -25,8 +25,6 @@ LUMA_STEP: Final = 6
 CHROMA_STEP: Final = 12
 PLAIN_LEVELS: Final = 9
 """A cell whose brightness differs by less, of 255, is of one colour: its pattern would be noise."""
-LUMA_BGR: Final = np.array([0.114, 0.587, 0.299], dtype=np.float32)
-"""ITU-R BT.601."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from textual.strip import Strip
 
 from gcs.tui.palette import HEAD, PANEL, Colour, ink
 
-__all__ = ["Part", "bar", "blank", "fitted", "folded", "line", "split_line", "width_of"]
+__all__ = ["Part", "bar", "blank", "clickable", "fitted", "folded", "line", "split_line", "width_of"]
 
 Part = tuple[str, Style]
 """Plain text and how it looks; the text must already be free of control characters."""
@@ -27,6 +27,12 @@ def line(parts: Iterable[Part], width: int, paper: Colour = PANEL) -> Strip:
 def blank(width: int, paper: Colour = PANEL) -> Strip:
     """A strip of background."""
     return Strip([Segment(" " * width, ink(paper=paper))], width)
+
+
+def clickable(part: Part, action: str) -> Part:
+    """The same part, that runs an action of Textual when it is clicked."""
+    text, style = part
+    return text, style + Style.from_meta({"@click": action})
 
 
 def width_of(parts: Iterable[Part]) -> int:

@@ -9,16 +9,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.report.box_shapes import box_bounds, box_corners, drawable, front_mark
+from gcs.report.inset import Inset, crop, inset_for, moved_boxes, title_of
 from gcs.report.label_grid import Cells, Grid
 from gcs.report.labels import Labelling, Place, place_labels
 from gcs.report.overlay import (
-    box_bounds,
-    box_corners,
     box_keys,
     box_labels,
     boxes_in_order,
-    drawable,
-    front_mark,
     is_picked,
     standing_of,
 )
@@ -26,16 +24,20 @@ from gcs.snapshot import Box, Snapshot
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
+from gcs.tui.draw.format import plain
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode, fit, mosaic_of
-from gcs.tui.palette import BRIGHT, FAINT, INK, PANEL, pack, standing_colour
+from gcs.tui.palette import BRIGHT, FAINT, HEAD, INK, PANEL, pack, standing_colour
 from gcs.tui.themes import DARK
 
-__all__ = ["box_at", "video_cells", "video_labels"]
+__all__ = ["box_at", "video_cells", "video_inset", "video_labels"]
 
 NO_VIDEO = "no video"
 
 SMALLEST_DOTS = 5.0
 """A box is drawn at least this long, else it is a speck on a small screen."""
+
+LEAST_FIELD = (24, 8)
+"""Columns and rows of a field that has room for an inset."""
 
 _packed = partial(pack, theme=DARK)
 """Whatever the theme, the picture has the colours of the exported video: light ones on dark labels."""
@@ -49,6 +51,7 @@ def video_cells(
     track: int = 0,
     labelling: Labelling | None = None,
     mode: PictureMode = HALF_BLOCKS,
+    inset: Inset | None = None,
 ) -> CellGrid:
     """Draw one snapshot in a field of cells.
 
@@ -60,6 +63,7 @@ def video_cells(
         track: Track id of a box without a name whose label is inverted, 0 none.
         labelling: Of ``video_labels`` for the same; worked out unless given.
         mode: What the terminal can show.
+        inset: Of ``video_inset``, None for none.
     """
     cells = CellGrid(columns, rows, _packed(PANEL), palette=mode.palette)
     if snapshot.width > 0 and snapshot.height > 0:
@@ -67,32 +71,58 @@ def video_cells(
         if snapshot.image is not None:
             cells.picture(mosaic_of(snapshot.image, used_columns, used_rows, mode), left, top)
         boxes = boxes_in_order(snapshot, selected, track)
-        labelling = labelling or video_labels(snapshot, selected, columns, rows, track)
+        labelling = labelling or video_labels(snapshot, selected, columns, rows, track, inset=inset)
         _outlines(cells, snapshot, boxes, (left, top), used_columns / snapshot.width, labelling)
+        if inset is not None:
+            _enlarge(cells, snapshot, boxes, selected, inset, mode)
         _write(cells, snapshot, boxes, (selected, track), labelling)
     for x, y, width, _ in _notice(snapshot, columns, rows):
         cells.text(x, y, NO_VIDEO[:width], _packed(FAINT))
     return cells
 
 
+def video_inset(
+    snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, former: Inset | None = None
+) -> Inset | None:
+    """Where ``video_cells`` shows the picked vehicle enlarged, None where that is not known or there is no room."""
+    if snapshot.width <= 0 or snapshot.height <= 0 or columns < LEAST_FIELD[0] or rows < LEAST_FIELD[1]:
+        return None
+    boxes = boxes_in_order(snapshot, selected, track)
+    marks = list(zip(boxes, _anchors(snapshot, boxes, columns, rows), strict=True))
+    picked = next((box for box in boxes if is_picked(box, selected, track)), None)
+    return inset_for(snapshot, selected, (0, 0, columns, rows), marks, picked, tall=2.0, former=former)
+
+
 def video_labels(
-    snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, former: Labelling | None = None
+    snapshot: Snapshot,
+    selected: int,
+    columns: int,
+    rows: int,
+    track: int = 0,
+    former: Labelling | None = None,
+    inset: Inset | None = None,
 ) -> Labelling:
     """Where ``video_cells`` writes; ``former`` is that of the frame before, so that labels stay where they are."""
     if snapshot.width <= 0 or snapshot.height <= 0:
         return Labelling()
+    boxes = boxes_in_order(snapshot, selected, track)
+    blocked = (*_notice(snapshot, columns, rows), *([inset.rect] if inset else []))
+    grid = Grid(columns=columns, rows=rows, measure=measure_cells, blocked=blocked, covered=True)
+    anchors = _anchors(snapshot, boxes, columns, rows)
+    return place_labels(box_labels(snapshot, boxes, anchors, shows_in_cells, (selected, track)), grid, former)
+
+
+def _anchors(snapshot: Snapshot, boxes: Sequence[Box], columns: int, rows: int) -> list[Cells]:
+    """Cells of each box in the field."""
     left, top, used_columns, used_rows = fit(snapshot.width, snapshot.height, columns, rows)
     across, down = used_columns / snapshot.width, used_rows / snapshot.height
-    boxes = boxes_in_order(snapshot, selected, track)
     anchors = []
     for box in boxes:
         x, y, w, h = box_bounds(box)
         first, last = math.floor(left + x * across), math.ceil(left + (x + w) * across)
         upper, lower = math.floor(top + y * down), math.ceil(top + (y + h) * down)
         anchors.append((first, upper, last - first, lower - upper))
-    blocked = _notice(snapshot, columns, rows)
-    grid = Grid(columns=columns, rows=rows, measure=measure_cells, blocked=blocked, covered=True)
-    return place_labels(box_labels(snapshot, boxes, anchors, shows_in_cells, (selected, track)), grid, former)
+    return anchors
 
 
 def _notice(snapshot: Snapshot, columns: int, rows: int) -> tuple[Cells, ...]:
@@ -140,6 +170,25 @@ def _outlines(
     inks = dict(zip(box_keys(boxes), colours, strict=True))
     draw_leaders(dots, labelling, lambda place: inks.get(place.key, _packed(INK)))
     cells.dots(dots)
+
+
+def _enlarge(
+    cells: CellGrid, snapshot: Snapshot, boxes: Sequence[Box], selected: int, inset: Inset, mode: PictureMode
+) -> None:
+    """The picked vehicle in the inset's cells, below a row that names it."""
+    x, y, width, height = inset.rect
+    window = CellGrid(width, height, _packed(PANEL), palette=mode.palette)
+    part = crop(snapshot, inset)
+    if part is not None:
+        window.picture(mosaic_of(part, width, height, mode), 0, 0)
+    columns_per_px = width / inset.part[2]
+    _outlines(window, snapshot, moved_boxes(boxes, inset), (0, 0), columns_per_px, Labelling())
+    whole = fit(snapshot.width, snapshot.height, cells.columns, cells.rows)[2] / snapshot.width
+    name = plain(snapshot.name_of(selected)) if selected else ""
+    title = title_of(name, selected, columns_per_px / whole, lambda text: measure_cells(text)[0] <= width)
+    window.text(0, 0, " " * width, _packed(INK), _packed(HEAD))
+    window.text(0, 0, title, _packed(BRIGHT), _packed(HEAD))
+    cells.place(window, x, y)
 
 
 def _grown(points: NDArray[np.float64], middle: NDArray[np.float64], factor: float) -> NDArray[np.float64]:

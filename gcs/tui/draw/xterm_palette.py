@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FIRST", "PALETTE", "dithered", "nearest"]
+__all__ = ["FIRST", "LUMA_BGR", "PALETTE", "dithered", "nearest"]
 
 FIRST: Final = 16
 """Number of the cube's first colour; the sixteen before look different on every terminal."""
 CUBE: Final = np.array([0, 95, 135, 175, 215, 255], dtype=np.int64)
 GREYS: Final = np.arange(8, 239, 10, dtype=np.int64)
-ALL_GREYS: Final = np.concatenate([[0], GREYS, [255]])
 GREY_CHROMA: Final = 16
 """What differs less between its channels, of 255, is dithered in greys, which are closer to each other."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 THRESHOLDS: Final = (_BAYER + 0.5) / 16
 """Of an ordered dither."""
+NOISE: Final = 40.0
+"""How far a channel is moved up and down, of 255: the cube's steps are 40, but for the darkest; more is noise."""
+LUMA_BGR: Final = np.array([0.114, 0.587, 0.299], dtype=np.float32)
+"""ITU-R BT.601."""
 
 
 def _palette() -> NDArray[np.int64]:
@@ -31,19 +34,26 @@ PALETTE: Final = _palette()
 """(240, 3) RGB of colours 16 to 255."""
 
 
-def _steps(levels: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """For each value 0..255 the level at or below it, as an index, and how far it is towards the next, 0..1."""
-    values = np.arange(256)
-    below = np.minimum(np.searchsorted(levels, values, side="right") - 1, len(levels) - 2)
-    return below, (values - levels[below]) / (levels[below + 1] - levels[below])
+@cache
+def _nearest_by_bits() -> NDArray[np.int64]:
+    """(32, 32, 32) 0xRRGGBB of the palette that is nearest to each colour of 5 bits a channel, blue first."""
+    middle = np.arange(32, dtype=np.float32) * 8 + 4
+    every = np.stack(np.meshgrid(middle, middle, middle, indexing="ij"), axis=-1).reshape(-1, 3)
+    wanted, known = _luma_chroma(every), _luma_chroma(PALETTE[:, ::-1].astype(np.float32))
+    # |a − b|² = |a|² − 2 a·b + |b|², of which |a|² is the same for all
+    away = (known * known).sum(axis=1) - 2 * wanted @ known.T
+    red, green, blue = PALETTE[away.argmin(axis=1)].T
+    return np.asarray(red << 16 | green << 8 | blue, dtype=np.int64).reshape(32, 32, 32)
 
 
-_CUBE_BELOW, _CUBE_SHARE = _steps(CUBE)
-_GREY_BELOW, _GREY_SHARE = _steps(ALL_GREYS)
+def _luma_chroma(bgr: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(n, 3) BGR as brightness and two differences of colour (ITU-R BT.601)."""
+    luma = bgr @ LUMA_BGR
+    return np.stack([luma, 0.564 * (bgr[:, 0] - luma), 0.713 * (bgr[:, 2] - luma)], axis=-1)
 
 
 def dithered(bgr: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """An image in colours of the palette that are right on the average (ordered dither after Bayer).
+    """An image in colours of the palette that are near it on the average (ordered dither after Bayer).
 
     Args:
         bgr: (h, w, 3).
@@ -53,12 +63,14 @@ def dithered(bgr: NDArray[np.uint8]) -> NDArray[np.int64]:
     """
     height, width = bgr.shape[:2]
     threshold = np.tile(THRESHOLDS, (height // 4 + 1, width // 4 + 1))[:height, :width]
-    colour = CUBE[_CUBE_BELOW[bgr] + (_CUBE_SHARE[bgr] > threshold[..., None])]
-    luma = bgr.astype(np.int64) @ np.array([29, 150, 77]) >> 8
-    grey = ALL_GREYS[_GREY_BELOW[luma] + (_GREY_SHARE[luma] > threshold)]
-    plain = np.ptp(bgr, axis=-1) < GREY_CHROMA
-    blue, green, red = (np.where(plain, grey, colour[..., channel]) for channel in range(3))
-    return np.asarray(red << 16 | green << 8 | blue, dtype=np.int64)
+    # each channel has a pattern of its own: one for all would mix greys alone
+    noise = np.stack([threshold, np.roll(threshold, (1, 2), (0, 1)), np.roll(threshold, (2, 1), (0, 1))], axis=-1)
+    bits = np.clip(bgr + NOISE * (noise - 0.5), 0, 255).astype(np.uint8) >> 3
+    colour = _nearest_by_bits()[bits[..., 0], bits[..., 1], bits[..., 2]]
+    # v = 10 k + 8 for the k-th grey
+    level = np.clip(np.floor((bgr @ LUMA_BGR - 8) / 10 + threshold), 0, len(GREYS) - 1).astype(np.int64)
+    grey = GREYS[level] * 0x010101
+    return np.asarray(np.where(np.ptp(bgr, axis=-1) < GREY_CHROMA, grey, colour), dtype=np.int64)
 
 
 @lru_cache(maxsize=4096)

@@ -112,7 +112,7 @@ class AlarmPane(Pane):
             hidden = self._first + below
             return [(f"{fresh} new " * bool(fresh) + f"+{hidden} " * (hidden > 0), ink(BRIGHT, HEAD))]
         hint = f"{self._first} above " * bool(self._first) + f"{below} below " * (below > 0)
-        hint += f"{fresh} new · enter, A: seen " if fresh else "all seen "
+        hint += f"{fresh} new " if fresh else "all seen "
         return [(hint, ink(FAINT, HEAD)), *count_parts(loud, quiet)]
 
     def body(self, width: int, height: int) -> list[Strip]:

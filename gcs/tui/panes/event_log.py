@@ -55,6 +55,7 @@ class EventPane(Pane):
     """What happened; scrolls when focused, else follows the newest; in a replay, the newest before the frame."""
 
     label: ClassVar[str] = "EVENTS"
+    FOCUS_ON_CLICK = False  # rows unfold with the focus, and another one would be under the pointer
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "scroll_by(1)", "Older", id="events.up", show=False, tooltip="Scroll the event log up"),
         Binding("down,j", "scroll_by(-1)", "Newer", id="events.down", show=False, tooltip="Scroll the event log down"),
@@ -130,6 +131,11 @@ class EventPane(Pane):
         """Newer."""
         self.action_scroll_by(-2)
 
+    def on_click(self, event: events.Click) -> None:
+        """The heading takes the focus; a row shows its event."""
+        if event.y == 0:
+            self.focus()
+
     def note(self) -> Sequence[Part]:
         """The filter, and whether the newest is on screen."""
         back = f"{self._back} newer below · " if self._back else ""
@@ -181,7 +187,10 @@ class EventPane(Pane):
             ink(BRIGHT if ours else colour),
         )
         if not self.has_focus:
-            return [line([*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)], width)]
-        first, *more = folded(text + often, room)
-        indent = (" " * width_of(parts), style)
-        return [line([*parts, (first, style)], width), *(line([indent, (rest, style)], width) for rest in more)]
+            lines = [[*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)]]
+        else:
+            first, *more = folded(text + often, room)
+            indent = (" " * width_of(parts), style)
+            lines = [[*parts, (first, style)], *([indent, (rest, style)] for rest in more)]
+        there = {"@click": f"app.show_event({event.t_us}, {event.system_id})"}
+        return [line(each, width).apply_meta(there) for each in lines]

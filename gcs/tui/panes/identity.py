@@ -10,7 +10,8 @@ from typing import ClassVar, Final
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
-from gcs.report.overlay import drawable, named_count, standing_of
+from gcs.report.box_shapes import drawable
+from gcs.report.overlay import named_count, standing_of
 from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread

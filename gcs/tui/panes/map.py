@@ -1,67 +1,178 @@
-"""The map pane: the ground from above, north up, fitted to the fleet or following one vehicle."""
+"""The map pane: the ground from above, north up, fitted to the fleet, following a vehicle, or panned."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from textual import events
+from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
 from gcs.report.labels import Labelling
 from gcs.snapshot import Snapshot
-from gcs.tui.draw.format import NOT_ANALYSED
-from gcs.tui.draw.ground_view import map_view_of, points_of
-from gcs.tui.draw.map_canvas import chart_cells, map_labels
+from gcs.trails import Trail, Trails
+from gcs.tui.draw.format import NOT_ANALYSED, age
+from gcs.tui.draw.ground_view import HOME_ENU, MapView, map_view_of, points_of, step_scale
+from gcs.tui.draw.map_canvas import MapExtras, chart_cells, map_labels, marked_at
+from gcs.tui.draw.map_lines import Ruler
 from gcs.tui.draw.strips import Part, line
+from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import FAINT, HEAD, ink
 from gcs.tui.panes.pane import Pane
+from mavlink.geodesy import LocalFrame
 
-__all__ = ["MapPane"]
+__all__ = ["MapPane", "TrailSource"]
 
-FOLLOW = ("all", "UAV", "selected")
-ZOOM_LIMIT = 14
+FOLLOW: Final = ("all", "UAV", "selected")
+ZOOM_LIMIT: Final = 14
+TRAILS_S: Final = (30.0, 120.0, 600.0, 0.0, 10.0)
+"""Lengths of trails in turn, the first one at the start."""
+PAN_STEP: Final = (8, 4)
+"""Columns and rows of one key; as far on the screen both ways."""
+
+TrailSource = Callable[[int, float, LocalFrame | None], Sequence[Trail]]
+"""Trails before a moment, so many seconds long, about an origin."""
+
+
+def _key(key: str, action: str, tooltip: str) -> Binding:
+    return Binding(key, action, key, id=f"map.{key}", show=False, tooltip=tooltip)
 
 
 class MapPane(Pane):
     """The map."""
 
     label: ClassVar[str] = "MAP"
+    is_picture: ClassVar[bool] = True
+    BINDINGS: ClassVar[list[BindingType]] = [
+        _key("up", "pan(0,-1)", "Pan north, or move the cursor"),
+        _key("down", "pan(0,1)", "Pan south, or move the cursor"),
+        _key("left", "pan(-1,0)", "Pan west, or move the cursor"),
+        _key("right", "pan(1,0)", "Pan east, or move the cursor"),
+        _key("h", "home", "Home: where the UAV was first"),
+        _key("T", "trails", "Trails: 30 s, 2 min, 10 min, none, 10 s"),
+        _key("r", "ruler", "Ruler: a cursor with its coordinates, and off again"),
+        _key("enter", "pick_place", "Ruler: measure from here, then to here"),
+    ]
+    """They count while the map has the focus; ``j`` and ``k`` still choose a vehicle."""
 
-    def __init__(self, *, id: str) -> None:
+    def __init__(self, *, id: str, trails: TrailSource | None = None) -> None:
+        """A map.
+
+        Args:
+            id: Of the widget.
+            trails: Where a replay's trails come from; those of a flight are what this pane was shown.
+        """
         super().__init__(id=id)
         self._zoom = 0
         self._follow = 0
         self._scale = 0.0
         self._labelling = Labelling()
+        self._free: MapView | None = None
+        """Where the operator looks, None: what fits or is followed."""
+        self._view: MapView | None = None
+        """Of what is on the screen."""
+        self._origin: LocalFrame | None = None
+        self._ruler = Ruler()
+        self._span = 0
+        self._shown = Trails()
+        self._trails: TrailSource = trails or self._shown.before
+        self._dragged_from: tuple[int, int] | None = None
+        self._moved = False
 
     @property
     def follow(self) -> str:
-        """What stays in the middle: ``all``, ``UAV`` or ``selected``."""
-        return FOLLOW[self._follow]
+        """What stays in the middle: ``all``, ``UAV`` or ``selected``; empty after the operator panned."""
+        return "" if self._free else FOLLOW[self._follow]
 
     @property
     def zoom(self) -> int:
         """Steps closer than what fits everything."""
         return self._zoom
 
+    @property
+    def ruler(self) -> Ruler:
+        """What the operator points at."""
+        return self._ruler
+
+    @property
+    def view(self) -> MapView | None:
+        """Which ground is on the screen."""
+        return self._view
+
     def zoom_by(self, steps: int) -> None:
         """Closer (positive) or farther; 0 fits everything again."""
+        if steps and self._free:
+            self._look(replace(self._free, metres_per_dot=step_scale(self._free.metres_per_dot, -steps)))
+            return
         self._zoom = min(max(self._zoom + steps, -ZOOM_LIMIT), ZOOM_LIMIT) if steps else 0
-        self._labelling = Labelling()
-        self.redraw()
+        self._look(None)
 
     def follow_next(self) -> None:
         """Hold the next thing in the middle."""
-        self._follow = (self._follow + 1) % len(FOLLOW)
+        self._follow = 0 if self._free else (self._follow + 1) % len(FOLLOW)
+        self._look(None)
+
+    def action_pan(self, columns: int, rows: int) -> None:
+        """Move the cursor by a cell, else the ground by some."""
+        if self._view is None:
+            return
+        if self._ruler.cursor is None:
+            self._look(self._view.moved(columns * PAN_STEP[0], rows * PAN_STEP[1]))
+            return
+        step = self._view.metres_per_dot
+        east, north = self._ruler.cursor
+        self._ruler = replace(self._ruler, cursor=(east + 2 * columns * step, north - 4 * rows * step))
+        if self._view.cell(np.array(self._ruler.cursor)) is None:
+            self._look(self._view.moved(columns * PAN_STEP[0], rows * PAN_STEP[1]))
+        self.redraw()
+
+    def action_home(self) -> None:
+        """Look where the UAV was first."""
+        if self._view is not None:
+            self._look(replace(self._view, east=float(HOME_ENU[0]), north=float(HOME_ENU[1])))
+
+    def action_trails(self) -> None:
+        """The next length of trails."""
+        self._span = (self._span + 1) % len(TRAILS_S)
+        self.redraw()
+
+    def action_ruler(self) -> None:
+        """A cursor in the middle, or none."""
+        if self._view is not None:
+            on = self._ruler.cursor is None
+            self._ruler = Ruler(cursor=(self._view.east, self._view.north)) if on else Ruler()
+            self.redraw()
+
+    def action_pick_place(self) -> None:
+        """Measure from the cursor, then to it."""
+        self._ruler = self._ruler.picked()
+        self.redraw()
+
+    def _look(self, view: MapView | None) -> None:
+        """Somewhere else; labels find their places anew."""
+        self._free = view
         self._labelling = Labelling()
         self.redraw()
 
     def note(self) -> Sequence[Part]:
-        """What is followed and how far the zoom is from fitting."""
-        zoom = f" zoom {self._zoom:+d}" if self._zoom else ""
-        return [(f"follow {self.follow}{zoom} ", ink(FAINT, HEAD))]
+        """What is followed, how far the zoom is from fitting, how long trails are."""
+        held = f"follow {self.follow}" if self.follow else "panned, c: follow"
+        zoom = f" zoom {self._zoom:+d}" if self._zoom and not self._free else ""
+        span = TRAILS_S[self._span]
+        return [(f"{held}{zoom} trail {age(span) if span else 'off'} ", ink(FAINT, HEAD))]
+
+    def watch_snapshot(self) -> None:
+        """Something new to show, and to keep for trails."""
+        if self.snapshot is not None:
+            if self.snapshot.origin != self._origin:
+                # the metres are counted from elsewhere: what was pointed at is no longer there
+                self._origin, self._free, self._ruler = self.snapshot.origin, None, Ruler()
+            self._shown.add(self.snapshot)
+        super().watch_snapshot()
 
     def body(self, width: int, height: int) -> list[Strip]:
         """The chart, or a word on what is awaited."""
@@ -71,14 +182,22 @@ class MapPane(Pane):
             return [line([(" waiting for positions …", ink(FAINT))], width)]
         if not self.snapshot.analysed:
             return [line([(f" {NOT_ANALYSED}", ink(FAINT))], width)]
-        centre = self._centre(self.snapshot)
-        points = points_of(self.snapshot)
-        # the last row is north and scale
-        rows = max(1, height - 1)
+        view = self._view = self._view_of(self.snapshot, width, max(1, height - 1))
+        span = TRAILS_S[self._span]
+        trails = tuple(self._trails(self.snapshot.t_us, span, self.snapshot.origin)) if span else ()
+        extras = MapExtras(track=self.picked_track, trails=trails, ruler=self._ruler)
+        self._labelling = map_labels(self.snapshot, self.selected, view, self._labelling, extras)
+        return chart_cells(self.snapshot, self.selected, view, self._labelling, extras).strips()[:height]
+
+    def _view_of(self, snapshot: Snapshot, width: int, rows: int) -> MapView:
+        """Of the rows above the one with north and scale."""
+        if self._free is not None:
+            self._free = replace(self._free, columns=width, rows=rows)
+            return self._free
+        centre = self._centre(snapshot)
+        points = points_of(snapshot)
         self._scale = map_view_of(points, width, rows, before=self._scale, centre=centre).metres_per_dot
-        view = map_view_of(points, width, rows, before=self._scale, zoom=self._zoom, centre=centre)
-        self._labelling = map_labels(self.snapshot, self.selected, view, self._labelling)
-        return chart_cells(self.snapshot, self.selected, view, self._labelling).strips()[:height]
+        return map_view_of(points, width, rows, before=self._scale, zoom=self._zoom, centre=centre)
 
     def _centre(self, snapshot: Snapshot) -> NDArray[np.float64] | None:
         if self.follow == "UAV":
@@ -86,3 +205,46 @@ class MapPane(Pane):
         if self.follow == "selected":
             return next((row.p_enu[:2] for row in snapshot.vehicles if row.system_id == self.selected), None)
         return None
+
+    def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Closer to what is under the pointer."""
+        self._zoom_at(event, 1)
+
+    def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Farther from what is under the pointer."""
+        self._zoom_at(event, -1)
+
+    def _zoom_at(self, event: events.MouseEvent, steps: int) -> None:
+        event.stop()
+        if self._view is not None:
+            self._look(self._view.zoomed(steps, event.x, event.y - 1))
+
+    def on_mouse_down(self, event: events.MouseDown) -> None:
+        """Take hold of the ground."""
+        self._dragged_from, self._moved = (event.x, event.y), False
+        self.capture_mouse()
+
+    def on_mouse_move(self, event: events.MouseMove) -> None:
+        """The ground follows the pointer."""
+        if self._dragged_from is None or self._view is None:
+            return
+        columns, rows = self._dragged_from[0] - event.x, self._dragged_from[1] - event.y
+        if columns or rows:
+            self._dragged_from, self._moved = (event.x, event.y), True
+            self._look(self._view.moved(columns, rows))
+
+    def on_mouse_up(self, event: events.MouseUp) -> None:
+        """Let go."""
+        self._dragged_from = None
+        self.release_mouse()
+
+    def on_click(self, event: events.Click) -> None:
+        """Pick the vehicle or the box under the pointer, or measure there with the ruler."""
+        if self._moved or self.snapshot is None or self._view is None or event.y < 1:
+            return
+        if self._ruler.cursor is not None:
+            east, north = self._view.ground(event.x, event.y - 1).tolist()
+            self._ruler = replace(self._ruler, cursor=(east, north)).picked()
+            self.redraw()
+        else:
+            self.post_message(VehiclePicked(*marked_at(self.snapshot, self._view, event.x, event.y - 1)))

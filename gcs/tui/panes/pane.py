@@ -13,8 +13,10 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
-from gcs.tui.draw.strips import Part, blank, split_line
+from gcs.tui.draw.strips import Part, blank, split_line, width_of
+from gcs.tui.keys import PANE_HINTS
 from gcs.tui.palette import ACCENT, HEAD, INK, ink
+from gcs.tui.panes.key_hints import hint_parts
 
 __all__ = ["Pane"]
 
@@ -24,6 +26,8 @@ class Pane(Widget, can_focus=True):
 
     ALLOW_SELECT: ClassVar[bool] = False
     label: ClassVar[str] = ""
+    is_picture: ClassVar[bool] = False
+    """Takes most of what goes to the terminal, and waits until the terminal has the last one."""
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
@@ -33,6 +37,8 @@ class Pane(Widget, can_focus=True):
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._rows: list[Strip] = []
+        self._held = False
+        self._owed = False
 
     def note(self) -> Sequence[Part]:
         """The heading's right end."""
@@ -43,15 +49,24 @@ class Pane(Widget, can_focus=True):
         return []
 
     def heading(self, width: int) -> Strip:
-        """The first row; a mark and a brighter name show the focus."""
+        """The first row; with the focus a mark, a brighter name, and the keys that act here as far as there is room."""
         name: Style = ink(ACCENT, HEAD, bold=True) if self.has_focus else ink(INK, HEAD)
         mark = "▌" if self.has_focus else " "
-        return split_line([(mark, ink(ACCENT, HEAD)), (self.label, name), (" ", name)], self.note(), width)
+        left, note = [(mark, ink(ACCENT, HEAD)), (self.label, name), (" ", name)], self.note()
+        if self.has_focus and self.id is not None:
+            for hint in PANE_HINTS.get(self.id, ()):
+                parts = hint_parts(hint, HEAD)
+                if width_of(left) + width_of(parts) + width_of(note) < width:
+                    left += parts
+        return split_line(left, note, width)
 
     def redraw(self) -> None:
         """Build all rows again and repaint those that differ."""
         width, height = self.size
         if width <= 0 or height <= 0 or not self.display:
+            return
+        self._owed = self._held and bool(self._rows)
+        if self._owed:
             return
         body = self.body(width, height - 1)  # the heading may tell what of it is on screen
         rows = [self.heading(width), *body][:height]
@@ -65,6 +80,12 @@ class Pane(Widget, can_focus=True):
             self._rows = rows
         if changed:
             self.refresh(*(Region(0, y, width, 1) for y in changed))
+
+    def hold(self, held: bool) -> None:
+        """Keep what is shown for now; what was to be drawn meanwhile is drawn when that is over."""
+        self._held = held
+        if self._owed and not held:
+            self.redraw()
 
     def render_line(self, y: int) -> Strip:
         """One row as it was last built."""

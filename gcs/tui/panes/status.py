@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from textual.reactive import reactive
 from textual.strip import Strip
@@ -17,7 +17,7 @@ from gcs.health.station_alarms import LATE_S, LOW_BYTES, LOW_S, STALLED_S
 from gcs.report.overlay import named_count
 from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
 from gcs.tui.draw.format import NOT_ANALYSED, age, bytes_text, clock, duration, plain
-from gcs.tui.draw.strips import Part, split_line, width_of
+from gcs.tui.draw.strips import Part, clickable, split_line, width_of
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, Colour, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts, count_parts
 
@@ -52,6 +52,18 @@ class Rank(IntEnum):
     SIZE = 13
     LINKS_NAMED = 14
     TITLE = 15
+
+
+PANES_BY_RANK: Final = {
+    Rank.ALARMS: "alarms",
+    Rank.DISK_TROUBLE: "alarms",
+    Rank.LINK_TROUBLE: "alarms",
+    Rank.VIDEO_TROUBLE: "alarms",
+    Rank.OPEN: "alarms",
+    Rank.NAMES: "identity",
+    Rank.VIDEO: "video",
+}
+"""Which pane has more about it: a click brings it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +117,9 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
     right: list[Part] = []
     for item, parts in fitting([*ends, *items], width - MARGIN):
-        (left if item in ends else right).extend([*parts, gap])
+        goal = PANES_BY_RANK.get(item.rank)
+        shown = [clickable(part, f"app.pane({goal!r})") for part in parts] if goal else parts
+        (left if item in ends else right).extend([*shown, gap])
     right[-1:] = [(" ", gap[1])]
     return split_line(left, right, width)
 

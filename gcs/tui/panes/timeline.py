@@ -17,7 +17,7 @@ from gcs.snapshot import Event
 from gcs.station import Gap, Timeline
 from gcs.tui.draw.format import clock, duration, plain
 from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
-from gcs.tui.draw.strips import Part, blank, fitted, line, width_of
+from gcs.tui.draw.strips import Part, blank, clickable, fitted, line, width_of
 from gcs.tui.messages import SeekTo
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, Colour, ink
 
@@ -48,6 +48,12 @@ class TimelineBar(Widget):
     picked: reactive[tuple[str, bytes]] = reactive(("", b""))
     """Name of the picked vehicle and its confidence over the recording, as float32; both empty without one."""
 
+    def __init__(self, *, id: str) -> None:
+        super().__init__(id=id)
+        self._look: tuple[int, int, int] | None = None
+        """What the cells were worked out for, None: other events or gaps came."""
+        self._cells: list[Moment | None] = []
+
     def show(self, timeline: Timeline, events: Sequence[Event], system_id: int = 0, name: str = "") -> None:
         """Take the timeline's state; repaints only when something differs.
 
@@ -64,6 +70,14 @@ class TimelineBar(Widget):
             self.marks = marks
         strip = bool(system_id) and self.app.size.height >= ROOMY_ROWS
         self.picked = (plain(name), timeline.confidence(system_id).tobytes()) if strip else ("", b"")
+
+    def watch_marks(self) -> None:
+        """Something happened."""
+        self._look = None
+
+    def watch_gaps(self) -> None:
+        """Other gaps."""
+        self._look = None
 
     def watch_picked(self, before: tuple[str, bytes], picked: tuple[str, bytes]) -> None:
         """There is a second row while a vehicle is picked."""
@@ -88,13 +102,14 @@ class TimelineBar(Widget):
         total = duration((stop_us - start_us) / 1e6)
         now = duration((now_us - start_us) / 1e6)
         mark = ("► play ", ink(ACCENT, HEAD, bold=True)) if playing else ("║ pause", ink(INK, HEAD, bold=True))
+        mark = clickable(mark, "app.toggle_play")
         return [(" ", ink(INK, HEAD)), mark, (f" {now}", ink(BRIGHT, HEAD)), (f"/{total} ", ink(FAINT, HEAD))]
 
     def _right(self) -> list[Part]:
         _, _, now_us, _, speed = self.state
         parts = [
             (f" {clock(now_us, tenths=self.size.width >= 100)}", ink(INK, HEAD)),
-            (f" ×{speed:g} ", ink(ACCENT, HEAD)),
+            clickable((f" ×{speed:g} ", ink(ACCENT, HEAD)), "app.speed(1)"),
         ]
         return [*parts, (f"np {self.jumps} ", ink(FAINT, HEAD))] if self.jumps else parts
 
@@ -104,13 +119,20 @@ class TimelineBar(Widget):
         letters = [("━", ACCENT) if column < at else ("─", LINE) for column in range(length)]
         for column in self._columns_not_analysed(length):
             letters[column] = (NOT_ANALYSED, FAINT)
-        moments = cells_of(self.marks, self.gaps, start_us, stop_us, length)
+        moments = self._moments(length)
         for column, moment in enumerate(moments):
             if moment is not None:
                 letters[column] = (SIGNS[moment], _colour(moment))
         here = moments[at]
         letters[at] = ("●", BRIGHT if here is None else _colour(here))
         return [(letter, ink(colour, HEAD)) for letter, colour in _joined(letters)]
+
+    def _moments(self, length: int) -> list[Moment | None]:
+        """What each cell marks; kept while nothing new happened, for a long recording has thousands of events."""
+        look = (*self.state[:2], length)
+        if look != self._look:
+            self._look, self._cells = look, cells_of(self.marks, self.gaps, *look)
+        return self._cells
 
     def _columns_not_analysed(self, length: int) -> set[int]:
         start_us, stop_us, *_ = self.state

@@ -8,16 +8,18 @@ from typing import ClassVar
 
 from textual import events
 from textual.app import ComposeResult
+from textual.reactive import reactive
 from textual.strip import Strip
 
+from gcs.report.inset import Inset
 from gcs.report.labels import Labelling
-from gcs.report.overlay import draw, image_labels
+from gcs.report.overlay import draw, image_inset, image_labels
 from gcs.snapshot import HELD_SHOWN_S, Snapshot
 from gcs.tui.draw.format import age, plain
 from gcs.tui.draw.mosaic import HALF_BLOCKS, PictureMode
 from gcs.tui.draw.pixels import Pixels
 from gcs.tui.draw.strips import Part, line
-from gcs.tui.draw.video_canvas import box_at, video_cells, video_labels
+from gcs.tui.draw.video_canvas import box_at, video_cells, video_inset, video_labels
 from gcs.tui.messages import VehiclePicked
 from gcs.tui.palette import ALARM, FAINT, HEAD, INK, WARN, ink
 from gcs.tui.panes.pane import Pane
@@ -34,15 +36,19 @@ class VideoPane(Pane):
     """The frame with boxes and names."""
 
     label: ClassVar[str] = "VIDEO"
+    is_picture: ClassVar[bool] = True
+    enlarged: reactive[bool] = reactive(False, repaint=False)
+    """Whether the picked vehicle is shown enlarged in a corner."""
 
     def __init__(self, *, id: str, pixels: Pixels | None = None, mode: PictureMode = HALF_BLOCKS) -> None:
         super().__init__(id=id)
         self._mode = mode
         self._pixels = pixels
         self._rest_until = 0.0
-        self._look: tuple[int, int, int, int] = (0, 0, 0, 0)
+        self._look: tuple[int, ...] = ()
         self._late = False
         self._labelling = Labelling()
+        self._inset: Inset | None = None
 
     def compose(self) -> ComposeResult:
         """An image of textual-image in pixel mode, nothing else."""
@@ -53,6 +59,8 @@ class VideoPane(Pane):
         """State of the video, rate, lag and frame number."""
         if self.snapshot is None:
             return ()
+        if self.enlarged and not (self._inset and self._inset.seen):
+            return [(self._inset_note(), ink(WARN, HEAD))]
         health = self.snapshot.health
         colour = {"ok": FAINT, "waiting": FAINT, "ended": INK, "none": FAINT}.get(health.video, ALARM)
         parts: list[Part] = [(f"{plain(health.video)} ", ink(colour, HEAD))]
@@ -65,6 +73,12 @@ class VideoPane(Pane):
             parts += [(f"{health.undecoded} undecoded ", ink(WARN, HEAD))] if health.undecoded else []
         return [*parts, (f"#{self.snapshot.frame} ", ink(FAINT, HEAD))] if self.snapshot.frame >= 0 else parts
 
+    def _inset_note(self) -> str:
+        """Why the picked vehicle is not seen enlarged."""
+        if self._inset is not None:
+            return "Z: where it should be "
+        return "Z: not in the picture " if self.selected or self.picked_track else "Z: pick a vehicle "
+
     def body(self, width: int, height: int) -> list[Strip]:
         """The frame, or a word on what is awaited."""
         if self.snapshot is None:
@@ -74,13 +88,14 @@ class VideoPane(Pane):
         if self._pixels is not None:
             self._send(self._pixels, self.snapshot, width, height)
             return []
-        track = self.picked_track
-        self._labelling = video_labels(self.snapshot, self.selected, width, height, track, self._labelling)
-        return video_cells(self.snapshot, self.selected, width, height, track, self._labelling, self._mode).strips()
+        field = self.snapshot, self.selected, width, height, self.picked_track
+        inset = self._inset = video_inset(*field, self._inset) if self.enlarged else None
+        self._labelling = video_labels(*field, self._labelling, inset)
+        return video_cells(*field, self._labelling, self._mode, inset).strips()
 
     def _send(self, pixels: Pixels, snapshot: Snapshot, width: int, height: int) -> None:
         now = time.monotonic()
-        look = (width, height, self.selected, self.picked_track)
+        look = (width, height, self.selected, self.picked_track, self.enlarged)
         if look == self._look and now < self._rest_until:
             self._catch_up(self._rest_until - now)
             return
@@ -92,10 +107,26 @@ class VideoPane(Pane):
         child.styles.height = max(1, min(height, int(high * scale / pixels.cell_height)))
         child.styles.margin = (1, 0, 0, 0)
         selected, track = self.selected, self.picked_track
-        self._labelling = image_labels(snapshot, scale=scale, selected=selected, track=track, former=self._labelling)
-        image = draw(snapshot, scale=scale, selected=selected, track=track, labelling=self._labelling)
+        inset = None
+        if self.enlarged:
+            inset = image_inset(snapshot, scale=scale, selected=selected, track=track, former=self._inset)
+        self._inset = inset
+        self._labelling = image_labels(
+            snapshot, scale=scale, selected=selected, track=track, former=self._labelling, inset=inset
+        )
+        image = draw(snapshot, scale=scale, selected=selected, track=track, labelling=self._labelling, inset=inset)
         child.image = pixels.to_widget(image)  # type: ignore[attr-defined]
         self.call_after_refresh(self._rest, now)
+
+    def watch_enlarged(self) -> None:
+        """The inset comes or goes."""
+        self.redraw()
+
+    def _is_on_inset(self, x: int, y: int) -> bool:
+        if self._inset is None or self._pixels is not None:
+            return False
+        left, top, width, height = self._inset.rect
+        return left <= x < left + width and top <= y < top + height
 
     def _rest(self, began: float) -> None:
         now = time.monotonic()
@@ -113,6 +144,6 @@ class VideoPane(Pane):
 
     def on_click(self, event: events.Click) -> None:
         """Pick the vehicle or the box under the pointer."""
-        if self.snapshot is not None:
+        if self.snapshot is not None and not self._is_on_inset(event.x, event.y - 1):
             box = box_at(self.snapshot, event.x, event.y - 1, self.size.width, self.size.height - 1)
             self.post_message(VehiclePicked(box.system_id, box.track_id) if box else VehiclePicked(0))

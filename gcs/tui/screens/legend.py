@@ -9,8 +9,9 @@ from typing import Final
 from gcs.snapshot import Standing
 from gcs.tui.draw.freshness import GONE_S
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK
+from gcs.tui.draw.map_lines import CURSOR_MARK, HOME_MARK, PICK_MARKS
 from gcs.tui.draw.moments import SIGNS as MOMENT_SIGNS
-from gcs.tui.palette import ACCENT, ALARM, FAINT, INK, LINE, WARN, Colour, standing_colour
+from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, INK, LINE, WARN, Colour, standing_colour
 from mavlink.state import SILENT_S
 
 __all__ = ["LEGEND"]
@@ -50,6 +51,10 @@ LEGEND: Final[list[tuple[str, list[tuple[str, Colour, str]]]]] = [
             ("line", INK, "from a mark: its heading, or to where its box is"),
             ("circle", LINE, "1σ of a reported place"),
             ("dots", LINE, "what of the ground the picture shows"),
+            ("far dots", WARN, "a fence of the mission"),
+            ("trail", INK, "where a vehicle was, fading; interrupted where nobody knows"),
+            (HOME_MARK, FAINT, "home: where the UAV was first"),
+            (" ".join((CURSOR_MARK, *PICK_MARKS)), BRIGHT, "the ruler's cursor, and what it measures from and to"),
         ],
     ),
     ("Time line", [(sign, INK, kind) for kind, sign in MOMENT_SIGNS.items()]),

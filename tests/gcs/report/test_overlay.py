@@ -9,14 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gcs.report.box_shapes import box_bounds, box_corners, front_mark
 from gcs.report.label_grid import Grid
 from gcs.report.labels import Label, place_labels
 from gcs.report.overlay import (
     STANDING_RGB,
-    box_bounds,
-    box_corners,
     draw,
-    front_mark,
     image_labels,
     label_of,
     named_count,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
 from gcs.report.overlay import draw
+from gcs.tui.keys import BINDINGS
 from gcs.tui.screens import marking
 from gcs.tui.screens.leaving import LeaveFlight
 from gcs.tui.screens.prompts import Prompt
@@ -108,6 +110,37 @@ async def test_leaving_a_flight_is_asked_and_a_second_q_ends_it():
         assert not isinstance(app.screen, LeaveFlight)
         await pilot.press("q", "escape", "q", "q")
     assert app.left
+
+
+async def test_no_key_alone_speaks_to_the_uav_or_ends_the_flight():
+    """Nor with enter behind it: what is sent takes a y to a question."""
+    station = FakeStation(live=True)
+    orders = station.commands = FakeOrders()
+    base = station.snapshot
+    station.snapshot = replace(base, vehicles=tuple(replace(row, held_s=720.0) for row in base.vehicles))
+    async with running(station) as (app, pilot, _):
+        await pilot.press("down", "down")
+        for key in (key for binding in BINDINGS for key in binding.key.split(",")):
+            await pilot.press(key, "enter")
+            assert orders.given == [] and station.accepted == [], key
+            assert app.is_running and not app.left, key
+            while len(app.screen_stack) > 1:
+                await pilot.press("escape")
+    assert orders.asked
+
+
+class FakeOrders:
+    """Keeps what was ordered."""
+
+    def __init__(self):
+        self.given, self.asked = [], 0
+
+    def orders(self, system_id):
+        self.asked += 1
+        return [("hold", "Let UAV-1 stop and hold its position")]
+
+    def submit(self, key, system_id):
+        self.given.append((key, system_id))
 
 
 async def test_only_the_screen_can_be_left():

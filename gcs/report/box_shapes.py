@@ -1,0 +1,60 @@
+"""The shape of a box in the image: its corners, its front, the upright rectangle round it. Pure.
+
+Image pixels, x right, y down; angles clockwise on screen in radians.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.snapshot import Box
+
+__all__ = ["Rect", "box_bounds", "box_corners", "drawable", "front_mark"]
+
+Rect = tuple[float, float, float, float]
+"""Left, top, width, height."""
+
+FARTHEST_PX: Final = 30_000.0
+"""OpenCV counts in 16 bits before the point when it smooths lines."""
+
+
+def drawable(box: Box) -> bool:
+    """Whether a box has a place and a size that can be drawn."""
+    numbers = (box.cx, box.cy, box.w, box.h, box.angle)
+    return box.w > 0 and box.h > 0 and all(abs(number) < FARTHEST_PX for number in numbers)
+
+
+def box_corners(box: Box) -> NDArray[np.float64]:
+    """(4, 2) pixel corners of an oriented box, clockwise from its own top left."""
+    c, s = math.cos(box.angle), math.sin(box.angle)
+    # p = c + R(angle) · (±w/2, ±h/2)
+    half = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (box.w, box.h)
+    return np.asarray(half @ np.array([(c, s), (-s, c)]) + (box.cx, box.cy), dtype=np.float64)
+
+
+def front_mark(box: Box, reach: float = 0.45) -> NDArray[np.float64]:
+    """(2, 2) pixel ends of the tick ahead of the front edge, NaN when the front is unknown.
+
+    Args:
+        box: Its heading is clockwise from image up.
+        reach: Length of the tick in lengths of the box.
+    """
+    if not math.isfinite(box.heading):
+        return np.full((2, 2), math.nan)
+    # d = (sin heading, −cos heading): clockwise from image up, y down
+    direction = np.array([math.sin(box.heading), -math.cos(box.heading)])
+    along = abs(math.cos(box.angle) * direction[0] + math.sin(box.angle) * direction[1])
+    length = box.w * along + box.h * (1.0 - along)
+    edge = np.array([box.cx, box.cy]) + direction * length / 2
+    return np.stack([edge, edge + direction * length * reach])
+
+
+def box_bounds(box: Box, scale: float = 1.0, margin: float = 0.0) -> Rect:
+    """Upright rectangle round a scaled box and its front tick."""
+    points = np.vstack([box_corners(box), front_mark(box)]) * scale
+    (left, top), (right, bottom) = np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
+    return float(left), float(top), float(right - left), float(bottom - top)

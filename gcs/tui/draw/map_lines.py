@@ -1,0 +1,99 @@
+"""Lines on the map beside the vehicles' own: trails, fences, and the ruler between two places. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from gcs.snapshot import Snapshot
+from gcs.trails import Trail
+from gcs.tui.draw.braille import BrailleCanvas
+from gcs.tui.draw.format import degrees, metres
+from gcs.tui.draw.ground_view import MapView
+from gcs.tui.palette import BRIGHT, PANEL, WARN, pack
+
+__all__ = ["CURSOR_MARK", "HOME_MARK", "PICK_MARKS", "Ruler", "draw_fences", "draw_ruler", "draw_trails", "ruler_texts"]
+
+CURSOR_MARK: Final = "┼"
+PICK_MARKS: Final = ("⊕", "⊗")
+"""The first and the second place that are measured."""
+HOME_MARK: Final = "⌂"
+FADES: Final = (0.85, 0.65, 0.45, 0.3)
+"""Strength of a trail's four quarters, from now back."""
+FENCE_EVERY: Final = 3.0
+"""Dots between those of a fence: it is told from boxes and circles by its gaps."""
+
+Place = tuple[float, float]
+"""East, north, metres."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ruler:
+    """What the operator points at."""
+
+    cursor: Place | None = None
+    picks: tuple[Place, ...] = field(default=())
+    """None, one or two places."""
+
+    def picked(self) -> Ruler:
+        """With the place under the cursor; a third one begins anew."""
+        if self.cursor is None:
+            return self
+        return Ruler(cursor=self.cursor, picks=(*self.picks, self.cursor) if len(self.picks) < 2 else (self.cursor,))
+
+    @property
+    def ends(self) -> tuple[Place, Place] | None:
+        """What is measured: both picks, or the only one and the cursor."""
+        if len(self.picks) == 2:
+            return self.picks[0], self.picks[1]
+        return (self.picks[0], self.cursor) if self.picks and self.cursor else None
+
+
+def ruler_texts(ruler: Ruler, snapshot: Snapshot) -> list[str]:
+    """Distance and bearing between two places, and where the cursor is; the most wanted first."""
+    texts = []
+    if ruler.ends is not None:
+        (east, north), (to_east, to_north) = ruler.ends
+        # bearing clockwise from north
+        away = math.hypot(to_east - east, to_north - north)
+        texts.append(f"{metres(away)} {degrees(math.atan2(to_east - east, to_north - north))}")
+    if ruler.cursor is not None:
+        east, north = ruler.cursor
+        if snapshot.origin is not None:
+            lat, lon, _ = snapshot.origin.to_geodetic((east, north, 0.0))
+            texts.append(f"{float(lat):.6f} {float(lon):.6f}")
+        texts.append(f"E {east:+.1f} N {north:+.1f} m")
+    return texts
+
+
+def draw_ruler(dots: BrailleCanvas, ruler: Ruler, view: MapView) -> None:
+    """A dotted line between what is measured."""
+    if ruler.ends is not None:
+        start, end = view.dots(np.array(ruler.ends))
+        dots.line(start, end, pack(BRIGHT), every=2.0)
+
+
+def draw_fences(dots: BrailleCanvas, snapshot: Snapshot, view: MapView) -> None:
+    """The mission's fences."""
+    for outline in snapshot.fence_enu:
+        dots.polygon(view.dots(outline), pack(WARN), every=FENCE_EVERY)
+
+
+def draw_trails(dots: BrailleCanvas, trails: Sequence[Trail], view: MapView, inks: Mapping[int, int]) -> None:
+    """The oldest first, fading into the background."""
+    for trail in trails:
+        if trail.system_id in inks and len(trail.age) > 1:
+            fades = np.array([_mixed(inks[trail.system_id], pack(PANEL), share) for share in FADES], dtype=np.int64)
+            band = np.clip((trail.age * len(FADES)).astype(np.int64), 0, len(FADES) - 1)
+            dots.path(view.dots(trail.p_enu), fades[band])
+
+
+def _mixed(ink: int, paper: int, share: float) -> int:
+    mixed = 0
+    for shift in (16, 8, 0):
+        mixed |= round(share * (ink >> shift & 255) + (1 - share) * (paper >> shift & 255)) << shift
+    return mixed

@@ -1,0 +1,56 @@
+"""An app on our driver: what it draws goes out as the terminal takes it, and pictures wait for their turn."""
+
+from __future__ import annotations
+
+import time
+
+from rich.console import RenderableType
+from textual._compositor import CompositorUpdate
+from textual.app import App
+from textual.driver import Driver
+from textual.drivers.linux_driver import LinuxDriver
+from textual.screen import Screen
+
+from gcs.tui.terminal.driver import TerminalDriver
+
+__all__ = ["MOST_FPS", "TerminalApp"]
+
+MOST_FPS = 12.0
+"""Pictures a second that are drawn at most, on any terminal."""
+
+
+class TerminalApp(App[None]):
+    """Base of the station's app.
+
+    Args:
+        fps: most pictures a second.
+    """
+
+    def __init__(self, fps: float = MOST_FPS) -> None:
+        super().__init__()
+        self._fps = fps
+        self._picture_due_s = 0.0
+
+    def get_driver_class(self) -> type[Driver]:
+        """Our driver where Textual's would be the one for terminals."""
+        usual = super().get_driver_class()
+        return TerminalDriver if usual is LinuxDriver else usual
+
+    def picture_waits(self) -> bool:
+        """Whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.
+
+        To be asked ``MOST_FPS`` times a second; a picture may be drawn whenever the answer is no.
+        """
+        now_s = time.monotonic()
+        if now_s < self._picture_due_s or (isinstance(self._driver, TerminalDriver) and self._driver.has_picture):
+            return True
+        # who asks is not punctual to the millisecond
+        self._picture_due_s = now_s + 1 / self._fps - 0.5 / MOST_FPS if self._fps < MOST_FPS else now_s
+        return False
+
+    def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:
+        """Hand what was drawn to our driver, instead of writing all of it."""
+        if not isinstance(self._driver, TerminalDriver) or not isinstance(renderable, CompositorUpdate):
+            super()._display(screen, renderable)
+        elif self._running and not self._closed and not self._batch_count:
+            self._driver.show(renderable, self.screen.outer_size.clamp_offset(self.cursor_position))
