@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from gcs.health.alarm_rule import AlarmRule
@@ -40,7 +41,7 @@ class ReportedAlarm:
 
     rule: AlarmRule[Any]
     key: str
-    """Of the alarm."""
+    """The same whenever it is reported; that of the alarm, but of pairs by their names."""
     worked_out: bool
     """Whether packets and frames alone raise it: then a recording raises it again."""
 
@@ -49,10 +50,13 @@ _WORKED_OUT = frozenset({"unheard", "video", "video clock"})
 """Of the station's alarms."""
 
 
+@lru_cache(maxsize=4096)
 def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None:
     """The alarm that such an event tells of; None: this program words none like that, or logs it elsewhere."""
     best: tuple[int, ReportedAlarm] | None = None
-    tables: tuple[Rules, ...] = (VEHICLE_RULES,) if system_id else (STATION_RULES, LINK_RULES)
+    tables: tuple[Rules, ...] = (
+        (VEHICLE_RULES, CONDITION_RULES) if system_id else (STATION_RULES, LINK_RULES, PAIR_RULES)
+    )
     for rules in tables:
         for rule in rules:
             whose, found, rest = text.rpartition(rule.text)
@@ -63,7 +67,7 @@ def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None
             name = str(system_id) if system_id else whose.removesuffix(": ")
             detail = rest.removeprefix(": ") if rule.each_detail else ""
             key = " ".join(part for part in (rule.key, name, detail) if part)
-            worked_out = bool(system_id) or rule.key in _WORKED_OUT
+            worked_out = bool(system_id) or rules is PAIR_RULES or rule.key in _WORKED_OUT
             if best is None or len(rule.text) > best[0]:
                 best = len(rule.text), ReportedAlarm(rule=rule, key=key, worked_out=worked_out)
     return best[1] if best else None

@@ -6,6 +6,7 @@ about the same time; an alarm, when both have it at about the same time.
 
 from __future__ import annotations
 
+import math
 import re
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
@@ -25,10 +26,12 @@ SAME_US: Final = 5_000_000
 """A replay without the flight's order of packets and frames finds the same some seconds earlier or later."""
 WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
 """Kinds of events that a replay works out again; the others tell of links, disks and people."""
+HELD_S: Final = 50
+"""An alarm is over so long after its last sign, at most; its event tells how long it lasted until that."""
 MOST_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
 """Events that are farther from all packets and frames are from a clock that was wrong."""
-_OVER: Final = re.compile(r"over after \d+ s: (.*)")
+_OVER: Final = re.compile(r"over after (\d+) s: (.*)")
 _SEEN: Final = "seen: "
 _SURE: Final = re.compile(r" \(\d+%\)")
 
@@ -64,7 +67,7 @@ class FlownReports:
         self._seen = [event for event in self._flown if event.kind == "operator" and event.text.startswith(_SEEN)]
         self._found: dict[str, list[tuple[int, int]]] = {}
         """When a replay has an alarm: from and until, by its key."""
-        self._worked_out_us = 0
+        self._worked_out_us = 0.0
         self._shown: tuple[Event, ...] | None = None
 
     @classmethod
@@ -100,7 +103,7 @@ class FlownReports:
         for event in events:
             self._add_event(event)
         for alarm in alarms:
-            spans = self._found.setdefault(alarm.key, [])
+            spans = self._found.setdefault(_key(alarm), [])
             if spans and spans[-1][0] == alarm.since_us:
                 spans[-1] = alarm.since_us, t_us
             else:
@@ -108,6 +111,10 @@ class FlownReports:
         if t_us // SAME_US != self._worked_out_us // SAME_US:
             self._shown = None
         self._worked_out_us = max(t_us, self._worked_out_us)
+
+    def finish(self) -> None:
+        """All of the recording is worked out."""
+        self._shown, self._worked_out_us = None, math.inf
 
     def _add_event(self, event: Event) -> None:
         self._shown = None
@@ -145,24 +152,27 @@ class FlownReports:
         if not self._flown:
             return tuple(found)
         on = [flown for flown in self._alarms if flown.alarm.since_us <= t_us < flown.until_us]
-        keys = {alarm.key for alarm in found}
+        keys = set(map(_key, found))
         shown = [self._compared(alarm, t_us) for alarm in found]
         shown += [self._as_flown(flown, t_us) for flown in on if flown.alarm.key not in keys]
         return tuple(sorted(shown, key=lambda alarm: (-rank(alarm.level), -alarm.since_us, alarm.key)))
 
     def _compared(self, alarm: Alarm, t_us: int) -> Alarm:
         """An alarm of the replay beside the flight's."""
-        both = any(each.alarm.key == alarm.key and _overlap(each, alarm.since_us, t_us) for each in self._alarms)
+        key = _key(alarm)
+        both = any(
+            flown.alarm.key == key and _is_about(t_us, flown.alarm.since_us, flown.until_us) for flown in self._alarms
+        )
         differs = not both and reported_alarm(alarm.text, alarm.kind, alarm.system_id) is not None
         return replace(alarm, acknowledged=self._was_seen(alarm, t_us), reported="now" if differs else "")
 
     def _as_flown(self, flown: FlownAlarm, t_us: int) -> Alarm:
         """An alarm of the flight that the replay does not have at the moment."""
-        passed = self._worked_out_us > flown.alarm.since_us + SAME_US
         spans = self._found.get(flown.alarm.key, ())
-        differs = flown.worked_out and passed and not any(_overlap(flown, *span) for span in spans)
-        known = self._was_seen(flown.alarm, t_us)
-        return replace(flown.alarm, acknowledged=known, reported="then" if differs else "")
+        known = flown.worked_out and self._worked_out_us > t_us + SAME_US
+        differs = known and not any(_is_about(t_us, *span) for span in spans)
+        seen = self._was_seen(flown.alarm, t_us)
+        return replace(flown.alarm, acknowledged=seen, reported="then" if differs else "")
 
     def _was_seen(self, alarm: Alarm, t_us: int) -> bool:
         """Whether the operator had acknowledged it."""
@@ -173,8 +183,15 @@ class FlownReports:
         )
 
 
-def _overlap(flown: FlownAlarm, since_us: int, until_us: int) -> bool:
-    return flown.alarm.since_us - SAME_US <= until_us and since_us <= flown.until_us + SAME_US
+def _key(alarm: Alarm) -> str:
+    """The same of an alarm of the flight and of one of the replay."""
+    known = reported_alarm(alarm.text, alarm.kind, alarm.system_id)
+    return known.key if known else alarm.key
+
+
+def _is_about(t_us: int, since_us: int, until_us: int) -> bool:
+    """Whether a moment lies within a time, or about."""
+    return since_us - SAME_US <= t_us <= until_us + SAME_US
 
 
 def _gist(event: Event) -> tuple[str, int, str]:
@@ -189,14 +206,14 @@ def _alarms(events: Sequence[Event]) -> list[FlownAlarm]:
     """Alarms by the events that tell of their coming and going; others of their level are events alone."""
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
-    overs = [(index, match[1]) for index, event in enumerate(events) if (match := _OVER.fullmatch(event.text))]
     over_at: dict[tuple[str, int, str], list[int]] = {}
-    for index, text in overs:
-        over_at.setdefault((events[index].kind, events[index].system_id, text), []).append(index)
+    for index, event in enumerate(events):
+        if match := _OVER.fullmatch(event.text):
+            over_at.setdefault((event.kind, event.system_id, match[2]), []).append(index)
     end_us = events[-1].t_us + 1 if events else 0
     for index, event in enumerate(events):
         if match := _OVER.fullmatch(event.text):
-            for key in [key for key, flown in on.items() if _is_of(flown.alarm, event, match[1])]:
+            if key := _key_of_over(on, event, match[2], int(match[1])):
                 on.pop(key).until_us = event.t_us
             continue
         if event.level == "info":
@@ -213,8 +230,24 @@ def _alarms(events: Sequence[Event]) -> list[FlownAlarm]:
     return alarms
 
 
-def _is_of(alarm: Alarm, event: Event, text: str) -> bool:
-    return (alarm.kind, alarm.system_id) == (event.kind, event.system_id) and alarm.text == text
+def _key_of_over(on: dict[str, FlownAlarm], event: Event, text: str, lasted_s: int) -> str:
+    """Which alarm is over, empty for none of those that are on.
+
+    Its words may have changed since it came: then what it is about tells, or when it must have come.
+    """
+    alike = {
+        key: flown.alarm
+        for key, flown in on.items()
+        if (flown.alarm.kind, flown.alarm.system_id) == (event.kind, event.system_id)
+    }
+    for key, alarm in alike.items():
+        if alarm.text == text:
+            return key
+    known = reported_alarm(text, event.kind, event.system_id)
+    if known is not None and known.key in alike:
+        return known.key
+    came_s = {key: (event.t_us - alarm.since_us) * 1e-6 - lasted_s for key, alarm in alike.items()}
+    return min((key for key, held_s in came_s.items() if -1.0 <= held_s <= HELD_S), key=came_s.__getitem__, default="")
 
 
 def _flown(event: Event, known: ReportedAlarm | None, end_us: int) -> FlownAlarm:

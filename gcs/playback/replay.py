@@ -250,7 +250,10 @@ class Replay:
                 self._confidence.add(snapshot)
                 self._trails.add(snapshot)
                 self._reports.add(at_us, snapshot.events, snapshot.alarms)
-        self._finished = not self._stop.is_set()
+        if not self._stop.is_set():
+            with self._lock:
+                self._reports.finish()
+            self._finished = True
         self._preview.clear()
 
     @property
