@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from textual import events
 from textual.strip import Strip
 
 from gcs.certainty import certainty, named
-from gcs.snapshot import VehicleRow
+from gcs.snapshot import Snapshot, VehicleRow
+from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
 from gcs.tui.draw.format import NOT_ANALYSED, age, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, fitted, line
@@ -36,7 +37,7 @@ from gcs.tui.panes.pane import Pane
 from mavlink.state import SILENT_S
 from mavlink.transmit.message_rates import LOSSY
 
-__all__ = ["FleetPane", "columns_for"]
+__all__ = ["FleetPane", "columns_for", "condition_columns"]
 
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 13
 Cell = tuple[str, Colour]
@@ -165,14 +166,37 @@ AUTH = Column(title="AUTH", width=9, rank=3, cell=_auth)
 REFUSED = Column(title="REFUSED", width=14, rank=8, cell=_refusals)
 
 
-def columns_for(width: int, rows: Sequence[VehicleRow] = (), *, keyed: bool = False) -> tuple[Column, ...]:
+def condition_columns(snapshot: Snapshot) -> tuple[Column, ...]:
+    """How the vehicles are: what is known of any has a column."""
+    limits, rows = snapshot.limits, snapshot.vehicles
+    columns = (
+        Column(
+            title="BATT",
+            width=5,
+            rank=7,
+            cell=lambda row: battery(row, limits),
+            age_s=lambda row: row.condition.power_age_s,
+        ),
+        Column(title="SATS", width=4, rank=9, cell=lambda row: satellites(row, limits), age_s=fix_age_s),
+        Column(title="HDOP", width=4, rank=12, cell=lambda row: hdop(row, limits), age_s=fix_age_s),
+        Column(title="RADIO", width=5, rank=13, cell=radio, age_s=lambda row: row.condition.radio_age_s),
+        Column(title="FROM UAV", width=11, rank=11, cell=lambda row: from_uav(row, snapshot), age_s=_position_age_s),
+    )
+    return tuple(
+        replace(column, align="right") for column in columns if any(column.cell(row)[0] != UNKNOWN for row in rows)
+    )
+
+
+def columns_for(
+    width: int, rows: Sequence[VehicleRow] = (), *, keyed: bool = False, more: Sequence[Column] = ()
+) -> tuple[Column, ...]:
     """Columns that fit ``width`` cells, in their order on screen; name, position and identity always.
 
-    Signatures have a column once there are keys or any were seen, refusals once there are any.
+    Signatures have a column once there are keys or any were seen, refusals once there are any; ``more``: others.
     """
     signing = keyed or any(row.signed or row.bad_signature for row in rows)
     refusing = any(row.refusals for row in rows)
-    order = (*COLUMNS[:-1], *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
+    order = (*COLUMNS[:-1], *more, *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
     kept: list[Column] = []
     # the mark before the first column and the gap before each other one cost a cell each
     room = width
@@ -214,7 +238,8 @@ class FleetPane(Pane):
     def _columns(self, width: int) -> tuple[Column, ...]:
         if self.snapshot is None:
             return columns_for(width)
-        return columns_for(width, self.snapshot.vehicles, keyed=bool(self.snapshot.health.keys))
+        more, keyed = condition_columns(self.snapshot), bool(self.snapshot.health.keys)
+        return columns_for(width, self.snapshot.vehicles, keyed=keyed, more=more)
 
     def _row(self, row: VehicleRow, rows: Sequence[VehicleRow], columns: Sequence[Column], width: int) -> Strip:
         picked = bool(self.selected) and row.system_id == self.selected

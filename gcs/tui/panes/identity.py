@@ -13,6 +13,7 @@ from gcs.certainty import certainty, named
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
 from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
+from gcs.tui.draw.condition import condition_facts
 from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
@@ -258,6 +259,7 @@ def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list
     armed = {True: "armed", False: "disarmed", None: ""}[row.armed]
     facts.append(_dated("state", " ".join(word for word in (plain(row.mode), armed) if word), row.heartbeat_age_s))
     facts.append(_dated("GNSS", plain(row.fix), fix_age_s(row)))
+    facts += condition_facts(row, snapshot, FACT_CELLS)
     facts.append(_dated("loss", percent(row.loss), row.heartbeat_age_s))
     silent = row.heartbeat_age_s > SILENT_S
     facts.append(("heartbeat", age(row.heartbeat_age_s), ALARM if silent else INK))
