@@ -81,6 +81,16 @@ class TrackHistory:
         self.last_s[columns[seen]] = t
         return fresh
 
+    def column_of(self, track_id: int) -> int:
+        """Column in which a track goes on, −1 none."""
+        return self._column.get(track_id, -1)
+
+    def end(self, track_id: int) -> None:
+        """End a track's column, so that it goes on in another one without what was seen before."""
+        column = self._column.pop(track_id, -1)
+        if column >= 0:
+            self.track_id[column] = -track_id
+
     def release(self, before_s: float) -> IntArray:
         """Free the columns of tracks last seen before ``before_s``, seconds, and return them."""
         old = np.flatnonzero((self.track_id != 0) & (self.last_s < before_s))

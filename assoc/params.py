@@ -164,6 +164,9 @@ class IdentifierParams:
     """The same in a second in which the track moved further than a vehicle can, or over a gap in it."""
     close_m: float = 3.0
     """Boxes nearer than this, metres, may be swapped by a tracker."""
+    stated: float = 40.0
+    """What an operator's statement counts for a vehicle, or against all, nats: as much as five blocks can contradict.
+    Raise → reports that contradict it need longer to win."""
     gap_max_s: float = 0.6
     """Longest gap in a track that is bridged by interpolation, seconds."""
     clutter: float = 0.003

@@ -29,6 +29,7 @@ __all__ = [
     "Reported",
     "Snapshot",
     "Standing",
+    "Statement",
     "VehicleCondition",
     "VehicleRow",
 ]
@@ -51,6 +52,22 @@ def _nowhere() -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Statement:
+    """What the operator stated about a box."""
+
+    track_id: int
+    system_id: int
+    """Which vehicle it is, 0 none of ours."""
+    frame: int = -1
+    """From which frame on it counts, -1 not yet."""
+    cx: float = NAN
+    cy: float = NAN
+    """Where the box was in that frame, px, NaN unknown: a replay that tracks otherwise finds it there."""
+    undone: bool = False
+    """It is withdrawn with this frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """Something that happened and that an operator or an analyst may want to know."""
 
@@ -65,6 +82,8 @@ class Event:
     alarm: str = ""
     """Key of the alarm that the operator acknowledges with it."""
     reported: Reported = ""
+    statement: Statement | None = None
+    """What the operator stated or withdrew with it; a replay does so at the same frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

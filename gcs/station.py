@@ -142,6 +142,17 @@ class Station(Protocol):
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """The operator has seen these; a flight keeps that in its events."""
 
+    def state_name(self, track_id: int, system_id: int) -> None:
+        """The operator states which vehicle a box is: evidence from the next frame on, kept in a flight's events.
+
+        Args:
+            track_id: of the box.
+            system_id: of a ground vehicle of the mission; 0: none of ours.
+        """
+
+    def undo_statement(self, track_id: int = 0) -> None:
+        """The operator withdraws what was stated of a track; of 0, what was stated last."""
+
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """The operator vouches for vehicles whose signed packets are held; nothing in a recording."""
 

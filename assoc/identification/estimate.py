@@ -26,6 +26,7 @@ from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.search_lock import SearchLock, SearchState
+from assoc.identification.stated_tracks import StatedTracks
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Observation
 from assoc.tracks.co_visibility import CoVisibility
@@ -59,8 +60,8 @@ class UpdateResult:
 class Estimator:
     """Evidence of all tracks and the best joint hypotheses."""
 
-    def __init__(self, history: TrackHistory, log: ReportLog, params: IdentifierParams) -> None:
-        self._history, self._log, self._params = history, log, params
+    def __init__(self, history: TrackHistory, log: ReportLog, params: IdentifierParams, stated: StatedTracks) -> None:
+        self._history, self._log, self._params, self._stated = history, log, params, stated
         self._state = initial_state(0, log.n_vehicles)
         self._first_block: int | None = None
         self._updates = 0
@@ -113,10 +114,28 @@ class Estimator:
             self._handover = np.pad(self._handover, ((0, width - len(self._handover)), (0, 0)))
             before = self._history.before[columns]
             self._handover[columns] = self._co_visibility.log_handover(before, self._params.switch_rate_leap)
+            self._state = self._stated.with_statements(self._state, columns, self._history)
             for column in columns.tolist():
                 self._swaps.reset(column)
                 self._anchors.pop(column, None)
                 self._confident.pop(column, None)
+
+    def restate(self, t: float, track_id: int, *, anew: bool) -> None:
+        """What is stated of a track has changed.
+
+        Args:
+            t: Time, seconds.
+            track_id: The track.
+            anew: What was seen of it before is given up, as it led to another answer.
+        """
+        self._lock.unlock(t)
+        column = self._history.column_of(track_id)
+        if column >= 0 and anew:
+            self._history.end(track_id)
+            self._confident.pop(column, None)
+            self._co_visibility.forget(column)
+        elif column >= 0:
+            self._state = self._stated.with_statements(self._state, np.array([column]), self._history)
 
     def update(self, t: float, camera: CameraState) -> UpdateResult:
         """Estimate pose and assignment from all frames and reports up to the newest frame.
@@ -317,8 +336,10 @@ class Estimator:
         """Learn from certain answers: noise, biases, clutter, and which tracks may constrain the pose once ended."""
         q, n, live = self._params.learning, p.shape[1] - 1, context.columns[: context.live]
         age, top, certainty = t - self._history.first_s[live], np.argmax(p, axis=1), np.max(p, axis=1)
-        certain = (certainty > q.confidence) & (age > q.least_age_s)
-        self._learn_bias_noise(t, context, best, np.where(certainty > q.noise_confidence, top, n))
+        # what is stated was not measured
+        measured = ~self._stated.among(self._history.track_id[live])
+        certain = (certainty > q.confidence) & (age > q.least_age_s) & measured
+        self._learn_bias_noise(t, context, best, np.where((certainty > q.noise_confidence) & measured, top, n))
         rows = np.flatnonzero(certain & (top < n))
         self._bias_memory.store(t, top[rows], best.final.mean[rows, top[rows]], best.final.var[rows, top[rows]])
         self._note_clutter(t, context, certain & (top == n) & (age > q.clutter_age_s))

@@ -17,6 +17,7 @@ from assoc.geometry.ground import YAW, ground_to_rays, rays_to_ground
 from assoc.history import TrackHistory
 from assoc.identification.estimate import Estimator
 from assoc.identification.output import Beliefs, CandidateCache, MassCache, compose_identities, empty_beliefs
+from assoc.identification.stated_tracks import NONE_OF_OURS, StatedTracks
 from assoc.methods.reattach import reattach_gated
 from assoc.params import MANY_PAIRS, IdentifierParams
 from assoc.records import CameraState, Candidates, Identities, Observation, VehicleReports
@@ -50,6 +51,7 @@ class Identifier:
         self._log: ReportLog
         self._estimator: Estimator
         self._beliefs: Beliefs
+        self._stated = StatedTracks(self._params.stated, -float(np.log(self._params.switch_rate_leap)))
         self._residual_m: dict[int, float]
         self._last_update_s: float
         self._reset()
@@ -109,6 +111,33 @@ class Identifier:
         )
         self._watch_residuals(t, answer)
         return answer
+
+    def state(self, track_id: int, system_id: int) -> None:
+        """Take an operator's statement as evidence: strong, and overcome by reports that contradict it for seconds.
+
+        Where the track was another vehicle until now, what was seen of it before is given up.
+
+        Args:
+            track_id: The track.
+            system_id: Of the vehicle that it is; 0: none of ours.
+
+        Raises:
+            ValueError: no such vehicle.
+        """
+        vehicle = self._ids.tolist().index(system_id) if system_id else NONE_OF_OURS
+        self._stated.set(track_id, vehicle)
+        p = self._beliefs.for_tracks(np.array([track_id])).p[0]
+        # the last column is "none of ours"
+        self._restate(track_id, anew=int(np.argmax(p)) != vehicle % len(p))
+
+    def unstate(self, track_id: int) -> None:
+        """Give up what was stated of a track, and what was seen of it since; nothing where nothing was."""
+        if self._stated.withdraw(track_id):
+            self._restate(track_id, anew=True)
+
+    def _restate(self, track_id: int, *, anew: bool) -> None:
+        self._estimator.restate(self._t, track_id, anew=anew)
+        self._last_update_s = -np.inf
 
     def expected_rays(self, p_enu: FloatArray, camera: CameraState) -> FloatArray | None:
         """Rays from the camera, its pose corrected, to places on the ground.
@@ -209,7 +238,7 @@ class Identifier:
         self._t = self._last_update_s = self._residual_jump_s = -np.inf
         self._history = TrackHistory(q.window_s + _MARGIN_S, q.frame_step_s, q.gap_max_s)
         self._log = ReportLog(n, q.window_s + _MARGIN_S)
-        self._estimator = Estimator(self._history, self._log, q)
+        self._estimator = Estimator(self._history, self._log, q, self._stated)
         self._beliefs = empty_beliefs(n)
         self._residual_m = {}
         self._masses, self._candidates = MassCache(), CandidateCache()

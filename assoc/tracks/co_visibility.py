@@ -42,6 +42,11 @@ class CoVisibility:
         """Clear what is known of tracks that may be another vehicle by now."""
         self._beside[columns] = False
 
+    def forget(self, column: int) -> None:
+        """Clear what a track was, which was wrong: it keeps no vehicle from the tracks beside it."""
+        if column < len(self._belief):
+            self._belief[column] = 0.0
+
     def update(self, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
         """Remember the tracks of a frame.
 

@@ -46,6 +46,12 @@ class ScriptedStation(Station):
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         return None
 
+    def state_name(self, track_id: int, system_id: int) -> None:
+        return None
+
+    def undo_statement(self, track_id: int = 0) -> None:
+        return None
+
     def accept_held(self, system_ids: Sequence[int]) -> None:
         return None
 

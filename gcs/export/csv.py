@@ -17,7 +17,7 @@ __all__ = ["CsvExport"]
 COLUMNS = (
     *("time_utc", "frame", "track_id", "system_id", "name", "confidence", "runner_up", "runner_up_confidence"),
     *("cx_px", "cy_px", "w_px", "h_px", "angle_deg", "heading_deg", "lat_deg", "lon_deg", "east_m", "north_m"),
-    *("residual_m", "position_age_s"),
+    *("residual_m", "position_age_s", "stated"),
 )
 
 
@@ -44,7 +44,8 @@ class CsvExport:
             turn = [_cell(math.degrees(v), 2) for v in (box.angle, box.heading)]
             place = (_cell(box.lat_deg, 7), _cell(box.lon_deg, 7), *(_cell(float(v), 3) for v in box.p_enu[:2]))
             trust = (_cell(box.residual_m, 3), _cell(box.position_age_s, 3))
-            self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust))
+            stated = int(box.stated)
+            self._rows.writerow((time, snapshot.frame, *who, *second, *shape, *turn, *place, *trust, stated))
 
     def close(self) -> None:
         """Close the file."""

@@ -28,7 +28,7 @@ from gcs.health.faults import Faults
 from gcs.mission.mission import Mission
 from gcs.session.metadata import PROGRAM, key_notes
 from gcs.session.recorder import Recorder
-from gcs.snapshot import Alarm, Event, Health, Snapshot
+from gcs.snapshot import Alarm, Event, Health, Snapshot, Statement
 from gcs.station import Commands
 from infra.wall_clock import now_us
 from mavlink.errors import LinkError
@@ -201,6 +201,14 @@ class Flight:
                     alarm=alarm.key,
                 )
             )
+
+    def state_name(self, track_id: int, system_id: int) -> None:
+        """The operator states which vehicle a box is."""
+        self._pipeline.state_name(Statement(track_id=track_id, system_id=system_id))
+
+    def undo_statement(self, track_id: int = 0) -> None:
+        """The operator withdraws a statement."""
+        self._pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """The operator vouches for vehicles whose signed packets are held: an event each."""

@@ -27,12 +27,13 @@ from gcs.fold.position_steps import StepFilter
 from gcs.fold.quarantine import limit_doubted, withhold_contested
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import boxes_of, vehicle_rows
+from gcs.fold.statements import Statements
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
 from gcs.mission.mission import Mission
 from gcs.session.fold_order import NO_FRAME
-from gcs.snapshot import Box, Event, Health, Snapshot, Standing
+from gcs.snapshot import Box, Event, Health, Snapshot, Standing, Statement
 from mavlink.estimation.gimbal import turns_camera
 from mavlink.fleet.fleet import Fleet, FleetState
 from mavlink.geodesy import LocalFrame
@@ -114,6 +115,7 @@ class Pipeline:
         self._look: _Look | None = None
         self._frame, self._frame_us, self._clock_us = NO_FRAME, 0, 0
         self._names = NameChanges(mission)
+        self._statements = Statements(mission)
         self._candidates = CandidateWords(mission.identity.threshold)
         self._named_since: Since[int, int] = Since()
         self._standing_since: Since[int, Standing] = Since()
@@ -138,6 +140,14 @@ class Pipeline:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
         self._alarms.texts.acknowledge(event.alarm)
         self._events.append(event)
+
+    def state_name(self, statement: Statement) -> None:
+        """Take what the operator states about a box; it counts from the next frame that is looked at.
+
+        Raises:
+            ValueError: the mission has no such ground vehicle.
+        """
+        self._statements.make(statement)
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
         """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
@@ -199,6 +209,7 @@ class Pipeline:
             self._tracker = Tracker(TrackerParams(frame_size=self._optics.size))
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
+        self._events += self._statements.apply(t_us, index, tracks, self._identifier)
         self._view = view
         self._look = _Look(
             t_us=t_us,
@@ -210,6 +221,7 @@ class Pipeline:
         )
         identities = self._names_held(state)
         self._events += self._names.update(t_us, identities, state, tracks, self._optics.size)
+        self._events += self._statements.review(t_us, identities, state, self._identifier)
         return self._snapshot(index, t_us, state, view, image, identities, health)
 
     def between_frames(self, t_us: int, health: Health | None = None) -> Snapshot:
@@ -248,6 +260,7 @@ class Pipeline:
     def _begin_anew(self) -> None:
         """Forget all evidence."""
         self._identifier = Identifier(self.mission.ugv_ids, self._params)
+        self._statements.count_again(self._identifier)
         self._view = None
         self._names.began_anew = True
         if self._look:
@@ -304,9 +317,6 @@ class Pipeline:
         positioned = set(state.system_id[state.valid].tolist())
         return [track for track, vehicle in self._names.by_track.items() if vehicle in positioned]
 
-    def _rays(self, p_enu: FloatArray, view: FrameCamera) -> FloatArray | None:
-        return self._identifier.expected_rays(p_enu, self._camera(view))
-
     def _identify(
         self, t_us: int, detections: Detections, tracks: Tracks, view: FrameCamera | None
     ) -> Identities | None:
@@ -344,16 +354,18 @@ class Pipeline:
         self._clock_us = max(t_us, self._clock_us) if t_us > self._clock_us - CLOCK_SET_US else t_us
         look, boxes = self._look, tuple[Box, ...]()
         if look is not None and t_us - look.t_us <= HELD_US:
-            known = self._candidates.of(identities, state)
-            named_since = partial(self._named_since.update, t_us)
-            origin = self.fleet.origin
-            boxes = boxes_of(look.detections, look.tracks, identities, look.uv, look.view, origin, known, named_since)
-        expected_px = expected_pixels(state, view, self._rays)
-        standing_since = partial(self._standing_since.update, t_us)
+            boxes = boxes_of(
+                *(look.detections, look.tracks, identities, look.uv, look.view, self.fleet.origin),
+                candidates=self._candidates.of(identities, state),
+                named_since=partial(self._named_since.update, t_us),
+                stated=self._statements.by_track,
+            )
+        expected_px = expected_pixels(state, view, lambda p, by: self._identifier.expected_rays(p, self._camera(by)))
         width, height = self._optics.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
-        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), standing_since, lapsed=lapsed)
+        since = partial(self._standing_since.update, t_us)
+        rows = vehicle_rows(self.mission, state, boxes, expected_px, (width, height), since, lapsed=lapsed)
         snapshot = Snapshot(
             t_us=t_us,
             frame=self._frame,

@@ -37,8 +37,10 @@ def boxes_of(
     vehicle_uv: dict[int, FloatArray],
     view: FrameCamera | None,
     origin: LocalFrame | None,
+    *,
     candidates: Sequence[tuple[Candidate, ...]],
     named_since: Callable[[int, int], int],
+    stated: Mapping[int, int],
 ) -> tuple[Box, ...]:
     """Boxes of a frame: those that tracks took, with their names, then those that no track took.
 
@@ -51,11 +53,14 @@ def boxes_of(
         origin: Of the local frame, None unknown.
         candidates: Who each track may be, in the order of the identities.
         named_since: Since when a track has had the name of a system id, or 0 for none.
+        stated: The system id, or 0 for none of ours, that the operator stated, by track.
     """
     places = _places(detections)
     rows = _tracked(tracks, places, identities)
     for row in rows:
-        row["since_us"] = named_since(row["track_id"], row.get("system_id", 0))
+        name = row.get("system_id", 0)
+        row["since_us"] = named_since(row["track_id"], name)
+        row["stated"] = stated.get(row["track_id"]) == name
     for row, found in zip(rows, candidates, strict=False):
         row["candidates"] = found
     rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
@@ -147,6 +152,7 @@ def vehicle_rows(
                 expected_px=uv,
                 track_id=box.track_id if box else 0,
                 confidence=box.confidence if box else float("nan"),
+                stated=box is not None and box.stated,
                 contested=status.contested,
                 signed=status.signed,
                 unsigned=status.unsigned,

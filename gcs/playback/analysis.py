@@ -24,6 +24,7 @@ from gcs.playback.discovery import discover
 from gcs.playback.gaps import VIDEO_GAP_S
 from gcs.playback.moments import moments_between, telemetry_times
 from gcs.playback.recorded_order import PacketsInOrder, RecordedTurns, missing_inputs
+from gcs.session.event_log import read_statements
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.frame_tables import FrameDetections, read_detections, read_times
 from gcs.session.log import SessionLog
@@ -95,9 +96,7 @@ class Analysis:
         if path is None or redetect:
             return None
         if self.session.frames is None and self.session.video is None:
-            raise SessionError(
-                f"{self.session.path}: detections.csv needs frames.csv beside it, the time of each frame"
-            )
+            raise SessionError(f"{self.session.path}: detections.csv needs frames.csv beside it, each frame's time")
         return read_detections(path)
 
     def _frame_times(self, times: NDArray[np.int64] | None) -> NDArray[np.int64]:
@@ -227,6 +226,8 @@ class Analysis:
     def _pipeline(self) -> Pipeline:
         senders = self._log.senders
         pipeline = Pipeline(self.mission, links=senders.names, address=senders.address, sized=self._size.known)
+        for statement in read_statements(self.session.tlog.parent, self.mission.ugv_ids):
+            pipeline.state_name(statement)
         for text in self.warnings:
             pipeline.add_event(Event(t_us=int(self.times_us[0]), level="warning", kind="recording", text=text))
         return pipeline

@@ -215,6 +215,12 @@ class Replay:
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         """Nothing is written into a recording."""
 
+    def state_name(self, track_id: int, system_id: int) -> None:
+        """What was stated in flight stays as it is."""
+
+    def undo_statement(self, track_id: int = 0) -> None:
+        """What was stated in flight stays as it is."""
+
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """What was held in flight stays held."""
 

@@ -76,13 +76,16 @@ def standing_of(snapshot: Snapshot, box: Box) -> Standing:
 
 def label_of(snapshot: Snapshot, box: Box) -> str:
     """``UGV-3 97%`` confirmed, ``UGV-3? 61%`` tentative, ``~UGV-3 88%`` coasting, ``?`` unidentified, ``~?`` both,
-    ``UGV-3 stated`` by the operator; ``UGV-3 97% (0.8s)`` is held, for want of a newer frame."""
+    ``UGV-3 stated`` by the operator (``? stated``: none of ours); ``UGV-3 97% (0.8s)`` is held, for want of a
+    newer frame."""
     return _label(snapshot, box, snapshot.name_of(box.system_id) if box.system_id else "?")
 
 
 def _label(snapshot: Snapshot, box: Box, name: str, *, certain: bool = True) -> str:
     standing = standing_of(snapshot, box)
-    sure = f" {'stated' if box.stated else certainty(box.confidence)}".rstrip() if box.system_id and certain else ""
+    stated = box.stated and not box.coasting
+    word = "stated" if stated else certainty(box.confidence) if box.system_id else ""
+    sure = f" {word}" if word and certain else ""
     before = "~" if standing == "coasting" else ""
     after = "?" if standing == "tentative" and not box.stated else ""
     held = f" ({snapshot.held_s:.1f}s)" if snapshot.held_s else ""

@@ -5,20 +5,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 
 from gcs.session.line_file import Lines, open_new
-from gcs.snapshot import Event, Level
+from gcs.snapshot import NAN, Event, Level, Statement
 from infra.files.safe_open import open_to_append, open_to_read
+from infra.files.segments import segments
 from infra.plain_text import plain
-from infra.session_format import MARKS
+from infra.session_format import EVENTS, MARKS
 
-__all__ = ["EventLog", "append_event", "event_row", "marks_path", "read_events"]
+__all__ = ["EventLog", "append_event", "event_row", "marks_path", "read_events", "read_statements"]
 
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
@@ -49,7 +52,47 @@ def event_row(event: Event) -> str:
     """One line of ``events.jsonl``."""
     row = {"time_us": event.t_us, "level": event.level, "kind": event.kind, "system_id": event.system_id or None}
     acknowledged = {"alarm": plain(event.alarm)} if event.alarm else {}
-    return msgspec.json.encode(row | {"text": plain(event.text)} | acknowledged).decode()
+    stated = {"statement": _statement_row(event.statement)} if event.statement else {}
+    return msgspec.json.encode(row | {"text": plain(event.text)} | acknowledged | stated).decode()
+
+
+def _statement_row(statement: Statement) -> dict[str, int | float | bool | None]:
+    """Null is unknown, or none of ours."""
+    return {
+        "track_id": statement.track_id,
+        "system_id": statement.system_id or None,
+        "frame": statement.frame,
+        "cx": round(statement.cx, 2),
+        "cy": round(statement.cy, 2),
+        "undone": statement.undone,
+    }
+
+
+_Track = Annotated[int, msgspec.Meta(ge=1, le=1 << 40)]
+_Frame = Annotated[int, msgspec.Meta(ge=0, le=1 << 31)]
+_SystemId = Annotated[int, msgspec.Meta(ge=1, le=255)]
+_Pixel = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
+
+
+class _StatementRow(msgspec.Struct, frozen=True):
+    """What the operator stated, as it is read."""
+
+    track_id: _Track
+    frame: _Frame
+    system_id: _SystemId | None = None
+    cx: _Pixel | None = None
+    cy: _Pixel | None = None
+    undone: bool = False
+
+    def statement(self) -> Statement:
+        return Statement(
+            track_id=self.track_id,
+            system_id=self.system_id or 0,
+            frame=self.frame,
+            cx=NAN if self.cx is None else self.cx,
+            cy=NAN if self.cy is None else self.cy,
+            undone=self.undone,
+        )
 
 
 class _Row(msgspec.Struct, frozen=True):
@@ -61,6 +104,7 @@ class _Row(msgspec.Struct, frozen=True):
     text: str
     system_id: int | None = None
     alarm: str = ""
+    statement: _StatementRow | None = None
 
 
 def read_events(path: Path) -> tuple[list[Event], int]:
@@ -91,9 +135,23 @@ def read_events(path: Path) -> tuple[list[Event], int]:
                     text=plain(row.text),
                     system_id=row.system_id or 0,
                     alarm=plain(row.alarm),
+                    statement=row.statement.statement() if row.statement else None,
                 )
             )
     return events, skipped
+
+
+def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
+    """What the operator stated about boxes and a mission's ground vehicles, in all segments of ``events.jsonl``.
+
+    Segments that cannot be read are passed over, as bad lines are: a replay reports both where it shows the events.
+    """
+    found: list[Statement] = []
+    for part in segments(folder / EVENTS):
+        with contextlib.suppress(OSError):
+            said = (event.statement for event in read_events(part)[0])
+            found += [each for each in said if each is not None and each.system_id in (0, *ugv_ids)]
+    return found
 
 
 def append_event(path: Path, event: Event) -> None:

@@ -103,7 +103,8 @@ def json_row(snapshot: Snapshot, box: Box) -> str:
         "lat": _number(box.lat_deg, 7),
         "lon": _number(box.lon_deg, 7),
     }
-    return msgspec.json.encode(row).decode()
+    # rows of recordings without statements stay as they were
+    return msgspec.json.encode(row | ({"stated": True} if box.stated else {})).decode()
 
 
 def _number(value: float, digits: int) -> float:

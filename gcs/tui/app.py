@@ -44,6 +44,7 @@ from gcs.tui.screens.held import ask_to_accept
 from gcs.tui.screens.help import HelpScreen
 from gcs.tui.screens.leaving import Leave, LeaveFlight
 from gcs.tui.screens.marking import ask_for_mark
+from gcs.tui.screens.naming import ask_for_name, withdraw_name
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
 from gcs.tui.terminal.terminal_app import MOST_FPS, TerminalApp
@@ -271,6 +272,14 @@ class RollcallApp(TerminalApp):
     def action_command(self) -> None:
         """Choose, confirm and give an order."""
         ask_for_order(self, self._commands, self.selected, live=self._station.timeline is None)
+
+    def action_state_name(self) -> None:
+        """State which vehicle the picked box is."""
+        ask_for_name(self, self._station, self.snapshot, (self.selected, self.picked_track), self._pick)
+
+    def action_undo_statement(self) -> None:
+        """Withdraw a statement."""
+        withdraw_name(self, self._station, self.snapshot, (self.selected, self.picked_track))
 
     def action_accept_held(self) -> None:
         """Accept vehicles whose signed packets are held."""

@@ -12,8 +12,10 @@ from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline
 from gcs.playback.analysis import Analysis
+from gcs.session.event_log import read_events
 from gcs.session.fold_order import FoldOrder
 from gcs.session.session import open_session
+from gcs.snapshot import Statement
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
 
@@ -194,3 +196,41 @@ def test_what_a_recording_lacks_is_said(tmp_path, capsys):
     assert "senders.csv is missing" in said
     assert "recorded by rollcall-gcs 0.0.0" in said
     assert f"the flight rejected {len(refused) - 1} records" in said
+
+
+def test_what_the_operator_stated_is_stated_again_at_the_same_frame(tmp_path, monkeypatch):
+    """A wrong name, none of ours, a name confirmed and one withdrawn."""
+
+    class OperatedPipeline(Pipeline):
+        last = None
+
+        def add_frame(self, index, t_us, **given):
+            boxes = [box for box in self.last.boxes if box.system_id] if self.last else []
+            self.count = getattr(self, "count", -1) + 1
+            if self.count in STATEMENTS:
+                self.state_name(STATEMENTS[self.count](boxes))
+            self.last = super().add_frame(index, t_us, **given)
+            return self.last
+
+    monkeypatch.setattr("bench.again.scripted.Pipeline", OperatedPipeline)
+    folder = fly(tmp_path / "flown", SCENARIO, InjectedFaults(no_video=(6.0, 6.6)))
+    identify_into(open_session(folder), tmp_path / "again")
+    for name in ("identity.csv", "identity.jsonl"):
+        live, again = ((place / name).read_text().splitlines() for place in (folder, tmp_path / "again"))
+        assert again == live
+    said, again = (
+        [event for event in read_events(place / "events.jsonl")[0] if event.kind == "operator"]
+        for place in (folder, tmp_path / "again")
+    )
+    assert again == said and [event.statement.undone for event in said if event.statement] == [False] * 3 + [True]
+    stated = [row for row in (folder / "identity.jsonl").read_text().splitlines() if '"stated":true' in row]
+    assert len(stated) > 20
+
+
+STATEMENTS = {
+    16: lambda boxes: Statement(track_id=boxes[0].track_id, system_id=boxes[1].system_id),
+    44: lambda boxes: Statement(track_id=boxes[1].track_id, system_id=boxes[1].system_id),
+    52: lambda boxes: Statement(track_id=boxes[2].track_id, system_id=0),
+    64: lambda boxes: Statement(track_id=0, system_id=0, undone=True),
+}
+"""By the turn of the fold before which the operator makes them."""

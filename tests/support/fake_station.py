@@ -243,6 +243,7 @@ class FakeStation:
         self.said: list[Event] = list(make_events())
         self.seen: list[Alarm] = []
         self.accepted: list[int] = []
+        self.stated: list[tuple[int, int | None]] = []
         self.stopped = 0
         self.folder: Path | None = None
 
@@ -260,6 +261,12 @@ class FakeStation:
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
         self.seen += alarms
+
+    def state_name(self, track_id: int, system_id: int) -> None:
+        self.stated.append((track_id, system_id))
+
+    def undo_statement(self, track_id: int = 0) -> None:
+        self.stated.append((track_id, None))
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         self.accepted += system_ids

@@ -3,60 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from gcs.fold.since import Since
-from tests.support.alarm_scenes import FOCAL_PX, OTHER, SIZE, STEP_US, UAV, UGV, UP_M, Scene, Vehicle
+from tests.support.alarm_scenes import FOCAL_PX, OTHER, SIZE, STEP_US, UAV, UGV, UP_M, FilmedScene, Vehicle
 from tests.support.flights import S
-from vision.detect.detections import Detections
-
-
-class Filmed(Scene):
-    """A scene whose camera misses some vehicles, sees a stranger, and keeps the snapshots."""
-
-    def __init__(self, *vehicles):
-        super().__init__(*vehicles)
-        self.hidden, self.stranger, self.pushed_px, self.kept = set(), None, 0.0, []
-
-    def boxes(self):
-        found = super().boxes()
-        found = replace(found, cx=found.cx + self.pushed_px)
-        rows = [k for k, vehicle in enumerate((UGV, OTHER)) if vehicle not in self.hidden]
-        found = found.select(np.array(rows, dtype=np.intp))
-        if self.stranger is None:
-            return found
-        east, north = self.stranger
-        place = {"cx": 640.0 + FOCAL_PX / UP_M * east, "cy": 360.0 - FOCAL_PX / UP_M * north}
-        one = {"w": 90.0, "h": 45.0, "angle": 0.3, "score": 0.9, "heading": math.nan, **place}
-        names = ("cx", "cy", "w", "h", "angle", "score", "heading")
-        return Detections(**{name: np.append(getattr(found, name), one[name]) for name in names})
-
-    def keep(self, snapshot):
-        super().keep(snapshot)
-        self.kept.append(snapshot)
-
-    @property
-    def last(self):
-        return self.kept[-1]
-
-    def row(self, system_id):
-        return next(row for row in self.last.vehicles if row.system_id == system_id)
-
-    def box(self, system_id):
-        return next(box for box in self.last.boxes if box.system_id == system_id)
-
-    def lost(self, system_id):
-        """Why it lost its name, each time."""
-        said = [event for event in self.events if event.kind == "identity" and event.system_id == system_id]
-        return [event.text.split(": ", 1)[1] for event in said if "no longer" in event.text and ": " in event.text]
 
 
 @pytest.fixture
 def scene():
-    return Filmed().run(12, filmed=True)
+    """Both vehicles are named."""
+    return FilmedScene().run(10, filmed=True)
 
 
 def test_a_standing_says_since_when_and_a_missed_box_does_not_begin_it_anew(scene):

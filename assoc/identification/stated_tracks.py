@@ -1,0 +1,59 @@
+"""What an operator stated of tracks, as evidence that a track begins with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from assoc.evidence.likelihood import PairState
+from assoc.history import TrackHistory
+
+__all__ = ["NONE_OF_OURS", "StatedTracks"]
+
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+NONE_OF_OURS = -1
+"""In place of the index of a vehicle."""
+
+
+class StatedTracks:
+    """The statements that hold: the index of the vehicle, or ``NONE_OF_OURS``, by track id.
+
+    Args:
+        nats: What a statement counts.
+        nats_after_gap: What it still counts once the track was lost, and a tracker may have gone on with another one.
+    """
+
+    def __init__(self, nats: float, nats_after_gap: float) -> None:
+        self._nats, self._nats_after_gap = nats, nats_after_gap
+        self._vehicle: dict[int, int] = {}
+
+    def set(self, track_id: int, vehicle: int) -> None:
+        """State what a track is."""
+        self._vehicle[track_id] = vehicle
+
+    def withdraw(self, track_id: int) -> bool:
+        """State nothing of a track any more; whether anything was."""
+        return self._vehicle.pop(track_id, None) is not None
+
+    def among(self, track_id: IntArray) -> BoolArray:
+        """(m,) of which tracks anything is stated."""
+        return np.isin(track_id, list(self._vehicle))
+
+    def with_statements(self, state: PairState, columns: IntArray, history: TrackHistory) -> PairState:
+        """The state in which the statements on the tracks of some columns count, once more."""
+        stated = [(column, self._vehicle.get(int(history.track_id[column]))) for column in columns.tolist()]
+        if all(vehicle is None for _, vehicle in stated):
+            return state
+        score, seen = state.score.copy(), state.seen.copy()
+        for column, vehicle in stated:
+            if vehicle is not None:
+                nats = self._nats if history.before[column] < 0 else self._nats_after_gap
+                about = slice(None) if vehicle == NONE_OF_OURS else slice(vehicle, vehicle + 1)
+                score[column, about] = np.where(seen[column, about], score[column, about], 0.0)
+                score[column, about] += -nats if vehicle == NONE_OF_OURS else nats
+                seen[column, about] = True
+        return replace(state, score=score, seen=seen)
