@@ -123,6 +123,10 @@ class Station(Protocol):
     def folder(self) -> Path | None:
         """Where a flight keeps its files, and stills beside them; None for a recording."""
 
+    @property
+    def tiles(self) -> Path | None:
+        """The MBTiles file that the mission has for the map, None without."""
+
     def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
         """Keep the operator's note on a moment, as an event of kind ``mark``: a flight in ``events.jsonl``, a replay in
         a ``marks.jsonl`` of its own.

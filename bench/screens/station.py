@@ -27,6 +27,7 @@ class ScriptedStation(Station):
     commands = None
     error = None
     folder = None
+    tiles = None
 
     def __init__(self, moment: Moment) -> None:
         self.moment = moment

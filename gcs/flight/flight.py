@@ -143,6 +143,11 @@ class Flight:
         return self._recorder.folder.name
 
     @property
+    def tiles(self) -> Path | None:
+        """Of the mission."""
+        return self._mission.tiles
+
+    @property
     def folder(self) -> Path:
         """The session folder."""
         return self._recorder.folder

@@ -34,6 +34,7 @@ __all__ = [
     "DetectorChoice",
     "IdentityChoice",
     "Links",
+    "MapChoice",
     "Mission",
     "MissionVehicle",
     "SigningChoice",
@@ -191,6 +192,14 @@ class SigningChoice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MapChoice:
+    """What is under the map."""
+
+    tiles: str = ""
+    """Path of an MBTiles file, relative to the mission file; empty: nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
     """Who flies and how: all that a flight or a replay is configured with."""
 
@@ -205,6 +214,7 @@ class Mission:
     signing: SigningChoice = field(default_factory=SigningChoice)
     limits: Limits = field(default_factory=Limits)
     fence: tuple[Fence, ...] = ()
+    map: MapChoice = field(default_factory=MapChoice)
 
     def __post_init__(self) -> None:
         ids = Counter((self.uav.system_id, *(v.system_id for v in self.ugv)))
@@ -224,6 +234,11 @@ class Mission:
     def follows_gimbal(self) -> bool:
         """Whether the camera's direction is the gimbal's reported one."""
         return self.camera is None or self.camera.mount == "gimbal"
+
+    @property
+    def tiles(self) -> Path | None:
+        """Where the map's tiles are, None without any."""
+        return Path(self.map.tiles) if self.map.tiles else None
 
     def name_of(self, system_id: int) -> str:
         """Name of a vehicle of this mission, a default for any other id."""
@@ -264,7 +279,9 @@ def load_mission(path: Path) -> Mission:
     mission = parse_mission(load_table(path), str(path))
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
     signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
-    return replace(mission, detector=_placed(mission.detector, path.parent), camera=camera, signing=signing)
+    tiles = str((path.parent / Path(mission.map.tiles).expanduser()).absolute()) if mission.map.tiles else ""
+    detector = _placed(mission.detector, path.parent)
+    return replace(mission, detector=detector, camera=camera, signing=signing, map=MapChoice(tiles=tiles))
 
 
 def user_keys() -> Path:

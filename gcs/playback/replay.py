@@ -159,6 +159,11 @@ class Replay:
         """Times real time."""
         return self._speed
 
+    @property
+    def tiles(self) -> Path | None:
+        """Of the recorded mission, or the one given in its place."""
+        return self._analysis.mission.tiles
+
     def latest(self) -> Snapshot | None:
         """The snapshot on show."""
         return self._latest

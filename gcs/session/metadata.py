@@ -109,6 +109,8 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
             table[name] = _values(part)
     if mission.fence:
         table["fence"] = [_values(fence) for fence in mission.fence]
+    if mission.map.tiles:
+        table["map"] = _values(mission.map)
     signing = mission.signing
     table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}
     if signing.keys == NO_KEYS:

@@ -33,7 +33,7 @@ from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.fleet import FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.key_hints import KeyHints
-from gcs.tui.panes.map import MapPane
+from gcs.tui.panes.map import map_pane
 from gcs.tui.panes.pane import Pane
 from gcs.tui.panes.status import StatusBar
 from gcs.tui.panes.timeline import TimelineBar
@@ -104,7 +104,7 @@ class RollcallApp(TerminalApp):
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
-        self._map = MapPane(id="map", trails=station.timeline.trails if station.timeline else None)
+        self._map = map_pane(station)
         self._identity = IdentityPane(id="identity")
         self._events = EventPane(id="events", live=station.timeline is None)
         self._alarms = AlarmPane(id="alarms")

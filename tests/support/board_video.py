@@ -1,4 +1,6 @@
-"""A chessboard before a camera that is known exactly, drawn ray by ray and coded as H.264."""
+"""A chessboard before a camera that is known exactly, drawn ray by ray and coded as H.264; tiles of a map."""
+
+import sqlite3
 
 import av
 import cv2
@@ -76,3 +78,30 @@ def write_video(path, frames, size):
         for image in frames:
             file.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
         file.mux(stream.encode(None))
+
+
+def png(bgr, size=256):
+    """A picture of one colour as the bytes of a file."""
+    return cv2.imencode(".png", np.full((size, size, 3), bgr, dtype=np.uint8))[1].tobytes()
+
+
+def make_tiles(path, tiles, kind="png"):
+    """An MBTiles file.
+
+    Args:
+        path: of the new file.
+        tiles: colour BGR, or bytes, by zoom, column and row from the north.
+        kind: the format it states, none when empty.
+    """
+    with sqlite3.connect(path) as base:
+        base.execute("CREATE TABLE metadata (name TEXT, value TEXT)")
+        base.execute("CREATE TABLE tiles (zoom_level INT, tile_column INT, tile_row INT, tile_data BLOB)")
+        notes = {"attribution": "<a href='http://x'>© Somebody</a>"} | ({"format": kind} if kind else {})
+        base.executemany("INSERT INTO metadata VALUES (?, ?)", notes.items())
+        rows = [
+            (zoom, column, 2**zoom - 1 - row, each if isinstance(each, bytes) else png(each))
+            for (zoom, column, row), each in tiles.items()
+        ]
+        base.executemany("INSERT INTO tiles VALUES (?, ?, ?, ?)", rows)
+    base.close()
+    return path

@@ -246,6 +246,7 @@ class FakeStation:
         self.stated: list[tuple[int, int | None]] = []
         self.stopped = 0
         self.folder: Path | None = None
+        self.tiles: Path | None = None
 
     def latest(self) -> Snapshot | None:
         return self.snapshot

@@ -31,6 +31,7 @@ from gcs.tui.draw.map_lines import (
     draw_trails,
     ruler_texts,
 )
+from gcs.tui.draw.mosaic import HALF
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, INK, LINE, PANEL, Colour, pack, standing_colour
 
 __all__ = ["BOX_MARK", "STANDING_MARKS", "UAV_MARK", "MapExtras", "chart_cells", "map_labels", "marked_at"]
@@ -66,6 +67,10 @@ class MapExtras:
     """Track id of the picked box without a name, 0 none."""
     trails: tuple[Trail, ...] = ()
     ruler: Ruler = field(default_factory=Ruler)
+    ground: NDArray[np.int64] | None = None
+    """(2 · rows, columns) 0xRRGGBB under everything, None: the background."""
+    credit: str = ""
+    """Whose picture that is."""
 
 
 def chart_cells(
@@ -90,6 +95,9 @@ def chart_cells(
     extras = extras or MapExtras()
     cells = CellGrid(view.columns, view.rows + 1, pack(PANEL))
     dots = BrailleCanvas(view.columns, view.rows + 1)
+    if extras.ground is not None:
+        cells.letter[: view.rows] = HALF
+        cells.ink[: view.rows], cells.paper[: view.rows] = extras.ground[0::2], extras.ground[1::2]
     rows = _placed_rows(snapshot, selected)
     marks = _marks(snapshot, rows, view, extras)
     labelling = labelling or map_labels(snapshot, selected, view, extras=extras)
@@ -110,15 +118,15 @@ def chart_cells(
     cells.dots(dots)
     for mark in reversed(marks):
         picked = bool(selected) and mark.system_id == selected
-        cells.text(mark.x, mark.y, mark.glyph, pack(BRIGHT if picked else mark.colour))
+        cells.text(mark.x, mark.y, mark.glyph, pack(BRIGHT if picked else mark.colour), pack(PANEL))
 
-    def look_of(place: Place) -> tuple[int, int | None]:
+    def look_of(place: Place) -> tuple[int, int]:
         colour = colours.get(place.key, INK)
         picked = bool(selected) and place.key == selected
-        return (pack(PANEL), pack(colour)) if picked else (pack(colour), None)
+        return (pack(PANEL), pack(colour)) if picked else (pack(colour), pack(PANEL))
 
     write_labels(cells, labelling, look_of)
-    _write_scale(cells, snapshot, view, extras.ruler)
+    _write_scale(cells, snapshot, view, extras)
     return cells
 
 
@@ -129,9 +137,9 @@ def _trail_inks(snapshot: Snapshot) -> dict[int, int]:
     return {system_id: pack(colour) for system_id, colour in colours.items()}
 
 
-def _write_scale(cells: CellGrid, snapshot: Snapshot, view: MapView, ruler: Ruler) -> None:
-    """North and scale, then of the ruler what there is room for."""
-    texts = ruler_texts(ruler, snapshot)
+def _write_scale(cells: CellGrid, snapshot: Snapshot, view: MapView, extras: MapExtras) -> None:
+    """North and scale, then of the ruler and the credit what there is room for."""
+    texts = ruler_texts(extras.ruler, snapshot)
     bar, _ = scale_bar(view.metres_per_dot, view.columns // (6 if texts else 3))
     scale = f" N↑  {bar}"
     cells.text(0, view.rows, scale[: view.columns], pack(FAINT))
@@ -140,6 +148,8 @@ def _write_scale(cells: CellGrid, snapshot: Snapshot, view: MapView, ruler: Rule
         if left + len(text) <= view.columns:
             cells.text(left, view.rows, text, pack(BRIGHT))
             left += len(text) + GAP
+    if extras.credit and left + len(extras.credit) < view.columns:
+        cells.text(view.columns - len(extras.credit) - 1, view.rows, extras.credit, pack(FAINT))
 
 
 def map_labels(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import ClassVar, Final
@@ -12,20 +13,24 @@ from textual import events
 from textual.binding import Binding, BindingType
 from textual.strip import Strip
 
+from gcs.errors import ConfigError
+from gcs.mission.tile_file import TileFile
 from gcs.report.labels import Labelling
-from gcs.snapshot import Snapshot
+from gcs.snapshot import Event, Snapshot
+from gcs.station import Station
 from gcs.trails import Trail, Trails
+from gcs.tui.draw.basemap import Basemap
 from gcs.tui.draw.format import NOT_ANALYSED, age
 from gcs.tui.draw.ground_view import HOME_ENU, MapView, map_view_of, points_of, step_scale
 from gcs.tui.draw.map_canvas import MapExtras, chart_cells, map_labels, marked_at
 from gcs.tui.draw.map_lines import Ruler
 from gcs.tui.draw.strips import Part, line
 from gcs.tui.messages import VehiclePicked
-from gcs.tui.palette import FAINT, HEAD, ink
+from gcs.tui.palette import FAINT, HEAD, PANEL, ink, pack
 from gcs.tui.panes.pane import Pane
 from mavlink.geodesy import LocalFrame
 
-__all__ = ["MapPane", "TrailSource"]
+__all__ = ["MapPane", "TrailSource", "map_pane"]
 
 FOLLOW: Final = ("all", "UAV", "selected")
 ZOOM_LIMIT: Final = 14
@@ -59,12 +64,13 @@ class MapPane(Pane):
     ]
     """They count while the map has the focus; ``j`` and ``k`` still choose a vehicle."""
 
-    def __init__(self, *, id: str, trails: TrailSource | None = None) -> None:
+    def __init__(self, *, id: str, trails: TrailSource | None = None, basemap: Basemap | None = None) -> None:
         """A map.
 
         Args:
             id: Of the widget.
             trails: Where a replay's trails come from; those of a flight are what this pane was shown.
+            basemap: What is under it all.
         """
         super().__init__(id=id)
         self._zoom = 0
@@ -80,6 +86,7 @@ class MapPane(Pane):
         self._span = 0
         self._shown = Trails()
         self._trails: TrailSource = trails or self._shown.before
+        self._basemap = basemap
         self._dragged_from: tuple[int, int] | None = None
         self._moved = False
 
@@ -174,6 +181,11 @@ class MapPane(Pane):
             self._shown.add(self.snapshot)
         super().watch_snapshot()
 
+    def on_unmount(self) -> None:
+        """The tiles are not needed any more."""
+        if self._basemap is not None:
+            self._basemap.tiles.close()
+
     def body(self, width: int, height: int) -> list[Strip]:
         """The chart, or a word on what is awaited."""
         if height <= 0:
@@ -185,7 +197,9 @@ class MapPane(Pane):
         view = self._view = self._view_of(self.snapshot, width, max(1, height - 1))
         span = TRAILS_S[self._span]
         trails = tuple(self._trails(self.snapshot.t_us, span, self.snapshot.origin)) if span else ()
-        extras = MapExtras(track=self.picked_track, trails=trails, ruler=self._ruler)
+        ground = self._basemap.picture(view, self.snapshot.origin, pack(PANEL)) if self._basemap else None
+        credit = self._basemap.tiles.credit if self._basemap and ground is not None else ""
+        extras = MapExtras(track=self.picked_track, trails=trails, ruler=self._ruler, ground=ground, credit=credit)
         self._labelling = map_labels(self.snapshot, self.selected, view, self._labelling, extras)
         return chart_cells(self.snapshot, self.selected, view, self._labelling, extras).strips()[:height]
 
@@ -248,3 +262,15 @@ class MapPane(Pane):
             self.redraw()
         else:
             self.post_message(VehiclePicked(*marked_at(self.snapshot, self._view, event.x, event.y - 1)))
+
+
+def map_pane(station: Station) -> MapPane:
+    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event."""
+    basemap = None
+    if station.tiles is not None:
+        try:
+            basemap = Basemap(TileFile(station.tiles))
+        except ConfigError as error:
+            start_us = station.timeline.start_us if station.timeline else time.time_ns() // 1000
+            station.add_event(Event(t_us=start_us, level="warning", kind="program", text=f"no basemap: {error}"))
+    return MapPane(id="map", trails=station.timeline.trails if station.timeline else None, basemap=basemap)

@@ -1,0 +1,124 @@
+"""Pictures of the ground that the user has: an MBTiles file of raster tiles, read as they are needed.
+
+MBTiles 1.3 (https://github.com/mapbox/mbtiles-spec): an SQLite file with a table ``tiles`` of PNG, JPEG or WebP in Web
+Mercator; zoom z has 2^z × 2^z tiles.
+"""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections import OrderedDict
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.errors import ConfigError
+from infra.plain_text import plain
+
+__all__ = ["TILE_PX", "TileFile"]
+
+TILE_PX: Final = 256
+"""Tiles of other sizes are brought to this one."""
+MOST_KEPT: Final = 96
+"""Decoded tiles in memory, 19 MB: more than two screens of them."""
+MOST_TILE_BYTES: Final = 4_000_000
+"""A tile is some ten thousand; what is larger is none."""
+MOST_ZOOM: Final = 30
+LONGEST_CREDIT: Final = 80
+RASTER: Final = frozenset({"png", "jpg", "jpeg", "webp"})
+GZIP: Final = b"\x1f\x8b"
+"""Vector tiles are compressed so."""
+
+Image = NDArray[np.uint8]
+
+
+class TileFile:
+    """An open file of tiles; used by one thread."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a file.
+
+        Raises:
+            ConfigError: no such file, not MBTiles, vector tiles, or no tiles in it.
+        """
+        self.path = path
+        self._kept: OrderedDict[tuple[int, int, int], Image | None] = OrderedDict()
+        if not path.is_file():
+            raise ConfigError(f"{path}: no such file; [map] tiles needs an MBTiles file")
+        try:
+            # immutable: nothing is written beside the file, also where it was not closed
+            self._base = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        except sqlite3.Error as error:
+            raise ConfigError(f"{path}: cannot be opened: {plain(str(error))}") from None
+        try:
+            self._check()
+        except ConfigError:
+            self._base.close()
+            raise
+        except sqlite3.Error as error:
+            self._base.close()
+            raise ConfigError(f"{path}: cannot be read as MBTiles: {plain(str(error))}") from None
+
+    def _check(self) -> None:
+        notes = dict(self._base.execute("SELECT name, value FROM metadata").fetchall())
+        first = self._base.execute("SELECT tile_data FROM tiles LIMIT 1").fetchone()
+        if first is None or not isinstance(first[0], bytes):
+            raise ConfigError(f"{self.path}: it has no tiles")
+        kind = str(notes.get("format", "")).lower()
+        if kind == "pbf" or first[0].startswith(GZIP):
+            raise ConfigError(f"{self.path}: it has vector tiles; raster tiles (PNG, JPEG, WebP) are needed")
+        if kind and kind not in RASTER:
+            raise ConfigError(f"{self.path}: tiles of format {plain(kind)[:20]!r}; PNG, JPEG or WebP are needed")
+        zooms = self._base.execute("SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level").fetchall()
+        self.zooms = tuple(zoom for (zoom,) in zooms if isinstance(zoom, int) and 0 <= zoom <= MOST_ZOOM)
+        """Which there are, the coarsest first."""
+        if not self.zooms:
+            raise ConfigError(f"{self.path}: it has no tiles at a zoom of 0 to {MOST_ZOOM}")
+        credit = re.sub(r"<[^>]*>", "", str(notes.get("attribution", "")))
+        self.credit = plain(credit.strip())[:LONGEST_CREDIT]
+        """Whose pictures these are, empty where the file does not say so."""
+
+    def tile(self, zoom: int, column: int, row: int) -> Image | None:
+        """(256, 256, 3) BGR of a tile; None where the file has none that can be decoded.
+
+        Args:
+            zoom: one of ``zooms``.
+            column: from the date line eastward.
+            row: from the north southward.
+        """
+        key = (zoom, column, row)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+        else:
+            self._kept[key] = self._read(zoom, column, row)
+            if len(self._kept) > MOST_KEPT:
+                self._kept.popitem(last=False)
+        return self._kept[key]
+
+    def _read(self, zoom: int, column: int, row: int) -> Image | None:
+        # rows are counted from the south in the file
+        where = (zoom, column, 2**zoom - 1 - row)
+        query = "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
+        try:
+            found = self._base.execute(query, where).fetchone()
+        except sqlite3.Error:
+            return None
+        if found is None or not isinstance(found[0], bytes) or not 0 < len(found[0]) <= MOST_TILE_BYTES:
+            return None
+        try:
+            image = cv2.imdecode(np.frombuffer(found[0], dtype=np.uint8), cv2.IMREAD_COLOR)
+        except cv2.error:
+            return None
+        if image is None:
+            return None
+        if image.shape[:2] != (TILE_PX, TILE_PX):
+            image = cv2.resize(image, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA)
+        return np.asarray(image, dtype=np.uint8)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._base.close()
