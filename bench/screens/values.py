@@ -172,5 +172,5 @@ def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
     if health.video == "stalled":
         found["the video has stopped"] = (3, "video (stalled|stopped)|no video")
     if health.keys == 0:
-        found["nothing is authenticated"] = (2, r"NOTHING IS AUTHENTICATED|\bOPEN\b")
+        found["nothing is authenticated"] = (2, r"\bAUTHENTICATED\b|\bOPEN\b")
     return found

@@ -56,6 +56,25 @@ def fitted(text: str, width: int, align: str = "left") -> str:
     return " " * (width - size) + text if align == "right" else text + " " * (width - size)
 
 
+def cut_between_words(text: str, width: int, names: Iterable[str] = ()) -> str:
+    """Text of at most ``width`` cells; of a longer one the first words, and an ellipsis.
+
+    Args:
+        text: One line.
+        width: Cells.
+        names: Words that belong together: a part of a name may be another one.
+    """
+    if cell_len(text) <= width:
+        return text
+    end = len(set_cell_size(text, max(0, width - 2)).rstrip())
+    end = max(text.rfind(" ", 0, end + 1), 0) or end
+    for name in names:
+        start = text.rfind(name, 0, end + len(name))
+        if start >= 0 and start < end < start + len(name):
+            end = start
+    return f"{text[:end].rstrip()} …" if width > 1 else fitted(text, width)
+
+
 def folded(text: str, width: int) -> list[str]:
     """Text in lines of at most ``width`` cells, at least one; between words where every letter takes one cell."""
     if cell_len(text) == len(text):

@@ -13,7 +13,7 @@ from textual.widget import Widget
 from gcs.errors import FlightError
 from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.tui.draw.format import NOT_ANALYSED, REPORTED_WORDS, age, clock, plain
-from gcs.tui.draw.strips import fitted, line, width_of
+from gcs.tui.draw.strips import cut_between_words, fitted, line, width_of
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import Seen, unseen
 from gcs.tui.panes.event_log import text_with_sender
@@ -72,11 +72,10 @@ def alert_of(
     loud = [alarm for alarm in fresh if alarm.level == "alarm"]
     if loud:
         return Alert(level="alarm", text=_summary(loud), hinted=True)
-    recent = [
-        event
-        for event in events
-        if event.level == "alarm" and event.kind != "text" and 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US
-    ]
+    lately = [event for event in events if 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US]
+    listed = {alarm.text for alarm in snapshot.alarms}
+    listed |= {event.text.partition(": ")[2] for event in lately if event.text.startswith("over after ")}
+    recent = [event for event in lately if event.level == "alarm" and event.kind != "text" and event.text not in listed]
     if recent:
         return Alert(level="alarm", text=f"{clock(recent[-1].t_us)} {text_with_sender(recent[-1], snapshot)}")
     if fresh:
@@ -105,7 +104,8 @@ class Banner(Widget):
         loud = self.alert.level == "alarm"
         style, paper = (ink(PANEL, ALARM, bold=True), ALARM) if loud else (ink(WARN, HEAD), HEAD)
         hint = [(HINT, style)] if self.alert.hinted and width >= HINTED_FROM else []
-        text = fitted(f" {'!!' if loud else '! '} {plain(self.alert.text)}", width - width_of(hint))
+        room = width - width_of(hint)
+        text = fitted(cut_between_words(f" {'!!' if loud else '! '} {plain(self.alert.text)}", room), room)
         return line([(text, style), *hint], width, paper)
 
     async def on_click(self) -> None:

@@ -14,7 +14,7 @@ from textual.strip import Strip
 from gcs.snapshot import Event, Level, Snapshot
 from gcs.tui.draw.event_rows import EventRow, found_events, rows_of
 from gcs.tui.draw.format import REPORTED_WORDS, clock, plain
-from gcs.tui.draw.strips import Part, fitted, folded, line, width_of
+from gcs.tui.draw.strips import Part, cut_between_words, fitted, folded, line, width_of
 from gcs.tui.palette import ACCENT, BRIGHT, FAINT, HEAD, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
@@ -187,7 +187,8 @@ class EventPane(Pane):
             ink(BRIGHT if ours else colour),
         )
         if not self.has_focus:
-            lines = [[*parts, (fitted(text, max(0, room - len(often))).rstrip() + often, style)]]
+            names = [each.name for each in self.snapshot.vehicles] if self.snapshot is not None else []
+            lines = [[*parts, (cut_between_words(text, max(0, room - len(often)), names) + often, style)]]
         else:
             first, *more = folded(text + often, room)
             indent = (" " * width_of(parts), style)

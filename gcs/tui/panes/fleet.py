@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from rich.cells import cell_len
 from textual import events
 from textual.strip import Strip
 
@@ -147,9 +148,10 @@ def _height(row: VehicleRow, rows: Sequence[VehicleRow]) -> Cell:
     return aged(text, INK, row.position_age_s, IDENTITY_CELLS)
 
 
+NAME = Column(title="NAME", width=7, rank=0, cell=lambda row: (plain(row.name), BRIGHT))
 COLUMNS = (
     Column(title="ID", width=3, rank=11, align="right", cell=lambda row: (str(row.system_id), FAINT)),
-    Column(title="NAME", width=7, rank=0, cell=lambda row: (plain(row.name), BRIGHT)),
+    NAME,
     Column(title="TYPE", width=6, rank=12, cell=lambda row: (plain(row.kind) or UNKNOWN, FAINT)),
     Column(title="MODE", width=8, rank=3, cell=_mode, age_s=_heartbeat_age_s),
     Column(title="ARM", width=5, rank=7, cell=_armed, age_s=_heartbeat_age_s),
@@ -197,6 +199,11 @@ def columns_for(
     signing = keyed or any(row.signed or row.bad_signature for row in rows)
     refusing = any(row.refusals for row in rows)
     order = (*COLUMNS[:-1], *more, *((AUTH,) if signing else ()), *((REFUSED,) if refusing else ()), COLUMNS[-1])
+    longest = max((cell_len(plain(row.name)) for row in rows), default=0)
+    # without the two others that are always there
+    most = width - 1 - sum(column.width + 1 for column in COLUMNS if column.title in ("POS", IDENTITY))
+    name = replace(NAME, width=max(NAME.width, min(longest, most - 1)))
+    order = tuple(name if column is NAME else column for column in order)
     kept: list[Column] = []
     # the mark before the first column and the gap before each other one cost a cell each
     room = width
@@ -253,6 +260,8 @@ class FleetPane(Pane):
                 text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
             elif self.snapshot and self.snapshot.provisional and column.title == IDENTITY:
                 colour = FAINT
+            if column.title == NAME.title and cell_len(text) > column.width:
+                text = str(row.system_id)  # a part of a name may be another one
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)

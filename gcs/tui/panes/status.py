@@ -116,7 +116,10 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     gap: Part = (" " * GAP, ink(FAINT, HEAD))
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
     right: list[Part] = []
-    for item, parts in fitting([*ends, *items], width - MARGIN):
+    placed = fitting([*ends, *items], width - MARGIN)
+    if any(item.rank is Rank.ALARMS and parts is item.forms[-1] is not item.forms[0] for item, parts in placed):
+        placed = fitting(items, width - MARGIN)  # rather all that is wrong than who counts it
+    for item, parts in placed:
         goal = PANES_BY_RANK.get(item.rank)
         shown = [clickable(part, f"app.pane({goal!r})") for part in parts] if goal else parts
         (left if item in ends else right).extend([*shown, gap])
