@@ -20,11 +20,10 @@ from textual.widget import Widget
 from gcs.errors import FlightError
 from gcs.snapshot import Snapshot
 from gcs.station import Commands, Station
-from gcs.tui import palette, playback
+from gcs.tui import palette
 from gcs.tui.actions import ActionProvider, actions
-from gcs.tui.draw.moments import KINDS, Moment, times_of
 from gcs.tui.draw.pixels import Graphics, picture_mode, pixel_images
-from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_ACTIONS, REPLAY_HINTS
+from gcs.tui.keys import BINDINGS, COMMAND_HINTS, LIVE_HINTS, REPLAY_HINTS
 from gcs.tui.messages import AlarmsSeen, SeekTo, VehiclePicked
 from gcs.tui.pane_area import PaneArea
 from gcs.tui.panes.alarms import AlarmPane, token
@@ -39,6 +38,7 @@ from gcs.tui.panes.status import StatusBar
 from gcs.tui.panes.timeline import TimelineBar
 from gcs.tui.panes.video import VideoPane
 from gcs.tui.picking import beside, followed
+from gcs.tui.replay_app import ReplayApp
 from gcs.tui.screens.command import ask_for_order
 from gcs.tui.screens.held import ask_to_accept
 from gcs.tui.screens.help import HelpScreen
@@ -47,7 +47,7 @@ from gcs.tui.screens.marking import ask_for_mark
 from gcs.tui.screens.naming import ask_for_name, withdraw_name
 from gcs.tui.screens.prompts import Prompt
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
-from gcs.tui.terminal.terminal_app import MOST_FPS, TerminalApp
+from gcs.tui.terminal.terminal_app import MOST_FPS
 from gcs.tui.themes import THEMES, ThemeName, textual_theme
 
 __all__ = ["RollcallApp"]
@@ -56,7 +56,7 @@ POLL_S = 1 / MOST_FPS
 SILENT_S = 2.0
 
 
-class RollcallApp(TerminalApp):
+class RollcallApp(ReplayApp):
     """Screens of one station; the station's threads never touch a widget."""
 
     CSS_PATH = "app.tcss"
@@ -99,8 +99,6 @@ class RollcallApp(TerminalApp):
         self._station = station
         self._newest_at = time.monotonic()
         self.left = False
-        self._jumps: Moment | None = None
-        """What ``n`` and ``p`` go to, None: the events of the log."""
         # held, not queried: a query looks at the screen on top, which may be a question
         self._status = StatusBar(live=station.timeline is None, id="status")
         self._alert_line = Banner(id="alert")
@@ -194,67 +192,6 @@ class RollcallApp(TerminalApp):
             error=self._station.error,
             silent_s=silent_s if live and silent_s > SILENT_S else 0.0,
         )
-
-    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Replay keys exist only in a replay."""
-        return self._station.timeline is not None or action not in REPLAY_ACTIONS
-
-    def action_toggle_play(self) -> None:
-        """Play or pause."""
-        if self._station.timeline is not None:
-            playback.toggle(self._station.timeline)
-
-    def action_jump(self, seconds: int) -> None:
-        """Move by seconds."""
-        if self._station.timeline is not None:
-            playback.jump(self._station.timeline, seconds)
-
-    def action_step(self, frames: int) -> None:
-        """Move by frames."""
-        if self._station.timeline is not None:
-            self._station.timeline.step(frames)
-
-    def action_speed(self, steps: int) -> None:
-        """Faster or slower."""
-        if self._station.timeline is not None:
-            playback.change_speed(self._station.timeline, steps)
-
-    def action_edge(self, end: int) -> None:
-        """First or last frame."""
-        if (timeline := self._station.timeline) is not None:
-            timeline.seek(timeline.stop_us if end else timeline.start_us)
-
-    def action_event(self, steps: int) -> None:
-        """Next or previous moment of the kind that was chosen, else event of those that the log shows."""
-        if (timeline := self._station.timeline) is None:
-            return
-        events = self._station.events()
-        shown = [event.t_us for event in self._events.filtered(events)]
-        times_us = times_of(self._jumps, events, timeline.gaps) if self._jumps else shown
-        goal = playback.time_beside(times_us, timeline, steps)
-        if goal is None:
-            what = self._jumps or "event of those that the log shows"
-            self.notify(f"no {'later' if steps > 0 else 'earlier'} {what}", markup=False, timeout=2)
-        else:
-            timeline.seek(goal)
-
-    def action_jumps(self) -> None:
-        """What the keys for next and previous go to."""
-        order = (None, *KINDS[::-1])
-        self._jumps = order[(order.index(self._jumps) + 1) % len(order)]
-        if self._timeline is not None:
-            self._timeline.jumps = self._jumps or ""
-        what = f"each {self._jumps}" if self._jumps else "the events that the log shows"
-        self.notify(f"n and p go to {what}", markup=False, timeout=2)
-
-    def action_go_to(self) -> None:
-        """Prompt for a time."""
-        if (timeline := self._station.timeline) is None:
-            return
-        start, stop, now = timeline.start_us, timeline.stop_us, timeline.now_us
-        hint = "1:30 from the start, +10, -1:00, 50%, 10:33:12Z"
-        ask = Prompt("Go to time", hint, lambda text: playback.parse_time(text, start, stop, now))
-        self.push_screen(ask, lambda goal: None if goal is None else timeline.seek(min(max(goal, start), stop)))
 
     def action_pane(self, pane: str) -> None:
         """Show, focus or hide a pane."""
