@@ -142,15 +142,15 @@ def moved_boxes(boxes: Sequence[Box], inset: Inset) -> list[Box]:
     return inside
 
 
-def title_of(name: str, system_id: int, magnification: float, shows: Callable[[str], bool]) -> str:
+def title_of(label: str, magnification: float, *, seen: bool, shows: Callable[[str], bool]) -> str:
     """What is written over an inset: as much as finds room, never a part of a name.
 
     Args:
-        name: of the vehicle, empty for a box without one.
-        system_id: of the vehicle.
+        label: as beside the box; of a vehicle without one, its name.
         magnification: over the picture.
+        seen: whether there is a box; else nothing that is shown is called by that name.
         shows: whether there is room for a text, and letters.
     """
     times = f"x{magnification:.1f}"
-    texts = (f"{name} {times}", name, f"id {system_id}") if name else (times,)
+    texts = (f"{label} {times}", label, times) if seen else (f"{label} expected", "expected")
     return next((text for text in texts if shows(text)), "")

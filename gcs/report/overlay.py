@@ -34,6 +34,7 @@ __all__ = [
     "draw",
     "image_inset",
     "image_labels",
+    "inset_label",
     "is_picked",
     "label_of",
     "named_count",
@@ -273,6 +274,11 @@ def draw(
     return canvas
 
 
+def inset_label(snapshot: Snapshot, boxes: Sequence[Box], inset: Inset, selected: int) -> str:
+    """What the vehicle in an inset is called: as beside its box, which is the first of those in order."""
+    return label_of(snapshot, boxes[0]) if inset.seen else snapshot.name_of(selected)
+
+
 def _draw_inset(
     canvas: NDArray[np.uint8], snapshot: Snapshot, boxes: Sequence[Box], inset: Inset, selected: int, scale: float
 ) -> None:
@@ -286,9 +292,11 @@ def _draw_inset(
     larger = width / inset.part[2]
     for box in moved_boxes(boxes, inset):
         _draw_box(window, box, STANDING_RGB[standing_of(snapshot, box)], larger, unit)
-    name = snapshot.name_of(selected) if selected else ""
     title = title_of(
-        name, selected, larger / scale, lambda text: _is_ascii(text) and _text_size(text, unit)[0] <= width
+        inset_label(snapshot, boxes, inset, selected),
+        larger / scale,
+        seen=inset.seen,
+        shows=lambda text: _is_ascii(text) and _text_size(text, unit)[0] <= width,
     )
     _draw_text(canvas, title, (x, y), unit, HEADER_INK, DARK)
     cv2.rectangle(canvas, (x, y), (x + width - 1, y + height - 1), HEADER_INK[::-1], 1)

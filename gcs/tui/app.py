@@ -309,7 +309,7 @@ class RollcallApp(ReplayApp):
 
     async def action_still(self) -> None:
         """Save the full frame with names."""
-        await save_still(self, self._station, self.snapshot, self.selected)
+        await save_still(self, self._station, self.snapshot, (self.selected, self.picked_track))
 
     def action_save(self) -> None:
         """Save the screen."""

@@ -17,6 +17,7 @@ from gcs.report.overlay import (
     box_keys,
     box_labels,
     boxes_in_order,
+    inset_label,
     is_picked,
     standing_of,
 )
@@ -184,8 +185,12 @@ def _enlarge(
     columns_per_px = width / inset.part[2]
     _outlines(window, snapshot, moved_boxes(boxes, inset), (0, 0), columns_per_px, Labelling())
     whole = fit(snapshot.width, snapshot.height, cells.columns, cells.rows)[2] / snapshot.width
-    name = plain(snapshot.name_of(selected)) if selected else ""
-    title = title_of(name, selected, columns_per_px / whole, lambda text: measure_cells(text)[0] <= width)
+    title = title_of(
+        plain(inset_label(snapshot, boxes, inset, selected)),
+        columns_per_px / whole,
+        seen=inset.seen,
+        shows=lambda text: shows_in_cells(text) and measure_cells(text)[0] <= width,
+    )
     window.text(0, 0, " " * width, _packed(INK), _packed(HEAD))
     window.text(0, 0, title, _packed(BRIGHT), _packed(HEAD))
     cells.place(window, x, y)

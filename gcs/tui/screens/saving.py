@@ -41,21 +41,21 @@ def ask_to_save_screen(app: App[Any], snapshot: Snapshot | None) -> None:
     app.push_screen(ask, lambda path: None if path is None else app.notify(f"saved {path}", markup=False))
 
 
-async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None, selected: int) -> None:
+async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None, pick: tuple[int, int]) -> None:
     """Save the frame at its own size with boxes and names: of a flight into its folder, else where the operator says.
 
     Args:
         app: to show questions and results.
         station: whose frame it is; its event log reports the file.
         snapshot: what is on the screen now.
-        selected: system id of the vehicle to stress, 0 none.
+        pick: system id of the picked vehicle, and track id of a box without a name; 0 none.
     """
     if snapshot is None or snapshot.image is None:
         app.notify(NO_FRAME, severity="warning", markup=False)
         return
     name = f"rollcall-{_moment(snapshot)}-frame-{snapshot.frame}.png"
     # a large frame takes a tenth of a second, in which keys are to be answered
-    picture = await asyncio.to_thread(_png, snapshot, selected)
+    picture = await asyncio.to_thread(_png, snapshot, *pick)
 
     def report(path: Path | None) -> None:
         if path is None:
@@ -63,7 +63,7 @@ async def save_still(app: App[Any], station: Station, snapshot: Snapshot | None,
         if station.folder is not None:
             path = path.relative_to(station.folder)  # the folder may be moved, with its event log
         text = f"still of frame {snapshot.frame} saved: {path}"
-        station.add_event(Event(t_us=_now_us(station), level="info", kind="operator", text=text, system_id=selected))
+        station.add_event(Event(t_us=_now_us(station), level="info", kind="operator", text=text, system_id=pick[0]))
         app.notify(f"saved {path}", markup=False)
 
     if station.folder is None:
@@ -84,8 +84,8 @@ def _moment(snapshot: Snapshot) -> str:
     return clock(snapshot.t_us).replace(":", "")
 
 
-def _png(snapshot: Snapshot, selected: int) -> bytes:
-    return cv2.imencode(".png", draw(snapshot, selected=selected))[1].tobytes()
+def _png(snapshot: Snapshot, selected: int, track: int) -> bytes:
+    return cv2.imencode(".png", draw(snapshot, selected=selected, track=track))[1].tobytes()
 
 
 def save_new(path: str, data: bytes) -> Path:

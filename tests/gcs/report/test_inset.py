@@ -65,7 +65,7 @@ def test_a_vehicle_of_30_px_has_many_cells_on_a_small_screen():
     inset = video_inset(snapshot, 11, 47, 20)
     for grain in ("halves", "sextants", "octants"):
         bright = []
-        for each in (None, inset):
+        for each in (None, replace(inset, seen=False)):
             cells = video_cells(replace(snapshot, boxes=()), 11, 47, 20, mode=PictureMode(grain=grain), inset=each)
             bright.append(int(((cells.ink >> 8 & 255) > 128).sum() + ((cells.paper >> 8 & 255) > 128).sum()))
         assert bright[1] - bright[0] > 30, grain
@@ -118,10 +118,13 @@ def test_in_pixels_it_is_the_image_at_full_resolution_and_no_label_is_on_it():
         assert (image[:y] == plain[:y]).mean() > 0.9
 
 
-def test_a_title_is_whole_or_something_shorter():
-    for room, want in ((20, "UGV-11 x5.0"), (8, "UGV-11"), (5, "id 11"), (2, "")):
-        assert title_of("UGV-11", 11, 5.0, lambda text, room=room: measure_cells(text)[0] <= room) == want
-    assert title_of("", 0, 5.0, lambda text: True) == "x5.0"
+def test_a_title_is_whole_or_something_shorter_and_names_nothing_that_is_not_seen():
+    def title(room, label="UGV-11? 61%", seen=True):
+        return title_of(label, 5.0, seen=seen, shows=lambda text: measure_cells(text)[0] <= room)
+
+    assert [title(room) for room in (20, 11, 5, 2)] == ["UGV-11? 61% x5.0", "UGV-11? 61%", "x5.0", ""]
+    assert title(20, "?") == "? x5.0"
+    assert [title(room, "UGV-17", seen=False) for room in (20, 10)] == ["UGV-17 expected", "expected"]
 
 
 async def test_the_key_shows_and_hides_it_and_says_why_there_is_none():
@@ -129,7 +132,7 @@ async def test_the_key_shows_and_hides_it_and_says_why_there_is_none():
         await pilot.press("Z")
         assert "pick a vehicle" in screen_text(app)
         await pilot.press("down", "down")
-        assert app.selected == 11 and "UGV-11 x" in screen_text(app)
+        assert app.selected == 11 and "UGV-11 97% x" in screen_text(app)
         await pilot.press(*["down"] * 5)
         assert app.selected == 16 and "not in the picture" in screen_text(app)
         await pilot.press("Z")
