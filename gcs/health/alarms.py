@@ -16,7 +16,7 @@ from gcs.health.alarm_rules import Finding, findings
 from gcs.health.text_alarms import TextAlarms
 from gcs.snapshot import Alarm, Event, Level, Snapshot
 
-__all__ = ["Alarms", "rank"]
+__all__ = ["Alarms", "rank", "urgency"]
 
 WORST_US = round(CLEARS_AFTER_S * 1e6)
 """An alarm has its higher level for so long after that was last found."""
@@ -30,6 +30,11 @@ _RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 def rank(level: Level) -> int:
     """0 info, 1 warning, 2 alarm."""
     return _RANK.get(level, 0)
+
+
+def urgency(alarm: Alarm) -> tuple[int, bool, int, str]:
+    """The order of alarms: the worst first, what vehicles say after what was found, then the newest."""
+    return -rank(alarm.level), alarm.kind == "text", -alarm.since_us, alarm.key
 
 
 @dataclass(slots=True)
@@ -92,7 +97,7 @@ class Alarms:
             events += self._gone(key, now_us)
         raised = [_alarm(state) for state in self._states.values() if state.raised_us]
         raised += self.texts.update(now_us)
-        raised.sort(key=lambda alarm: (-rank(alarm.level), alarm.kind == "text", -alarm.since_us, alarm.key))
+        raised.sort(key=urgency)
         return tuple(raised), tuple(events)
 
     def _grows(self, key: str, count: int, now_us: int) -> bool:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from gcs.health.alarm_rules import ReportedAlarm, reported_alarm
-from gcs.health.alarms import rank
+from gcs.health.alarms import urgency
 from gcs.session.event_log import read_events
 from gcs.snapshot import Alarm, Event
 from infra.files.segments import segments
@@ -155,7 +155,7 @@ class FlownReports:
         keys = set(map(_key, found))
         shown = [self._compared(alarm, t_us) for alarm in found]
         shown += [self._as_flown(flown, t_us) for flown in on if flown.alarm.key not in keys]
-        return tuple(sorted(shown, key=lambda alarm: (-rank(alarm.level), -alarm.since_us, alarm.key)))
+        return tuple(sorted(shown, key=urgency))
 
     def _compared(self, alarm: Alarm, t_us: int) -> Alarm:
         """An alarm of the replay beside the flight's."""

@@ -78,7 +78,7 @@ def condition_facts(row: VehicleRow, snapshot: Snapshot, width: int) -> Iterator
     if math.isfinite(condition.filter_ratio):
         bad = condition.filter_ratio >= REJECTING or bool(row.doubted_for) or row.compass_doubted
         text = plain(row.doubted_for) or ("compass contradicts it" if row.compass_doubted else "")
-        words = f"{condition.filter_ratio:.1f} of what it allows" + f", {text}" * bool(text)
+        words = f"innovations {condition.filter_ratio:.1f} of 1.0" + f", {text}" * bool(text)
         yield ("filter", *aged(words, ALARM if bad else INK, condition.filter_age_s, width))
     if row.fence and math.isfinite(row.fence_m):
         side = f"{metres(abs(row.fence_m))} {'from' if row.fence_m >= 0.0 else 'BEYOND'} {plain(row.fence)}"

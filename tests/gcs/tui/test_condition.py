@@ -55,7 +55,7 @@ async def test_table_and_facts_have_them():
         app.selected = 11
         await pilot.press("i", "z")
         said = text_of(app.query_one(IdentityPane))
-        for words in ("87% 12.4 V", "14  HDOP 0.8", "62 above noise", "0.3 of what it allows", "17.0 m 315°"):
+        for words in ("87% 12.4 V", "14  HDOP 0.8", "62 above noise", "innovations 0.3 of 1.0", "17.0 m 315°"):
             assert words in said, words
 
 
