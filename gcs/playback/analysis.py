@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
-from gcs.mission.mission import Mission
 from gcs.playback.discovery import discover
 from gcs.playback.gaps import VIDEO_GAP_S
 from gcs.playback.moments import moments_between, telemetry_times
-from gcs.playback.recorded_order import PacketsInOrder, RecordedTurns, missing_inputs
+from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns, missing_inputs
 from gcs.session.event_log import read_statements
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.frame_tables import FrameDetections, read_detections, read_times
@@ -36,13 +35,15 @@ from vision.detect.detections import Detections
 
 if TYPE_CHECKING:
     from vision.detect.detector import Detector
-    from vision.video.video import Frame, VideoFile
+    from vision.video.video import VideoFile
 
 __all__ = ["Analysis"]
 
 Image = NDArray[np.uint8]
 Times = NDArray[np.int64]
 
+LONGEST_US = 86_400_000_000
+"""A flight is not so long without a packet or a frame."""
 WARM_UP_US = 20_000_000
 """A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
 LOOKED_US = 8_000_000
@@ -166,6 +167,17 @@ class Analysis:
         return self.times_us if self.video is not None or self._frames is not None else None
 
     @property
+    def known_us(self) -> Times:
+        """(m,) when anything is known of the recording: each packet, each frame, its begin and its end."""
+        known_us = np.concatenate([self._log.times_us, self.times_us])
+        began_us = self.session.notes.started_us
+        ended_us = self.session.notes.ended_us - int(self._log.steps.step_us.sum())
+        first_us, last_us = int(known_us.min()), int(known_us.max())
+        if not (0 <= first_us - began_us < LONGEST_US and 0 <= ended_us - last_us < LONGEST_US):
+            return known_us  # by a clock that was set at another time
+        return np.concatenate([known_us, np.array([began_us, ended_us], dtype=np.int64)])
+
+    @property
     def packets_us(self) -> NDArray[np.int64]:
         """(k,) when each packet was received."""
         return self._log.times_us
@@ -209,7 +221,7 @@ class Analysis:
             Time on the recording's time line, Unix µs, and what is known then.
         """
         flown_us = np.array([event.t_us for event in flown], dtype=np.int64)
-        received_us = np.sort(np.concatenate([self._log.times_us, self.times_us, flown_us]))
+        received_us = np.sort(np.concatenate([self.known_us, flown_us]))
         if provisional_from_us is None:
             seen = deque(event for event in flown if event.alarm)
             pipeline, start_us = self._pipeline(), int(received_us[0])
@@ -359,7 +371,7 @@ class Analysis:
         if detector is not None and self.video is not None:
             from vision.video.prefetch import look_ahead
 
-            scale = _GroundScale(self.mission, PacketsInOrder(self._log.packets()))
+            scale = GroundScale(self.mission, PacketsInOrder(self._log.packets()))
             with closing(look_ahead(self.video.frames(), detector, scale.gsd_m)) as looked:
                 for frame, boxes in looked:
                     yield frame.index, frame.t_us, frame.image, boxes
@@ -385,16 +397,3 @@ class Analysis:
 def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:
     """A frame on which the detector was not run: the fleet as it was then, and no boxes."""
     return replace(near, frame=index, t_us=t_us, image=image, boxes=(), events=())
-
-
-class _GroundScale:
-    """Ground metres a pixel of frames that the fold has not come to yet, from a fold of the telemetry of its own."""
-
-    def __init__(self, mission: Mission, packets: PacketsInOrder) -> None:
-        self._pipeline = Pipeline(mission)
-        self._packets = packets
-
-    def gsd_m(self, frame: Frame) -> float | None:
-        for packet in self._packets.until(frame.t_us):
-            self._pipeline.add_packet(packet)
-        return self._pipeline.gsd_m(frame.t_us, frame.image)

@@ -51,8 +51,8 @@ class FlownReports:
 
     Args:
         events: as recorded, empty where nothing was.
-        start_us: first packet or frame.
-        stop_us: last one.
+        start_us: first packet or frame, or begin of the flight.
+        stop_us: last one, or its end.
     """
 
     def __init__(self, events: Sequence[Event], start_us: int, stop_us: int) -> None:
@@ -63,7 +63,7 @@ class FlownReports:
             self._unmatched.setdefault(_gist(event), []).append(index)
         self._matched: set[int] = set()
         self._now: list[Event] = []
-        self._alarms = _alarms(self._flown)
+        self._alarms = _alarms(self._flown, max(stop_us, *(event.t_us for event in self._flown[-1:]), 0) + 1)
         self._seen = [event for event in self._flown if event.kind == "operator" and event.text.startswith(_SEEN)]
         self._found: dict[str, list[tuple[int, int]]] = {}
         """When a replay has an alarm: from and until, by its key."""
@@ -202,15 +202,19 @@ def _gist(event: Event) -> tuple[str, int, str]:
     return event.kind, event.system_id, _SURE.sub("", text)
 
 
-def _alarms(events: Sequence[Event]) -> list[FlownAlarm]:
-    """Alarms by the events that tell of their coming and going; others of their level are events alone."""
+def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
+    """Alarms by the events that tell of their coming and going; others of their level are events alone.
+
+    Args:
+        events: of the flight, in order.
+        end_us: of the flight: until then alarms last that are not told to be over.
+    """
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
     over_at: dict[tuple[str, int, str], list[int]] = {}
     for index, event in enumerate(events):
         if match := _OVER.fullmatch(event.text):
             over_at.setdefault((event.kind, event.system_id, match[2]), []).append(index)
-    end_us = events[-1].t_us + 1 if events else 0
     for index, event in enumerate(events):
         if match := _OVER.fullmatch(event.text):
             if key := _key_of_over(on, event, match[2], int(match[1])):

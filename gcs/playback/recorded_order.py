@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.fold.pipeline import Pipeline
+from gcs.mission.mission import Mission
 from gcs.session.fold_order import NO_FRAME, FoldOrder, FoldTurn
 from gcs.session.frame_tables import FrameDetections
 from gcs.session.log import SessionLog
@@ -18,7 +21,10 @@ from infra.files.segments import segments
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 
-__all__ = ["PacketsInOrder", "RecordedTurns", "missing_inputs"]
+if TYPE_CHECKING:
+    from vision.video.video import Frame
+
+__all__ = ["GroundScale", "PacketsInOrder", "RecordedTurns", "missing_inputs"]
 
 _MOST_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
@@ -38,6 +44,20 @@ class PacketsInOrder:
         while self._next is not None and self._next.t_us <= t_us:
             yield self._next
             self._next = next(self._packets, None)
+
+
+class GroundScale:
+    """Ground metres a pixel of frames that the fold has not come to yet, from a fold of the telemetry of its own."""
+
+    def __init__(self, mission: Mission, packets: PacketsInOrder) -> None:
+        self._pipeline = Pipeline(mission)
+        self._packets = packets
+
+    def gsd_m(self, frame: Frame) -> float | None:
+        """At the centre of a frame; frames come in order."""
+        for packet in self._packets.until(frame.t_us):
+            self._pipeline.add_packet(packet)
+        return self._pipeline.gsd_m(frame.t_us, frame.image)
 
 
 class RecordedTurns:

@@ -74,8 +74,7 @@ class Replay:
         self._analysis = analysis = Analysis(session, redetect=redetect)
         self._decoded = _DecodedFrames(session, analysis.video)
         self._times = np.maximum.accumulate(analysis.times_us)
-        times = np.concatenate([self._times, analysis.packets_us])
-        first_us, last_us = int(times.min()), int(times.max())
+        first_us, last_us = int(analysis.known_us.min()), int(analysis.known_us.max())
         self._reports, trouble = FlownReports.read(session.tlog.with_name(EVENTS), first_us, last_us)
         flown_us = [event.t_us for event in self._reports.flown]
         self._start_us, self._stop_us = min(first_us, *flown_us[:1], first_us), max(last_us, *flown_us[-1:], last_us)

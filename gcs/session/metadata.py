@@ -13,7 +13,7 @@ import secrets
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -50,6 +50,9 @@ MOST_COUNTED_BYTES = 8 << 30
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 
 
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightNotes:
     """The notes of a recording; all empty for one that was not flown."""
@@ -65,6 +68,9 @@ class FlightNotes:
     """Rows that the disk did not take, by file."""
     refused: int | None = None
     """Records that were rejected; None: the flight was not ended in order."""
+    started_us: int = 0
+    """When the flight began and ended, Unix µs; 0 unknown."""
+    ended_us: int = 0
 
     @classmethod
     def from_table(cls, table: object) -> FlightNotes:
@@ -79,11 +85,20 @@ class FlightNotes:
             models=_values_of(str, table.get("models")),
             lost=_values_of(int, table.get("lost")),
             refused=refused if isinstance(refused, int) else None,
+            started_us=_unix_us(table.get("started")),
+            ended_us=_unix_us(table.get("ended")),
         )
 
     def had_key_for(self, system_id: int) -> bool:
         """Whether the flight had a key for a system."""
         return str(system_id) in self.keys or FLEET in self.keys
+
+
+def _unix_us(value: object) -> int:
+    """0 for what is no time with a zone."""
+    if not isinstance(value, datetime) or value.tzinfo is None:
+        return 0
+    return (value - EPOCH) // timedelta(microseconds=1)
 
 
 def key_notes(ring: KeyRing) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 import tracemalloc
 from dataclasses import replace
+from datetime import UTC, datetime
 from itertools import pairwise
 
 import numpy as np
@@ -135,3 +136,21 @@ def test_an_hour_of_a_flight_takes_little_memory(flown):
     tracemalloc.stop()
     # 54 000 snapshots, an hour at 15 frames a second, are 160 MB at most; as they come they are more than a gigabyte
     assert len(shown) > 200 and kept / len(shown) < 3000
+
+
+def test_a_replay_lasts_as_long_as_the_flight(flown, tmp_path):
+    analysis = by_time(flown[0], tmp_path)
+    toml = tmp_path / "by time" / "session.toml"
+    text = "\n".join(line for line in toml.read_text().splitlines() if not line.startswith(("started", "ended")))
+    first, last = int(analysis.known_us.min()), int(analysis.known_us.max())
+    began_us, ended_us = SCENARIO.start_us - 10 * S, SCENARIO.start_us + 120 * S
+    for times, span in (
+        ((began_us, ended_us), (began_us, ended_us)),
+        ((began_us, last - S), (first, last)),
+        ((first + S, ended_us), (first, last)),
+        ((began_us, ended_us + 90_000 * S), (first, last)),
+    ):
+        began, ended = (datetime.fromtimestamp(t_us * 1e-6, UTC).isoformat() for t_us in times)
+        toml.write_text(text.replace("[session]", f"[session]\nstarted = {began}\nended = {ended}"))
+        known_us = Analysis(open_session(toml.parent, frame_size=SIZE)).known_us
+        assert (known_us.min(), known_us.max()) == span
