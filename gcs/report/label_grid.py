@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["Cells", "Grid", "Occupied", "line_between"]
+__all__ = ["Cells", "Grid", "Occupied", "line_between", "needs_line"]
 
 Cells = tuple[int, int, int, int]
 """Left, top, width, height."""
@@ -17,6 +18,8 @@ COVER_COST: Final = 8.0
 """Of a label that lies wholly on boxes: it rather goes four steps away."""
 CROSSING_COST: Final = 8.0
 """Of a line to the mark that runs under another label or mark."""
+NEAR: Final = 0.5
+"""Steps between a text and its mark across which the eye joins them."""
 MARK_GAP: Final = 1
 """Cells between a text and the mark of another, so that it is not read as its letter."""
 
@@ -39,12 +42,26 @@ class Grid:
 
 
 def line_between(rect: Cells, anchor: Cells) -> tuple[float, float, float, float]:
-    """From a text to a mark: x and y of the nearest point of the text's middle row, and of the mark."""
+    """From a text to its mark: x and y of the nearest point of the text's middle row, and of the ellipse in the mark,
+    since a box that is turned does not reach its corners."""
     left, top, width, height = rect
     x, y, w, h = anchor
-    start_y = top + height / 2
-    start_x = min(max(x + w / 2, left), left + width)
-    return start_x, start_y, min(max(start_x, x), x + w) if w > 1 else x + 0.5, min(max(start_y, y), y + h)
+    centre_x, centre_y = x + w / 2, y + h / 2
+    start_x, start_y = min(max(centre_x, left), left + width), top + height / 2
+    across, down = start_x - centre_x, start_y - centre_y
+    # (x / a)² + (y / b)² = 1
+    outside = math.hypot(2 * across / w, 2 * down / h)
+    if max(w, h) == 1 or outside <= 1:
+        return start_x, start_y, centre_x, centre_y
+    return start_x, start_y, centre_x + across / outside, centre_y + down / outside
+
+
+def needs_line(rect: Cells, anchor: Cells, step: tuple[int, int]) -> bool:
+    """Whether a text is so far from its mark that a line must tell whose it is."""
+    left, top, width, height = rect
+    _, _, x, y = line_between(rect, anchor)
+    across, down = max(left - x, x - left - width, 0.0), max(top - y, y - top - height, 0.0)
+    return across > NEAR * step[0] or down > NEAR * step[1]
 
 
 class Occupied:
@@ -115,12 +132,13 @@ class Occupied:
         bits = _bits(rect, top)
         return sum((self._marks[row] & bits).bit_count() for row in range(top, top + height)) / (width * height)
 
-    def nuisance(self, rect: Cells, anchor: Cells, *, line: bool) -> float:
+    def nuisance(self, rect: Cells, anchor: Cells) -> float:
         """What a place costs beside its distance: what it covers, and whether the line to its mark is cut."""
         cost = COVER_COST * self._share_covered(rect) if self.grid.covered else 0.0
-        return cost + CROSSING_COST if line and self._cutsline_between(rect, anchor) else cost
+        line = needs_line(rect, anchor, self.grid.step)
+        return cost + CROSSING_COST if line and self._cuts_line(rect, anchor) else cost
 
-    def _cutsline_between(self, rect: Cells, anchor: Cells) -> bool:
+    def _cuts_line(self, rect: Cells, anchor: Cells) -> bool:
         """Whether the line from a label to its mark runs under another label or mark."""
         x, y, end_x, end_y = line_between(rect, anchor)
         count = 2 + int(max(abs(end_x - x), abs(end_y - y)))

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from gcs.report.label_grid import Cells, Grid, Occupied, line_between
+from gcs.report.label_grid import Cells, Grid, Occupied, line_between, needs_line
 
 __all__ = ["Label", "Labelling", "Place", "leader_of", "place_labels"]
 
@@ -208,7 +208,7 @@ def _improved(label: Label, place: Place, occupied: Occupied) -> Place:
 def _cost_of(place: Place, occupied: Occupied) -> float:
     ring = _ring_of(place.rect, place.anchor, occupied.grid)
     base = place.form * SHORTER_COST + ring * RING_COST
-    return base + occupied.nuisance(place.rect, place.anchor, line=ring > 0)
+    return base + occupied.nuisance(place.rect, place.anchor)
 
 
 def _search(label: Label, occupied: Occupied, margin: int = 0, below: float = math.inf) -> Place | None:
@@ -222,7 +222,7 @@ def _search(label: Label, occupied: Occupied, margin: int = 0, below: float = ma
                 break
             for rect in _spots(label.anchor, size, ring, occupied.grid.step):
                 if base < least and occupied.fits(rect, label.anchor, margin):
-                    cost = base + occupied.nuisance(rect, label.anchor, line=ring > 0)
+                    cost = base + occupied.nuisance(rect, label.anchor)
                     if cost < least:
                         best, least = rect, cost
         if best is not None:
@@ -231,7 +231,7 @@ def _search(label: Label, occupied: Occupied, margin: int = 0, below: float = ma
 
 
 def _place(label: Label, form: int, rect: Cells, grid: Grid) -> Place:
-    away = _ring_of(rect, label.anchor, grid) > 0
+    away = needs_line(rect, label.anchor, grid.step)
     return Place(key=label.key, text=label.texts[form], rect=rect, form=form, anchor=label.anchor, leader=away)
 
 

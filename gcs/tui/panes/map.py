@@ -234,8 +234,11 @@ class MapPane(Pane):
             self._look(self._view.zoomed(steps, event.x, event.y - 1))
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
-        """Take hold of the ground."""
-        self._dragged_from, self._moved = (event.x, event.y), False
+        """Take hold of the ground; the heading has keys to click on."""
+        self._moved = False
+        if event.y < 1:
+            return
+        self._dragged_from = (event.x, event.y)
         self.capture_mouse()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
