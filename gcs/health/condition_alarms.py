@@ -108,10 +108,6 @@ def _not_back(row: VehicleRow, now: Snapshot) -> bool:
     return bool(row.fence) and not (_known_place(row) and row.fence_m > max(INSIDE_M, row.std_m))
 
 
-def _over_by(row: VehicleRow, now: Snapshot) -> str:
-    return f"{row.fence}, by {-row.fence_m:.0f} m" if row.fence_m < 0.0 else row.fence
-
-
 CONDITION_RULES: tuple[AlarmRule[VehicleRow], ...] = (
     AlarmRule(
         key="battery",
@@ -204,7 +200,7 @@ CONDITION_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         f"when it is known to be back, by {INSIDE_M:g} m and by 1σ",
         advice="stop it, and bring it back",
         condition=_is_over,
-        detail=_over_by,
+        detail=lambda row, _: row.fence,
         lasts_s=OVER_S,
     ),
 )
