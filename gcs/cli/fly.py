@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import math
 import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from gcs.cli.arguments import hide_in_process_list
+from gcs.cli.attach.client import flies_on, show_flight
+from gcs.cli.attach.place import Look
+from gcs.cli.attach.server import AttachServer, LentTerminal
 from gcs.cli.output.console import (
     FAR_S,
     GRAPHICS,
+    MOST_FPS,
     NO_NAMES,
     NOT_AVAILABLE,
     AsJson,
+    Fps,
     Graphics,
     Theme,
     check_range,
@@ -40,18 +48,24 @@ from gcs.session.sealing import Sealing
 from gcs.snapshot import Event, Level
 from infra.files.safe_open import is_shared
 from infra.wall_clock import now_us
+from mavlink.errors import LinkError
 from vision.stream.secrets import secrets_of
 
 __all__ = ["fly"]
 
 _log = logging.getLogger(__name__)
 
+LOOK_S = 0.2
+"""A flight without a screen looks this often whether it is to end or to be shown."""
 CONSOLE = "console.log"
 """In the session folder: output of libraries while the screens are up."""
 
 
 def fly(
-    mission: Annotated[Path, typer.Argument(help="Mission file: vehicles, camera, clocks.")],
+    mission: Annotated[
+        Path | None,
+        typer.Argument(help="Mission file: vehicles, camera, clocks. With --attach a session folder, or nothing."),
+    ] = None,
     link: Annotated[list[str] | None, typer.Option("--link", "-l", help="Telemetry link; may be repeated.")] = None,
     video: Annotated[
         str | None, typer.Option("--video", "-v", help="Video URL, device or file; auto: what the UAV offers.")
@@ -85,16 +99,29 @@ def fly(
     graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
     bell: Annotated[bool, typer.Option("--bell", help="Ring the terminal's bell at every new alarm.")] = False,
     theme: Theme = "dark",
+    fps: Fps = MOST_FPS,
+    attach: Annotated[
+        bool, typer.Option("--attach", help="Show the screens of your flight that is under way, on this terminal.")
+    ] = False,
+    take_over: Annotated[
+        bool, typer.Option("--take-over", help="With --attach: from the terminal that shows them now.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
+    look = Look(graphics=graphics, theme=theme, fps=fps, bell=bell)
+    if attach:
+        print_note(show_flight(mission, look, take_over=take_over))
+        return
+    if mission is None:
+        raise GcsError("no mission file; docs/mission.md has what belongs into it")
     if video is not None:
         _hide_password(video)
     loaded = load_mission(mission)
     if model is not None:
         loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
     links = tuple(link or ()) or loaded.links.telemetry
-    screen = not headless and sys.stdout.isatty()
+    screen = not headless and sys.stdout.isatty() and sys.stdin.isatty()
     _check(links, duration, loaded.tiles, screen=screen)
     source = loaded.links.video if video is None else video
     forward = tuple(out or ()) or loaded.links.forward
@@ -108,17 +135,30 @@ def fly(
         accept_late=_check_vehicles(accept_late or (), loaded),
     )
     calls = RollCall(loaded)
-    flight = Flight(plan, calls.add)
+    with _telling_of_another(links):
+        flight = Flight(plan, calls.add)
     sealing = _check_folders(flight, sessions, screen=screen)
+    door = AttachServer(flight.folder, links)
     try:
         if not screen:
-            print_note(f"recording in {flight.folder}; stop with Ctrl-C")
-            _wait(flight, duration)
-        elif not _screen(flight, graphics, theme, bell=bell):
-            _fly_without_screen(flight)
+            print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording"))
+        if not screen or not _screen(flight, look, door):
+            _wait(flight, door, duration)
     finally:
+        door.close()
         sealing.close()
         flight.stop()
+    _report(flight, calls, as_json=as_json)
+    if source and not calls.named:
+        raise SystemExit(NO_NAMES)
+
+
+def _report(flight: Flight, calls: RollCall, *, as_json: bool) -> None:
+    """Print how it went.
+
+    Raises:
+        SystemExit, BaseException: something could not be recorded, or what ended the flight.
+    """
     if as_json:
         print_json({**rollcall_json(calls), "packets": flight.packets, "folder": str(flight.folder)})
     else:
@@ -130,8 +170,6 @@ def fly(
         raise flight.error
     if flight.lost:
         raise SystemExit(NOT_AVAILABLE)
-    if source and not calls.named:
-        raise SystemExit(NO_NAMES)
 
 
 def _hide_password(video: str) -> None:
@@ -180,35 +218,77 @@ def _check(links: tuple[str, ...], duration: float | None, tiles: Path | None, *
         TileFile(tiles).close()
 
 
-def _wait(flight: Flight, duration: float | None = None) -> None:
-    """Until the time is over or a signal to end comes; a flight outlives the terminal that it was begun on."""
-    stop = threading.Event()
-    before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
-    before[signal.SIGHUP] = signal.signal(signal.SIGHUP, lambda *_: redirect_if_terminal_gone(flight.folder / CONSOLE))
-    waited = 0.0
+def _gone_on(flight: Flight, why: str) -> str:
+    return (
+        f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; "
+        "gcs fly --attach shows it on any terminal"
+    )
+
+
+@contextlib.contextmanager
+def _telling_of_another(links: Sequence[str]) -> Iterator[None]:
+    """A link that is not to be had because a flight of this user has it is shown another way."""
     try:
-        while not stop.wait(0.2) and (duration is None or waited < duration):
-            waited += 0.2
+        yield
+    except LinkError as error:
+        if (flying := flies_on(links)) is not None:
+            told = f"your flight in {flying.folder} has it, and gcs fly --attach shows its screens here"
+            raise LinkError(f"{error}; {told}") from error
+        raise
+
+
+def _wait(flight: Flight, door: AttachServer, duration: float | None = None) -> None:
+    """Until the time is over or a signal to end comes; shows the screens on terminals that are attached meanwhile.
+
+    A flight outlives the terminal that it was begun on.
+    """
+    stop = threading.Event()
+    end_s = math.inf if duration is None else time.monotonic() + duration
+
+    def listen() -> dict[signal.Signals, Any]:
+        before = {s: signal.signal(s, lambda *_: stop.set()) for s in (signal.SIGINT, signal.SIGTERM)}
+        gone = flight.folder / CONSOLE
+        before[signal.SIGHUP] = signal.signal(signal.SIGHUP, lambda *_: redirect_if_terminal_gone(gone))
+        return before
+
+    before = listen()
+    try:
+        while not stop.wait(LOOK_S) and time.monotonic() < end_s:
+            if (lent := door.take()) is not None:
+                if _lend(flight, lent, door, end_s):
+                    break
+                listen()  # the screens had handlers of their own
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _screen(flight: Flight, graphics: Graphics, theme: Theme, *, bell: bool) -> bool:
-    """Fly with the screens; False when they ended without being asked to."""
+def _screen(flight: Flight, look: Look, door: AttachServer) -> bool:
+    """Fly with the screens; whether the flight is to end with them."""
+    with redirect_stderr(flight.folder / CONSOLE), door.showing():
+        ended = _run(flight, look, door.taken_over)
+    if not ended:
+        redirect_if_terminal_gone(flight.folder / CONSOLE)
+        print_note(_gone_on(flight, "the screen is gone; still recording"))
+    return ended
+
+
+def _lend(flight: Flight, lent: LentTerminal, door: AttachServer, end_s: float) -> bool:
+    """Show the screens on another terminal; whether the flight is to end."""
+    with lent.as_standard_streams(), door.showing():
+        ended = _run(flight, lent.look, lambda: door.taken_over() or time.monotonic() >= end_s)
+    over = ended or time.monotonic() >= end_s
+    lent.give_back("the flight has ended" if over else "the flight goes on; gcs fly --attach shows it again")
+    return ended
+
+
+def _run(flight: Flight, look: Look, hung_up: Callable[[], bool]) -> bool:
+    """The screens, until they are left: whether to end the flight."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
-    with redirect_stderr(flight.folder / CONSOLE):
-        try:
-            return run(flight, graphics, bell=bell, theme=theme).left
-        except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
-            _log.exception("the screens failed")
-            return False
-
-
-def _fly_without_screen(flight: Flight) -> None:
-    """A flight outlives its screen."""
-    redirect_if_terminal_gone(flight.folder / CONSOLE)
-    print_note(f"the screen is gone; still recording in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}")
-    _wait(flight)
+    try:
+        return run(flight, look.graphics, bell=look.bell, theme=look.theme, fps=look.fps, hung_up=hung_up).left
+    except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
+        _log.exception("the screens failed")
+        return False

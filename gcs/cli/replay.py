@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,8 @@ import typer
 from gcs.cli.output.console import (
     FRAME_SIZE,
     GRAPHICS,
+    MOST_FPS,
+    Fps,
     Graphics,
     Theme,
     VideoStart,
@@ -17,6 +20,7 @@ from gcs.cli.output.console import (
     print_note,
     redirect_stderr,
 )
+from gcs.errors import GcsError
 from gcs.playback.replay import Replay
 from gcs.session.metadata import seal
 from gcs.session.session import Session, open_session
@@ -33,6 +37,7 @@ def replay(
     detect: Annotated[bool, typer.Option("--detect", help="Look at the video even if detections were kept.")] = False,
     graphics: Annotated[Graphics, typer.Option(help=GRAPHICS)] = "auto",
     theme: Theme = "dark",
+    fps: Fps = MOST_FPS,
 ) -> None:
     """Play, seek and step through a recording."""
     if session.is_dir() and (interrupted := seal(session.resolve())):
@@ -44,18 +49,35 @@ def replay(
             detect=detect,
             graphics=graphics,
             theme=theme,
+            fps=fps,
         )
     )
 
 
-def show_replay(session: Session, *, detect: bool = False, graphics: Graphics = "auto", theme: Theme = "dark") -> int:
-    """Run the screens over a session until the user quits; returns the exit code."""
+def show_replay(
+    session: Session,
+    *,
+    detect: bool = False,
+    graphics: Graphics = "auto",
+    theme: Theme = "dark",
+    fps: float = MOST_FPS,
+) -> int:
+    """Run the screens over a session until the user quits, or the terminal is gone; returns the exit code.
+
+    Raises:
+        GcsError: there is no terminal.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise GcsError(
+            "gcs replay needs a terminal for its screens; "
+            f"gcs identify {session.path} -o FOLDER names the vehicles without one"
+        )
     # The screens are slow to import, and headless commands do without.
     from gcs.tui import run
 
     station = Replay(session, redetect=detect)
     try:
         with redirect_stderr(None):
-            return run(station, graphics, theme=theme).code
+            return run(station, graphics, theme=theme, fps=fps).code
     finally:
         station.stop()

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from gcs.station import Station
@@ -34,6 +35,7 @@ def run(
     bell: bool = False,
     theme: ThemeName = "dark",
     fps: float = MOST_FPS,
+    hung_up: Callable[[], bool] = lambda: False,
 ) -> Ended:
     """Show a station until the operator quits; whoever started it stops it.
 
@@ -43,10 +45,12 @@ def run(
         bell: ring the terminal's bell at every new alarm.
         theme: colours to begin with.
         fps: most pictures a second of the video and the map.
+        hung_up: asked time and again, by another thread, whether to end as if the terminal were gone.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
     gc.collect()
     gc.freeze()
     app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme, fps=fps)
+    app.hung_up = hung_up
     app.run()
     return Ended(code=app.return_code or 0, left=app.left)

@@ -81,25 +81,21 @@ def heartbeat():
     return dialect.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3).pack(dialect.MAVLink(None, srcSystem=11))
 
 
-class Terminal:
-    """A flight on a pseudo terminal of 80 by 24."""
+class OnTerminal:
+    """A command on a pseudo terminal of 80 by 24, which hangs it up when it is closed, or does not (``controls``)."""
 
-    def __init__(self, folder, *extra, errors=None, mission=MISSION):
-        self.port = free_port()
-        (folder / "mission.toml").write_text(mission)
-        self.sessions = folder / "sessions"
+    def __init__(self, *words, errors=None, controls=True):
         self.keeper, child = pty.openpty()
-        words = ["fly", folder / "mission.toml", "-l", f"udpin:127.0.0.1:{self.port}", "--sessions", self.sessions]
         environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "80", "LINES": "24"}
         self.process = subprocess.Popen(
-            [sys.executable, "-c", ON_TERMINAL, *map(str, words), *extra],
+            [*((sys.executable, "-c", ON_TERMINAL) if controls else GCS), *map(str, words)],
             stdin=child,
             stdout=child,
             stderr=errors or child,
             env=environment,
+            start_new_session=not controls,
         )
         os.close(child)
-        self.sent = 0
 
     def read_until(self, word, seconds=40.0):
         said, until = b"", time.monotonic() + seconds
@@ -110,11 +106,25 @@ class Terminal:
 
     def drain(self):
         """Reads until it is closed: who writes to a terminal that nobody reads waits."""
+        said = b""
         try:
-            while os.read(self.keeper, 65536):
-                pass
+            while more := os.read(self.keeper, 65536):
+                said += more
         except OSError:
             pass
+        return said
+
+
+class Terminal(OnTerminal):
+    """A flight on such a terminal."""
+
+    def __init__(self, folder, *extra, mission=MISSION, **how):
+        self.port = free_port()
+        (folder / "mission.toml").write_text(mission)
+        self.sessions = folder / "sessions"
+        words = ["fly", folder / "mission.toml", "-l", f"udpin:127.0.0.1:{self.port}", "--sessions", self.sessions]
+        super().__init__(*words, *extra, **how)
+        self.sent = 0
 
     def send(self, count):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:

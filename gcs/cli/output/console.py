@@ -35,9 +35,11 @@ __all__ = [
     "FAR_S",
     "FRAME_SIZE",
     "GRAPHICS",
+    "MOST_FPS",
     "NOT_AVAILABLE",
     "NO_NAMES",
     "AsJson",
+    "Fps",
     "Graphics",
     "LogLevel",
     "PlainStream",
@@ -69,6 +71,8 @@ GRAPHICS = (
     "How the terminal shows video: pixels (kitty, sixel, iTerm2), half blocks, or sextants or octants where its fonts "
     "have them; auto: the finest that it is known to show."
 )
+MOST_FPS = 12.0
+"""As the screens have it, which are not loaded for it."""
 LogLevel = Literal["debug", "info", "warning", "error"]
 FAR_S = 1e9
 """Some thirty years: further from its log no video begins."""
@@ -85,6 +89,13 @@ def check_range(least: float, most: float) -> Callable[[typer.CallbackParam, flo
     return checked
 
 
+Fps = Annotated[
+    float,
+    typer.Option(
+        callback=check_range(0.1, MOST_FPS),
+        help="Most pictures a second of video and map, for a line that costs or is slow; text is as quick as ever.",
+    ),
+]
 VideoStart = Annotated[
     float,
     typer.Option(

@@ -107,13 +107,17 @@ class TerminalDriver(LinuxDriver):
             if self._is_readable(WAKE_S if hold_s is None else min(hold_s, WAKE_S)):
                 data = self._read()
                 if not data:
-                    self._leave()
-                    return
+                    break
                 keys, last_s = replies.keys_in(decode(data)), time.monotonic()
             elif hold_s is not None and time.monotonic() - last_s >= hold_s:
                 keys = replies.release()
             for message in (*(parser.feed(keys) if keys else ()), *parser.tick()):
                 self.process_message(message)
+            if getattr(self._app, "hung_up", bool)():
+                break
+        else:
+            return
+        self._leave()
 
     def _is_readable(self, wait_s: float) -> bool:
         return bool(select.select([self.fileno], [], [], wait_s)[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from rich.console import RenderableType
 from textual._compositor import CompositorUpdate
@@ -30,6 +31,8 @@ class TerminalApp(App[None]):
         super().__init__()
         self._fps = fps
         self._picture_due_s = 0.0
+        self.hung_up: Callable[[], bool] = lambda: False
+        """Asked by the driver's thread whether to end as if the terminal were gone."""
 
     def get_driver_class(self) -> type[Driver]:
         """Our driver where Textual's would be the one for terminals."""

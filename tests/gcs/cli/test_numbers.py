@@ -14,7 +14,9 @@ FLIGHT = (SWARM / "session.toml", "-l", "udpin:127.0.0.1:0", "--headless", "--se
 OPTIONS = [
     ("fly", FLIGHT, "--duration"),
     ("fly", FLIGHT, "--accept-late"),
+    ("fly", FLIGHT, "--fps"),
     ("replay", (SWARM,), "--video-start"),
+    ("replay", (SWARM,), "--fps"),
     ("identify", (SWARM, "-o", "out"), "--video-start"),
     ("export", (SWARM, "-o", "out.csv"), "--video-start"),
     ("tlog check", (LOG,), "--most"),

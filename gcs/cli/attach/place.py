@@ -1,0 +1,92 @@
+"""Where flights wait for terminals, and what is said there."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import stat
+import tempfile
+from pathlib import Path
+from typing import Annotated, Literal
+
+import msgspec
+
+from gcs.cli.output.console import MOST_FPS, Graphics
+
+__all__ = ["MOST_BYTES", "VARIABLES", "Answer", "Flying", "Look", "Wish", "connect", "socket_folder"]
+
+MOST_BYTES = 65_536
+"""No message is longer."""
+ANSWER_S = 5.0
+"""A flight that is well greets sooner."""
+VARIABLES = (
+    *("TERM", "COLORTERM", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "LC_TERMINAL", "VTE_VERSION", "NO_COLOR"),
+    *("TMUX", "STY", "SSH_CONNECTION", "COLUMNS", "LINES"),
+)
+"""What a terminal tells programs of itself: the flight has those of another one, or none."""
+
+
+class Flying(msgspec.Struct, frozen=True, kw_only=True):
+    """The flight's first word."""
+
+    process_id: int
+    folder: str
+    links: tuple[str, ...]
+
+
+class Look(msgspec.Struct, frozen=True, kw_only=True):
+    """How the screens are to be."""
+
+    graphics: Graphics
+    theme: Literal["dark", "light", "high-contrast"]
+    fps: Annotated[float, msgspec.Meta(gt=0, le=MOST_FPS)]
+    bell: bool
+
+
+class Wish(msgspec.Struct, frozen=True, kw_only=True):
+    """What a terminal asks for; its pseudo terminal comes along."""
+
+    variables: dict[str, str]
+    look: Look
+    take_over: bool
+
+
+class Answer(msgspec.Struct, frozen=True, kw_only=True):
+    """How it went: at once where it is refused, else when the screens have ended."""
+
+    text: str
+    refused: bool = False
+
+
+def socket_folder() -> Path:
+    """The folder of this user's sockets, made where there is none.
+
+    Raises:
+        OSError: it cannot be made, or others may write there.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    folder = Path(runtime) / "rollcall" if runtime else Path(tempfile.gettempdir()) / f"rollcall-{os.geteuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or status.st_mode & 0o077:
+        raise PermissionError(f"{folder}: belongs to another user, or others may enter it")
+    return folder
+
+
+def connect() -> list[tuple[Flying, socket.socket]]:
+    """Every flight of this user that runs, the newest first, each with a connection."""
+    flights = []
+    with contextlib.suppress(OSError):
+        for path in sorted(socket_folder().glob("*.sock"), key=lambda path: path.name):
+            connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            connection.settimeout(ANSWER_S)
+            try:
+                connection.connect(str(path))
+                flights.append((msgspec.json.decode(connection.recv(MOST_BYTES), type=Flying), connection))
+            except ConnectionRefusedError:  # it was killed
+                connection.close()
+                path.unlink(missing_ok=True)
+            except (OSError, msgspec.DecodeError):
+                connection.close()
+    return sorted(flights, key=lambda flight: flight[0].folder, reverse=True)

@@ -1,0 +1,188 @@
+"""The flight's side: a socket on which terminals come, one at a time."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import select
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, socket_folder
+
+__all__ = ["AttachServer", "LentTerminal"]
+
+_log = logging.getLogger(__name__)
+
+LOOK_S = 0.2
+HELLO_S = 5.0
+"""A terminal has so long to say what it wants."""
+
+
+class LentTerminal:
+    """Another terminal for the screens, until they end."""
+
+    def __init__(self, connection: socket.socket, fd: int, wish: Wish) -> None:
+        self._connection = connection
+        self._fd = fd
+        self._variables = wish.variables
+        self.look = wish.look
+        """How the screens are to be."""
+
+    @contextlib.contextmanager
+    def as_standard_streams(self) -> Iterator[None]:
+        """Textual, and what it asks, find this terminal where they look for the process's own."""
+        before = {name: os.environ.get(name) for name in VARIABLES}
+        streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
+        with (
+            os.fdopen(os.dup(self._fd), "r") as reads,
+            os.fdopen(os.dup(self._fd), "w") as writes,
+            os.fdopen(os.dup(self._fd), "w") as errors,
+        ):
+            # real pixels would be those of the terminal that was asked for them first
+            _set_variables({name: self._variables.get(name) for name in VARIABLES} | {"SSH_CONNECTION": "attached"})
+            sys.__stdin__, sys.__stdout__, sys.__stderr__ = reads, writes, errors  # type: ignore[misc]
+            try:
+                yield
+            finally:
+                sys.__stdin__, sys.__stdout__, sys.__stderr__ = streams  # type: ignore[misc]
+                _set_variables(before)
+
+    def watch(self) -> None:
+        """Hand on changes of its size until it ends; in a thread."""
+        with contextlib.suppress(OSError):
+            while self._connection.recv(64):
+                os.kill(os.getpid(), signal.SIGWINCH)
+
+    def give_back(self, text: str) -> None:
+        """The screens have ended; say why."""
+        os.close(self._fd)
+        _answer(self._connection, Answer(text=text))
+
+
+class AttachServer:
+    """Waits for terminals; a flight without one goes on all the same.
+
+    Args:
+        folder: the flight's session.
+        links: what it listens to.
+    """
+
+    def __init__(self, folder: Path, links: Sequence[str]) -> None:
+        self._flying = Flying(process_id=os.getpid(), folder=str(folder.resolve()), links=tuple(links))
+        self._lock = threading.Lock()
+        self._waiting: LentTerminal | None = None
+        self._shown = False
+        self._taken_over = False
+        self._closing = False
+        self._socket: socket.socket | None = None
+        try:
+            self._path = socket_folder() / f"{os.getpid()}.sock"
+            self._path.unlink(missing_ok=True)
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            self._socket.bind(str(self._path))
+            self._path.chmod(0o600)
+            self._socket.listen(4)
+        except OSError as error:
+            _log.warning("no terminal can be attached: %s", error)
+            return
+        threading.Thread(target=self._serve, name="attach", daemon=True).start()
+
+    def take(self) -> LentTerminal | None:
+        """A terminal that waits for the screens, once."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, None
+            return waiting
+
+    @contextlib.contextmanager
+    def showing(self) -> Iterator[None]:
+        """While the screens are up on some terminal."""
+        with self._lock:
+            self._shown, self._taken_over = True, False
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._shown = False
+
+    def taken_over(self) -> bool:
+        """Whether the screens are to end for another terminal."""
+        return self._taken_over
+
+    def close(self) -> None:
+        """No terminal may come any more."""
+        self._closing = True
+        if (waiting := self.take()) is not None:
+            waiting.give_back("the flight has ended")
+        if self._socket is not None:
+            self._path.unlink(missing_ok=True)
+            self._socket.close()
+
+    def _serve(self) -> None:
+        assert self._socket is not None
+        while not self._closing:
+            with contextlib.suppress(OSError, ValueError):  # closed meanwhile
+                if select.select([self._socket], [], [], LOOK_S)[0]:
+                    connection, _ = self._socket.accept()
+                    self._welcome(connection)
+
+    def _welcome(self, connection: socket.socket) -> None:
+        connection.settimeout(HELLO_S)
+        try:
+            if not _is_ours(connection):
+                raise PermissionError("of another user")
+            connection.sendall(msgspec.json.encode(self._flying))
+            data, fds, _, _ = socket.recv_fds(connection, MOST_BYTES, 1)
+            if not data and not fds:  # only looked who flies
+                connection.close()
+                return
+            wish = msgspec.json.decode(data, type=Wish)
+            if len(fds) != 1 or not os.isatty(fds[0]):
+                raise ValueError("no terminal came along")
+        except (OSError, ValueError, msgspec.DecodeError) as error:
+            _log.warning("a terminal was refused: %s", error)
+            connection.close()
+            return
+        with self._lock:
+            busy = self._waiting is not None or (self._shown and not wish.take_over)
+            if not busy:
+                connection.settimeout(None)
+                self._waiting = lent = LentTerminal(connection, fds[0], wish)
+                self._taken_over = self._shown
+        if busy:
+            os.close(fds[0])
+            text = "its screens are on another terminal: leave them there (q, l), or add --take-over"
+            _answer(connection, Answer(text=text, refused=True))
+        else:
+            threading.Thread(target=lent.watch, name="attached", daemon=True).start()
+
+
+def _is_ours(connection: socket.socket) -> bool:
+    """Whether the other end is this user's; on macOS the folder's mode has seen to that."""
+    if not hasattr(socket, "SO_PEERCRED"):
+        return True
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+    return int.from_bytes(credentials[4:8], sys.byteorder) in (os.geteuid(), 0)
+
+
+def _answer(connection: socket.socket, answer: Answer) -> None:
+    with contextlib.suppress(OSError):
+        connection.sendall(msgspec.json.encode(answer))
+    with contextlib.suppress(OSError):
+        connection.shutdown(socket.SHUT_RDWR)  # wakes who reads there
+    connection.close()
+
+
+def _set_variables(variables: dict[str, str | None]) -> None:
+    for name, value in variables.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
