@@ -19,7 +19,7 @@ import typer
 
 from gcs.cli.arguments import hide_in_process_list
 from gcs.cli.attach.client import flies_on, show_flight
-from gcs.cli.attach.place import Look
+from gcs.cli.attach.place import ScreenOptions
 from gcs.cli.attach.server import AttachServer, LentTerminal
 from gcs.cli.output.console import (
     FAR_S,
@@ -109,9 +109,9 @@ def fly(
     as_json: AsJson = False,
 ) -> None:
     """Name the vehicles in a live video; records everything, and listens only unless --command is given."""
-    look = Look(graphics=graphics, theme=theme, fps=fps, bell=bell)
+    options = ScreenOptions(graphics=graphics, theme=theme, fps=fps, bell=bell)
     if attach:
-        print_note(show_flight(mission, look, take_over=take_over))
+        print_note(show_flight(mission, options, take_over=take_over))
         return
     if mission is None:
         raise GcsError("no mission file; docs/mission.md has what belongs into it")
@@ -142,7 +142,7 @@ def fly(
     try:
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording"))
-        if not screen or not _screen(flight, look, door):
+        if not screen or not _screen(flight, options, door):
             _wait(flight, door, duration)
     finally:
         door.close()
@@ -220,8 +220,7 @@ def _check(links: tuple[str, ...], duration: float | None, tiles: Path | None, *
 
 def _gone_on(flight: Flight, why: str) -> str:
     return (
-        f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; "
-        "gcs fly --attach shows it on any terminal"
+        f"{why} in {flight.folder}: stop with Ctrl-C, or kill {os.getpid()}; gcs fly --attach shows it on any terminal"
     )
 
 
@@ -263,10 +262,10 @@ def _wait(flight: Flight, door: AttachServer, duration: float | None = None) -> 
             signal.signal(number, handler)
 
 
-def _screen(flight: Flight, look: Look, door: AttachServer) -> bool:
+def _screen(flight: Flight, options: ScreenOptions, door: AttachServer) -> bool:
     """Fly with the screens; whether the flight is to end with them."""
     with redirect_stderr(flight.folder / CONSOLE), door.showing():
-        ended = _run(flight, look, door.taken_over)
+        ended = _run(flight, options, door.taken_over)
     if not ended:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
         print_note(_gone_on(flight, "the screen is gone; still recording"))
@@ -276,19 +275,21 @@ def _screen(flight: Flight, look: Look, door: AttachServer) -> bool:
 def _lend(flight: Flight, lent: LentTerminal, door: AttachServer, end_s: float) -> bool:
     """Show the screens on another terminal; whether the flight is to end."""
     with lent.as_standard_streams(), door.showing():
-        ended = _run(flight, lent.look, lambda: door.taken_over() or time.monotonic() >= end_s)
+        ended = _run(flight, lent.options, lambda: door.taken_over() or time.monotonic() >= end_s)
     over = ended or time.monotonic() >= end_s
     lent.give_back("the flight has ended" if over else "the flight goes on; gcs fly --attach shows it again")
     return ended
 
 
-def _run(flight: Flight, look: Look, hung_up: Callable[[], bool]) -> bool:
+def _run(flight: Flight, options: ScreenOptions, hung_up: Callable[[], bool]) -> bool:
     """The screens, until they are left: whether to end the flight."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run
 
     try:
-        return run(flight, look.graphics, bell=look.bell, theme=look.theme, fps=look.fps, hung_up=hung_up).left
+        return run(
+            flight, options.graphics, bell=options.bell, theme=options.theme, fps=options.fps, hung_up=hung_up
+        ).left
     except Exception:  # noqa: BLE001 - logged; a screen may never end a flight
         _log.exception("the screens failed")
         return False

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Look, Wish, connect
+from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, ScreenOptions, Wish, connect
 from gcs.errors import GcsError
 
 __all__ = ["flies_on", "show_flight"]
@@ -41,12 +41,12 @@ def flies_on(links: Sequence[str]) -> Flying | None:
     return found
 
 
-def show_flight(which: Path | None, look: Look, *, take_over: bool) -> str:
+def show_flight(which: Path | None, options: ScreenOptions, *, take_over: bool) -> str:
     """Show the screens of a running flight on this terminal until they end there.
 
     Args:
         which: its session folder, or its process id; None where only one flies.
-        look: how they are to be.
+        options: how they are to be.
         take_over: from another terminal that shows them.
 
     Returns:
@@ -60,7 +60,7 @@ def show_flight(which: Path | None, look: Look, *, take_over: bool) -> str:
     connection = _choose(which)
     controller, shown = pty.openpty()
     variables = {name: os.environ[name] for name in VARIABLES if name in os.environ and name not in SIZE_VARIABLES}
-    wish = Wish(variables=variables, look=look, take_over=take_over)
+    wish = Wish(variables=variables, options=options, take_over=take_over)
     _copy_size(controller)
     try:
         socket.send_fds(connection, [msgspec.json.encode(wish)], [shown])

@@ -14,7 +14,7 @@ import msgspec
 
 from gcs.cli.output.console import MOST_FPS, Graphics
 
-__all__ = ["MOST_BYTES", "VARIABLES", "Answer", "Flying", "Look", "Wish", "connect", "socket_folder"]
+__all__ = ["MOST_BYTES", "VARIABLES", "Answer", "Flying", "ScreenOptions", "Wish", "connect", "socket_folder"]
 
 MOST_BYTES = 65_536
 """No message is longer."""
@@ -35,7 +35,7 @@ class Flying(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[str, ...]
 
 
-class Look(msgspec.Struct, frozen=True, kw_only=True):
+class ScreenOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How the screens are to be."""
 
     graphics: Graphics
@@ -48,7 +48,7 @@ class Wish(msgspec.Struct, frozen=True, kw_only=True):
     """What a terminal asks for; its pseudo terminal comes along."""
 
     variables: dict[str, str]
-    look: Look
+    options: ScreenOptions
     take_over: bool
 
 

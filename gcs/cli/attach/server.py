@@ -33,7 +33,7 @@ class LentTerminal:
         self._connection = connection
         self._fd = fd
         self._variables = wish.variables
-        self.look = wish.look
+        self.options = wish.options
         """How the screens are to be."""
 
     @contextlib.contextmanager

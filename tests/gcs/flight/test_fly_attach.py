@@ -9,7 +9,7 @@ import psutil
 import pytest
 
 from gcs.cli.attach.client import flies_on, show_flight
-from gcs.cli.attach.place import Look, socket_folder
+from gcs.cli.attach.place import ScreenOptions, socket_folder
 from gcs.cli.attach.server import AttachServer
 from gcs.errors import GcsError
 from tests.support.bundled import swarm_session
@@ -91,19 +91,19 @@ def test_what_cannot_be_attached_is_told(begin, tmp_path, monkeypatch):
     assert run_gcs("fly", "--attach")[::2] == (2, "gcs: --attach needs a terminal to show the screens on\n")
     for stream in ("sys.stdin", "sys.stdout"):
         monkeypatch.setattr(stream, SimpleNamespace(isatty=lambda: True))
-    look = Look(graphics="auto", theme="dark", fps=12.0, bell=False)
+    options = ScreenOptions(graphics="auto", theme="dark", fps=12.0, bell=False)
     with pytest.raises(GcsError, match="no flight of yours"):
-        show_flight(None, look, take_over=False)
+        show_flight(None, options, take_over=False)
     server = AttachServer(tmp_path / "session", ["udpin:127.0.0.1:2"])
     with pytest.raises(GcsError, match=r"which flight.*session"):
-        show_flight(tmp_path, look, take_over=False)
+        show_flight(tmp_path, options, take_over=False)
     assert flies_on(["udpin:127.0.0.1:1"]) is None
     assert flies_on(["udpin:127.0.0.1:1", "udpin:127.0.0.1:2"]).folder == str(tmp_path / "session")
     socket_folder().parent.joinpath("rollcall").chmod(0o755)
     with pytest.raises(PermissionError, match="others may enter"):
         socket_folder()
     with pytest.raises(GcsError, match="no flight of yours"):
-        show_flight(None, look, take_over=False)
+        show_flight(None, options, take_over=False)
     server.close()
 
 
