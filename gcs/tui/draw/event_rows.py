@@ -64,13 +64,12 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
     latest: dict[int, int] = {}
     """Index of each vehicle's latest run."""
     for event in events:
-        before = latest.get(event.system_id) if _is_chatter(event) else len(runs) - 1
-        run = runs[before] if before is not None and before >= 0 else None
-        if before is not None and run is not None and run.takes(event):
+        before = latest.get(event.system_id, -1) if _is_chatter(event) else len(runs) - 1
+        run = runs[before] if before >= 0 else None
+        if run is not None and run.takes(event):
             runs[before] = None
         else:
             run = _Run(event)
-        run.add(event)
         latest[event.system_id] = len(runs)
         runs.append(run)
     return [run.row for run in runs if run is not None]
@@ -80,46 +79,44 @@ def _is_chatter(event: Event) -> bool:
     return event.kind == CHATTER and event.level != "alarm" and event.system_id > 0
 
 
+Numbers = tuple[tuple[float, str], ...]
+"""Those of a text in order, each with its letters."""
+
+
 @lru_cache(maxsize=4096)
-def _template(text: str) -> tuple[str, tuple[str, ...]]:
+def _template(text: str) -> tuple[str, Numbers]:
     """A text with its numbers left out, and these."""
-    return NUMBER.sub("\0", text), tuple(NUMBER.findall(text))
+    return NUMBER.sub("\0", text), tuple((float(number), number) for number in NUMBER.findall(text))
 
 
 class _Run:
     """Events that become one row."""
 
     def __init__(self, event: Event) -> None:
-        self._event, self._times = event, 0
-        self._least: tuple[str, ...] = ()
-        self._most: tuple[str, ...] = ()
+        self._event, self._times = event, 1
+        self._key = (event.system_id, event.kind, event.level, event.reported)
+        self._template, numbers = _template(event.text) if _is_chatter(event) else ("", ())
+        self._least: Numbers = numbers
+        self._most: Numbers = numbers
 
     def takes(self, event: Event) -> bool:
-        last = self._event
-        told = (event.system_id, event.kind, event.level, event.reported)
-        if (last.system_id, last.kind, last.level, last.reported) != told:
+        """Add an event if it belongs to this run; whether it does."""
+        if self._key != (event.system_id, event.kind, event.level, event.reported):
             return False
-        return last.text == event.text or (_is_chatter(event) and _template(last.text)[0] == _template(event.text)[0])
-
-    def add(self, event: Event) -> None:
+        if self._event.text != event.text:
+            template, numbers = _template(event.text) if self._template else ("", ())
+            if not template or template != self._template:
+                return False
+            self._least = tuple(map(min, self._least, numbers))
+            self._most = tuple(map(max, self._most, numbers))
         self._event, self._times = event, self._times + 1
-        numbers = _template(event.text)[1]
-        self._least = tuple(map(_smaller, self._least or numbers, numbers))
-        self._most = tuple(map(_larger, self._most or numbers, numbers))
+        return True
 
     @property
     def row(self) -> EventRow:
-        if self._times == 1:
-            return EventRow(self._event, 1)
-        text, _ = _template(self._event.text)
-        for least, most in zip(self._least, self._most, strict=True):
+        if self._least == self._most:
+            return EventRow(self._event, self._times)
+        text = self._template
+        for (_, least), (_, most) in zip(self._least, self._most, strict=True):
             text = text.replace("\0", least if least == most else f"{least}–{most}", 1)
         return EventRow(replace(self._event, text=text), self._times)
-
-
-def _smaller(a: str, b: str) -> str:
-    return b if float(b) < float(a) else a
-
-
-def _larger(a: str, b: str) -> str:
-    return b if float(b) > float(a) else a

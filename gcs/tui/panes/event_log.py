@@ -72,8 +72,8 @@ class EventPane(Pane):
         super().__init__(id=id)
         self._live = live
         self._back = 0
-        self._look: tuple[int, str, str] | None = None
-        """What the rows were made for, None: other events came."""
+        self._look: tuple[list[Event], str, str] = ([], "", "")
+        """What the rows were made of: events, level, words."""
         self._shown: list[EventRow] = []
 
     def filtered(self, events: Sequence[Event]) -> list[Event]:
@@ -88,9 +88,9 @@ class EventPane(Pane):
         """Rows that may be on screen: not of a replay's future, of the newest few thousand events."""
         until_us = None if self._live or self.snapshot is None else self.snapshot.now_us
         past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
-        look = (len(past), self.least, self.words)
+        look = (past[-MOST:], self.least, self.words)
         if look != self._look:  # to search and fold takes longer than to draw
-            self._look, self._shown = look, rows_of(self.filtered(past[-MOST:]))
+            self._look, self._shown = look, rows_of(self.filtered(look[0]))
         return self._shown
 
     def next_filter(self) -> None:
@@ -105,7 +105,6 @@ class EventPane(Pane):
 
     def watch_all_events(self) -> None:
         """Something happened."""
-        self._look = None
         self.redraw()
 
     def watch_least(self) -> None:
