@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, Literal
 
+import numpy as np
+
 from gcs.snapshot import Event
 from gcs.station import Gap
 
@@ -39,22 +41,16 @@ def cells_of(
         stop_us: of the line.
         length: cells, above 0.
     """
-    worst = [-1] * length
-
-    def put(kind: Moment, first_us: int, last_us: int) -> None:
-        rank = KINDS.index(kind)
-        for cell in range(
-            cell_of(first_us, start_us, stop_us, length), cell_of(last_us, start_us, stop_us, length) + 1
-        ):
-            worst[cell] = max(worst[cell], rank)
-
+    worst = np.full(length, -1)
     for gap in gaps:
-        put("gap", gap.start_us, gap.stop_us)
-    for event in events:
-        kind = kind_of(event)
-        if kind is not None and start_us <= event.t_us <= stop_us:
-            put(kind, event.t_us, event.t_us)
-    return [KINDS[rank] if rank >= 0 else None for rank in worst]
+        first, last = (cell_of(t_us, start_us, stop_us, length) for t_us in (gap.start_us, gap.stop_us))
+        worst[first : last + 1] = KINDS.index("gap")
+    marked = [(event.t_us, kind) for event in events if (kind := kind_of(event)) and start_us <= event.t_us <= stop_us]
+    if marked:
+        shares = (np.array([t_us for t_us, _ in marked]) - start_us) / max(1, stop_us - start_us)
+        cells = np.rint(shares * (length - 1)).astype(int)
+        np.maximum.at(worst, cells, [KINDS.index(kind) for _, kind in marked])
+    return [KINDS[rank] if rank >= 0 else None for rank in worst.tolist()]
 
 
 def cell_of(t_us: int, start_us: int, stop_us: int, length: int) -> int:
