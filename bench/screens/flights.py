@@ -30,7 +30,7 @@ from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario, ScenarioFault, ScenarioGround
 from sim.world.world import World
 from vision.detect.detections import Detections
-from vision.stream.stream import STALL_S
+from vision.stream.pace import STALL_S
 from vision.video.video import Frame
 
 __all__ = ["Moment", "Received", "Script", "Span", "fly"]

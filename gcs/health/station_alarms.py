@@ -142,7 +142,7 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         level="alarm",
         kind="video",
         text="the video has stopped",
-        meaning="no frame for 1 s; it is opened again automatically",
+        meaning="no frame for 1 s, or for 2.5 intervals of a slow stream; it is opened again automatically",
         advice="check the camera and its link; names are not renewed meanwhile",
         condition=lambda health, _: health.video == "stalled",
     ),

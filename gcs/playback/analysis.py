@@ -20,7 +20,6 @@ from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
 from gcs.playback.discovery import discover
-from gcs.playback.gaps import VIDEO_GAP_S
 from gcs.playback.moments import moments_between, telemetry_times
 from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns, missing_inputs
 from gcs.session.event_log import read_statements
@@ -32,6 +31,7 @@ from gcs.snapshot import Event, Health, Snapshot
 from mavlink.protocol.packet import Packet
 from vision.camera.intrinsics import resized
 from vision.detect.detections import Detections
+from vision.stream.pace import stall_after_s
 
 if TYPE_CHECKING:
     from vision.detect.detector import Detector
@@ -79,6 +79,7 @@ class Analysis:
         )
         self.times_us = self._frame_times(times)
         self._frames_order_us = np.maximum.accumulate(self.times_us)
+        self._stall_s = stall_after_s(self._frames_order_us)
         self._size = self._frame_size()
         self.warnings = tuple(self._find_warnings())
 
@@ -357,7 +358,7 @@ class Analysis:
         before = int(np.searchsorted(self._frames_order_us, t_us, side="right"))
         if not before:
             return replace(health, video="waiting" if self.video else "none")
-        stalled = t_us - int(self._frames_order_us[before - 1]) > VIDEO_GAP_S * 1e6
+        stalled = t_us - int(self._frames_order_us[before - 1]) > self._stall_s * 1e6
         return replace(health, video="stalled") if stalled else health
 
     def _frames_with_boxes(

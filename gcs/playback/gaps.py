@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gcs.station import Gap
 from mavlink.state import SILENT_S
+from vision.stream.pace import stall_after_s
 
-__all__ = ["VIDEO_GAP_S", "find_gaps"]
-
-VIDEO_GAP_S: Final = 1.0
-"""Without a frame for so long a flight has the alarm that the video has stopped."""
+__all__ = ["find_gaps"]
 
 
 def find_gaps(
@@ -29,7 +27,7 @@ def find_gaps(
     """
     gaps = _gaps(packets_us, start_us, stop_us, "telemetry", SILENT_S)
     if frames_us is not None:
-        gaps += _gaps(frames_us, start_us, stop_us, "video", VIDEO_GAP_S)
+        gaps += _gaps(frames_us, start_us, stop_us, "video", stall_after_s(frames_us))
     return tuple(sorted(gaps, key=lambda gap: gap.start_us))
 
 

@@ -14,6 +14,7 @@ import os
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -28,6 +29,7 @@ from infra.program_log import conceal_with
 from infra.shared_memory import make_memory, map_memory
 from vision.errors import VideoError
 from vision.stream.messages import IMAGE_BYTES, FrameReply, FrameRequest, Progress, Settings, VideoReport
+from vision.stream.pace import PACE_FRAMES, STALL_S, stall_after_s
 from vision.stream.port import bind
 from vision.stream.secrets import conceal_in
 from vision.stream.source import Source, parse_source
@@ -38,8 +40,6 @@ __all__ = ["VideoStream"]
 
 _EXPOSURE_SOURCES = {"SEI": "time stamps (SEI)", "KLV": "metadata (KLV)", "RTCP": "sender reports (RTCP)"}
 
-STALL_S = 1.0
-"""Without a frame for so long, seconds, the stream is stalled."""
 AWAKE = 2
 """Frames that end a stall."""
 START_PATIENCE_S = 20.0
@@ -64,7 +64,7 @@ class VideoStream:
         record_path: .mkv to be created, None to record nothing. Further files are named video.1.mkv, video.2.mkv, …
         offset_s: video time minus telemetry time, s; taken from every frame's time.
         on_frame: called from the listening thread with index and Unix µs of every frame, in order.
-        stall_s: without a frame for so long the stream is stalled.
+        stall_s: without a frame for so long the stream is stalled, unless it is a slow one.
 
     Attributes:
         url: the source as it may be shown.
@@ -97,6 +97,7 @@ class VideoStream:
         self._before = Progress(patience_s=0.0, rows=[])
         self._trouble = self._rows_error = ""
         self._last_us = 0
+        self._times_us: deque[int] = deque(maxlen=PACE_FRAMES)
         self._late = 0
         self._heard_s = time.monotonic()
         self._waking = 0
@@ -142,8 +143,8 @@ class VideoStream:
 
     @property
     def stalled(self) -> bool:
-        """Whether no frame has come for a second."""
-        return not self.ended and time.monotonic() - self._heard_s > self._stall_s
+        """Whether no frame has come for a second, or for some intervals of a slow stream."""
+        return not self.ended and time.monotonic() - self._heard_s > stall_after_s(tuple(self._times_us), self._stall_s)
 
     @property
     def skipped(self) -> int:
@@ -280,6 +281,7 @@ class VideoStream:
             self._end_stall(len(progress.rows))
         for index, t_us in progress.rows:
             self.received, self._last_us = index + 1, t_us
+            self._times_us.append(t_us)
             self._list_frame(index, t_us)
         self._progress = progress.after(self._before)
         if progress.ended:

@@ -29,6 +29,8 @@ def test_gaps_of_video_and_telemetry_are_told_apart():
     ]
     assert [gap.what for gap in find_gaps(None, packets, 0, 60 * S)] == ["telemetry"]
     assert find_gaps(seconds(), seconds(), 0, S // 2) == ()
+    slow = seconds(0, 1.02, 2, 3, 4.1, 5, 6, 7, 11, 12)
+    assert [gap.start_us / S for gap in find_gaps(slow, seconds(*range(13)), 0, 12 * S)] == [7.0]
 
 
 def shown(t_us, standing, confidence):

@@ -19,6 +19,7 @@ from tests.support.video_senders import FPS, image, number_of, reconnects
 from tests.support.waiting import until
 from vision.errors import VideoError
 from vision.stream.frame_clock import CREEP, ArrivalClock
+from vision.stream.messages import Progress
 from vision.stream.stream import VideoStream
 from vision.video.recording import DisplayOrder
 from vision.video.video import VideoFile
@@ -195,6 +196,16 @@ def test_silence_is_told_and_closing_does_not_wait_for_it(capfd):
         begin = time.monotonic()
     assert time.monotonic() - begin < 20.0, "it waits for nobody"
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_slow_stream_has_not_stalled_between_its_frames():
+    """One frame a second: it stalls after some of its own intervals."""
+    rows = [(k, k * 1_000_000) for k in range(6)]
+    with VideoStream(f"udp://127.0.0.1:{free_port()}") as stream:
+        stream._take_progress(Progress(connected=True, patience_s=20.0, rows=rows))
+        for silent_s, stalls in ((1.6, False), (2.6, True)):
+            stream._heard_s = time.monotonic() - silent_s
+            assert stream.stalled == stalls
 
 
 def test_a_refused_connection_is_tried_again():
