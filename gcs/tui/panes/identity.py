@@ -40,8 +40,10 @@ __all__ = ["IdentityPane", "expected_place"]
 DOUBTS: Final[tuple[Standing, ...]] = (
     *("tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"),
 )
-NAME_CELLS, BAR_CELLS = 12, 8
+NAME_CELLS, BAR_CELLS = 13, 8
 """Width of what is before a fact, and of a bar."""
+PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
+"""Thirds of the picture, from its top left."""
 NONE_OF_OURS: Final = "none of ours"
 EVIDENCE: Final = (
     "Masses of the published methods, at most 0.5 s old, for analysts: the name is decided by the confidence alone."
@@ -136,7 +138,7 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow, box: Box | None, width: int) -
     other = _likeliest_box(snapshot, row.system_id)
     if other is not None:
         name = f"track {other[0].track_id}" if not other[0].system_id else plain(snapshot.name_of(other[0].system_id))
-        lines += _text(("nearest to", f"{name}: {_in_words(other[1])}", INK), width)
+        lines += _text(("likeliest", f"{name}: {_in_words(other[1])}", INK), width)
     return lines
 
 
@@ -209,9 +211,12 @@ def expected_place(snapshot: Snapshot, row: VehicleRow) -> str:
         away = math.hypot(max(-x, x - snapshot.width, 0.0), max(-y, y - snapshot.height, 0.0))
         side = " and ".join(word for word in (along, across) if word) + " of" * bool(across)
         return f"{side} the picture, {away:.0f} px outside"
-    third = min(int(3 * x / snapshot.width), 2), min(int(3 * y / snapshot.height), 2)
-    words = " ".join(word for word in (("upper", "", "lower")[third[1]], ("left", "", "right")[third[0]]) if word)
-    place = f"in the picture at the {words}" if words else "in the middle of the picture"
+    place = "in the middle of the picture"
+    column, third = min(int(3 * x / snapshot.width), 2), min(int(3 * y / snapshot.height), 2)
+    if (column, third) != (1, 1):
+        place = f"in the picture at the {PLACES[third][column]}"
+    if row.standing == "no new frame":
+        return f"{place}, of which there is no new frame"
     there = next((box for box in snapshot.boxes if drawable(box) and _covers(box, x, y)), None)
     if there is None:
         return f"{place}, where no box is"

@@ -102,6 +102,7 @@ async def test_standings_say_since_when():
         ((1400.0, 900.0), "below and right of the picture, 216 px outside"),
         ((600.0, -7.0), "above the picture, 7 px outside"),
         ((1200.0, 30.0), "in the picture at the upper right, where no box is"),
+        ((640.0, 30.0), "in the picture at the top, where no box is"),
         ((640.0, 330.0), "in the middle of the picture, where no box is"),
         ((UNNAMED.cx, UNNAMED.cy), "in the picture at the upper right, where track 21 is"),
         (None, "behind the camera: the picture does not show it"),
@@ -109,6 +110,11 @@ async def test_standings_say_since_when():
 )
 def test_a_vehicle_without_a_box_says_where_it_should_be(px, words):
     assert expected_place(SNAPSHOT, row_of(15, expected_px=px)) == words
+
+
+def test_where_no_box_is_is_not_said_without_a_new_frame():
+    row = row_of(15, expected_px=(1200.0, 30.0), standing="no new frame")
+    assert expected_place(SNAPSHOT, row) == "in the picture at the upper right, of which there is no new frame"
 
 
 def test_where_a_vehicle_should_be_may_be_unknown():
