@@ -40,8 +40,11 @@ __all__ = ["IdentityPane", "expected_place"]
 DOUBTS: Final[tuple[Standing, ...]] = (
     *("tentative", "coasting", "unidentified", "out of view", "no position", "no new frame"),
 )
-NAME_CELLS, BAR_CELLS = 13, 8
-"""Width of what is before a fact, and of a bar."""
+NAME_CELLS = 13
+"""Width of what is before a fact."""
+BAR_CELLS, SHORT_BAR_CELLS = 8, 4
+ROOMY_CELLS = 36
+"""Width of a candidate's bar: the short one in a pane narrower than the last."""
 PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
 """Thirds of the picture, from its top left."""
 NONE_OF_OURS: Final = "none of ours"
@@ -170,9 +173,9 @@ def _share(name: str, candidate: Candidate, colour: Colour, width: int) -> list[
     """Probability in number and bar; what speaks against it behind where there is room, else below."""
     away = metres(candidate.distance_m) if math.isfinite(candidate.distance_m) else ""
     parts: list[Part] = [
-        (f" {fitted(plain(name), NAME_CELLS)}", ink(colour)),
-        (f"{certainty(candidate.confidence):>3} ", ink(colour)),
-        (bar(candidate.confidence, BAR_CELLS), ink(colour)),
+        (f" {fitted(plain(name), len(NONE_OF_OURS))}", ink(colour)),
+        (f"{certainty(candidate.confidence):>4} ", ink(colour)),
+        (bar(candidate.confidence, BAR_CELLS if width >= ROOMY_CELLS else SHORT_BAR_CELLS), ink(colour)),
         (f" {away:>6}", ink(INK)),
     ]
     if not candidate.against:

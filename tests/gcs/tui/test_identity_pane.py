@@ -67,7 +67,9 @@ async def test_an_unnamed_box_shows_its_candidates_and_what_speaks_against_each(
 async def test_candidates_can_be_read_on_a_small_screen():
     snapshot = changed(candidates=CANDIDATES, none_of_ours=0.64)
     async with running(FakeStation(snapshot=snapshot)) as (app, pilot, _):
-        await pilot.press("up", "i", "z")
+        await pilot.press("up")
+        assert "34% █▍    9.8 m" in text_of(app.query_one(IdentityPane))
+        await pilot.press("i", "z")
         said = " ".join(text_of(app.query_one(IdentityPane)).split())
         assert "UGV-15 34%" in said and "9.8 m from its report, 4 σ" in said and "its report is 12 s old" in said
 
