@@ -18,10 +18,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from bench.command_line import RESULTS
-from bench.screens.checker import Checker, Violation
-from bench.screens.flights import Moment, Script, fly
+from bench.screens.checker import check_screens
+from bench.screens.flights import Script, fly
 from bench.screens.scripts import SCRIPTS, SIZES
-from bench.screens.station import shots
 
 Size = tuple[int, int]
 Row = tuple[str, str, int, str, int]
@@ -29,20 +28,11 @@ Row = tuple[str, str, int, str, int]
 COLUMNS = ("flight", "size", "screens", "rule", "violations")
 
 
-async def checked(moments: Sequence[Moment], size: Size) -> tuple[int, list[Violation]]:
-    """How many screens there were, and what was wrong on them."""
-    checker, screens, found = Checker(), 0, []
-    async for shot in shots(moments, size):
-        screens += 1
-        found += checker.check(shot.screen, shot.moment)
-    return screens, found
-
-
 def check_flight(script: Script, sizes: Iterable[Size], every: int, examples: int) -> list[Row]:
     """Fly once, show it at every size."""
     moments, rows = list(fly(script))[::every], []
     for size in sizes:
-        screens, found = asyncio.run(checked(moments, size))
+        screens, found = asyncio.run(check_screens(moments, size))
         name = f"{size[0]}x{size[1]}"
         rows.append((script.name, name, screens, "", 0))
         rows += [(script.name, name, 0, rule, times) for rule, times in Counter(each.rule for each in found).items()]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from bench.screens.flights import Moment
 from bench.screens.names import check_cut_names, check_fleet_standings, check_map_labels, check_video_labels
 from bench.screens.screen import Screen
+from bench.screens.station import shots
 from bench.screens.values import (
     Clocks,
     check_ages,
@@ -19,7 +20,7 @@ from bench.screens.values import (
     clocks_of,
 )
 
-__all__ = ["Checker", "Violation"]
+__all__ = ["Checker", "Violation", "check_screens"]
 
 Rule = Callable[[Screen, Moment], Iterator[tuple[str, str]]]
 RULES: tuple[Rule, ...] = (
@@ -60,3 +61,17 @@ class Checker:
                 found.append(Violation(rule="clock that goes back", what=f"{name} from {before:g} to {shown:g}"))
         self._clocks |= clocks
         return found
+
+
+async def check_screens(moments: Sequence[Moment], size: tuple[int, int]) -> tuple[int, list[Violation]]:
+    """How many screens a flight has, and what is wrong on them.
+
+    Args:
+        moments: of the flight, in order.
+        size: columns and rows.
+    """
+    checker, screens, found = Checker(), 0, []
+    async for shot in shots(moments, size):
+        screens += 1
+        found += checker.check(shot.screen, shot.moment)
+    return screens, found

@@ -39,7 +39,7 @@ WORDS = frozenset(
 )
 """Words on video and map that are no names."""
 VALUE = re.compile(r"(?<![\w-])(\d{1,2}%|[+±]?\d+(\.\d+)? ?(km|m|s|h)|~?\?+)(?![\w-])")
-COUNT = re.compile(r"\+(\d+)")
+COUNT = re.compile(r"(?<!\S)\+(\d+)(?!\S)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +107,8 @@ def _read(screen: Screen, pane: str, snapshot: Snapshot) -> _Read:
             legend.add(ids[match[2]])
             continue
         text = VALUE.sub(" ", label.text)
+        counted += sum(int(match[1]) for match in COUNT.finditer(text))
+        text = COUNT.sub(" ", text)
         for pattern, known in ((names, ids), (words, bare)):
             for match in pattern.finditer(text):
                 shown[known[match[2]]] += 1
@@ -114,11 +116,7 @@ def _read(screen: Screen, pane: str, snapshot: Snapshot) -> _Read:
                 if known is bare:
                     short.add(known[match[2]])
             text = pattern.sub(" ", text)
-        for word in text.split():
-            if match := COUNT.fullmatch(word):
-                counted += int(match[1])
-            elif word not in WORDS:
-                strange.append(f"{label.text!r} at {label.x},{label.y}")
+        strange += [f"{label.text!r} at {label.x},{label.y}" for word in text.split() if word not in WORDS]
     return _Read(
         shown=shown,
         marks=tuple(marks),

@@ -34,6 +34,8 @@ SLACK_S = 0.7
 """Between a packet and the screen: the radio, a turn of the fold, a poll, tenths that are not shown."""
 FADED_AFTER_S = 10.0
 """A state reported so long ago looks other than a fresh one."""
+ALARM_LETTERS = 10
+"""So much of an alarm's text is in its row at least."""
 GREEN_AHEAD = 1.15
 """A colour is green where its green is so much stronger than red and blue."""
 
@@ -117,7 +119,7 @@ def check_alarms(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
         true = f"{loud} alarms, {len(alarms) - loud} warnings"
         yield "alarm neither visible nor counted", f"{true}: {screen.rows[0].strip()!r}"
     worst = next((alarm for alarm in alarms if alarm.level == "alarm"), None)
-    if worst is not None and not any("!!" in row and worst.text[:20] in row for row in screen.rows[1:4]):
+    if worst is not None and not any("!!" in row and worst.text[:ALARM_LETTERS] in row for row in screen.rows[1:4]):
         yield "alarm neither visible nor counted", f"{worst.text!r} has no row"
 
 
@@ -160,17 +162,20 @@ def check_status(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]:
 
 
 def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
-    """What the status bar may have to show: how bad it is, 3 the worst, and the words it is known by."""
+    """What the status bar may have to show: how bad it is, 2 the worst, and the words it is known by.
+
+    That nothing is authenticated is so from the start on, and one of the warnings that are counted.
+    """
     health = snapshot.health
     named = sum(row.standing == "confirmed" for row in snapshot.vehicles if row.role == "ugv")
     silent = [link for link in health.links if not link.silent_s <= 3.5]
     found: dict[str, tuple[int, str]] = {f"{named} confirmed": (1, rf"\b{named}/\d+|\b{named} of \d+")}
     if health.write_failing_s > 0:
-        found["the disk fails"] = (3, "DISK|NOT REC|NO REC")
+        found["the disk fails"] = (2, "DISK|NOT REC|NO REC")
     if silent:
-        found["links silent"] = (3, "silent|no link")
+        found["links silent"] = (2, "silent|no link")
     if health.video == "stalled":
-        found["the video has stopped"] = (3, "video (stalled|stopped)|no video")
+        found["the video has stopped"] = (2, "video (stalled|stopped)|no video")
     if health.keys == 0:
-        found["nothing is authenticated"] = (2, r"\bAUTHENTICATED\b|\bOPEN\b")
+        found["nothing is authenticated"] = (1, r"\bAUTHENTICATED\b|\bOPEN\b")
     return found

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Final
 
+from rich.cells import cell_len
+
 from gcs.snapshot import Reported, Standing
 from infra.plain_text import plain
 
@@ -19,6 +21,7 @@ __all__ = [
     "degrees",
     "duration",
     "metres",
+    "name_or_id",
     "number",
     "percent",
     "plain",
@@ -58,6 +61,11 @@ def position(state: str, age_s: float) -> str:
 def standing_word(standing: Standing) -> str:
     """A standing in at most eleven letters."""
     return "unknown" if standing == "unidentified" else plain(standing)
+
+
+def name_or_id(name: str, system_id: int, width: int) -> str:
+    """A vehicle's name, or its system id where that takes more than ``width`` cells: a part of it may be another's."""
+    return name if cell_len(name) <= width or not system_id else str(system_id)
 
 
 def percent(share: float) -> str:

@@ -15,7 +15,7 @@ from textual.strip import Strip
 from gcs.certainty import certainty, named
 from gcs.snapshot import Snapshot, VehicleRow
 from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
-from gcs.tui.draw.format import NOT_ANALYSED, age, number, percent, plain, position, standing_word
+from gcs.tui.draw.format import NOT_ANALYSED, age, name_or_id, number, percent, plain, position, standing_word
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, fitted, line
 from gcs.tui.messages import VehiclePicked
@@ -260,8 +260,7 @@ class FleetPane(Pane):
                 text, colour = f"{certainty(row.confidence)} {age(held)} ago", FAINT
             elif self.snapshot and self.snapshot.provisional and column.title == IDENTITY:
                 colour = FAINT
-            if column.title == NAME.title and cell_len(text) > column.width:
-                text = str(row.system_id)  # a part of a name may be another one
+            text = name_or_id(text, row.system_id, column.width) if column.title == NAME.title else text
             space = " " if index else ""
             parts.append((space + fitted(text, column.width, column.align), ink(colour, paper, bold=picked)))
         return line(parts, width, paper)

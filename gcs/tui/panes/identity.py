@@ -14,7 +14,18 @@ from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of
 from gcs.snapshot import Box, Candidate, Snapshot, Standing, VehicleRow
 from gcs.tui.draw.condition import condition_facts
-from gcs.tui.draw.format import NOT_ANALYSED, age, degrees, metres, number, percent, plain, position, standing_word
+from gcs.tui.draw.format import (
+    NOT_ANALYSED,
+    age,
+    degrees,
+    metres,
+    name_or_id,
+    number,
+    percent,
+    plain,
+    position,
+    standing_word,
+)
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
 from gcs.tui.palette import (
@@ -173,7 +184,7 @@ def _share(name: str, candidate: Candidate, colour: Colour, width: int) -> list[
     """Probability in number and bar; what speaks against it behind where there is room, else below."""
     away = metres(candidate.distance_m) if math.isfinite(candidate.distance_m) else ""
     parts: list[Part] = [
-        (f" {fitted(plain(name), len(NONE_OF_OURS))}", ink(colour)),
+        (f" {fitted(name_or_id(plain(name), candidate.system_id, len(NONE_OF_OURS)), len(NONE_OF_OURS))}", ink(colour)),
         (f"{certainty(candidate.confidence):>4} ", ink(colour)),
         (bar(candidate.confidence, BAR_CELLS if width >= ROOMY_CELLS else SHORT_BAR_CELLS), ink(colour)),
         (f" {away:>6}", ink(INK)),

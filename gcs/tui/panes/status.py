@@ -117,8 +117,9 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
     right: list[Part] = []
     placed = fitting([*ends, *items], width - MARGIN)
-    if any(item.rank is Rank.ALARMS and parts is item.forms[-1] is not item.forms[0] for item, parts in placed):
-        placed = fitting(items, width - MARGIN)  # rather all that is wrong than who counts it
+    there = {item.rank for item, _ in placed}
+    if any(item.rank <= Rank.NAMES and item.rank not in there for item in items):
+        placed = fitting([*ends, *map(_worst_alone, items)], width - MARGIN)
     for item, parts in placed:
         goal = PANES_BY_RANK.get(item.rank)
         shown = [clickable(part, f"app.pane({goal!r})") for part in parts] if goal else parts
@@ -185,8 +186,13 @@ def _alarms(snapshot: Snapshot) -> list[Item]:
     parts = count_parts(loud, quiet)
     parts[-1] = (parts[-1][0].rstrip(), parts[-1][1])
     more = [(f"+{quiet}", parts[-1][1])] if loud and quiet else []
-    worst = (parts[0][0].rstrip(), parts[0][1])
-    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (*parts[:1], *more), (worst,)))]
+    return [Item(rank=Rank.ALARMS, forms=(tuple(parts), (*parts[:1], *more) if more else tuple(parts)))]
+
+
+def _worst_alone(item: Item) -> Item:
+    """Without the count of warnings, where all that is wrong has no room beside it."""
+    (text, style), *_ = item.forms[-1]
+    return item if item.rank > Rank.ALARMS else Item(rank=item.rank, forms=(((text.rstrip(), style),),))
 
 
 def _open(health: Health) -> list[Item]:
