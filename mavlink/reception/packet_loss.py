@@ -28,7 +28,7 @@ _WINDOW_MS, _MOST_INTERVALS = 30_000, 64
 _NEIGHBOURS = 10
 """Intervals on each side of one that tell what is usual there: of so many, a few are whole though most messages are
 lost."""
-_LEAST_INTERVALS = 4
+_LEAST_INTERVALS, _COUNTED_EVERY = 4, 4
 _KNOWN_FROM = 10
 """Regular messages that have to come before a hole counts as a loss: of half as many it could be chance."""
 _SILENCE_MS = 10_000
@@ -77,7 +77,7 @@ class SequenceLoss:
 class _RegularMessage:
     """One message type that a vehicle sends at a steady rate."""
 
-    __slots__ = ("_intervals_ms", "_last_ms", "_sent", "_span_ms")
+    __slots__ = ("_intervals_ms", "_last_ms", "_new", "_sent", "_span_ms", "received", "sent")
 
     def __init__(self, made_ms: int) -> None:
         self._last_ms = made_ms
@@ -85,17 +85,12 @@ class _RegularMessage:
         self._sent: deque[int] = deque()
         """Messages in each interval, its last one among them."""
         self._span_ms = 0
-
-    @property
-    def received(self) -> int:
-        """Messages that came lately, 0 while too few for a usual interval did."""
-        count = len(self._intervals_ms)
-        return count if count >= _LEAST_INTERVALS else 0
-
-    @property
-    def sent(self) -> int:
+        self._new = 0
+        """Intervals since the last count."""
+        self.received = 0
+        """Messages that came lately, as counted last; 0 while too few for a usual interval did."""
+        self.sent = 0
         """Messages that were sent meanwhile, by the usual interval between them."""
-        return sum(self._sent)
 
     def add(self, made_ms: int) -> None:
         """One that was made at a time in ms."""
@@ -109,11 +104,19 @@ class _RegularMessage:
             self._span_ms -= self._intervals_ms.popleft()
             self._sent.popleft()
         self._intervals_ms.append(interval_ms)
+        self._sent.append(1)
         self._span_ms += interval_ms
-        at = len(self._intervals_ms) - 1
-        self._sent.append(self._sent_in(at))
-        if at >= _NEIGHBOURS:  # those after it are known now as well
-            self._sent[at - _NEIGHBOURS] = self._sent_in(at - _NEIGHBOURS)
+        self._new += 1
+
+    def count(self) -> None:
+        """Count what came and what was sent, where enough is new."""
+        total = len(self._intervals_ms)
+        if total < _LEAST_INTERVALS or (self.received and self._new < _COUNTED_EVERY):
+            return
+        # of those before them, the intervals after are known now as well
+        for at in range(max(0, total - self._new - _NEIGHBOURS), total):
+            self._sent[at] = self._sent_in(at)
+        self._new, self.received, self.sent = 0, total, sum(self._sent)
 
     def _sent_in(self, at: int) -> int:
         """Messages sent in one interval, by what is usual before and after it: at a change of the rate the longer."""
@@ -155,6 +158,9 @@ class PacketLoss:
         numbered = self.sequence.share
         if not numbered:
             return 0.0
-        known = [regular for regular in self._regular.values() if regular.received]
-        sent, received = sum(each.sent for each in known), sum(each.received for each in known)
+        sent = received = 0
+        for regular in self._regular.values():
+            regular.count()
+            if regular.received:
+                sent, received = sent + regular.sent, received + regular.received
         return min(numbered, 1.0 - received / sent) if received >= _KNOWN_FROM else math.nan
