@@ -230,7 +230,8 @@ def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras
         if not box.system_id and (cell := view.cell(box.p_enu)) is not None:
             picked = bool(extras.track) and box.track_id == extras.track
             marks.append(_Mark(*cell, BOX_MARK, BRIGHT if picked else standing_colour("unidentified")))
-    home = view.cell(HOME_ENU) if snapshot.origin is not None else None
+    # a provisional origin is where the UAV was some seconds ago
+    home = view.cell(HOME_ENU) if snapshot.origin is not None and not snapshot.provisional else None
     return marks if home is None else [*marks, _Mark(*home, HOME_MARK, FAINT)]
 
 

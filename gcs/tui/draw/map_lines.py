@@ -45,6 +45,11 @@ class Ruler:
             return self
         return Ruler(cursor=self.cursor, picks=(*self.picks, self.cursor) if len(self.picks) < 2 else (self.cursor,))
 
+    def shifted(self, east: float, north: float) -> Ruler:
+        """The same places about another origin."""
+        cursor, *picks = [place and (place[0] + east, place[1] + north) for place in (self.cursor, *self.picks)]
+        return Ruler(cursor=cursor, picks=tuple(place for place in picks if place))
+
     @property
     def ends(self) -> tuple[Place, Place] | None:
         """What is measured: both picks, or the only one and the cursor."""

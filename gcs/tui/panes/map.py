@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -38,6 +39,9 @@ TRAILS_S: Final = (30.0, 120.0, 600.0, 0.0, 10.0)
 """Lengths of trails in turn, the first one at the start."""
 PAN_STEP: Final = (8, 4)
 """Columns and rows of one key; as far on the screen both ways."""
+
+FARTHEST_ORIGIN_M: Final = 10_000.0
+"""Between two origins about which east and north are the same directions."""
 
 TrailSource = Callable[[int, float, LocalFrame | None], Sequence[Trail]]
 """Trails before a moment, so many seconds long, about an origin."""
@@ -138,8 +142,8 @@ class MapPane(Pane):
         self.redraw()
 
     def action_home(self) -> None:
-        """Look where the UAV was first."""
-        if self._view is not None:
+        """Look where the UAV was first; nobody knows where before the analysis of a recording came by."""
+        if self._view is not None and self.snapshot is not None and not self.snapshot.provisional:
             self._look(replace(self._view, east=float(HOME_ENU[0]), north=float(HOME_ENU[1])))
 
     def action_trails(self) -> None:
@@ -176,10 +180,21 @@ class MapPane(Pane):
         """Something new to show, and to keep for trails."""
         if self.snapshot is not None:
             if self.snapshot.origin != self._origin:
-                # the metres are counted from elsewhere: what was pointed at is no longer there
-                self._origin, self._free, self._ruler = self.snapshot.origin, None, Ruler()
+                self._follow_origin(self.snapshot.origin)
             self._shown.add(self.snapshot)
         super().watch_snapshot()
+
+    def _follow_origin(self, origin: LocalFrame | None) -> None:
+        """The metres are counted from elsewhere: what was pointed at stays where it is, or goes where that is far."""
+        before, self._origin = self._origin, origin
+        if before is not None and origin is not None:
+            east, north, _ = origin.to_enu_point(before.lat_deg, before.lon_deg, before.alt_m)
+            if math.hypot(east, north) < FARTHEST_ORIGIN_M:
+                self._ruler = self._ruler.shifted(east, north)
+                if self._free is not None:
+                    self._free = replace(self._free, east=self._free.east + east, north=self._free.north + north)
+                return
+        self._free, self._ruler = None, Ruler()
 
     def on_unmount(self) -> None:
         """The tiles are not needed any more."""

@@ -149,6 +149,25 @@ async def test_what_is_pointed_at_goes_when_the_origin_moves():
         assert chart.ruler == Ruler() and chart.follow == "all"
 
 
+async def test_what_is_pointed_at_stays_where_it_is_about_another_origin():
+    """A place ahead of the analysis has an origin of its own, and no home."""
+    station = FakeStation(snapshot=SNAPSHOT)
+    async with running(station, size=WIDE) as (app, pilot, _):
+        chart = app.query_one(MapPane)
+        await pilot.press("M", "left", "r", "enter", "right")
+        places = [ORIGIN.to_geodetic((*place, 0.0))[:2] for place in (*chart.ruler.picks, chart.ruler.cursor)]
+        places.append(ORIGIN.to_geodetic((chart.view.east, chart.view.north, 0.0))[:2])
+        origin = LocalFrame(ORIGIN.lat_deg + 0.01, ORIGIN.lon_deg - 0.01)
+        station.snapshot = replace(SNAPSHOT, origin=origin, provisional=True)
+        await polled(app, pilot)
+        now = (*chart.ruler.picks, chart.ruler.cursor, (chart.view.east, chart.view.north))
+        for (lat, lon), (east, north) in zip(places, now, strict=True):
+            assert origin.to_enu(lat, lon, 0.0)[:2] == pytest.approx([east, north], abs=0.1)
+        before = chart.view
+        await pilot.press("h")
+        assert chart.view == before and HOME_MARK not in text_of(chart)
+
+
 async def test_trails_of_a_replay_come_from_what_was_worked_out_not_from_what_was_shown():
     station = FakeStation(snapshot=SNAPSHOT)
     for n in range(20):
