@@ -46,8 +46,8 @@ LONGEST_US = 86_400_000_000
 """A flight is not so long without a packet or a frame."""
 WARM_UP_US = 20_000_000
 """A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
-LOOKED_US = 8_000_000
-"""And looks at the frames of so long: most vehicles are named within some seconds."""
+LOOKED_US = 4_000_000
+"""And looks at the frames of so long: most vehicles are named after two or three seconds."""
 
 
 class Analysis:
@@ -364,25 +364,24 @@ class Analysis:
     def _frames_with_boxes(
         self, images: bool, from_us: int | None = None
     ) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
-        """Index, time, image and boxes of every frame; the images only where asked for.
-
-        From a time on, only what was recorded: frames are not looked at for it.
-        """
-        detector = self.detector() if from_us is None else None
+        """Index, time, image and boxes of every frame, or of those from a time on; the images only where asked for."""
+        first = 0 if from_us is None else int(np.searchsorted(self._frames_order_us, from_us))
+        detector = self.detector()
         if detector is not None and self.video is not None:
             from vision.video.prefetch import look_ahead
 
-            scale = GroundScale(self.mission, PacketsInOrder(self._log.packets()))
-            with closing(look_ahead(self.video.frames(), detector, scale.gsd_m)) as looked:
+            packets = PacketsInOrder(self._log.packets())
+            deque(packets.until(0 if from_us is None else from_us - WARM_UP_US), maxlen=0)
+            scale = GroundScale(self.mission, packets)
+            with closing(look_ahead(self.video.frames(first), detector, scale.gsd_m)) as looked:
                 for frame, boxes in looked:
                     yield frame.index, frame.t_us, frame.image, boxes
         elif self.video is not None and images:
             for frame in self.video.frames():
                 yield frame.index, frame.t_us, frame.image, self._recorded_boxes(frame.index)
         else:
-            for index, t_us in enumerate(self.times_us.tolist()):
-                if from_us is None or t_us >= from_us:
-                    yield index, t_us, None, self._recorded_boxes(index)
+            for index, t_us in enumerate(self.times_us[first:].tolist(), first):
+                yield index, t_us, None, self._recorded_boxes(index)
 
     def _recorded_boxes(self, index: int) -> Detections | None:
         """Detections of a frame; one without any was perhaps never looked at, as a live flight skips frames."""

@@ -12,7 +12,9 @@ from gcs.playback.replay import Replay
 from gcs.session.session import open_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
+from tests.support.bundled import CURVED_ROAD
 from tests.support.fake_station import make_snapshot
+from tests.support.snapshots import boxes
 from tests.support.waiting import until
 
 S = 1_000_000
@@ -102,3 +104,24 @@ def test_a_preview_that_finds_nothing_is_not_begun_for_ever():
         if preview.wants(S):
             preview.advance(S)
     assert len(begun) == 1
+
+
+def test_frames_without_recorded_boxes_are_looked_at_from_shortly_before(monkeypatch):
+    """Of a place in the middle the detector sees the last seconds, not all of the video."""
+    asked = []
+
+    class Detector:
+        def detect(self, image, *, gsd_m=None):
+            asked.append(gsd_m)
+            return boxes([(image.shape[1] / 2, image.shape[0] / 2)])
+
+    analysis = Analysis(open_session(CURVED_ROAD))
+    monkeypatch.setattr(analysis, "detector", Detector)
+    goal_us = int(analysis.times_us[0]) + 14 * S
+    moments = analysis.moments(provisional_from_us=goal_us)
+    shown = next(snapshot for at_us, snapshot in moments if at_us >= goal_us)
+    moments.close()
+    analysis.close()
+    assert shown.boxes and shown.frame_us >= goal_us and not shown.held
+    between = int(((analysis.times_us > goal_us - 5 * S) & (analysis.times_us < goal_us + S)).sum())
+    assert 0 < len(asked) <= between and all(asked)
