@@ -19,7 +19,8 @@ from gcs.trails import Trail
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
-from gcs.tui.draw.format import plain
+from gcs.tui.draw.format import position
+from gcs.tui.draw.freshness import USABLE_M, freshness
 from gcs.tui.draw.ground_view import HOME_ENU, MapView, scale_bar
 from gcs.tui.draw.map_lines import (
     CURSOR_MARK,
@@ -107,10 +108,12 @@ def chart_cells(
     if snapshot.footprint_enu is not None:
         dots.polygon(view.dots(snapshot.footprint_enu), pack(LINE), every=2.0)
     for row in rows:
-        dots.circle(_dot(view, row.p_enu), row.std_m / view.metres_per_dot, pack(LINE))
+        if not _is_old(row) and row.std_m <= USABLE_M:
+            dots.circle(_dot(view, row.p_enu), row.std_m / view.metres_per_dot, pack(LINE))
     _residuals(dots, snapshot, rows, view)
     for row in rows:
-        _nose(dots, _dot(view, row.p_enu), row.heading, NOSE_DOTS, standing_colour(row.standing))
+        if not _is_old(row):
+            _nose(dots, _dot(view, row.p_enu), row.heading, NOSE_DOTS, standing_colour(row.standing))
     _nose(dots, _dot(view, snapshot.uav_enu), snapshot.uav_heading, UAV_NOSE_DOTS, ACCENT)
     draw_ruler(dots, extras.ruler, view)
     draw_leaders(dots, labelling, lambda place: pack(colours.get(place.key, INK)))
@@ -162,7 +165,11 @@ def map_labels(
     """Where ``chart_cells`` writes names; ``former`` is of the frame before, so that labels stay where they are."""
     extras = extras or MapExtras()
     rows = _placed_rows(snapshot, selected)
-    state = {row.system_id: "" if row.position_state == "ok" else f" {plain(row.position_state)}" for row in rows}
+    state = {
+        row.system_id: f" {position(row.position_state, row.position_age_s)}"
+        for row in snapshot.vehicles
+        if row.position_state != "ok" and (row.role == "ugv" or _is_old(row))
+    }
     names = shown_names(snapshot, shows_in_cells)
     labels, others = [], []
     for mark in _marks(snapshot, rows, view, extras):
@@ -219,13 +226,13 @@ def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras
     pointers = zip((extras.ruler.cursor, *extras.ruler.picks), (CURSOR_MARK, *PICK_MARKS), strict=False)
     cells = [(place and view.cell(np.array(place)), glyph) for place, glyph in pointers]
     marks = [_Mark(*cell, glyph, BRIGHT) for cell, glyph in cells if cell]
-    uav = next((row.system_id for row in snapshot.vehicles if row.role == "uav"), 0)
+    uav = next((row for row in snapshot.vehicles if row.role == "uav"), None)
     if (cell := view.cell(snapshot.uav_enu)) is not None:
-        marks.append(_Mark(*cell, UAV_MARK, ACCENT, uav))
+        marks.append(_Mark(*cell, UAV_MARK, _dated(ACCENT, uav), uav.system_id if uav else 0))
     for row in rows:
         if (cell := view.cell(row.p_enu)) is not None:
             glyph = STANDING_MARKS.get(row.standing, BOX_MARK)
-            marks.append(_Mark(*cell, glyph, standing_colour(row.standing), row.system_id))
+            marks.append(_Mark(*cell, glyph, _dated(standing_colour(row.standing), row), row.system_id))
     for box in snapshot.boxes:
         if not box.system_id and (cell := view.cell(box.p_enu)) is not None:
             picked = bool(extras.track) and box.track_id == extras.track
@@ -233,6 +240,15 @@ def _marks(snapshot: Snapshot, rows: Sequence[VehicleRow], view: MapView, extras
     # a provisional origin is where the UAV was some seconds ago
     home = view.cell(HOME_ENU) if snapshot.origin is not None and not snapshot.provisional else None
     return marks if home is None else [*marks, _Mark(*home, HOME_MARK, FAINT)]
+
+
+def _dated(colour: Colour, row: VehicleRow | None) -> Colour:
+    """Faint where the place is old: it is the last one that the vehicle reported, and its label says when."""
+    return FAINT if row is not None and _is_old(row) else colour
+
+
+def _is_old(row: VehicleRow) -> bool:
+    return row.position_state in ("stale", "lost") and freshness(row.position_age_s) != "fresh"
 
 
 def _dot(view: MapView, p_enu: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,11 +7,13 @@ import pytest
 
 from gcs.snapshot import VehicleCondition
 from gcs.tui.draw.freshness import GONE_S, UNKNOWN, USABLE_M, aged, freshness, spread
-from gcs.tui.palette import FAINT, INK
+from gcs.tui.draw.ground_view import MapView
+from gcs.tui.draw.map_canvas import chart_cells
+from gcs.tui.palette import FAINT, INK, pack
 from gcs.tui.panes.fleet import COLUMNS, FleetPane
 from gcs.tui.panes.identity import IdentityPane
 from mavlink.state import SILENT_S
-from tests.support.fake_station import WIDE, FakeStation, polled, running, text_of
+from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
 
 OF_ITS_WORD = {
     "MODE": "AUTO",
@@ -90,3 +92,18 @@ async def test_a_vehicle_lost_for_minutes_shows_nothing_of_it_but_for_how_long()
         assert "lost 7m" in row and "lost 7m" in facts
         for word in ("AUTO", "armed", "RTK", "km", "114"):
             assert word not in row and word not in facts, word
+
+
+@pytest.mark.parametrize(("age_s", "word"), [(0.2, ""), (12.0, " lost 12s"), (420.0, " lost 7m")])
+def test_a_mark_on_the_map_is_dimmed_and_dated_with_its_place(age_s, word):
+    shown = make_snapshot()
+    row = replace(vehicle(age_s), std_m=4.0)
+    shown = replace(shown, vehicles=(shown.vehicles[0], row), boxes=(), footprint_enu=None)
+    view = MapView(east=-14.0, north=8.0, metres_per_dot=0.2, columns=60, rows=20)
+    cells = chart_cells(shown, 0, view)
+    text = "\n".join("".join(map(chr, line)) for line in cells.letter.tolist())
+    assert f"UGV-11{word}" in text and (word or "lost" not in text)
+    mark = cells.ink[10, 30]
+    assert (mark == pack(FAINT)) == bool(word)
+    dots = sum(0x2800 < letter < 0x2900 for letter in cells.letter.ravel())
+    assert (dots == 0) == bool(word), "neither heading nor 1σ of a place that is old"
