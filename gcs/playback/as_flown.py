@@ -19,6 +19,7 @@ from gcs.health.alarms import urgency
 from gcs.session.event_log import read_events
 from gcs.snapshot import Alarm, Event
 from infra.files.segments import segments
+from infra.session_format import EVENTS
 
 __all__ = ["FlownAlarm", "FlownReports"]
 
@@ -71,11 +72,17 @@ class FlownReports:
         self._shown: tuple[Event, ...] | None = None
 
     @classmethod
-    def read(cls, path: Path, start_us: int, stop_us: int) -> tuple[FlownReports, str]:
-        """Read all segments of ``events.jsonl``; also what could not be read, in words, empty when all could."""
+    def read(cls, recording: Path, start_us: int, stop_us: int) -> tuple[FlownReports, str]:
+        """Read all segments of ``events.jsonl``; also what could not be read, in words, empty when all could.
+
+        Args:
+            recording: a session's folder; a bare log has no events, whatever lies beside it.
+            start_us: see the class.
+            stop_us: see the class.
+        """
         events: list[Event] = []
         lost, trouble = 0, ""
-        for part in segments(path):
+        for part in segments(recording / EVENTS) if recording.is_dir() else ():
             try:
                 more, skipped = read_events(part)
             except OSError as error:
@@ -84,7 +91,7 @@ class FlownReports:
             events += more
             lost += skipped
         if lost and not trouble:
-            trouble = f"{path.name}: {lost} lines could not be read and were skipped"
+            trouble = f"{EVENTS}: {lost} lines could not be read and were skipped"
         return cls(events, start_us, stop_us), trouble
 
     @property

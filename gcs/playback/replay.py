@@ -29,7 +29,6 @@ from gcs.session.event_log import append_event, marks_path, read_events
 from gcs.session.session import Session
 from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.trails import Trail, Trails
-from infra.session_format import EVENTS
 from mavlink.geodesy import LocalFrame
 from vision.video.video import Frame, VideoFile
 
@@ -75,7 +74,7 @@ class Replay:
         self._decoded = _DecodedFrames(session, analysis.video)
         self._times = np.maximum.accumulate(analysis.times_us)
         first_us, last_us = int(analysis.known_us.min()), int(analysis.known_us.max())
-        self._reports, trouble = FlownReports.read(session.tlog.with_name(EVENTS), first_us, last_us)
+        self._reports, trouble = FlownReports.read(session.path, first_us, last_us)
         flown_us = [event.t_us for event in self._reports.flown]
         self._start_us, self._stop_us = min(first_us, *flown_us[:1], first_us), max(last_us, *flown_us[-1:], last_us)
         self._done = SnapshotStore()

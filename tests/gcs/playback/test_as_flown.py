@@ -169,6 +169,14 @@ def line_of(t_us, level, kind, system_id, text):
     return json.dumps({"time_us": t_us, "level": level, "kind": kind, "system_id": system_id, "text": text})
 
 
+def test_events_beside_a_bare_log_are_not_its_own(tmp_path):
+    (tmp_path / "events.jsonl").write_text(line_of(START_US, "alarm", "vehicle", 11, "UGV-11: no heartbeat") + "\n")
+    (tmp_path / "flight.tlog").write_bytes(b"")
+    for recording, events in ((tmp_path, 1), (tmp_path / "flight.tlog", 0)):
+        found, trouble = FlownReports.read(recording, START_US, START_US)
+        assert (len(found.flown), trouble) == (events, "")
+
+
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
     folder = fly(tmp_path_factory.mktemp("flown"), SCENARIO, HOLE)
