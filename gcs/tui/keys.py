@@ -163,10 +163,13 @@ REPLAY_HINTS: Final = (
 )
 PANE_HINTS: Final[Mapping[str, tuple[Hint, ...]]] = MappingProxyType(
     {
-        "video": (("↑↓", "pick"), ("s", "still"), ("z", "zoom")),
-        "map": (("+-0", "zoom"), ("c", "follow"), ("z", "whole screen")),
+        "video": (("↑↓", "pick"), ("=", "name"), ("s", "still"), ("z", "zoom")),
+        "map": (
+            *(("←↓↑→", "pan"), ("+-0", "zoom"), ("c", "follow"), ("r", "ruler"), ("T", "trails"), ("h", "home")),
+            ("z", "whole screen"),
+        ),
         "fleet": (("↑↓", "vehicle"), ("z", "all columns")),
-        "identity": (("↑↓", "pick"), ("x", "evidence"), ("z", "zoom")),
+        "identity": (("↑↓", "pick"), ("=", "name"), ("x", "evidence"), ("z", "zoom")),
         "alarms": (("↑↓", "alarm"), ("enter", "seen"), ("A", "all seen"), ("z", "zoom")),
         "events": (("↑↓", "scroll"), ("l", "level"), ("/", "search"), ("z", "zoom")),
     }
@@ -194,6 +197,7 @@ def signs_in(keys: str) -> dict[str, str]:
     """Each sign of a hint's keys, and the key that it is to Textual.
 
     Raises:
-        KeyError: Nothing is bound to one of them.
+        KeyError: One is neither a letter nor bound to anything.
     """
-    return {sign: _KEYS_BY_SIGN[sign] for sign in ([keys] if keys in _KEYS_BY_SIGN else keys)}
+    signs = [keys] if keys in _KEYS_BY_SIGN else keys
+    return {sign: sign if sign.isalpha() and len(sign) == 1 else _KEYS_BY_SIGN[sign] for sign in signs}

@@ -10,6 +10,7 @@ from rich.cells import cell_len
 from gcs.cli.output.console import Theme
 from gcs.snapshot import Standing
 from gcs.tui import RollcallApp
+from gcs.tui.draw.map_canvas import STANDING_MARKS
 from gcs.tui.palette import LINE, standing_colour, use_theme
 from gcs.tui.themes import BACKGROUNDS, THEMES, Colour, ThemeName
 from tests.support.fake_station import SMALL, WIDE, FakeStation
@@ -184,3 +185,22 @@ async def test_a_key_changes_the_theme_of_all_that_is_on_screen():
             assert THEMES[name].colours[Colour.PANEL] in papers
             other = THEMES["light" if name != "light" else "dark"].colours
             assert other[Colour.HEAD] not in papers
+
+
+async def test_without_colours_words_and_marks_tell_the_same(monkeypatch):
+    monkeypatch.setenv("NO_COLOR", "1")
+    app = RollcallApp(FakeStation(), graphics="blocks")
+    async with app.run_test(size=WIDE) as pilot:
+        await pilot.pause()
+        said = "\n".join("".join(text for text, *_ in row) for row in app.screen._compositor.render_strips())
+        fleet = app.query_one("#fleet")
+        shown = {
+            style.color.triplet
+            for strip in fleet.render_lines(fleet.region.reset_offset)
+            for _, style, _ in strip
+            if style and style.color and style.color.triplet
+        }
+        assert shown and all(red == green == blue for red, green, blue in shown)
+        for word in ("confirmed", "tentative", "coasting", "unknown", "out of view", "no position", "stale", "lost"):
+            assert word in said, word
+        assert all(mark in said for mark in STANDING_MARKS.values() if mark != "◎")
