@@ -25,6 +25,8 @@ __all__ = ["SlowTerminal"]
 STEP_S = 0.005
 QUESTIONS = {b"\x1b[5n": b"\x1b[0n", b"\x1b[c": b"\x1b[?64;1;2;6;22c", b"\x1b[?2026$p": b"\x1b[?2026;2$y"}
 """What is asked of this terminal, and what it replies."""
+NOT_PASSED = ("COLUMNS", "LINES", "TMUX", "STY", "SSH_CONNECTION", "TERM_PROGRAM", "VTE_VERSION")
+"""Of whoever starts this: not of this terminal."""
 IN_SESSION = """
 import fcntl, os, sys, termios
 os.setsid()
@@ -64,8 +66,8 @@ class SlowTerminal:
         self._rate, self._delay_s, self._replies = bytes_per_s, delay_s, replies
         self._lookahead = lookahead
         self.keeper, child = pty.openpty()
-        fcntl.ioctl(child, termios.TIOCSWINSZ, struct.pack("4H", size[1], size[0], 0, 0))
-        variables = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES", "TMUX")}
+        fcntl.ioctl(child, termios.TIOCSWINSZ, struct.pack("4H", size[1], size[0], 10 * size[0], 20 * size[1]))
+        variables = {name: value for name, value in os.environ.items() if name not in NOT_PASSED}
         self.process = subprocess.Popen(
             [*((sys.executable, "-c", IN_SESSION) if controls else ()), *map(str, words)],
             start_new_session=not controls,

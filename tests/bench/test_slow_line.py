@@ -33,7 +33,7 @@ if sys.argv[2] == "noise":
         return replace(station.snapshot, frame=frame, image=images[frame % 8])
     station.latest = latest
 with redirect_stderr(None):
-    ended = run(station, graphics="blocks")
+    ended = run(station, graphics=sys.argv[3])
 left = sorted(thread.name for thread in threading.enumerate() if thread.name.startswith("t"))
 with open(where, "w") as file:
     print(ended.code, ended.left, next(reads), *left, file=file)
@@ -46,8 +46,8 @@ KEY_BYTES = 15_000
 def begin(tmp_path):
     begun = []
 
-    def _begin(what="still", **line):
-        words = (sys.executable, "-c", SCRIPT, tmp_path / "end.txt", what)
+    def _begin(what="still", graphics="blocks", **line):
+        words = (sys.executable, "-c", SCRIPT, tmp_path / "end.txt", what, graphics)
         begun.append(SlowTerminal(words, folder=ROOT, **line))
         return begun[-1]
 
@@ -102,6 +102,19 @@ def test_late_replies_are_no_keys(begin, tmp_path):
     ):
         os.write(terminal.keeper, part)
         time.sleep(0.01)
+    since = terminal.press(b"f")
+    terminal.wait_for("▌".encode(), since)  # the help would be in the way
+    terminal.press(b"qq")  # asked, and yes
+    assert end_of(terminal, tmp_path)[:2] == ("0", "True")
+
+
+@pytest.mark.parametrize("delay_s", [0.06, 0.25])
+def test_a_key_at_the_start_and_replies_on_images_that_come_late_open_nothing(begin, tmp_path, delay_s):
+    terminal = begin(graphics="auto", delay_s=delay_s, environment={"VTE_VERSION": "7600"})
+    terminal.press(b"x")
+    terminal.wait_for(b"UGV-17")
+    assert b"\x1b[c" in terminal.shown, "it was asked"
+    time.sleep(0.6)
     since = terminal.press(b"f")
     terminal.wait_for("▌".encode(), since)  # the help would be in the way
     terminal.press(b"qq")  # asked, and yes

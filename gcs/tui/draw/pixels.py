@@ -1,14 +1,18 @@
 """The one door to textual-image: real pixels on kitty, sixel and iTerm2 terminals, nothing elsewhere.
 
-textual-image asks the terminal questions while it is imported, so it is imported here only, when an app is made and
-before it runs, and only when there is a terminal to ask. It has no iTerm2 images; those are here.
+What the terminal can is asked here, when an app is made and before it runs, and textual-image is imported only where it
+has images. It has no iTerm2 images; those are here.
 """
 
 from __future__ import annotations
 
 import base64
+import contextlib
+import fcntl
 import io
 import os
+import re
+import struct
 import sys
 import termios
 from collections.abc import Mapping
@@ -20,12 +24,20 @@ from numpy.typing import NDArray
 
 from gcs.tui.draw.mosaic import PictureMode
 from gcs.tui.draw.terminal_kind import ask_version, finest_grain, has_terminal, is_in_multiplexer
+from gcs.tui.terminal.question import ask
 
 __all__ = ["Graphics", "Pixels", "inline_image", "picture_mode", "pixel_images"]
 
 Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
 SHOW_INLINE = frozenset({"iTerm.app", "WarpTerminal"})
 """TERM_PROGRAM of terminals that show iTerm2's images, and in some versions neither kitty's nor sixels."""
+KITTY_QUESTION = b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\"
+KITTY_REPLY = re.compile(r"\x1b_Gi=31[^;]*;OK\x1b")
+CELL_QUESTION = b"\x1b[16t"
+CELL_REPLY = re.compile(r"\x1b\[6;(\d{1,4});(\d{1,4})t")
+ATTRIBUTES = re.compile(r"\x1b\[\?([\d;]*)c")
+USUAL_CELL = (10, 20)
+"""px, of a terminal that does not tell."""
 QUALITY = 85
 """Of JPEG: a third of PNG's size, and what it blurs is less than a camera's own coding does."""
 
@@ -56,19 +68,50 @@ def pixel_images(graphics: Graphics) -> Pixels | None:
     wanted = graphics == "pixels" or (graphics == "auto" and "SSH_CONNECTION" not in os.environ)
     if not wanted or not has_terminal():
         return None
+    kind, cell = _kind_of_images()
+    if kind is None:
+        return None
     try:
-        from textual_image import renderable
-        from textual_image import widget as widgets
-        from textual_image._terminal import get_cell_size
+        widgets = _textual_image(cell)
     except (ImportError, OSError, ValueError, ArithmeticError, RuntimeError, termios.error):
         return None
-    widget: Any = widgets.Image
-    if renderable.Image not in (renderable.SixelImage, renderable.TGPImage):
-        if not _shows_inline(os.environ):
-            return None
-        widget = _inline_widget()
-    size = get_cell_size()
-    return Pixels(widget=widget, cell_width=max(1, size.width), cell_height=max(1, size.height))
+    widget: Any = {"sixel": widgets.SixelImage, "kitty": widgets.TGPImage}.get(kind) or _inline_widget()
+    return Pixels(widget=widget, cell_width=cell[0], cell_height=cell[1])
+
+
+def _kind_of_images() -> tuple[Literal["sixel", "kitty", "inline"] | None, tuple[int, int]]:
+    """What this terminal replies on images, and width and height of its cells in px."""
+    assert sys.__stdin__ is not None and sys.__stdout__ is not None
+    replies = "".join(ask(sys.__stdin__.fileno(), sys.__stdout__.fileno(), KITTY_QUESTION + CELL_QUESTION))
+    attributes = ATTRIBUTES.search(replies)
+    if attributes and "4" in attributes[1].split(";"):
+        return "sixel", _cell_size(replies)
+    if KITTY_REPLY.search(replies):
+        return "kitty", _cell_size(replies)
+    return ("inline" if _shows_inline(os.environ) else None), _cell_size(replies)
+
+
+def _cell_size(replies: str) -> tuple[int, int]:
+    assert sys.__stdout__ is not None
+    with contextlib.suppress(OSError):
+        size = fcntl.ioctl(sys.__stdout__.fileno(), termios.TIOCGWINSZ, bytes(8))
+        rows, columns, wide, high = struct.unpack("4H", size)
+        if rows and columns and wide >= columns and high >= rows:
+            return wide // columns, high // rows
+    told = CELL_REPLY.search(replies)
+    return (max(1, int(told[2])), max(1, int(told[1]))) if told else USUAL_CELL
+
+
+def _textual_image(cell: tuple[int, int]) -> Any:  # noqa: ANN401  textual-image's module
+    """textual-image's widgets, without its own questions: they leave the ends of late replies behind as keys."""
+    terminal, sys.__stdout__ = sys.__stdout__, io.StringIO()  # type: ignore[misc, assignment]
+    try:
+        from textual_image import widget as widgets
+        from textual_image._terminal import CellSize, get_cell_size
+    finally:
+        sys.__stdout__ = terminal  # type: ignore[misc]
+    get_cell_size._result = CellSize(*cell)  # type: ignore[attr-defined]
+    return widgets
 
 
 def picture_mode(graphics: Graphics, colours: str | None) -> PictureMode:

@@ -5,18 +5,13 @@ Some draw sextants and octants themselves, without a font, as they draw boxes; t
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
-import select
 import sys
-import termios
-import time
-import tty
 from collections.abc import Callable, Mapping
 from typing import Final
 
 from gcs.tui.draw.mosaic import Grain
+from gcs.tui.terminal.question import ask
 
 __all__ = ["ask_version", "finest_grain", "has_terminal", "is_in_multiplexer"]
 
@@ -29,13 +24,10 @@ SEXTANTS_SINCE: Final[Mapping[str, Version]] = {
     "vte": (7000,),
     "wezterm": (20210814,),
 }
-QUESTION: Final = b"\x1b[>0q\x1b[c"
-"""XTVERSION, which few reply to, and the primary device attributes, which all do: then no other reply will come."""
-ATTRIBUTES: Final = re.compile(rb"\x1b\[\?[\d;]*c")
-VERSION: Final = re.compile(rb"\x1bP>\|([^\x1b]{1,100})\x1b\\")
+QUESTION: Final = b"\x1b[>0q"
+"""XTVERSION, which few reply to."""
+VERSION: Final = re.compile(r"\x1bP>\|([ -~]{1,100})\x1b\\")
 NAMED: Final = re.compile(r"(\w+)[ (]([\d.]+)")
-WAIT_S: Final = 0.3
-"""For the reply: a slow line's way and back. What comes later is taken for a reply by the screens too."""
 
 
 def finest_grain(environ: Mapping[str, str], ask: Callable[[], str]) -> Grain:
@@ -83,23 +75,8 @@ def ask_version(reads: int, writes: int) -> str:
         reads: file descriptor of its input.
         writes: of its output.
     """
-    reply = b""
-    with contextlib.suppress(OSError, termios.error):
-        before = termios.tcgetattr(reads)
-        try:
-            tty.setcbreak(reads, termios.TCSANOW)
-            os.write(writes, QUESTION)
-            until = time.monotonic() + WAIT_S
-            while not ATTRIBUTES.search(reply):
-                left_s = max(0.0, until - time.monotonic())
-                more = os.read(reads, 1024) if select.select([reads], [], [], left_s)[0] else b""
-                if not more:
-                    break
-                reply += more
-        finally:
-            termios.tcsetattr(reads, termios.TCSANOW, before)
-    found = VERSION.search(reply)
-    return found[1].decode("ascii", "replace") if found else ""
+    found = VERSION.search("".join(ask(reads, writes, QUESTION)))
+    return found[1] if found else ""
 
 
 def has_terminal() -> bool:

@@ -178,7 +178,7 @@ def test_the_grain_of_known_terminals(environ, reply, grain):
     ],
 )
 def test_the_terminal_is_asked_and_nothing_of_its_reply_is_left_to_be_read(reply, version, monkeypatch):
-    monkeypatch.setattr("gcs.tui.draw.terminal_kind.WAIT_S", 0.3 if reply else 0.02)
+    monkeypatch.setattr("gcs.tui.terminal.question.WAIT_S", 0.3 if reply else 0.02)
     keeper, child = pty.openpty()
     asked = []
 
