@@ -182,6 +182,22 @@ async def test_trails_of_a_replay_come_from_what_was_worked_out_not_from_what_wa
         assert "trail off" in text_of(chart) and text_of(chart).count("⠒") < drawn.count("⠒")
 
 
+async def test_trails_of_a_flight_are_what_was_shown():
+    station = FakeStation(live=True, snapshot=SNAPSHOT)
+    async with running(station, size=WIDE) as (app, pilot, _):
+        chart = app.query_one(MapPane)
+        for n in range(12):
+            rows = tuple(replace(row, p_enu=row.p_enu + 0.5 * n) for row in SNAPSHOT.vehicles)
+            station.snapshot = replace(SNAPSHOT, vehicles=rows, t_us=SNAPSHOT.t_us + n * 1_000_000)
+            await polled(app, pilot)
+        await pilot.press("M")
+        with_trails = text_of(chart)
+        await pilot.press("T", "T", "T")
+        without = text_of(chart)
+        dots = [sum(0x2800 < ord(letter) <= 0x28FF for letter in text) for text in (with_trails, without)]
+        assert "trail off" in without and dots[0] > dots[1]
+
+
 async def test_the_mouse_picks_zooms_and_pans():
     async with running(FakeStation(snapshot=SNAPSHOT), size=WIDE) as (app, pilot, _):
         chart = app.query_one(MapPane)
