@@ -14,10 +14,7 @@ from gcs.mission.mission import parse_mission
 from gcs.snapshot import Health
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.signing.streams import ticks_of
 from tests.support.flights import FIELD, T0, S
-from tests.support.signed_vehicles import Sender as Signed
-from tests.support.signed_vehicles import secret_of, verifier
 from vision.detect.detections import Detections
 
 UAV, UGV, OTHER = 1, 11, 12
@@ -282,57 +279,6 @@ def is_filmed_elsewhere():
     scene = Scene().run(8, filmed=True)
     scene.vehicles[1].shift_m = 15.0
     return scene.run(4, filmed=True).came
-
-
-# what a verifier says of what they send
-
-
-class Signs(Vehicle):
-    """Signs, with a key or another's, by a clock that lags."""
-
-    secret, lag_s, timed = secret_of(UGV), 0, True
-
-    def __post_init__(self):
-        super().__post_init__()
-        signed = Signed(self.system_id, secret=self.secret)
-        self.speaker._mav.signing = signed.mav.signing
-
-    def frames(self, t_us):
-        self.speaker._mav.signing.timestamp = ticks_of(t_us) - self.lag_s * 100_000
-        yield from super().frames(t_us)
-
-
-def judged(vehicle, *, keys=1):
-    vehicle.check = verifier(UGV).check
-    scene = Scene(vehicle)
-    scene.health = replace(scene.health, keys=keys, free_bytes=10**11)
-    return scene
-
-
-@raises("signature")
-def signs_with_another_key():
-    return judged(type("Forger", (Signs,), {"secret": secret_of(99)})(UGV)).run(3).came
-
-
-@raises("unsigned", "warning")
-def does_not_sign():
-    return judged(Vehicle(UGV)).run(3).came
-
-
-@raises("held")
-def was_signed_long_ago():
-    return judged(type("Late", (Signs,), {"lag_s": 1800})(UGV)).run(6).came
-
-
-@raises("replay")
-def is_played_again():
-    vehicle = Signs(UGV, "hpat")
-    kept = []
-    vehicle.extra = lambda speaker, t_us: kept.append(speaker.heartbeat()) or kept[-1:]
-    scene = judged(vehicle).run(15)
-    player = Vehicle(UGV, "", peer=99, check=vehicle.check, extra=lambda speaker, t_us: kept[:10])
-    scene.vehicles.append(player)
-    return scene.run(3).came
 
 
 @raises("unheard", "warning")

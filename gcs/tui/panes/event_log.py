@@ -41,10 +41,8 @@ def text_with_sender(event: Event, snapshot: Snapshot | None) -> str:
     if event.kind != "text":
         return event.text if name in event.text else f"{name}: {event.text}"
     said = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
-    if re.match(said, event.text):
-        return event.text
     # a flood is summed up by this program; older recordings have the words alone
-    return f"{name}: {event.text}" if re.match(SUMMED_UP + said, event.text) else f"{name} says: {event.text}"
+    return event.text if re.match(f"{SUMMED_UP}?{said}", event.text) else f"{name} says: {event.text}"
 
 
 def _rank(level: str) -> int:

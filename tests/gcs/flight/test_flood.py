@@ -73,7 +73,7 @@ def test_other_vehicles_are_heard_through_a_flood(pipeline):
             pipeline.add_packet(Packet(packet.t_us, other.frame(packet.t_us, HEARTBEAT, 10, 10, 3, 129, 4, 3)))
             pipeline.add_packet(Packet(packet.t_us, other.frame(packet.t_us, TEXT, 6, b"Reached waypoint #1")))
     said = {event.text for event in pipeline.add_frame(-1, packet.t_us).events if event.system_id == 12}
-    assert {"Reached waypoint #1", "rover 12 is there, AUTO"} <= said
+    assert {"UGV-12 says: Reached waypoint #1", "rover 12 is there, AUTO"} <= said
 
 
 def test_a_sender_that_falls_silent_is_summed_up_all_the_same(pipeline):

@@ -25,6 +25,7 @@ from infra.wall_clock import ClockWatch
 from mavlink.ingest.health import IngestHealth
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.protocol.packet import Packet
+from mavlink.signing.streams import ticks_of
 from mavlink.tlog.writer import TlogWriter
 from tests.support.alarm_scenes import CASES, MISSION, OTHER, UAV, UGV, Scene, Vehicle, raises
 from tests.support.faulty_disk import HangingDisk
@@ -32,6 +33,8 @@ from tests.support.flights import T0, S
 from tests.support.frames import heartbeats
 from tests.support.ports import free_port
 from tests.support.receiving import HOST, wait_for
+from tests.support.signed_vehicles import Sender as Signed
+from tests.support.signed_vehicles import secret_of, verifier
 from tests.support.video_senders import Sender as Camera
 from tests.support.video_senders import coded
 from tests.support.waiting import until
@@ -40,6 +43,57 @@ from vision.video.video import Frame
 
 RULES = (*VEHICLE_RULES, *CONDITION_RULES, *PAIR_RULES, *LINK_RULES, *STATION_RULES)
 LINE = Event(t_us=T0, level="info", kind="operator", text="a line of the event log")
+
+
+# what a verifier says of what they send
+
+
+class Signs(Vehicle):
+    """Signs, with a key or another's, by a clock that lags."""
+
+    secret, lag_s, timed = secret_of(UGV), 0, True
+
+    def __post_init__(self):
+        super().__post_init__()
+        signed = Signed(self.system_id, secret=self.secret)
+        self.speaker._mav.signing = signed.mav.signing
+
+    def frames(self, t_us):
+        self.speaker._mav.signing.timestamp = ticks_of(t_us) - self.lag_s * 100_000
+        yield from super().frames(t_us)
+
+
+def judged(vehicle, *, keys=1):
+    vehicle.check = verifier(UGV).check
+    scene = Scene(vehicle)
+    scene.health = replace(scene.health, keys=keys, free_bytes=10**11)
+    return scene
+
+
+@raises("signature")
+def signs_with_another_key():
+    return judged(type("Forger", (Signs,), {"secret": secret_of(99)})(UGV)).run(3).came
+
+
+@raises("unsigned", "warning")
+def does_not_sign():
+    return judged(Vehicle(UGV)).run(3).came
+
+
+@raises("held")
+def was_signed_long_ago():
+    return judged(type("Late", (Signs,), {"lag_s": 1800})(UGV)).run(6).came
+
+
+@raises("replay")
+def is_played_again():
+    vehicle = Signs(UGV, "hpat")
+    kept = []
+    vehicle.extra = lambda speaker, t_us: kept.append(speaker.heartbeat()) or kept[-1:]
+    scene = judged(vehicle).run(15)
+    player = Vehicle(UGV, "", peer=99, check=vehicle.check, extra=lambda speaker, t_us: kept[:10])
+    scene.vehicles.append(player)
+    return scene.run(3).came
 
 
 # what links, disks, cameras and this computer do

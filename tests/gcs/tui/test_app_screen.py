@@ -110,7 +110,7 @@ async def test_every_event_of_a_vehicle_says_whose_it_is_and_a_text_cannot_prete
         log = text_of(app.query_one(EventPane))
         assert "UGV-12: position not used" in log and " UGV-12 says: UGV-13: well" in log
         assert "UGV-12 says: UGV-12: no heartbeat" in log and " UGV-12 says: once" in log
-        assert " UGV-12: 512 more, most often: UGV-12 says: a × 9" in log
+        assert " 512 more, most often: UGV-12 says: a × 9" in log
         assert "UGV-12: late" in log and "UGV-12: UGV-12" not in log
 
 
