@@ -45,7 +45,7 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["CAMERA", "InjectedFaults", "RebootedEncoder", "fly"]
+__all__ = ["CAMERA", "InjectedFaults", "RebootedEncoder", "ScriptedDetector", "fly"]
 
 S = 1_000_000
 BATCH_US = 4_000
@@ -114,7 +114,7 @@ class _ScriptedLink:
         pass
 
 
-class _ScriptedDetector:
+class ScriptedDetector:
     """Returns the boxes that the script sets."""
 
     def __init__(self) -> None:
@@ -159,7 +159,7 @@ class _ScriptedFlight:
         self.memory = IngestMemory(self.memory_fd)
         self.links = [_ScriptedLink("first"), _ScriptedLink("second")]
         self.log, self.receiver = self._receive(None)
-        self.detector = _ScriptedDetector()
+        self.detector = ScriptedDetector()
         pipeline = Pipeline(self.mission, ("first", "second"), lambda link, peer: self.links[link].address(peer))
         fault_log = Faults(self.recorder.folder / "faults.txt")
         self.fold = FrameLoop(

@@ -27,9 +27,10 @@ SIZE = (80, 24)
 RECORDING = Path("sitl_logs/curved-road")
 FRAME_S = 0.5
 PICTURE = frozenset("▀▄█")
-HOME, DOWN, ESCAPE = b"\x1b[H", b"\x1b[B", b"\x1b"
+HOME, DOWN, ESCAPE, SPACE = b"\x1b[H", b"\x1b[B", b"\x1b", b" "
+PLAYING = "►"
 STEPS: tuple[tuple[bytes, float], ...] = (
-    (HOME, 5.0),  # video with names, fleet, log
+    (HOME, 4.0),  # video with names, fleet, log
     (DOWN, 1.0),
     (DOWN, 2.5),  # why a vehicle is the box that has its name
     (b"2", 2.0),  # the map
@@ -37,7 +38,7 @@ STEPS: tuple[tuple[bytes, float], ...] = (
     (b"1", 1.5),
     (b"?", 2.0),  # the keys
     (ESCAPE, 1.0),
-    (b" ", 1.0),  # paused
+    (SPACE, 1.0),  # paused
 )
 """Keys, and for how long to look, seconds."""
 Rows = Sequence[Sequence[Cell]]
@@ -51,6 +52,10 @@ def record(gcs: str, recording: Path) -> Iterator[tuple[float, str]]:
         copy = shutil.copytree(recording, Path(folder) / recording.name)
         with TerminalSession([gcs, "replay", str(copy), "--graphics", "blocks"], SIZE) as session:
             session.wait_for(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], 120.0)
+            session.press(HOME)
+            time.sleep(2 * FRAME_S)
+            if PLAYING not in session.catch_up():
+                session.press(SPACE)
             for keys, look_s in STEPS:
                 session.press(keys)
                 for _ in range(round(look_s / FRAME_S)):

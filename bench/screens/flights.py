@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.scripted import CAMERA, RebootedEncoder
+from bench.again.scripted import CAMERA, RebootedEncoder, ScriptedDetector
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
@@ -30,7 +30,7 @@ from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario, ScenarioFault, ScenarioGround
 from sim.world.world import World
 from vision.detect.detections import Detections
-from vision.stream.pace import STALL_S
+from vision.stream.pace import PACE_FRAMES, stall_after_s
 from vision.video.video import Frame
 
 __all__ = ["Moment", "Received", "Script", "Span", "fly"]
@@ -105,18 +105,8 @@ class Moment:
     """Standing of each ground vehicle at the newest frame, by system id."""
 
 
-class _ScriptedDetector:
-    """Returns the boxes that the script sets."""
-
-    def __init__(self) -> None:
-        self.boxes = Detections.empty()
-
-    def detect(self, image: NDArray[np.uint8], *, gsd_m: float | None = None) -> Detections:
-        return self.boxes
-
-
 @dataclass(frozen=True, slots=True, order=True)
-class _Datagram:
+class _ScriptedPacket:
     t_us: int
     number: int
     peer: int
@@ -126,10 +116,10 @@ class _Datagram:
 def fly(script: Script) -> Iterator[Moment]:
     """The moments of a flight at which its screen polls."""
     with tempfile.TemporaryDirectory() as folder:
-        yield from _Flight(script, Path(folder)).moments()
+        yield from _ScreenedFlight(script, Path(folder)).moments()
 
 
-class _Flight:
+class _ScreenedFlight:
     """One flight in simulated time."""
 
     def __init__(self, script: Script, folder: Path) -> None:
@@ -138,7 +128,7 @@ class _Flight:
         self.start_us = self.scenario.start_us
         self.now_us = self.start_us + round(TELEMETRY_FROM_S * S)
         self.mission = _mission(script, self.scenario)
-        self.detector = _ScriptedDetector()
+        self.detector = ScriptedDetector()
         self.recorder = Recorder(folder, self.mission, video=False)
         self.loop = FrameLoop(
             Pipeline(self.mission, ("udpin:0.0.0.0:14550", "/dev/ttyUSB0")),
@@ -150,6 +140,7 @@ class _Flight:
         )
         self.received: dict[int, Received] = {}
         self.named: dict[int, str] = {}
+        self.frames_us: list[int] = []
         self.packets = 0
         self.packet_us = self.frame_us = 0
 
@@ -174,7 +165,9 @@ class _Flight:
                 self._monitor()
             if newest is not None or self.now_us - turn_us >= IDLE_US:
                 turn_us = self.now_us
-                self.frame_us = newest.t_us if newest is not None else self.frame_us
+                if newest is not None:
+                    self.frame_us = newest.t_us
+                    self.frames_us.append(newest.t_us)
                 self.loop.run_once(newest)
             if self.now_us >= poll_us and self.loop.latest is not None:
                 poll_us += self.script.poll_us
@@ -191,7 +184,7 @@ class _Flight:
             named=dict(self.named),
         )
 
-    def _packet(self, datagram: _Datagram) -> Packet:
+    def _packet(self, datagram: _ScriptedPacket) -> Packet:
         self.packets += 1
         self.packet_us = datagram.t_us
         packet = Packet(datagram.t_us, datagram.raw, 0, datagram.peer)
@@ -211,8 +204,9 @@ class _Flight:
     def _monitor(self) -> None:
         script, at_s = self.script, (self.now_us - self.start_us) / S
         silent_s = (self.now_us - self.packet_us) / S if self.packet_us else float("inf")
+        stall_s = stall_after_s(self.frames_us[-PACE_FRAMES:])
         late_us = self.now_us - self.frame_us - round(script.latency_s * S)
-        video = "waiting" if not self.frame_us else "stalled" if late_us > round(STALL_S * S) else "ok"
+        video = "waiting" if not self.frame_us else "stalled" if late_us > stall_s * S else "ok"
         failing = script.disk_fails is not None and _within(script.disk_fails, at_s)
         if script.events is not None and _within(script.events, at_s):
             for k in range(20):
@@ -262,7 +256,7 @@ def _mission(script: Script, scenario: Scenario) -> Mission:
     return parse_mission({"uav": {"system_id": UAV_ID}, "ugv": ground, "camera": camera}, "mission")
 
 
-def _datagrams(script: Script, world: World) -> Iterator[_Datagram]:
+def _datagrams(script: Script, world: World) -> Iterator[_ScriptedPacket]:
     """All that is received, by time of arrival."""
     streams = [_fleet(script, world)]
     if script.impostor is not None:
@@ -272,7 +266,7 @@ def _datagrams(script: Script, world: World) -> Iterator[_Datagram]:
     return heapq.merge(*streams)
 
 
-def _fleet(script: Script, world: World) -> Iterator[_Datagram]:
+def _fleet(script: Script, world: World) -> Iterator[_ScriptedPacket]:
     rebooted = RebootedEncoder()
     for number, packet in enumerate(fleet_telemetry(world)):
         at_s = (packet.t_us - world.scenario.start_us) / S
@@ -282,10 +276,10 @@ def _fleet(script: Script, world: World) -> Iterator[_Datagram]:
             continue
         again = span is not None and at_s >= span[1] and system_id in script.restarted
         raw = rebooted.with_boot_time_reset(packet.raw) if again else packet.raw
-        yield _Datagram(packet.t_us, number, system_id + REBOOTED_PEERS * again, raw)
+        yield _ScriptedPacket(packet.t_us, number, system_id + REBOOTED_PEERS * again, raw)
 
 
-def _impostor(span: Span, world: World) -> Iterator[_Datagram]:
+def _impostor(span: Span, world: World) -> Iterator[_ScriptedPacket]:
     """The first ground vehicle's id, elsewhere."""
     scenario = world.scenario
     encoder = MavlinkEncoder(scenario.ugv_ids[0])
@@ -294,12 +288,12 @@ def _impostor(span: Span, world: World) -> Iterator[_Datagram]:
         t_us = scenario.start_us + round((span[0] + k / IMPOSTOR_HZ) * S)
         boot_ms = 900_000 + round(1000 * k / IMPOSTOR_HZ)
         raw = encoder.global_position_int(boot_ms, lat_deg, lon_deg, scenario.altitude_m, 0.0, (3.0, 0, 0), 0.0)
-        yield _Datagram(t_us, k, IMPOSTOR_PEER, raw)
+        yield _ScriptedPacket(t_us, k, IMPOSTOR_PEER, raw)
         if k % round(IMPOSTOR_HZ) == 0:
-            yield _Datagram(t_us + 1000, k, IMPOSTOR_PEER, encoder.heartbeat())
+            yield _ScriptedPacket(t_us + 1000, k, IMPOSTOR_PEER, encoder.heartbeat())
 
 
-def _texts(script: Script, world: World) -> Iterator[_Datagram]:
+def _texts(script: Script, world: World) -> Iterator[_ScriptedPacket]:
     """Texts of every severity; each tenth looks like an alarm about another vehicle."""
     assert script.texts is not None
     ids = world.scenario.ugv_ids
@@ -307,7 +301,7 @@ def _texts(script: Script, world: World) -> Iterator[_Datagram]:
     for k in range(round((script.texts[1] - script.texts[0]) * script.texts_hz)):
         t_us = world.scenario.start_us + round((script.texts[0] + k / script.texts_hz) * S)
         text, severity = (f"{victim}: no heartbeat", 2) if k % 10 == 0 else (f"EKF3 IMU{k % 3} text {k}", k % 8)
-        yield _Datagram(t_us, k, ids[-1], encoder.statustext(text, severity))
+        yield _ScriptedPacket(t_us, k, ids[-1], encoder.statustext(text, severity))
 
 
 def _frames(script: Script, world: World) -> Iterator[tuple[int, Frame, Detections]]:

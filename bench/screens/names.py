@@ -43,7 +43,7 @@ COUNT = re.compile(r"(?<!\S)\+(\d+)(?!\S)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Label:
+class _LabelText:
     """Letters that belong together."""
 
     x: int
@@ -80,7 +80,7 @@ def _names(snapshot: Snapshot) -> tuple[str, ...]:
     return tuple(row.name for row in snapshot.vehicles)
 
 
-def _labels(screen: Screen, pane: str) -> Iterator[_Label]:
+def _labels(screen: Screen, pane: str) -> Iterator[_LabelText]:
     """Runs of letters in one colour below a pane's heading."""
     left, top, width, height = screen.panes[pane]
     for y in range(top + 1, top + height):
@@ -91,7 +91,7 @@ def _labels(screen: Screen, pane: str) -> Iterator[_Label]:
             if not ends:
                 continue
             if text := row[start:x].replace("\0", "").strip():
-                yield _Label(x=start, y=y, text=text)
+                yield _LabelText(x=start, y=y, text=text)
             start = x if x < left + width and LABEL_LETTER.match(row[x]) else x + 1
 
 

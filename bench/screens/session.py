@@ -18,7 +18,7 @@ from typing import Self
 
 import psutil
 
-from bench.screens.terminal import Terminal
+from bench.screens.terminal import TerminalScreen
 
 __all__ = ["TerminalSession"]
 
@@ -37,7 +37,7 @@ class TerminalSession:
     """
 
     def __init__(self, command: Sequence[str], size: tuple[int, int], environment: Mapping[str, str] = {}) -> None:
-        self.terminal = Terminal(*size)
+        self.terminal = TerminalScreen(*size)
         self.written: list[tuple[float, bytes]] = []
         """What came, with the monotonic time."""
         self._fed = 0

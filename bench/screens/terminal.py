@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len
 
-__all__ = ["Cell", "Terminal"]
+__all__ = ["Cell", "TerminalScreen"]
 
 TOKEN = re.compile(
     r"\x1b\[(?P<parameters>[0-?]*)[ -/]*(?P<final>[@-~])"  # CSI
@@ -33,7 +33,7 @@ class Cell:
 BLANK = Cell()
 
 
-class Terminal:
+class TerminalScreen:
     """Cells, and where the next letter goes.
 
     Attributes:

@@ -44,7 +44,7 @@ PERIOD_US = 200_000
 """How often a place is drawn again of which nothing is known but its frame."""
 
 
-class Place(NamedTuple):
+class ReplayPlace(NamedTuple):
     """What is shown at a time."""
 
     store: SnapshotStore | None
@@ -277,7 +277,7 @@ class Replay:
         return int(np.searchsorted(self._times, t_us, side="right")) - 1
 
     def _play(self) -> None:
-        shown: Place | None = None
+        shown: ReplayPlace | None = None
         before = time.monotonic()
         while not self._stop.wait(TICK_S):
             now = time.monotonic()
@@ -290,16 +290,16 @@ class Replay:
                 self._show(place)
                 shown = place
 
-    def _place(self) -> Place:
+    def _place(self) -> ReplayPlace:
         """What is to be shown now."""
         t_us = self.now_us
         frame = self._frame_at(t_us)
         if len(self._done) and t_us <= self._reached_us:
-            return Place(self._done, max(self._done.place(t_us), 0), frame, self._finished)
+            return ReplayPlace(self._done, max(self._done.place(t_us), 0), frame, self._finished)
         provisional = self._preview.at(t_us)
         if provisional:
-            return Place(*provisional, frame, final=False)
-        return Place(None, t_us // PERIOD_US, frame, final=False)
+            return ReplayPlace(*provisional, frame, final=False)
+        return ReplayPlace(None, t_us // PERIOD_US, frame, final=False)
 
     def _advance(self, seconds: float) -> None:
         """Let time run, but not past what is worked out and not past the end."""
@@ -312,7 +312,7 @@ class Replay:
         if self._now_us >= self.stop_us:
             self._playing = False
 
-    def _show(self, place: Place) -> None:
+    def _show(self, place: ReplayPlace) -> None:
         frame = self._decoded.at(place.frame) if place.frame >= 0 else None
         image = frame.image if frame else None
         base = place.store.snapshot(place.number) if place.store else self._blank(place.frame, image)

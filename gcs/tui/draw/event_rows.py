@@ -60,7 +60,7 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
     Texts of other vehicles may lie within such a run, which stands at its newest event; another event of the same
     vehicle ends it. Alarms are never folded into other alarms: only equal ones, one after the other, are counted.
     """
-    runs: list[_Run | None] = []
+    runs: list[_EventRun | None] = []
     latest: dict[int, int] = {}
     """Index of each vehicle's latest run."""
     for event in events:
@@ -69,7 +69,7 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
         if run is not None and run.takes(event):
             runs[before] = None
         else:
-            run = _Run(event)
+            run = _EventRun(event)
         latest[event.system_id] = len(runs)
         runs.append(run)
     return [run.row for run in runs if run is not None]
@@ -89,7 +89,7 @@ def _template(text: str) -> tuple[str, Numbers]:
     return NUMBER.sub("\0", text), tuple((float(number), number) for number in NUMBER.findall(text))
 
 
-class _Run:
+class _EventRun:
     """Events that become one row."""
 
     def __init__(self, event: Event) -> None:
