@@ -38,8 +38,10 @@ left = sorted(thread.name for thread in threading.enumerate() if thread.name.sta
 with open(where, "w") as file:
     print(ended.code, ended.left, next(reads), *left, file=file)
 """
-KEY_BYTES = 15_000
-"""What may come to a terminal between a key and its answer: at 60 kB/s a quarter of a second."""
+QUEUED_BYTES = 15_000
+"""What may be on its way to a terminal: at 60 kB/s a quarter of a second."""
+ANSWER_BYTES = 150_000
+"""What may come between a key and its answer on a machine that is busy: of queued pictures it would be megabytes."""
 
 
 @pytest.fixture
@@ -72,9 +74,9 @@ def test_pictures_that_a_slow_line_cannot_carry_are_dropped_and_keys_are_answere
         assert until(lambda before=before: terminal.shown.count(b"\x1b[") > before + 3000)
         since = terminal.press(key)
         if replies:
-            assert terminal.queued <= KEY_BYTES
+            assert terminal.queued <= QUEUED_BYTES
         terminal.wait_for("▌".encode(), since)
-        assert terminal.shown.find("▌".encode(), since) - since <= (KEY_BYTES if replies else 10 * KEY_BYTES), answer
+        assert terminal.shown.find("▌".encode(), since) - since <= ANSWER_BYTES, answer
     terminal.press(b"qq")  # asked, and yes
     assert end_of(terminal, tmp_path)[:2] == ("0", "True")
 
