@@ -38,7 +38,13 @@ class LeaveFlight(ModalScreen[Leave]):
         with Vertical():
             yield Static(Text("End the flight and seal the recording?", ink(ACCENT, HEAD, bold=True)), markup=False)
             yield Static(Text("y or q   end the flight and seal the recording", ink(INK, HEAD)), markup=False)
-            yield Static(Text("l        leave the screen only: the flight goes on", ink(INK, HEAD)), markup=False)
+            yield Static(
+                Text(
+                    "l        leave the screen: the flight goes on, and\n         gcs fly --attach shows it again",
+                    ink(INK, HEAD),
+                ),
+                markup=False,
+            )
             yield Static(Text("n        stay", ink(FAINT, HEAD)), markup=False)
 
     def action_answer(self, answer: Leave) -> None:

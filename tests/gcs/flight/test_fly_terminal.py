@@ -50,7 +50,7 @@ def test_a_flight_goes_on_when_its_terminal_is_closed(begin, extra, shown):
 
 
 def test_a_screen_that_breaks_ends_no_flight(tmp_path, monkeypatch, capsys):
-    def broken(flight, graphics, *, bell):
+    def broken(*_, **__):
         threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT)).start()
         raise ValueError("no such colour")
 
@@ -78,7 +78,7 @@ def test_a_signal_to_end_seals_what_the_screen_shows(begin):
 
 
 def test_a_screen_that_is_left_ends_no_flight_and_its_marks_are_kept(tmp_path, monkeypatch, capsys):
-    def left(flight, graphics, *, bell):
+    def left(flight, *_, **__):
         flight.mark(1_795_170_792_000_000, "take-off", 11)
         threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
         return Ended(code=0, left=False)
