@@ -56,6 +56,7 @@ def test_a_screen_that_breaks_ends_no_flight(tmp_path, monkeypatch, capsys):
 
     monkeypatch.setattr("gcs.tui.run", broken)
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
     (tmp_path / "mission.toml").write_text(MISSION)
     began = time.monotonic()
     fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
@@ -85,6 +86,7 @@ def test_a_screen_that_is_left_ends_no_flight_and_its_marks_are_kept(tmp_path, m
 
     monkeypatch.setattr("gcs.tui.run", left)
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True)
     (tmp_path / "mission.toml").write_text(MISSION)
     fly(tmp_path / "mission.toml", link=[f"udpin:127.0.0.1:{free_port()}"], sessions=tmp_path / "sessions")
     (session,) = (tmp_path / "sessions").iterdir()
