@@ -270,6 +270,8 @@ class Health:
     """``waiting`` for the first frame, ``ok``, ``stalled``, ``ended``, ``none``."""
     links: tuple[LinkHealth, ...] = ()
     recorded_bytes: int = 0
+    recording_since_us: int = 0
+    """When the flight's recording began, Unix µs; 0 without one."""
     free_bytes: int = 0
     time_offset_s: float = 0.0
     """Video time minus telemetry time, declared and estimated."""

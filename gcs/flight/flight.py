@@ -113,7 +113,9 @@ class Flight:
         self._rates = MessageRates(None, mission.uav.system_id, mission.ugv_ids, uav_rates=rates)
         self._faults = Faults(self._recorder.folder / "faults.txt")
         self._loop = FrameLoop(self._pipeline, detector, self._recorder, self._faults, on_snapshot)
-        self._loop.health = Health(free_bytes=self._recorder.free_bytes, keys=len(self._ring))
+        self._loop.health = Health(
+            free_bytes=self._recorder.free_bytes, recording_since_us=self._recorder.began_us, keys=len(self._ring)
+        )
         for system_id in plan.accept_late:
             self._add_operator_event(system_id, "signed packets are accepted without a proof in this flight")
         self._stop = threading.Event()

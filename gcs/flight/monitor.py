@@ -92,6 +92,7 @@ class FlightMonitor:
             undecoded=stream.undecoded if stream else 0,
             links=tuple(map(_link, ingest.links)),
             recorded_bytes=recorder.bytes,
+            recording_since_us=recorder.began_us,
             free_bytes=recorder.free_bytes,
             full_in_s=recorder.full_in_s,
             write_failing_s=worst.failing_s,

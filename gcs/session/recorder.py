@@ -58,6 +58,7 @@ class Recorder:
     Attributes:
         folder, tlog_path, video_path: where it all goes; the processes of links and video write the latter two; no
             video_path without a camera.
+        began_us: when it was made, Unix µs.
         full_in_s: until the disk is full if it fills up as in the last minute, inf unknown.
 
     Raises:
@@ -77,6 +78,7 @@ class Recorder:
         self.video_path = self.folder / "video.mkv" if video else None
         self.tlog_path = self.folder / LOG
         self.full_in_s = math.inf
+        self.began_us = now_us()
         self._files: list[LineFile] = []
         self._frames: LineFile | None = None
         self._detections: LineFile | None = None

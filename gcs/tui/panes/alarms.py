@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import ClassVar, Final
 
@@ -11,15 +12,15 @@ from textual.binding import Binding, BindingType
 from textual.reactive import reactive
 from textual.strip import Strip
 
+from gcs.health.station_alarms import first_of
 from gcs.snapshot import Alarm
-from gcs.tui.draw.alarm_groups import Group, advice_of, alike, text_of
-from gcs.tui.draw.format import age, plain
+from gcs.tui.draw.format import REPORTED_WORDS, age, plain
 from gcs.tui.draw.strips import Part, folded, line
 from gcs.tui.messages import AlarmsSeen, VehiclePicked
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, PANEL, PICKED, WARN, ink, level_colour
 from gcs.tui.panes.pane import Pane
 
-__all__ = ["AlarmPane", "Seen", "alarm_counts", "count_parts", "token", "unseen"]
+__all__ = ["AlarmPane", "Seen", "alarm_counts", "alike", "count_parts", "text_of", "token", "unseen"]
 
 ADVICE_INDENT: Final = "    "
 HANGING_FROM: Final = 60
@@ -27,6 +28,9 @@ HANGING_FROM: Final = 60
 CUT: Final = "    … z: the whole screen"
 """In place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
+Group = tuple[Alarm, ...]
+"""At least one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not twenty
+rows, a vehicle in trouble is not five."""
 Seen = frozenset[tuple[str, int, str]]
 """Acknowledged alarms: key, since when, level. One that comes again, or gets worse, is a new one."""
 
@@ -186,3 +190,50 @@ def count_parts(loud: int, quiet: int) -> list[Part]:
     if quiet:
         parts.append((f"{quiet} warning{'s' if quiet > 1 else ''} ", ink(WARN, HEAD)))
     return parts
+
+
+def alike(alarms: Iterable[Alarm]) -> tuple[Group, ...]:
+    """What several vehicles have alike is one group, all else of one vehicle another; in order of their first alarm."""
+    alarms = tuple(alarms)
+    shared: dict[tuple[str, ...], list[Alarm]] = {}
+    for alarm in alarms:
+        shared.setdefault(_what(alarm), []).append(alarm)
+    groups: dict[object, list[Alarm]] = {}
+    for alarm in alarms:
+        several = len(shared[_what(alarm)]) > 1 or not alarm.system_id
+        # its own words are not among what was found out about it
+        own = (alarm.system_id, alarm.kind == "text", alarm.reported)
+        groups.setdefault(_what(alarm) if several else own, []).append(alarm)
+    return tuple(map(tuple, groups.values()))
+
+
+def text_of(group: Group) -> str:
+    """``UGV-1, UGV-2: no heartbeat`` with the first few names where there are many; ``UGV-1: this; that``."""
+    if group[0].reported:
+        return REPORTED_WORDS[group[0].reported] + text_of(tuple(replace(alarm, reported="") for alarm in group))
+    if len(group) == 1:
+        return group[0].text
+    names = dict.fromkeys(_parts(alarm)[0] for alarm in group)
+    troubles = dict.fromkeys(_trouble(alarm) for alarm in group)
+    says = " says" if group[0].kind == "text" else ""
+    return f"{first_of(list(names))}{says}: {'; '.join(troubles)}"
+
+
+def advice_of(group: Group) -> str:
+    """What to do about each of its troubles, the worst first."""
+    return "; ".join(dict.fromkeys(alarm.advice for alarm in group))
+
+
+def _what(alarm: Alarm) -> tuple[str, ...]:
+    return alarm.level, alarm.kind, alarm.advice, alarm.reported, _trouble(alarm) if alarm.system_id else alarm.key
+
+
+def _trouble(alarm: Alarm) -> str:
+    """The text after the vehicle's name."""
+    return _parts(alarm)[1] or alarm.key
+
+
+def _parts(alarm: Alarm) -> tuple[str, str]:
+    """Whose alarm it is, and what."""
+    whose, _, what = alarm.text.partition(" says: " if alarm.kind == "text" else ": ")
+    return whose, what

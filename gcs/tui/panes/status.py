@@ -86,19 +86,13 @@ class StatusBar(Widget):
     def __init__(self, *, live: bool, id: str) -> None:
         super().__init__(id=id)
         self._live = live
-        self._first_us = 0
-
-    def watch_snapshot(self, snapshot: Snapshot | None) -> None:
-        """Elapsed time counts from the first snapshot."""
-        if snapshot is not None and not self._first_us:
-            self._first_us = snapshot.now_us
 
     def render_line(self, y: int) -> Strip:
         """Program and title on the left, all else on the right, troubles first."""
-        return status_line(self.snapshot, self.size.width, live=self._live, title=self.title, since_us=self._first_us)
+        return status_line(self.snapshot, self.size.width, live=self._live, title=self.title)
 
 
-def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str = "", since_us: int = 0) -> Strip:
+def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str = "") -> Strip:
     """The bar in so many cells.
 
     Args:
@@ -106,13 +100,12 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
         width: Of the strip.
         live: A flight, not a replay.
         title: What is flown or replayed.
-        since_us: When the recording began.
     """
     program = (("ROLLCALL" if live else "REPLAY", ink(BRIGHT, HEAD, bold=True)),)
     ends = [Item(rank=Rank.PROGRAM, forms=(program,))]
     if title:
         ends.append(_item(Rank.TITLE, FAINT, plain(title)))
-    items = [] if snapshot is None else _items(snapshot, live=live, since_us=since_us)
+    items = [] if snapshot is None else _items(snapshot, live=live)
     gap: Part = (" " * GAP, ink(FAINT, HEAD))
     left: list[Part] = [(" ", ink(FAINT, HEAD))]
     right: list[Part] = []
@@ -128,25 +121,27 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     return split_line(left, right, width)
 
 
-def _items(snapshot: Snapshot, *, live: bool, since_us: int) -> list[Item]:
+def _items(snapshot: Snapshot, *, live: bool) -> list[Item]:
     """In the order they have while nothing is wrong; troubles go before them."""
     health = snapshot.health
     items = [_names(snapshot)]
     if live:
         size = _item(Rank.SIZE, INK, bytes_text(health.recorded_bytes))
-        items = [_recording(snapshot, since_us), *_open(health), size, *items, _links(health), *_links_named(health)]
+        items = [_recording(snapshot), *_open(health), size, *items, _links(health), *_links_named(health)]
         items += [] if health.write_failing_s > 0 else [_disk(health)]
         items.append(_item(Rank.CLOCK, INK, clock(snapshot.now_us)))
     items += [_video(snapshot), *_alarms(snapshot)]
     return sorted(items, key=lambda item: min(item.rank, Rank.RECORDING))
 
 
-def _recording(snapshot: Snapshot, since_us: int) -> Item:
-    since, failing_s = duration((snapshot.now_us - since_us) / 1e6), snapshot.health.write_failing_s
+def _recording(snapshot: Snapshot) -> Item:
+    health = snapshot.health
+    since = duration(max(0, snapshot.now_us - health.recording_since_us) / 1e6) if health.recording_since_us else ""
+    failing_s = health.write_failing_s
     if failing_s > 0:
         fails = f"DISK FAILS {age(failing_s)}"
         text = "NOT RECORDING"
-        return _item(Rank.DISK_TROUBLE, ALARM, f"{text} {since}, {fails}", f"{text}, {fails}", text)
+        return _item(Rank.DISK_TROUBLE, ALARM, f"{text} {since}".rstrip() + f", {fails}", f"{text}, {fails}", text)
     mark, time = ("● REC", ink(ALARM, HEAD, bold=True)), (f" {since}", ink(INK, HEAD))
     return Item(rank=Rank.RECORDING, forms=((mark, time), (mark,), (("REC", mark[1]),)))
 

@@ -9,7 +9,7 @@ import pytest
 from gcs.health.alarms import Alarms
 from gcs.limits import Limits
 from gcs.snapshot import Health, VehicleCondition, VehicleRow
-from gcs.tui.draw.alarm_groups import alike, text_of
+from gcs.tui.panes.alarms import alike, text_of
 from tests.support.fake_station import START_US, make_snapshot
 
 WELL = VehicleCondition(

@@ -8,7 +8,7 @@ import pytest
 from gcs.health.text_alarms import GONE_US, MOST_TEXTS
 from gcs.session.event_log import event_row
 from gcs.snapshot import Alarm, Event
-from gcs.tui.draw.alarm_groups import alike, text_of
+from gcs.tui.panes.alarms import alike, text_of
 from mavlink.protocol.packet import Auth
 from tests.support.alarm_scenes import OTHER, UGV, Scene, Vehicle
 from tests.support.flights import S

@@ -7,7 +7,7 @@ import pytest
 
 from gcs.snapshot import Alarm
 from gcs.tui.panes.status import status_line
-from tests.support.fake_station import NAN, START_US, make_snapshot
+from tests.support.fake_station import NAN, make_snapshot
 
 WIDTHS = range(60, 201)
 BASE = make_snapshot(live=True)
@@ -51,7 +51,7 @@ def said(state, width):
     changes = RECORDING[recording] | LINKS[links] | VIDEO[video]
     health = replace(BASE.health, keys=keys, **changes)
     snapshot = replace(BASE, alarms=alarms(*ALARMS[count]), health=health)
-    return status_line(snapshot, width, live=True, title="2026-11-20_10-33-12Z", since_us=START_US)
+    return status_line(snapshot, width, live=True, title="2026-11-20_10-33-12Z")
 
 
 def words_of(text):
