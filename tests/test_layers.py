@@ -34,7 +34,7 @@ def test_tests_stand_on_their_support_alone_and_only_those_of_benches_on_benches
         others = {name for name in modules if name.startswith("tests.") and not name.startswith("tests.support.")}
         assert not others, f"{path}: {others}"
         of_benches = {name for name in modules if name.partition(".")[0] == "bench"}
-        assert not of_benches or path.parent == Path("tests/bench"), f"{path}: {of_benches}"
+        assert not of_benches or path.is_relative_to("tests/bench"), f"{path}: {of_benches}"
 
 
 def test_every_package_says_what_it_is_for():

@@ -17,7 +17,7 @@ __all__ = ["AttackedStation", "StationError", "key_of", "mission_text", "write_k
 
 START_S, END_S = 40.0, 40.0
 """Patience with a flight that begins, and with one that seals its recording."""
-_BEGUN = re.compile(r"recording in (.*); stop with")
+_BEGUN = re.compile(r"recording in (.*): stop with")
 
 
 class StationError(RuntimeError):

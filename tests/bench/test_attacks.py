@@ -29,7 +29,7 @@ folder.mkdir(parents=True)
 for name in ("telemetry.tlog", "events.jsonl"):
     (folder / name).touch()
 signal.signal(signal.SIGINT, lambda *_: sys.exit(0))
-print(f"recording in {{folder}}; stop with Ctrl-C", flush=True)
+print(f"recording in {{folder}}: stop with Ctrl-C", flush=True)
 signal.pause()
 """
 """A station that begins a recording and receives nothing."""

@@ -202,7 +202,7 @@ def test_an_operator_believes_a_held_vehicle_by_a_key_and_a_second_one(tmp_path)
     try:
         terminal.read_until(b"NAME")
         (session,) = terminal.sessions.iterdir()
-        speaks_until(lambda seen: b"held: nothing proves" in seen)
+        speaks_until(lambda seen: b"its packets are held" in seen)
         os.write(terminal.keeper, b"b")
         speaks_until(lambda seen: b"Accept" in seen)
         os.write(terminal.keeper, b"y")
