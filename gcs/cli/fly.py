@@ -135,7 +135,7 @@ def fly(
         accept_late=_check_vehicles(accept_late or (), loaded),
     )
     calls = RollCall(loaded)
-    with _telling_of_another(links):
+    with _naming_own_flight(links):
         flight = Flight(plan, calls.add)
     sealing = _check_folders(flight, sessions, screen=screen)
     door = AttachServer(flight.folder, links)
@@ -225,14 +225,14 @@ def _gone_on(flight: Flight, why: str) -> str:
 
 
 @contextlib.contextmanager
-def _telling_of_another(links: Sequence[str]) -> Iterator[None]:
-    """A link that is not to be had because a flight of this user has it is shown another way."""
+def _naming_own_flight(links: Sequence[str]) -> Iterator[None]:
+    """A link that a flight of this user has: the error names that flight and how to show it."""
     try:
         yield
     except LinkError as error:
         if (flying := flies_on(links)) is not None:
-            told = f"your flight in {flying.folder} has it, and gcs fly --attach shows its screens here"
-            raise LinkError(f"{error}; {told}") from error
+            hint = f"your flight in {flying.folder} has it, and gcs fly --attach shows its screens here"
+            raise LinkError(f"{error}; {hint}") from error
         raise
 
 

@@ -1,4 +1,4 @@
-"""Notices of the fleet as events: a vehicle's own words are told as such, with who says them."""
+"""Notices of the fleet as events: a vehicle's own words are marked as such, with the sender."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportedAlarm:
-    """An alarm that an event tells of."""
+    """An alarm that an event reports."""
 
     rule: AlarmRule[Any]
     key: str
@@ -52,7 +52,7 @@ _WORKED_OUT = frozenset({"unheard", "video", "video clock"})
 
 @lru_cache(maxsize=4096)
 def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None:
-    """The alarm that such an event tells of; None: this program words none like that, or logs it elsewhere."""
+    """The alarm that such an event reports; None: this program words none like that, or logs it elsewhere."""
     best: tuple[int, ReportedAlarm] | None = None
     tables: tuple[Rules, ...] = (
         (VEHICLE_RULES, CONDITION_RULES) if system_id else (STATION_RULES, LINK_RULES, PAIR_RULES)

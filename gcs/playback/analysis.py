@@ -215,7 +215,7 @@ class Analysis:
         Args:
             flown: What the flight reported, in order of time: the recording lasts at least so long, and alarms that
                 were acknowledged then are.
-            provisional_from_us: Begin some seconds before this time: names are provisional, and no alarm is told. None:
+            provisional_from_us: Begin some seconds before this time, with provisional names and no alarms. None:
                 from the start.
 
         Yields:

@@ -1,6 +1,6 @@
 """What a flight itself reported, from its ``events.jsonl``, beside what a replay works out again.
 
-Both are shown where they differ. An event of either counts as the other's when it tells the same of the same vehicle at
+Both are shown where they differ. An event of either counts as the other's when it says the same of the same vehicle at
 about the same time; an alarm, when both have it at about the same time.
 """
 
@@ -28,7 +28,7 @@ SAME_US: Final = 5_000_000
 WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
 """Kinds of events that a replay works out again; the others tell of links, disks and people."""
 HELD_S: Final = 50
-"""An alarm is over so long after its last sign, at most; its event tells how long it lasted until that."""
+"""An alarm is over so long after its last sign, at most; its event says how long it lasted until that."""
 MOST_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
 """Events that are farther from all packets and frames are from a clock that was wrong."""
@@ -150,7 +150,7 @@ class FlownReports:
         return self._shown
 
     def alarms(self, t_us: int, found: Sequence[Alarm]) -> tuple[Alarm, ...]:
-        """Alarms on at a moment, the worst and newest first; where flight and replay differ, it is told whose they are.
+        """Alarms on at a moment, the worst and newest first; where flight and replay differ, each says whose it is.
 
         Args:
             t_us: the moment.
@@ -202,7 +202,7 @@ def _is_about(t_us: int, since_us: int, until_us: int) -> bool:
 
 
 def _gist(event: Event) -> tuple[str, int, str]:
-    """What an event tells, without how sure it is."""
+    """What an event says, without how sure it is."""
     text = event.text
     if event.kind == "text":
         text = text.partition(" says: ")[2] or text
@@ -214,7 +214,7 @@ def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
 
     Args:
         events: of the flight, in order.
-        end_us: of the flight: until then alarms last that are not told to be over.
+        end_us: of the flight: until then alarms last that no event ends.
     """
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
@@ -244,7 +244,7 @@ def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
 def _key_of_over(on: dict[str, FlownAlarm], event: Event, text: str, lasted_s: int) -> str:
     """Which alarm is over, empty for none of those that are on.
 
-    Its words may have changed since it came: then what it is about tells, or when it must have come.
+    Its words may have changed since it came: then what it is about decides, or when it must have come.
     """
     alike = {
         key: flown.alarm

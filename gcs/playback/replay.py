@@ -85,7 +85,7 @@ class Replay:
         """Marks and what else the operator did, in order of time."""
         if trouble:
             self.add_event(Event(t_us=first_us, level="warning", kind="recording", text=trouble))
-        self._told: tuple[Event, ...] = ()
+        self._reported: tuple[Event, ...] = ()
         self._events: tuple[Event, ...] = ()
         self._latest: Snapshot | None = None
         self._stop = threading.Event()
@@ -169,10 +169,10 @@ class Replay:
     def events(self) -> Sequence[Event]:
         """What the flight reported and what was found so far, also ahead of the place on show."""
         with self._lock:
-            told = self._reports.events()
-            if told is not self._told or len(self._events) != len(told) + len(self._added):
-                self._told = told
-                self._events = tuple(sorted((*told, *self._added), key=lambda event: event.t_us))
+            reported = self._reports.events()
+            if reported is not self._reported or len(self._events) != len(reported) + len(self._added):
+                self._reported = reported
+                self._events = tuple(sorted((*reported, *self._added), key=lambda event: event.t_us))
             return self._events
 
     def play(self) -> None:

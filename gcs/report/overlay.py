@@ -54,7 +54,7 @@ STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
         "no new frame": (233, 236, 240),
     }
 )
-"""Far enough apart to be told from each other without red, green or blue cones, and bright enough on the dark."""
+"""Far enough apart to be distinguished without red, green or blue cones, and bright enough on the dark."""
 DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
 FAR_MS: Final = 250_000_000_000_000

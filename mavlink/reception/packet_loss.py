@@ -2,7 +2,7 @@
 
 A hole in the sequence numbers is not always a loss: routers pass on some message types only, recordings keep some, and
 messages of unknown dialects or without a signature are rejected. What a vehicle sends regularly distinguishes them: a
-lossy link swallows heartbeats and attitudes as well, a filter swallows none of those it lets pass.
+lossy link loses heartbeats and attitudes as well, a filter drops none of the types that it lets pass.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ VARIABLES = (
     *("TERM", "COLORTERM", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "LC_TERMINAL", "VTE_VERSION", "NO_COLOR"),
     *("TMUX", "STY", "SSH_CONNECTION", "COLUMNS", "LINES"),
 )
-"""What a terminal tells programs of itself: the flight has those of another one, or none."""
+"""What a terminal says of itself in the environment: the flight has those of another one, or none."""
 
 
 class Flying(msgspec.Struct, frozen=True, kw_only=True):

@@ -21,7 +21,7 @@ Freshness = Literal["fresh", "old", "gone"]
 GONE_S: Final = 60.0
 """At 1 m/s a vehicle has left the picture by then, and its mode may have changed: nothing of it holds any more."""
 USABLE_M: Final = 100.0
-"""A wider 1σ is larger than most pictures' ground and tells no place."""
+"""A wider 1σ is larger than what most pictures show of the ground: no place is known."""
 UNKNOWN: Final = "–"
 
 

@@ -48,7 +48,7 @@ STANDING_MARKS: Final[Mapping[Standing, str]] = MappingProxyType(
         "no new frame": "◎",
     }
 )
-"""One for each, so that a standing is told without its colour."""
+"""One for each, so that a standing is known without its colour."""
 UAV_MARK: Final = "◆"
 BOX_MARK: Final = "?"
 NOSE_DOTS: Final = 7.0

@@ -25,7 +25,7 @@ HOME_MARK: Final = "⌂"
 FADES: Final = (0.85, 0.65, 0.45, 0.3)
 """Strength of a trail's four quarters, from now back."""
 FENCE_EVERY: Final = 3.0
-"""Dots between those of a fence: it is told from boxes and circles by its gaps."""
+"""Dots between those of a fence: its gaps distinguish it from boxes and circles."""
 
 Place = tuple[float, float]
 """East, north, metres."""

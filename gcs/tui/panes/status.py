@@ -96,7 +96,7 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
     """The bar in so many cells.
 
     Args:
-        snapshot: What it tells, None before the first.
+        snapshot: What it shows, None before the first.
         width: Of the strip.
         live: A flight, not a replay.
         title: What is flown or replayed.

@@ -59,7 +59,7 @@ def _lines(entry: Entry, width: int) -> Iterator[list[Part]]:
 
 
 class HelpPage(Widget):
-    """One page at a time, under a heading and over a row that tells how to turn."""
+    """One page at a time, under a heading and over a row that says how to turn."""
 
     def __init__(self, blocks: Sequence[Block]) -> None:
         """Show help.

@@ -41,7 +41,7 @@ def by_time(folder, tmp_path):
 
 
 def told(snapshot):
-    """What a screen tells of vehicles, names and alarms; whether the video stalls is no part of a scripted flight."""
+    """What a screen shows of vehicles, names and alarms; whether the video stalls is no part of a scripted flight."""
     rows = [
         (row.system_id, row.standing, row.track_id, row.confidence, row.position_state, row.heartbeat_age_s)
         for row in snapshot.vehicles

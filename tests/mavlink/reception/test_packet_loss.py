@@ -1,4 +1,4 @@
-"""The loss that is told is what the way swallows: not what a filter leaves out, nor what an old channel once lost."""
+"""The loss that is reported is what the link loses: not what a filter leaves out, nor what an old channel once lost."""
 
 import math
 import random

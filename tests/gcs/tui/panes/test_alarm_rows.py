@@ -24,7 +24,7 @@ def alarms(count):
             key=f"vehicle {i}",
             level="alarm" if i % 2 else "warning",
             kind="vehicle",
-            text=f"UGV-{i}: trouble number {i} of those that need more than one row to be told on a small screen",
+            text=f"UGV-{i}: trouble number {i} of those that need more than one row to be shown on a small screen",
             advice=f"{ADVICE} ({i})",
             since_us=t_us - 5_000_000,
             system_id=i,

@@ -1,4 +1,4 @@
-"""What of a recording is not analysed, provisional, or told by the flight or its replay alone, is told as that."""
+"""What is not analysed, provisional, or reported by the flight or its replay alone is marked as that on the screens."""
 
 from __future__ import annotations
 
