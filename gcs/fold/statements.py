@@ -84,7 +84,7 @@ class Statements:
             late = asked.frame >= 0 and frame - asked.frame > LATE_FRAMES
             row = None if late else _row_of(asked, tracks)
             if row is None:
-                text = f"{self._words(asked)} is not used: the track has ended"
+                text = f"{self._words(asked)}; not used: the track has ended"
                 events.append(_event(t_us, "warning", text, asked.system_id))
                 continue
             track = int(tracks.track_id[row])
@@ -121,7 +121,7 @@ class Statements:
             row = rows.get(track)
             if row is None:
                 self._end(track, identifier)
-                events.append(_event(t_us, "info", f"{self._words(made)} ends with the track", made.system_id))
+                events.append(_event(t_us, "info", f"{self._words(made)}; it ends with the track", made.system_id))
                 continue
             agrees = int(identities.system_id[row]) == made.system_id
             if agrees or made.system_id in refused or self._mission.uav.system_id in refused:
@@ -130,7 +130,7 @@ class Statements:
                 standing.contradicted_us = t_us
             elif t_us - standing.contradicted_us >= CONTRADICTED_US:
                 self._end(track, identifier)
-                text = f"{self._words(made)} is contradicted: {self._against(identities, row)}"
+                text = f"{self._words(made)}; contradicted: {self._against(identities, row)}"
                 events.append(_event(t_us, "warning", text, made.system_id))
         return events
 
@@ -141,7 +141,7 @@ class Statements:
             return []
         self._end(track, identifier)
         undone = replace(standing.made, frame=frame, undone=True)
-        return [_event(t_us, "info", f"{self._words(undone)} is withdrawn", undone.system_id, undone)]
+        return [_event(t_us, "info", f"{self._words(undone)}; withdrawn", undone.system_id, undone)]
 
     def _replace_others(self, t_us: int, made: Statement, identifier: Identifier) -> list[Event]:
         """Of two statements about one vehicle the later counts."""
@@ -149,7 +149,7 @@ class Statements:
         for track, standing in list(self._standing.items()):
             if track != made.track_id and made.system_id and standing.made.system_id == made.system_id:
                 self._end(track, identifier)
-                text = f"{self._words(standing.made)} ends: it is track {made.track_id} now"
+                text = f"{self._words(standing.made)}; it ends: that is track {made.track_id} now"
                 events.append(_event(t_us, "info", text, made.system_id))
         return events
 
@@ -159,7 +159,7 @@ class Statements:
 
     def _words(self, statement: Statement) -> str:
         name = self._mission.name_of(statement.system_id) if statement.system_id else "none of ours"
-        return f"the operator's statement that track {statement.track_id} is {name}"
+        return f"stated: track {statement.track_id} is {name}"
 
     def _against(self, identities: Identities, row: int) -> str:
         """What the reports say instead."""

@@ -58,7 +58,7 @@ def test_a_vehicle_without_reports_is_named_by_the_operator(silent):
     assert json.loads(json_row(silent.last, box))["stated"] is True
     assert "stated" not in json.loads(json_row(silent.last, silent.box(UGV)))
     assert len(csv_row(silent.last, box).split(",")) == 13
-    assert texts(silent) == [f"the operator's statement that track {track} is UGV-12"]
+    assert texts(silent) == [f"stated: track {track} is UGV-12"]
 
 
 def test_the_event_says_which_box_of_which_frame(silent):
@@ -130,14 +130,14 @@ def test_none_of_ours_about_one_of_ours_is_contradicted(sure):
     assert unnamed(sure).track_id == track and unnamed(sure).stated
     sure.run(14, filmed=True)
     assert sure.box(UGV).track_id == track
-    assert any("none of ours is contradicted: by its reports it is UGV-11" in text for text in texts(sure))
+    assert any("none of ours; contradicted: by its reports it is UGV-11" in text for text in texts(sure))
 
 
 def test_a_statement_ends_with_its_track(silent):
     silent.hidden = {OTHER}
     track = unnamed(silent).track_id
     stated(silent, track, OTHER).run(5, filmed=True)
-    assert texts(silent)[-1] == f"the operator's statement that track {track} is UGV-12 ends with the track"
+    assert texts(silent)[-1] == f"stated: track {track} is UGV-12; it ends with the track"
     silent.hidden = set()
     silent.run(2, filmed=True)
     assert unnamed(silent).track_id != track and not unnamed(silent).stated
@@ -145,7 +145,7 @@ def test_a_statement_ends_with_its_track(silent):
 
 def test_a_statement_about_a_track_that_is_gone_is_not_used(sure):
     stated(sure, 9999, OTHER).run(0.3, filmed=True)
-    assert texts(sure) == ["the operator's statement that track 9999 is UGV-12 is not used: the track has ended"]
+    assert texts(sure) == ["stated: track 9999 is UGV-12; not used: the track has ended"]
     assert not made(sure)
 
 
