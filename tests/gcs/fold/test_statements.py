@@ -78,7 +78,7 @@ def test_one_key_withdraws_it(silent):
     stated(silent, track, OTHER).run(2, filmed=True)
     undone(silent).run(2, filmed=True)
     assert not any(box.stated for box in silent.last.boxes) and unnamed(silent).track_id == track
-    assert texts(silent)[-1].endswith("is UGV-12 is withdrawn")
+    assert texts(silent)[-1].endswith("is UGV-12; withdrawn")
     assert [each.undone for each in made(silent)] == [False, True]
     undone(silent).run(0.2, filmed=True)
     assert len(made(silent)) == 2
@@ -158,7 +158,7 @@ def test_of_two_statements_about_one_vehicle_the_later_counts(silent):
     stated(silent, first, OTHER).run(1, filmed=True)
     assert silent.box(OTHER).track_id == first
     assert [box.track_id for box in silent.last.boxes if box.stated] == [first]
-    assert any(text.endswith(f"ends: it is track {first} now") for text in texts(silent))
+    assert any(text.endswith(f"it ends: that is track {first} now") for text in texts(silent))
 
 
 def test_a_statement_can_be_corrected(silent):
