@@ -89,7 +89,7 @@ class Replay:
         self._events: tuple[Event, ...] = ()
         self._latest: Snapshot | None = None
         self._stop = threading.Event()
-        self._now_us = float(self._start_us)
+        self._now_us = float(self._begin_us())
         self._trails = Trails()
         self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
         self.gaps = find_gaps(self._analysis.frames_us, self._analysis.packets_us, self.start_us, self.stop_us)
@@ -234,6 +234,12 @@ class Replay:
             thread.join(timeout=5)
         self._analysis.close()
         self._decoded.close()
+
+    def _begin_us(self) -> int:
+        """Where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture."""
+        if self._analysis.frames_us is None or self._times[0] > self._start_us + SOON_US:
+            return self._start_us
+        return int(self._times[0])
 
     def _guard(self, work: Callable[[], None]) -> None:
         """Run a thread's work; an error that ends it is kept for the screen."""

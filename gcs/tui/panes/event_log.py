@@ -73,6 +73,8 @@ class EventPane(Pane):
         self._look: tuple[list[Event], str, str] = ([], "", "")
         """What the rows were made of: events, level, words."""
         self._shown: list[EventRow] = []
+        self._redrawn: tuple[list[EventRow] | None, list[str]] = None, []
+        """Rows and vehicles' names that a snapshot last redrew the pane for."""
 
     def filtered(self, events: Sequence[Event]) -> list[Event]:
         """Events of the filter's levels that have the words of the search."""
@@ -116,8 +118,13 @@ class EventPane(Pane):
         self.redraw()
 
     def watch_snapshot(self) -> None:
-        """A flight's log changes with its events alone, a replay's with its time."""
-        if not self._live:
+        """A flight's log changes with its events alone, a replay's also with which of them are past."""
+        if self._live:
+            return
+        names = [row.name for row in self.snapshot.vehicles] if self.snapshot else []
+        shown = self.shown()  # the same list as long as nothing in it changed
+        if shown is not self._redrawn[0] or names != self._redrawn[1]:
+            self._redrawn = shown, names
             self.redraw()
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
