@@ -124,7 +124,7 @@ class EventPane(Pane):
         names = [row.name for row in self.snapshot.vehicles] if self.snapshot else []
         shown = self.shown()  # the same list as long as nothing in it changed
         if shown is not self._redrawn[0] or names != self._redrawn[1]:
-            self._redrawn = shown, names
+            self._redrawn = (shown if self.display else None), names  # a hidden pane is not drawn
             self.redraw()
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
