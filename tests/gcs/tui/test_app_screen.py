@@ -57,7 +57,7 @@ async def test_live_has_no_replay_keys_and_no_timeline():
         await pilot.press("space", "left", "g", "n", "comma", "home", "right_square_bracket")
         assert not isinstance(app.screen, Prompt)
         said = screen_text(app)
-        assert "● REC 00:00" in said and "1 of 2 links silent 6.2s" in said
+        assert "● REC 04:11" in said and "1 of 2 links silent 6.2s" in said
 
 
 async def test_live_status_counts_time_and_warns_when_nothing_is_recorded():
@@ -67,12 +67,12 @@ async def test_live_status_counts_time_and_warns_when_nothing_is_recorded():
         station.snapshot = replace(old, t_us=old.t_us + 65_000_000, health=health)
         await polled(app, pilot)
         said = screen_text(app)
-        for word in ("NOT RECORDING 01:05", "DISK FAILS 12", "video stalled", "no link"):
+        for word in ("NOT RECORDING 05:16", "DISK FAILS 12", "video stalled", "no link"):
             assert word in said, word
         station.snapshot = replace(station.snapshot, health=replace(health, write_failing_s=0.0))
         await polled(app, pilot)
         said = screen_text(app)
-        assert "● REC 01:05" in said and "disk LOW 900 MB" in said
+        assert "● REC 05:16" in said and "disk LOW 900 MB" in said
 
 
 async def test_a_replay_log_ends_at_the_frame():
