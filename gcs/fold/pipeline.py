@@ -15,15 +15,13 @@ from numpy.typing import NDArray
 
 from assoc.geometry.ground import OFFSET, YAW
 from assoc.identification.identifier import CameraState, Identifier, IdentifierParams, Identities
-from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.candidates import CandidateWords
 from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.frame_camera import FrameCamera, expected_pixels, ground_warp, reported_pixels
+from gcs.fold.frame_cameras import FrameCameras
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
-from gcs.fold.optics import Optics
-from gcs.fold.position_steps import StepFilter
 from gcs.fold.quarantine import limit_doubted, withhold_contested
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import boxes_of, vehicle_rows
@@ -107,10 +105,8 @@ class Pipeline:
         self._params = params
         self._identifier = Identifier(mission.ugv_ids, params)
         self._origin: LocalFrame | None = None
-        self._steps = StepFilter()
         self._offset_s = 0.0 if auto else float(mission.clock.video_offset_s)
-        self._optics = Optics(mission.camera, sized=sized)
-        self._direction = CameraDirection(mission)
+        self._cameras = FrameCameras(mission, sized=sized)
         self._view: FrameCamera | None = None
         self._look: _Look | None = None
         self._frame, self._frame_us, self._clock_us = NO_FRAME, 0, 0
@@ -129,7 +125,7 @@ class Pipeline:
     def add_packet(self, packet: Packet) -> None:
         """Take in one telemetry packet."""
         if turns_camera(packet) and packet.system_id == self.mission.uav.system_id and packet.auth <= Auth.GOOD:
-            self._direction.order_given(packet.t_us)
+            self._cameras.order_given(packet.t_us)
         if notices := self.fleet.add_packet(packet):
             events = [self._notices.event(notice, packet) for notice in notices]
             for event in events:
@@ -206,7 +202,7 @@ class Pipeline:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
         warp = ground_warp(self._view, view)
         if self._tracker is None:
-            self._tracker = Tracker(TrackerParams(frame_size=self._optics.size))
+            self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))
         stitch, known = self._stitch(t_us, view), self._known(state)
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
@@ -220,7 +216,7 @@ class Pipeline:
             uv=reported_pixels(state, view),
         )
         identities = self._names_held(state)
-        self._events += self._names.update(t_us, identities, state, tracks, self._optics.size)
+        self._events += self._names.update(t_us, identities, state, tracks, self._cameras.size)
         self._events += self._statements.review(t_us, identities, state, self._identifier)
         return self._snapshot(index, t_us, state, view, image, identities, health)
 
@@ -254,7 +250,7 @@ class Pipeline:
         """Begin the names anew when places are given in another frame: all evidence was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
             self._begin_anew()
-            self._steps = StepFilter()
+            self._cameras.forget_steps()
         self._origin = self.fleet.origin
 
     def _begin_anew(self) -> None:
@@ -267,38 +263,20 @@ class Pipeline:
             self._look = replace(self._look, found=None, view=None, uv={})
 
     def _follow_steps(self, state: FleetState) -> None:
-        """Take out steps of the UAV's position that the video does not show, or begin the names anew after one."""
-        if not state.uav.position_valid:
-            return
-        before = self._steps.shift_enu
-        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=self._identifier.locked)
-        taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
-        if anew_m:
+        """Names begin anew after a step of the UAV's position that cannot be taken out."""
+        anew, events = self._cameras.follow_steps(state, sure=self._identifier.locked)
+        if anew:
             self._begin_anew()
-        if anew_m or taken_m:
-            then = "names begin anew" if anew_m else "the camera goes on from where it was"
-            text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
-            uav = self.mission.uav.system_id
-            self._events.append(Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=uav))
+        self._events += events
 
     def _telemetry_time(self, t_us: int) -> int:
         return t_us - round(self._offset_s * 1e6)
 
     def _frame_camera(self, state: FleetState, size: tuple[int, int] | None) -> FrameCamera | None:
-        """Camera pose from the UAV's report, None without a position or a camera."""
-        uav = state.uav
-        intrinsics = self._optics.intrinsics(state.t_us, uav.camera, size)
-        self._events += self._optics.take_events()
-        if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
-            return None
-        self._events += self._direction.check(state.t_us, uav)
-        return FrameCamera(
-            intrinsics=intrinsics,
-            pose=self._direction.pose(uav, uav.p_enu + self._steps.shift_enu),
-            ground_z=float(uav.p_enu[2] - uav.height_m),
-            attitude_known=uav.attitude_valid,
-            position_sure=not state.vehicles[0].doubted_for,
-        )
+        """The camera as the UAV reports it, None without a position or a camera."""
+        camera, events = self._cameras.at(state, size)
+        self._events += events
+        return camera
 
     def _stitch(self, t_us: int, view: FrameCamera | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle reports to be."""
@@ -326,7 +304,7 @@ class Pipeline:
         return self._identifier.update(observation, self._camera(view))
 
     def _camera(self, view: FrameCamera) -> CameraState:
-        return camera_of(view, self._direction.stabilized)
+        return camera_of(view, self._cameras.stabilized)
 
     def _with_corrections(self, health: Health) -> Health:
         """Health with the estimated errors of the camera's clock and heading."""
@@ -361,7 +339,7 @@ class Pipeline:
                 stated=self._statements.by_track,
             )
         expected_px = expected_pixels(state, view, lambda p, by: self._identifier.expected_rays(p, self._camera(by)))
-        width, height = self._optics.size or (0, 0)
+        width, height = self._cameras.size or (0, 0)
         self._fences.set_origin(self.fleet.origin)
         lapsed = bool(self._frame_us) and t_us - self._frame_us > HELD_US
         since = partial(self._standing_since.update, t_us)

@@ -1,0 +1,97 @@
+"""The camera at each frame, from the UAV's telemetry: optics, direction, and its position without steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gcs.fold.camera_direction import CameraDirection
+from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.optics import Optics
+from gcs.fold.position_steps import StepFilter
+from gcs.mission.mission import Mission
+from gcs.snapshot import Event
+from mavlink.state import FleetState
+
+__all__ = ["FrameCameras"]
+
+
+class FrameCameras:
+    """Finds the camera's intrinsics and pose at one frame after the other.
+
+    Args:
+        mission: who flies with which camera.
+        sized: whether frames of unknown size are of the size that the camera is described for.
+    """
+
+    def __init__(self, mission: Mission, *, sized: bool = True) -> None:
+        self._uav_id = mission.uav.system_id
+        self._steps = StepFilter()
+        self._optics = Optics(mission.camera, sized=sized)
+        self._direction = CameraDirection(mission)
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """Width and height of a frame, px; None while unknown."""
+        return self._optics.size
+
+    @property
+    def stabilized(self) -> bool:
+        """Whether a gimbal keeps the camera's horizon level."""
+        return self._direction.stabilized
+
+    def order_given(self, t_us: int) -> None:
+        """Note an order that turns the camera."""
+        self._direction.order_given(t_us)
+
+    def forget_steps(self) -> None:
+        """Take positions as they are reported again: they are given in another frame from now on."""
+        self._steps = StepFilter()
+
+    def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
+        """Take out steps of the UAV's position that the video does not show.
+
+        Args:
+            state: the fleet at a frame.
+            sure: whether the names are.
+
+        Returns:
+            Whether names have to begin anew, since the step was not taken out, and what happened.
+        """
+        if not state.uav.position_valid:
+            return False, ()
+        before = self._steps.shift_enu
+        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=sure)
+        taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
+        if not (anew_m or taken_m):
+            return False, ()
+        then = "names begin anew" if anew_m else "the camera goes on from where it was"
+        text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
+        event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
+        return bool(anew_m), (event,)
+
+    def at(self, state: FleetState, size: tuple[int, int] | None) -> tuple[FrameCamera | None, Sequence[Event]]:
+        """The camera, and what an operator should know of it.
+
+        Args:
+            state: the fleet at the frame.
+            size: width and height of the frame, px; None: as the last one.
+
+        Returns:
+            None for the camera without a position or intrinsics.
+        """
+        uav = state.uav
+        intrinsics = self._optics.intrinsics(state.t_us, uav.camera, size)
+        events = self._optics.take_events()
+        if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
+            return None, events
+        events += self._direction.check(state.t_us, uav)
+        camera = FrameCamera(
+            intrinsics=intrinsics,
+            pose=self._direction.pose(uav, uav.p_enu + self._steps.shift_enu),
+            ground_z=float(uav.p_enu[2] - uav.height_m),
+            attitude_known=uav.attitude_valid,
+            position_sure=not state.vehicles[0].doubted_for,
+        )
+        return camera, events
