@@ -140,6 +140,7 @@ class ByteTrack:
             gap_s=none.copy(),
             vx=none.copy(),
             vy=none.copy(),
+            expected=np.full((len(seen), 2), np.nan),
         )
 
 

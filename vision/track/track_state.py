@@ -28,11 +28,11 @@ RATES = -1.0 / np.array([[SIZE_TIME_S], [SIZE_TIME_S], [AXIS_TIME_S]])
 """Smoothing of the rows SHAPE, 1/s, with its sign turned."""
 
 # rows of the table: with everything in one array each step is a few calls, whatever the number of tracks
-X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE = (
-    slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31))
+X, SIDES, SHAPE, AGES, REPORTED, WHOLE, COVARIANCE, EXPECTED = (
+    slice(*ends) for ends in ((0, 4), (4, 6), (4, 7), (10, 12), (0, 12), (12, 15), (15, 31), (31, 33))
 )
 W, H, AXIS, LENGTH, FRONT, SCORE, AGE, GAP, TRACK_ID, DETECTION, HITS = range(4, 15)
-ROWS = 31
+ROWS = 33
 """Rows of the table."""
 BOX = np.array([0, 1, W, H, AXIS])
 """Rows that make up a box."""
@@ -43,10 +43,11 @@ SEEN_SHAPE, SEEN_SCORE, SEEN_HEADING = slice(2, 5), 5, 6
 class TrackState:
     """k tracks in order of their ids.
 
-    The rows of its table (31, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
+    The rows of its table (33, k): centre px and velocity px/s; sides px and axis, an angle without jumps; length
     √(w h) px, at least one; votes for the front along the axis (positive) or against (0: unknown); score; seconds
     since first and since last seen; in whole numbers the id, the index into this frame's detections (-1 unseen) and
-    the frames in which it was seen; the covariance of the first four.
+    the frames in which it was seen; the covariance of the first four; the centre expected in this frame, px, NaN where
+    there was none.
     """
 
     __slots__ = ("table",)
@@ -90,6 +91,13 @@ class TrackState:
     def length(self) -> Floats:
         """Size of a box in one number, (k,) px: √(w h), at least a pixel."""
         return self.table[LENGTH, :]
+
+    @property
+    def expected(self) -> Floats:
+        """(k, 2) px where it was expected in this frame, NaN where it begins anew; read-only copy."""
+        expected = self.table[EXPECTED].T.copy()
+        expected.setflags(write=False)
+        return expected
 
     @property
     def age_s(self) -> Floats:
@@ -155,12 +163,14 @@ class TrackState:
         _move(self.table, *kalman.predict(self.x, self.P, dt, wander * self.length))
         self.table[AGES] += dt
         self.table[DETECTION] = -1.0
+        self.table[EXPECTED] = self.table[:2]
 
     def warp(self, H: Floats) -> None:
         """Follow the camera: H (3, 3) leads from the frame before to this one."""
         table = self.table
         x, P, J = kalman.warp(self.x, self.P, H)
         _move(table, x, P)
+        table[EXPECTED] = table[:2]
         c, s = np.cos(table[AXIS]), np.sin(table[AXIS])
         # columns of J R(axis): where a step along the box and one across it lead
         moved = J @ np.array([[c, -s], [s, c]]).transpose(2, 0, 1)
@@ -197,7 +207,7 @@ def _move(table: Floats, x: Floats, P: Floats) -> None:
 def _place(table: Floats, seen: Floats, noise: Floats, speed: Floats) -> None:
     """Put the tracks of a table where boxes (7, k) are seen, with their shape."""
     _move(table, *kalman.initial(seen[:2].T, noise, speed))
-    table[SHAPE] = seen[SEEN_SHAPE]
+    table[SHAPE], table[EXPECTED] = seen[SEEN_SHAPE], np.nan
     table[FRONT] = np.where(np.isnan(seen[SEEN_HEADING]), 0.0, _vote(seen[SEEN_HEADING], table[AXIS]))
     _measure(table)
 

@@ -274,6 +274,7 @@ class Tracker:
             gap_s=gap_s,
             vx=vx,
             vy=vy,
+            expected=self._state.expected,
         )
 
 

@@ -64,7 +64,8 @@ class TrackerParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tracks:
-    """The k tracks at one frame, in order of their ids, those that coast unseen included. Arrays (k,), read-only."""
+    """The k tracks at one frame, in order of their ids, those that coast unseen included. Arrays (k,) unless noted,
+    read-only."""
 
     track_id: Ints
     """From 1."""
@@ -91,6 +92,9 @@ class Tracks:
     vx: Floats
     """px/s, camera motion removed as far as the warps contain it."""
     vy: Floats
+    expected: Floats
+    """(k, 2) px: where the track was expected in this frame by its own motion and the given warp, before any motion
+    common to all tracks was taken out; NaN for one that begins here or is found again elsewhere."""
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
