@@ -134,13 +134,13 @@ def test_expected_places_hold_the_tracks_own_motion_and_the_warp_alone():
     tracker, start = Tracker(), np.array([[100.0, 100.0], [300.0, 100.0], [500.0, 100.0], [700.0, 100.0]])
     assert np.isnan(tracker.update(boxes(start), 0).expected).all()
     for k in range(1, 12):
-        tracker.update(boxes(start + (5.0 * k, 0.0)), k * STEP)
+        tracker.update(boxes(np.add(start, (5.0 * k, 0.0))), k * STEP)
     H = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 20.0], [0.0, 0.0, 1.0]])
     # the camera moved by (20, 20) px, and the warp knows half of it; another vehicle comes in
-    seen = np.vstack([start + (80.0, 20.0), [[900.0, 400.0]]])
+    seen = np.vstack([np.add(start, (80.0, 20.0)), [[900.0, 400.0]]])
     tracks = tracker.update(boxes(seen), 12 * STEP, warp=H)
     assert tracks.detection.tolist() == [0, 1, 2, 3, 4]
-    np.testing.assert_allclose(tracks.expected[:4], start + (60.0, 20.0), atol=1.0)
+    np.testing.assert_allclose(tracks.expected[:4], np.add(start, (60.0, 20.0)), atol=1.0)
     assert np.isnan(tracks.expected[4]).all()
 
 
