@@ -12,7 +12,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from infra.session_format import DETECTIONS, FRAMES, LOG, METADATA, TRUTH
-from sim.errors import SessionWriteError
+from sim.errors import ScenarioError, SessionWriteError
 from sim.telemetry.detections import DetectorModel, truth_rows
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario
@@ -23,9 +23,16 @@ __all__ = ["frame_times", "session_toml", "write_session", "write_visible_truth"
 
 FloatArray = NDArray[np.float64]
 
+NO_DISTORTION = (0.0,) * 5
+
 
 def write_session(
-    scenario: Scenario, folder: Path, *, video: bool = False, report: Callable[[int, int], None] | None = None
+    scenario: Scenario,
+    folder: Path,
+    *,
+    video: bool = False,
+    film: Scenario | None = None,
+    report: Callable[[int, int], None] | None = None,
 ) -> World:
     """Write a session: ``session.toml``, ``telemetry.tlog``, ``frames.csv``, ``truth.csv`` and ``scenario.toml``.
 
@@ -37,6 +44,8 @@ def write_session(
         scenario: what is flown.
         folder: must not exist yet.
         video: render and encode the video instead of modelling a detector.
+        film: what is filmed instead, a flight of the same length and frame rate: telemetry and film do not belong
+            together, and in the truth nothing that is seen is ours.
         report: called with the numbers of rendered frames and of all frames.
 
     Returns:
@@ -46,7 +55,11 @@ def write_session(
         SessionWriteError: if the folder exists or cannot be made.
         ScenarioError: if the scenario cannot be simulated.
     """
+    if video and (film or scenario).ground.waves_m > 0.0:
+        raise ScenarioError("scenario: [ground]: waves_m cannot be drawn; give 0, or write the session without video")
     world = World(scenario)
+    filmed = world if film is None else World(film)
+    ours = film is None
     try:
         folder.mkdir(parents=True, exist_ok=False)
     except FileExistsError as error:
@@ -66,10 +79,10 @@ def write_session(
         # renderer and encoder are imported only where they are needed: that takes time
         from sim.render.film import write_video
 
-        write_visible_truth(folder / TRUTH.name, world, t)
-        write_video(world, t, folder / "video.mp4", report)
+        write_visible_truth(folder / TRUTH.name, filmed, t, ours=ours)
+        write_video(filmed, t, folder / "video.mp4", report)
     else:
-        _write_detections(folder, world, t)
+        _write_detections(folder, filmed, t, ours=ours)
     return world
 
 
@@ -78,29 +91,35 @@ def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
     jitter = random_stream(scenario, "frames").normal(0.0, scenario.timing.frame_jitter_s, scenario.frame_count)
     room = 0.4 / scenario.fps
     t = np.arange(scenario.frame_count) / scenario.fps + np.clip(jitter, -room, room)
+    if scenario.timing.frame_loss > 0.0:
+        t = t[random_stream(scenario, "lost frames").random(len(t)) >= scenario.timing.frame_loss]
     stamps = scenario.start_us + np.rint((t + scenario.timing.video_offset_s) * 1e6).astype(np.int64)
     return t, stamps
 
 
 def session_toml(scenario: Scenario) -> dict[str, Any]:
     """The flight's ``session.toml``."""
-    camera = scenario.camera
-    offset: dict[str, Any] = {"exact": scenario.timing.video_offset_s, "zero": 0.0, "auto": "auto"}
+    camera, declared = scenario.camera, scenario.declared
+    offset: dict[str, Any] = {
+        "exact": scenario.timing.video_offset_s + declared.offset_s,
+        "zero": 0.0,
+        "auto": "auto",
+    }
     return {
         "uav": {"system_id": UAV_ID},
         "ugv": [{"system_id": i, "name": f"UGV-{i}"} for i in scenario.ugv_ids],
         "camera": {
             "width": camera.width,
             "height": camera.height,
-            "fx": camera.fx,
-            "fy": camera.fy,
+            "fx": camera.fx * declared.focal_share,
+            "fy": camera.fy * declared.focal_share,
             "cx": camera.cx,
             "cy": camera.cy,
-            "distortion": list(camera.distortion),
+            "distortion": list(camera.distortion if declared.distortion else NO_DISTORTION),
             "mount": camera.mount,
             "roll_deg": camera.roll_deg,
-            "pitch_deg": camera.pitch_deg,
-            "yaw_deg": camera.yaw_deg,
+            "pitch_deg": camera.pitch_deg + declared.pitch_deg,
+            "yaw_deg": camera.yaw_deg + declared.yaw_deg,
         },
         "clock": {"video_offset_s": offset[scenario.timing.declared_offset]},
     }
@@ -115,7 +134,7 @@ def _write_tlog(path: Path, world: World) -> None:
     path.write_bytes(b"".join(struct.pack(">Q", packet.t_us) + packet.raw for packet in fleet_telemetry(world)))
 
 
-def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
+def _write_detections(folder: Path, world: World, t: FloatArray, *, ours: bool) -> None:
     model = DetectorModel(world)
     detections = [DETECTIONS.header]
     truth = [TRUTH.header]
@@ -126,12 +145,14 @@ def _write_detections(folder: Path, world: World, t: FloatArray) -> None:
         ):
             box = f"{frame},{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f}"
             detections.append(f"{box},{score:.3f},{heading:.4f}\n")
-            truth.append(f"{box},{system_id}\n")
+            truth.append(f"{box},{system_id if ours else 0}\n")
     (folder / DETECTIONS.name).write_bytes("".join(detections).encode())
     (folder / TRUTH.name).write_bytes("".join(truth).encode())
 
 
-def write_visible_truth(path: Path, world: World, t: FloatArray) -> None:
-    """Write the true boxes of what is visible at the frame times t (k,), seconds."""
-    rows = "".join(f"{frame},{row}\n" for frame, now in enumerate(t.tolist()) for row in truth_rows(world, now))
+def write_visible_truth(path: Path, world: World, t: FloatArray, *, ours: bool = True) -> None:
+    """Write the true boxes of what is visible at the frame times t (k,), seconds; without system ids if not ours."""
+    rows = "".join(
+        f"{frame},{row}\n" for frame, now in enumerate(t.tolist()) for row in truth_rows(world, now, ours=ours)
+    )
     path.write_bytes((TRUTH.header + rows).encode())

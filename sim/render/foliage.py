@@ -41,8 +41,8 @@ def draw_tree(
     if not (ok.all() and foot_ok.all()):
         return
     depth = (clumps[:, :3] - view.p_enu) @ view.R_enu_cam[:, 2]
-    radius = clumps[:, 3] * view.fx / depth
-    trunk = max(round(0.06 * float(np.hypot(tree.length, tree.width)) * view.fx / float(depth.mean())), 1)
+    radius = clumps[:, 3] * abs(view.fx) / depth
+    trunk = max(round(0.06 * float(np.hypot(tree.length, tree.width)) * abs(view.fx) / float(depth.mean())), 1)
     a, b = np.floor(foot).astype(int).tolist()
     cv2.line(image, a, b, (46, 60, 72), trunk, cv2.LINE_AA)
     middle = np.array([tree.x, tree.y, 0.75 * tree.height])
@@ -60,7 +60,7 @@ def tree_shadow(mask: Image, view: CameraView, tree: Tree, sun: FloatArray) -> N
     uv, ok = project(view, on_ground)
     depth = np.maximum((on_ground - view.p_enu) @ view.R_enu_cam[:, 2], 0.1)
     for k in np.flatnonzero(ok):
-        radius = round(float(clumps[k, 3] * view.fx / depth[k]) * (1 << SHIFT))
+        radius = round(float(clumps[k, 3] * abs(view.fx) / depth[k]) * (1 << SHIFT))
         cv2.circle(mask, _fixed(uv[k]), max(radius, 8), 255, -1, cv2.LINE_8, SHIFT)
 
 

@@ -170,7 +170,7 @@ def _ground_gsd(view: CameraView) -> float:
     """Metres per pixel at the ground below the middle of the image's lower half."""
     at = ray_ground(view, [view.cx, 0.5 * (view.cy + view.height)])
     distance = np.linalg.norm(at - view.p_enu) if np.isfinite(at).all() else view.p_enu[2]
-    return float(distance / view.fx)
+    return float(distance / abs(view.fx))
 
 
 @lru_cache(maxsize=2)

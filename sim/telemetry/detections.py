@@ -40,6 +40,9 @@ class DetectorModel:
         self._world = world
         self._rng = random_stream(world.scenario, "detector")
         self._merging = random_stream(world.scenario, "merging")
+        self._missing = random_stream(world.scenario, "missing")
+        self._missed = np.zeros(len(world.roles.role) + len(world.scenario.occlusions), dtype=bool)
+        self._looked_at = -np.inf
         self._bursts = _bursts(world.scenario, len(world.roles.role))
 
     def detect(self, t: float) -> DetectedRows:
@@ -50,7 +53,7 @@ class DetectorModel:
         n = len(bodies.kind)
         noise = rng.normal(0.0, 1.0, (5, n))
         luck = rng.random((3, n))
-        seen = _visible(view, bodies, boxes) & (luck[0] >= settings.miss) & ~self._hidden(t, n)
+        seen = _visible(view, bodies, boxes) & ~self._misses(t, luck[0]) & ~self._hidden(t, n)
         clutter = self._clutter(int(rng.poisson(settings.clutter)))
         if any(b.start_s <= t < b.stop_s for b in self._world.scenario.blackouts):
             none = np.empty(0, dtype=np.int64)
@@ -69,10 +72,11 @@ class DetectorModel:
 
     def _rows(self, boxes: Boxes, noise: FloatArray, luck: FloatArray) -> FloatArray:
         settings = self._world.scenario.detector
-        cx = boxes.cx + settings.pixel_noise * noise[0]
-        cy = boxes.cy + settings.pixel_noise * noise[1]
-        w = np.maximum(boxes.w + settings.pixel_noise * noise[2], 2.0)
-        h = np.maximum(boxes.h + settings.pixel_noise * noise[3], 2.0)
+        spread = np.hypot(settings.pixel_noise, settings.size_noise * np.sqrt(boxes.w * boxes.h))
+        cx = boxes.cx + spread * noise[0]
+        cy = boxes.cy + spread * noise[1]
+        w = np.maximum(boxes.w + spread * noise[2], 2.0)
+        h = np.maximum(boxes.h + spread * noise[3], 2.0)
         flipped = luck[1] < settings.flip
         angle = wrapped(boxes.angle + np.radians(settings.angle_noise_deg) * noise[4] + np.pi * flipped)
         score = _score(luck[2], settings.score)
@@ -92,6 +96,17 @@ class DetectorModel:
             settings.heading_missing,
         )
 
+    def _misses(self, t: float, luck: FloatArray) -> NDArray[np.bool_]:
+        """(n,) whether each body is missed, from uniform draws or as a two-state Markov process in time."""
+        settings = self._world.scenario.detector
+        if settings.miss_run_s == 0.0 or settings.miss in (0.0, 1.0):
+            return luck < settings.miss
+        # p(t + Δt) = m + (missed(t) − m) e^(−Δt (a + b)),  a = 1/run,  b = a m / (1 − m)
+        kept = np.exp(-(t - self._looked_at) / settings.miss_run_s / (1.0 - settings.miss))
+        chance = settings.miss + (self._missed - settings.miss) * kept
+        self._missed, self._looked_at = self._missing.random(len(luck)) < chance, t
+        return self._missed
+
     def _hidden(self, t: float, n: int) -> NDArray[np.bool_]:
         hidden = np.zeros(n, dtype=bool)
         for body, start, stop in self._bursts:
@@ -105,15 +120,16 @@ def _visible(view: CameraView, bodies: Bodies, boxes: Boxes) -> NDArray[np.bool_
     return np.asarray(in_image(view, boxes) & unhidden & (bodies.kind != OCCLUDER))
 
 
-def truth_rows(world: World, t: float) -> list[str]:
-    """``cx,cy,w,h,angle,system_id`` of everything visible at time t."""
+def truth_rows(world: World, t: float, *, ours: bool = True) -> list[str]:
+    """``cx,cy,w,h,angle,system_id`` of everything visible at time t; ids 0 if its vehicles are not ours."""
     view, bodies = world.view(t), world.bodies(t)
     boxes = true_boxes(view, bodies)
     rows = np.flatnonzero(_visible(view, bodies, boxes))
     columns = np.stack([boxes.cx, boxes.cy, boxes.w, boxes.h, boxes.angle], axis=-1)[rows].tolist()
+    ids = world.roles.system_id[rows] if ours else np.zeros(len(rows), np.int64)
     return [
         f"{cx:.2f},{cy:.2f},{w:.2f},{h:.2f},{angle:.4f},{name}"
-        for (cx, cy, w, h, angle), name in zip(columns, world.roles.system_id[rows].tolist(), strict=True)
+        for (cx, cy, w, h, angle), name in zip(columns, ids.tolist(), strict=True)
     ]
 
 

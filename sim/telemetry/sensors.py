@@ -7,17 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.telemetry.noise import gauss_markov, lasting_error, report_noise
+from sim.world.flight import WOBBLE_STEP_S
 from sim.world.scenario import ScenarioFault
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
-__all__ = ["Sensors", "UavReading", "UgvReading", "gauss_markov"]
+__all__ = ["Sensors", "UavReading", "UgvReading"]
 
 FloatArray = NDArray[np.float64]
 
 BIAS_STEP_S = 0.1
 """Sampling of the position's bias, far below its correlation time."""
 RATE_STEP_S = 0.05
-"""Half the span of the central difference that gives rates; the true motion is smooth over it."""
+"""Half the span of the central difference that gives rates; the true motion without wobble is smooth over it."""
+WANDER_TAU_S = 30.0
+"""Correlation time of the slow errors of attitude, as of a filter that weighs gyroscopes against the horizon."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,23 +65,37 @@ class Sensors:
         rng = random_stream(scenario, "sensors")
         self._t = np.arange(-LEAD_S, scenario.duration_s + TAIL_S + BIAS_STEP_S, BIAS_STEP_S)
         n = scenario.fleet_size
-        self._bias = gauss_markov(len(self._t), (n, 2), scenario.gnss.bias_m, scenario.gnss.tau_s, BIAS_STEP_S, rng)
+        self._bias = lasting_error(scenario.gnss, len(self._t), (n, 2), BIAS_STEP_S, rng)
         self._bias += self._steps(n)
         self._heading_bias = rng.normal(0.0, np.radians(scenario.attitude.ugv_heading_bias_deg), n)
         bearing = rng.uniform(-np.pi, np.pi)
         self._uav_bias = scenario.gnss.uav_bias_m * np.array([np.sin(bearing), np.cos(bearing)])
+        wander = (np.radians(scenario.attitude.wander_deg), WANDER_TAU_S, BIAS_STEP_S)
+        self._wander = gauss_markov(len(self._t), (3,), *wander, random_stream(scenario, "wander"))
+        self._altitude_bias = random_stream(scenario, "altitudes").normal(0.0, scenario.gnss.altitude_bias_m, n)
 
     def ugv(self, vehicle: int, t: FloatArray) -> UgvReading:
         """Readings of one ground vehicle at times t (k,), faults included."""
+        reading = self._measured(vehicle, t)
+        for fault in self._faults(vehicle):
+            if fault.kind == "copy":
+                active = (t >= fault.start_s) & (t < fault.stop_s)
+                reading = _instead(reading, self._measured(fault.other, t - fault.size), active)
+        return reading
+
+    def _measured(self, vehicle: int, t: FloatArray) -> UgvReading:
         rng = random_stream(self.scenario, f"gnss {vehicle}")
         seen = _faulty_time(t, self._faults(vehicle))
         p, v, heading = self._claimed(vehicle, t, seen)
         bias = np.stack([np.interp(seen, self._t, self._bias[:, vehicle, axis]) for axis in (0, 1)], axis=-1)
-        noise = _held(rng.normal(0.0, 1.0, (len(t), 3)), seen)
-        xy = p[:, :2] + bias + self.scenario.gnss.white_m * noise[:, :2] + self._shift(vehicle, t, rng)
+        gnss = self.scenario.gnss
+        noise = _held(report_noise(gnss.white_kind, (len(t), 3), rng), seen)
+        xy = p[:, :2] + bias + gnss.white_m * noise[:, :2] + self._shift(vehicle, t, rng)
+        rng = random_stream(self.scenario, f"altitude {vehicle}")
+        above = self._altitude_bias[vehicle] + gnss.altitude_white_m * _held(rng.normal(0.0, 1.0, (len(t), 1)), seen)
         spread = np.radians(self.scenario.attitude.ugv_heading_noise_deg)
         return UgvReading(
-            p_enu=np.concatenate([xy, p[:, 2:]], axis=1),
+            p_enu=np.concatenate([xy, p[:, 2:] + above], axis=1),
             v_enu=v,
             heading=heading + self._heading_bias[vehicle] + spread * noise[:, 2],
             yaw_rate=self._yaw_rate(vehicle, seen),
@@ -88,25 +106,28 @@ class Sensors:
         """Readings of the UAV at times t (k,); each purpose has noise of its own."""
         rng = random_stream(self.scenario, f"uav {what}")
         scenario, truth = self.scenario, self.world.at_uav(t)
+        before = self.world.at_uav(t - scenario.timing.uav_lag_s)
         noise = rng.normal(0.0, 1.0, (len(t), 6))
-        p = truth.p_enu + scenario.gnss.uav_white_m * noise[:, :3] * (1.0, 1.0, 0.5)
+        p = before.p_enu + scenario.gnss.uav_white_m * noise[:, :3] * (1.0, 1.0, 0.5)
         p = p + np.append(self._uav_bias, scenario.gnss.height_bias_m)
         fixed = scenario.camera.mount == "fixed"
         tilt = np.radians([scenario.attitude.tilt_pitch_deg, scenario.attitude.tilt_roll_deg]) * fixed
         spread = np.radians(scenario.attitude.noise_deg)
+        slow = np.stack([np.interp(t, self._t, column) for column in self._wander.T])
         return UavReading(
             p_enu=p,
-            v_enu=truth.v_enu,
-            yaw=truth.yaw + np.radians(scenario.attitude.compass_bias_deg) + spread * noise[:, 3],
-            pitch=truth.pitch + tilt[0] + 0.3 * spread * noise[:, 4],
-            roll=truth.roll + tilt[1] + 0.3 * spread * noise[:, 5],
-            rates=self._body_rates(t),
+            v_enu=before.v_enu,
+            yaw=truth.yaw + np.radians(scenario.attitude.compass_bias_deg) + spread * noise[:, 3] + slow[0],
+            pitch=truth.pitch + tilt[0] + 0.3 * spread * noise[:, 4] + slow[1],
+            roll=truth.roll + tilt[1] + 0.3 * spread * noise[:, 5] + slow[2],
+            rates=self._body_rates(t) * scenario.attitude.rates,
         )
 
     def _body_rates(self, t: FloatArray) -> FloatArray:
-        now, before, after = (self.world.at_uav(t + dt) for dt in (0.0, -RATE_STEP_S, RATE_STEP_S))
+        step = WOBBLE_STEP_S if self.scenario.flight.wobble_deg > 0.0 else RATE_STEP_S
+        now, before, after = (self.world.at_uav(t + dt) for dt in (0.0, -step, step))
         roll, pitch, yaw = (
-            (getattr(after, name) - getattr(before, name)) / (2.0 * RATE_STEP_S) for name in ("roll", "pitch", "yaw")
+            (getattr(after, name) - getattr(before, name)) / (2.0 * step) for name in ("roll", "pitch", "yaw")
         )
         # p = φ' − ψ' sin θ,  q = θ' cos φ + ψ' sin φ cos θ,  r = ψ' cos φ cos θ − θ' sin φ
         p = roll - yaw * np.sin(now.pitch)
@@ -124,7 +145,7 @@ class Sensors:
         for fault in self._faults(vehicle):
             if fault.kind == "spoof":
                 active = (t >= fault.start_s) & (t < fault.stop_s)
-                p_other, v_other, heading_other = self.world.track_enu(fault.other, t)
+                p_other, v_other, heading_other = self.world.track_enu(fault.other, t - fault.size)
                 p, v = np.where(active[:, None], p_other, p), np.where(active[:, None], v_other, v)
                 heading = np.where(active, heading_other, heading)
         return p, v, heading
@@ -161,18 +182,15 @@ class Sensors:
         return shift
 
 
-def gauss_markov(
-    steps: int, shape: tuple[int, ...], std: float, tau_s: float, dt_s: float, rng: np.random.Generator
-) -> FloatArray:
-    """(steps, *shape) first-order Gauss–Markov processes in their steady state."""
-    # b_{k+1} = λ b_k + σ √(1 − λ²) w,  λ = exp(−Δt/τ)
-    keep = np.exp(-dt_s / tau_s)
-    draws = rng.normal(0.0, std, (steps, *shape))
-    values = np.empty_like(draws)
-    values[0] = draws[0]
-    for k in range(1, steps):
-        values[k] = keep * values[k - 1] + np.sqrt(1.0 - keep * keep) * draws[k]
-    return values
+def _instead(reading: UgvReading, other: UgvReading, where: NDArray[np.bool_]) -> UgvReading:
+    """The other reading where asked (k,), the first elsewhere."""
+    return UgvReading(
+        p_enu=np.where(where[:, None], other.p_enu, reading.p_enu),
+        v_enu=np.where(where[:, None], other.v_enu, reading.v_enu),
+        heading=np.where(where, other.heading, reading.heading),
+        yaw_rate=np.where(where, other.yaw_rate, reading.yaw_rate),
+        zeroed=np.where(where, other.zeroed, reading.zeroed),
+    )
 
 
 def _faulty_time(t: FloatArray, faults: tuple[ScenarioFault, ...]) -> FloatArray:

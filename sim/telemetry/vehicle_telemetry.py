@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 TELEMETRY_FROM_S, TELEMETRY_AFTER_S = -2.0, 1.0
 """Telemetry begins before the first frame and ends after the last."""
 
-UAV_ATTITUDE_HZ, UAV_POSITION_HZ, GIMBAL_HZ, FIX_HZ, TEXT_HZ = 20.0, 10.0, 10.0, 2.0, 1.0 / 15.0
-"""Rates of the UAV's attitude, position and gimbal, and of every vehicle's fix and texts; a choice."""
+UAV_POSITION_HZ, GIMBAL_HZ, FIX_HZ, TEXT_HZ = 10.0, 10.0, 2.0, 1.0 / 15.0
+"""Rates of the UAV's position and gimbal, and of every vehicle's fix and texts; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,13 +78,14 @@ def _uav(scenario: Scenario, sensors: Sensors) -> Stream:
     reading = sensors.uav(t, "position")
     never = np.zeros(len(t), dtype=bool)
     some = slice(None, None, _every(UAV_POSITION_HZ))
+    above_home = -scenario.flight.takeoff_above_m
     hdg = np.full(len(t), np.nan) if scenario.attitude.missing else reading.yaw
     streams += [
-        messages.positions(scenario, clock, t, reading.p_enu, reading.v_enu, hdg, never, 0.0),
+        messages.positions(scenario, clock, t, reading.p_enu, reading.v_enu, hdg, never, above_home),
         messages.fixes(scenario, clock, t[some], reading.p_enu[some], reading.v_enu[some], never[some]),
     ]
     if not scenario.attitude.missing:
-        t = _times(scenario, UAV_ATTITUDE_HZ, -1, "attitude")
+        t = _times(scenario, scenario.timing.attitude_hz, -1, "attitude")
         reading = sensors.uav(t, "attitude")
         streams.append(messages.attitudes(clock, t, reading.yaw, reading.pitch, reading.roll, reading.rates))
         if scenario.camera.mount == "stabilized" and scenario.attitude.gimbal:
@@ -132,4 +133,8 @@ def _times(scenario: Scenario, rate_hz: float, vehicle: int, what: str) -> Float
     """Sample times with a phase of the vehicle's own."""
     phase = random_stream(scenario, f"phase {vehicle} {what}").random()
     count = int((scenario.duration_s + TELEMETRY_AFTER_S - TELEMETRY_FROM_S) * rate_hz)
-    return np.asarray(TELEMETRY_FROM_S + (np.arange(count) + phase) / rate_hz)
+    beats = np.arange(count) + phase
+    if what == "position" and scenario.timing.irregular > 0.0:
+        uneven = random_stream(scenario, f"uneven {vehicle}").uniform(-0.5, 0.5, count)
+        beats = beats + scenario.timing.irregular * uneven
+    return np.asarray(TELEMETRY_FROM_S + beats / rate_hz)

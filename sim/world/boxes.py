@@ -90,4 +90,5 @@ def _points(bodies: Bodies, shape: FloatArray) -> FloatArray:
         + (bodies.length[:, None] * u)[..., None] * ahead[:, None]
         + (bodies.width[:, None] * v)[..., None] * right[:, None]
     )
-    return np.concatenate([xy, (bodies.height[:, None] * w)[..., None]], axis=-1)
+    z = np.reshape(bodies.z, (-1, 1)) + bodies.height[:, None] * w
+    return np.concatenate([xy, z[..., None]], axis=-1)

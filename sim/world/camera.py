@@ -47,12 +47,14 @@ def view_from(scenario: Scenario, uav: UavTruth) -> CameraView:
         error = np.radians([scenario.attitude.tilt_pitch_deg, scenario.attitude.tilt_roll_deg])
         carrier = body_rotation(yaw, float(error[0]), float(error[1]))
     camera = scenario.camera
+    # flipped left to right: u' = W − u = −f_x x/z + (W − c_x)
+    fx, cx = (-camera.fx, camera.width - camera.cx) if camera.mirrored else (camera.fx, camera.cx)
     return CameraView(
         width=camera.width,
         height=camera.height,
-        fx=camera.fx,
+        fx=fx,
         fy=camera.fy,
-        cx=camera.cx,
+        cx=cx,
         cy=camera.cy,
         distortion=np.array(camera.distortion),
         R_enu_cam=ENU_FROM_NED @ carrier @ mount_rotation(scenario) @ CAMERA_IN_MOUNT,

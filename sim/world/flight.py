@@ -1,4 +1,4 @@
-"""The UAV's true path and attitude: follow or hover, drift, climb, turn, and the wind's sway."""
+"""The UAV's true path and attitude: follow or hover, drift, climb, turn, the wind's sway and the body's wobble."""
 
 from __future__ import annotations
 
@@ -7,16 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
 
 from sim.world.motion import STEP_S
 from sim.world.scenario import ScenarioCamera, ScenarioFlight
 
-__all__ = ["UavMotion", "UavTruth", "fly"]
+__all__ = ["WOBBLE_STEP_S", "UavMotion", "UavTruth", "fly"]
 
 FloatArray = NDArray[np.float64]
 
 FOLLOW_SMOOTHING_S = 2.0
 """Standard deviation of the Gaussian that smooths the path of the fleet's middle, which the UAV follows; a choice."""
+WOBBLE_STEP_S = 0.005
+"""Sampling of the wobble, a tenth of its shortest time constant."""
+WOBBLE_IN_YAW = 1.0 / 3.0
+"""Share of the wobble about the vertical axis: rotors turn a body less about it; a choice."""
+SETTLING = 12.0
+"""Time constants after which nothing is left of the state in which the wobble's filter began."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,16 +47,26 @@ class UavMotion:
     t: FloatArray
     values: FloatArray
     """(T, 9) position, velocity, yaw, pitch, roll."""
+    wobble: FloatArray
+    """(W, 3) yaw, pitch and roll on top, radians, every ``WOBBLE_STEP_S`` from t[0] on; (0, 3) without."""
 
     def at(self, t: ArrayLike) -> UavTruth:
         """State at times t (...)."""
         t = np.asarray(t, dtype=np.float64)
         v = np.stack([np.interp(t, self.t, column) for column in self.values.T], axis=-1)
+        if len(self.wobble):
+            fine = self.t[0] + WOBBLE_STEP_S * np.arange(len(self.wobble))
+            v[..., 6:] += np.stack([np.interp(t, fine, column) for column in self.wobble.T], axis=-1)
         return UavTruth(p_enu=v[..., :3], v_enu=v[..., 3:6], yaw=v[..., 6], pitch=v[..., 7], roll=v[..., 8])
 
 
 def fly(
-    t: FloatArray, filmed_xy: FloatArray, flight: ScenarioFlight, camera: ScenarioCamera, rng: np.random.Generator
+    t: FloatArray,
+    filmed_xy: FloatArray,
+    flight: ScenarioFlight,
+    camera: ScenarioCamera,
+    rng: np.random.Generator,
+    wobble_rng: np.random.Generator,
 ) -> UavMotion:
     """Fly so that the filmed ground stays in view.
 
@@ -59,6 +76,7 @@ def fly(
         flight: how.
         camera: for the distance from which an oblique camera films.
         rng: source of the sway.
+        wobble_rng: source of the wobble.
     """
     middle = 0.5 * (filmed_xy.min(axis=1) + filmed_xy.max(axis=1))
     if flight.follow:
@@ -79,7 +97,23 @@ def fly(
     p = np.concatenate([xy, z[:, None]], axis=1)
     v = np.gradient(p, STEP_S, axis=0)
     tilt = np.radians(flight.tilt_sway_deg) * _sway(t, 2, rng, fastest_s=2.0, slowest_s=8.0).T
-    return UavMotion(t=t, values=np.concatenate([p, v, yaw[:, None], tilt], axis=1))
+    values = np.concatenate([p, v, yaw[:, None], tilt], axis=1)
+    return UavMotion(t=t, values=values, wobble=_wobble(float(np.ptp(t)), flight, wobble_rng))
+
+
+def _wobble(duration_s: float, flight: ScenarioFlight, rng: np.random.Generator) -> FloatArray:
+    """(W, 3) yaw, pitch, roll, radians: white noise through three equal poles."""
+    if flight.wobble_deg == 0.0:
+        return np.empty((0, 3))
+    lead = round(SETTLING * flight.wobble_tau_s / WOBBLE_STEP_S)
+    # white noise of power density q through 1 / (1 + iωT)³ has the variance 3 q / 16 T; samples of σ² have q = σ² Δt
+    std = np.radians(flight.wobble_deg) * np.sqrt(16.0 * flight.wobble_tau_s / (3.0 * WOBBLE_STEP_S))
+    angles = rng.normal(0.0, std, (lead + round(duration_s / WOBBLE_STEP_S) + 1, 3)) * (WOBBLE_IN_YAW, 1.0, 1.0)
+    keep = np.exp(-WOBBLE_STEP_S / flight.wobble_tau_s)
+    for _ in range(3):
+        # x_k = λ x_{k−1} + (1 − λ) u_k,  λ = exp(−Δt/T)
+        angles = lfilter([1.0 - keep], [1.0, -keep], angles, axis=0)
+    return np.asarray(angles[lead:])
 
 
 def _roaming(t: FloatArray, flight: ScenarioFlight, rng: np.random.Generator) -> FloatArray:

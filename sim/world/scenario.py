@@ -23,6 +23,7 @@ __all__ = [
     "Scenario",
     "ScenarioAttitude",
     "ScenarioCamera",
+    "ScenarioDeclared",
     "ScenarioDetector",
     "ScenarioFault",
     "ScenarioFlight",
@@ -72,6 +73,9 @@ class ScenarioGround:
     slope_deg: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
     """How far the ground rises towards ``uphill_deg``; telemetry's heights follow it, the UAV's do not."""
     uphill_deg: float = 0.0
+    waves_m: Annotated[float, Meta(ge=0.0, le=30.0)] = 0.0
+    """Amplitude of waves of the ground on top of the slope; telemetry's heights follow them, video cannot show them."""
+    wavelength_m: Annotated[float, Meta(ge=20.0, le=2000.0)] = 90.0
     length_m: float = 2.2
     width_m: float = 1.4
     height_m: float = 0.9
@@ -86,7 +90,13 @@ class ScenarioFlight:
     """Keep the filmed vehicles' middle in view; otherwise hover over where they began."""
     sway_m: float = 1.0
     """Amplitude of the wind's sway."""
+    takeoff_above_m: Annotated[float, Meta(ge=-400.0, le=400.0)] = 0.0
+    """Height of the place of take-off, from which the UAV's relative altitude counts, above the vehicles' ground."""
     tilt_sway_deg: float = 1.5
+    wobble_deg: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
+    """Standard deviation of the body's smooth random wobble in roll and in pitch on top of the sway; a third in yaw."""
+    wobble_tau_s: Annotated[float, Meta(ge=0.05, le=10.0)] = 0.25
+    """Time constant of each of the three poles that smooth the wobble."""
     yaw_deg: float = 0.0
     yaw_sway_deg: float = 2.0
     yaw_rate_dps: float = 0.0
@@ -116,17 +126,23 @@ class ScenarioCamera:
     yaw_deg: float = 0.0
     crf: int = 23
     """H.264 quality of rendered video: lower is finer and larger."""
+    mirrored: bool = False
+    """The image is flipped left to right, which the mission does not say."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gnss:
-    """Position errors per horizontal axis: white noise and a first-order Gauss–Markov bias."""
+    """Position errors per horizontal axis: noise from report to report and a bias that lasts."""
 
     white_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.3
+    white_kind: Literal["normal", "laplace", "outliers"] = "normal"
+    """How that noise is distributed: outliers is normal but for one report in 25, which is off five times as far."""
     bias_m: float = 0.6
     """Standard deviation of the wandering bias."""
+    bias_kind: Literal["gauss-markov", "walk", "steps", "sine"] = "gauss-markov"
+    """How it wanders: with its deviation kept up, as a random walk from there, in steps, or in a wave."""
     tau_s: Annotated[float, Meta(ge=0.1, le=1e6)] = 60.0
-    """Its correlation time."""
+    """Correlation time; in which a walk adds the deviation once more; mean time between steps; period of the wave."""
     steps_per_min: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
     """Changes of satellites, per vehicle: each moves the reports by another offset."""
     step_m: float = 1.5
@@ -138,6 +154,10 @@ class Gnss:
     """Reported height of the UAV minus the true one."""
     altitude_quirk_m: float = 0.0
     """Added to ``relative_alt`` of ground vehicles, as some autopilots do when home was set before the EKF."""
+    altitude_bias_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    """Standard deviation over the ground vehicles of a constant error of the altitude they report."""
+    altitude_white_m: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    """Noise of that altitude from report to report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,6 +170,11 @@ class ScenarioAttitude:
     """True pitch of a stabilized camera minus the nominal one; for a fixed camera, error of the reported pitch."""
     tilt_roll_deg: float = 0.0
     noise_deg: float = 0.3
+    """White noise of reported yaw; roll and pitch have three tenths of it."""
+    wander_deg: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
+    """Standard deviation of a slow error, over half a minute, of the UAV's reported yaw, pitch and roll."""
+    rates: bool = True
+    """The UAV's ATTITUDE has its turn rates; else zeros stand in their place."""
     missing: bool = False
     """The UAV reports neither attitude nor heading nor gimbal."""
     gimbal: bool = True
@@ -170,9 +195,17 @@ class ScenarioTiming:
     declared_offset: Literal["exact", "zero", "auto"] = "exact"
     """Its value in ``session.toml``."""
     frame_jitter_s: float = 0.002
+    frame_loss: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
+    """Share of frames that are not in the video."""
     rate_min_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
     """Each vehicle's position rate lies between the two."""
     rate_max_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
+    irregular: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """Each position's time varies about its even one by up to half this share of the interval, either way."""
+    attitude_hz: Annotated[float, Meta(ge=1.0, le=200.0)] = 20.0
+    """Rate of the UAV's ATTITUDE."""
+    uav_lag_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
+    """The position the UAV reports is the one it had so long before."""
     latency_s: float = 0.03
     jitter_s: float = 0.01
     """Mean of the exponential delay on top."""
@@ -186,8 +219,12 @@ class ScenarioDetector:
     """What an oriented detector makes of the image."""
 
     pixel_noise: float = 1.0
+    size_noise: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """Further noise in shares of the box's size, √(w h)."""
     angle_noise_deg: float = 2.0
     miss: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.02
+    miss_run_s: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
+    """Misses of one body come in runs of this mean length; 0: each frame for itself."""
     clutter: float = 0.0
     """Mean number of boxes on nothing per frame."""
     score: Annotated[float, Meta(ge=0.05, le=0.95)] = 0.75
@@ -241,14 +278,30 @@ class ScenarioFault:
     """One vehicle's telemetry goes wrong."""
 
     vehicle: int
-    kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift", "spoof"]
-    """A spoofed vehicle reports the place of another one."""
+    kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift", "spoof", "copy"]
+    """A spoof reports the place of another vehicle with errors of its own, a copy the very reports of another one."""
     start_s: float
     stop_s: float = 1e9
     size: float = 0.0
-    """Jump in metres, lag in seconds, drift in metres per second; 0 takes 15 m, 3 s, 0.5 m/s."""
+    """Jump in metres, lag in seconds, drift in metres per second; 0 takes 15 m, 3 s, 0.5 m/s. For a spoof or a copy the
+    delay in seconds."""
     other: int = 0
-    """Whose place is reported instead, for a spoof."""
+    """Whose place is reported instead, for a spoof or a copy."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioDeclared:
+    """Where the mission is wrong about the camera: what ``session.toml`` says beside the truth."""
+
+    focal_share: Annotated[float, Meta(ge=0.2, le=5.0)] = 1.0
+    """Declared focal length over the true one."""
+    yaw_deg: float = 0.0
+    """Declared mount angles minus the true ones."""
+    pitch_deg: float = 0.0
+    distortion: bool = True
+    """Whether the lens's distortion is declared."""
+    offset_s: float = 0.0
+    """Declared ``video_offset_s`` minus the true one, where it is declared as a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -275,6 +328,7 @@ class Scenario:
     timing: ScenarioTiming = field(default_factory=ScenarioTiming)
     detector: ScenarioDetector = field(default_factory=ScenarioDetector)
     targets: Targets = field(default_factory=Targets)
+    declared: ScenarioDeclared = field(default_factory=ScenarioDeclared)
     occlusions: tuple[Occlusion, ...] = ()
     blackouts: tuple[Blackout, ...] = ()
     faults: tuple[ScenarioFault, ...] = ()

@@ -71,6 +71,8 @@ class Bodies:
     """(n,) metres."""
     color: NDArray[np.uint8]
     """(n, 3) BGR."""
+    z: FloatArray | float = 0.0
+    """(n,) or one for all: metres from the world's z = 0 up to the ground below it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

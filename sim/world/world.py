@@ -32,7 +32,7 @@ class WorldState:
     t: float
     """Seconds since the first frame."""
     xy: FloatArray
-    """(n, 2) east and north metres on the ground, which is z = 0 unless it slopes."""
+    """(n, 2) east and north metres on the ground, which is z = 0 unless it slopes or is wavy."""
     v_enu: FloatArray
     """(n, 3) m/s."""
     heading: FloatArray
@@ -82,14 +82,16 @@ class World:
         return xy[:, 0], v[:, 0], heading[:, 0]
 
     def track_enu(self, body: int, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """One body in ENU at times t (k,), sloping ground included: position (k, 3), velocity (k, 3), heading (k,)."""
+        """One body in ENU at times t (k,), slope and waves included: position (k, 3), velocity (k, 3), heading (k,)."""
         xy, v, heading = self.track_of(body, t)
-        level = np.zeros((len(t), 1))
+        climb = (self._waves(xy + 0.05 * v) - self._waves(xy - 0.05 * v)) / 0.1
+        p = np.concatenate([xy, self._waves(xy)[:, None]], axis=1)
+        v = np.concatenate([v, climb[:, None]], axis=1)
         if self.scenario.ground.slope_deg == 0.0:
-            return np.concatenate([xy, level], axis=1), np.concatenate([v, level], axis=1), heading
-        R = self._R_enu_ground[:, :2]
-        nose = np.stack([np.sin(heading), np.cos(heading)], axis=-1) @ R.T
-        return xy @ R.T, v @ R.T, np.arctan2(nose[:, 0], nose[:, 1])
+            return p, v, heading
+        R = self._R_enu_ground
+        nose = np.stack([np.sin(heading), np.cos(heading)], axis=-1) @ R[:, :2].T
+        return p @ R.T, v @ R.T, np.arctan2(nose[:, 0], nose[:, 1])
 
     def view(self, t: float) -> CameraView:
         """The true camera, in axes in which the ground is z = 0: ENU, tipped with the ground where it slopes."""
@@ -112,7 +114,14 @@ class World:
             width=size[:, 1],
             height=size[:, 2],
             color=np.concatenate([roles.color, np.full((len(canopies), 3), CANOPY_COLOR, dtype=np.uint8)]),
+            z=np.concatenate([self._waves(state.xy), self._waves(canopies[:, :2])]),
         )
+
+    def _waves(self, xy: FloatArray) -> FloatArray:
+        """(n,) height of the ground at places xy (n, 2) above its mean plane: two crossing waves, 0 in the middle."""
+        ground = self.scenario.ground
+        k = 2.0 * np.pi / ground.wavelength_m
+        return np.asarray(0.5 * ground.waves_m * (np.sin(k * xy[:, 0]) + np.sin(k * xy[:, 1])))
 
     def _fly(self, t: FloatArray) -> UavMotion:
         scenario = self.scenario
@@ -120,7 +129,8 @@ class World:
             filmed = np.zeros((len(t), 1, 2))
         else:
             filmed = self._actors.motion.xy[:, : scenario.ground.vehicles]
-        return fly(t, filmed, scenario.flight, scenario.camera, random_stream(scenario, "flight"))
+        rng, wobble_rng = random_stream(scenario, "flight"), random_stream(scenario, "wobble")
+        return fly(t, filmed, scenario.flight, scenario.camera, rng, wobble_rng)
 
     def _place_canopies(self) -> FloatArray:
         """(k, 6) x, y, heading, length, width, height."""

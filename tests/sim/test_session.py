@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from sim.errors import SessionWriteError
+from sim.errors import ScenarioError, SessionWriteError
 from sim.session import frame_times, write_session
 from sim.world.presets import curved_road
-from sim.world.scenario import Blackout, ScenarioCamera, ScenarioTiming
+from sim.world.scenario import Blackout, ScenarioCamera, ScenarioDeclared, ScenarioGround, ScenarioTiming
 from sim.world.scenario_file import load_scenario
 
 SHORT = dataclasses.replace(
@@ -130,3 +130,36 @@ def test_a_rendered_session_has_a_video_with_the_frames_times(tmp_path):
     truth = rows(tmp_path / "a" / "truth.csv")
     assert {r["system_id"] for r in truth} >= {str(i) for i in range(11, 17)}
     assert "17" not in {r["system_id"] for r in truth}
+
+
+def test_a_film_of_another_flight_shows_nobody_of_ours(folder, tmp_path):
+    other = dataclasses.replace(SHORT, seed=9)
+    write_session(SHORT, tmp_path / "s", film=other)
+    write_session(other, tmp_path / "other")
+    for name, belongs in (("telemetry.tlog", folder), ("frames.csv", folder), ("session.toml", folder)):
+        assert (tmp_path / "s" / name).read_bytes() == (belongs / name).read_bytes()
+    assert (tmp_path / "s" / "detections.csv").read_bytes() == (tmp_path / "other" / "detections.csv").read_bytes()
+    assert {r["system_id"] for r in rows(tmp_path / "s" / "truth.csv")} == {"0"}
+
+
+def test_a_mission_can_be_wrong_about_the_camera(folder, tmp_path):
+    wrong = ScenarioDeclared(focal_share=0.7, yaw_deg=90.0, pitch_deg=15.0, offset_s=2.0)
+    write_session(dataclasses.replace(SHORT, declared=wrong), tmp_path / "s")
+    said = tomllib.loads((tmp_path / "s" / "session.toml").read_text())
+    assert said["camera"]["fx"] == pytest.approx(0.7 * 1200.0)
+    assert (said["camera"]["yaw_deg"], said["camera"]["pitch_deg"]) == (90.0, -75.0)
+    assert said["clock"]["video_offset_s"] == 2.0
+    for name in ("telemetry.tlog", "frames.csv", "detections.csv"):
+        assert (tmp_path / "s" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_frames_can_be_lost():
+    t, stamps = frame_times(dataclasses.replace(SHORT, duration_s=60.0, timing=ScenarioTiming(frame_loss=0.25)))
+    assert len(t) == len(stamps) == pytest.approx(450, abs=40)
+    assert np.diff(t).max() > 0.25
+
+
+def test_waves_are_not_drawn(tmp_path):
+    wavy = dataclasses.replace(SMALL, ground=ScenarioGround(waves_m=2.0))
+    with pytest.raises(ScenarioError, match="waves_m cannot be drawn"):
+        write_session(wavy, tmp_path / "s", video=True)

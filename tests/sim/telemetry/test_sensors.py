@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sim.telemetry.detections import DetectorModel, wrapped
-from sim.telemetry.sensors import Sensors, gauss_markov
+from sim.telemetry.noise import gauss_markov, lasting_error, report_noise
+from sim.telemetry.sensors import Sensors
 from sim.world.boxes import true_boxes
 from sim.world.earth import to_geodetic
 from sim.world.presets import nominal
@@ -15,7 +16,9 @@ from sim.world.scenario import (
     ScenarioAttitude,
     ScenarioDetector,
     ScenarioFault,
+    ScenarioFlight,
     ScenarioGround,
+    ScenarioTiming,
     Targets,
 )
 from sim.world.world import World
@@ -161,3 +164,89 @@ def test_clutter_blackouts_bursts_and_strangers():
 def test_rows_of_a_frame_are_in_no_order():
     model = DetectorModel(World(nominal()))
     assert len({tuple(model.detect(k / 10).system_id.tolist()) for k in range(20)}) > 15
+
+
+@pytest.mark.parametrize("kind", ["walk", "steps", "sine"])
+def test_other_lasting_errors_begin_with_their_deviation_and_move_in_their_time(kind):
+    gnss = Gnss(bias_m=2.0, bias_kind=kind, tau_s=20.0)
+    b = lasting_error(gnss, 401, (3000, 2), 0.1, np.random.default_rng(4))
+    assert b[0].std() == pytest.approx(2.0, rel=0.05)
+    # after τ: a walk has moved by σ, steps by √2 σ where one has come, a wave by √2 σ √(1 − E cos(2π τ/τ'))
+    stepped, turned = 1.0 - np.exp(-1.0), 1.0 - np.cos(2.0 * np.pi / np.linspace(0.75, 1.33, 999)).mean()
+    moved = {"walk": 2.0, "steps": np.sqrt(8.0 * stepped), "sine": np.sqrt(8.0 * turned)}[kind]
+    assert (b[200] - b[0]).std() == pytest.approx(moved, rel=0.15)
+    still = (np.diff(b, axis=0) == 0.0).mean()
+    assert still == pytest.approx({"steps": np.exp(-0.1 / 20.0)}.get(kind, 0.0), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("kind", "variance", "fourth"), [("normal", 1.0, 3.0), ("laplace", 1.0, 6.0), ("outliers", 1.96, 20.3)]
+)
+def test_report_noise_has_the_variance_and_the_tails_of_its_kind(kind, variance, fourth):
+    x = report_noise(kind, (200_000, 2), np.random.default_rng(5))
+    assert x.var() == pytest.approx(variance, rel=0.03)
+    # kurtosis E x⁴ / (E x²)²
+    assert np.mean(x**4) / x.var() ** 2 == pytest.approx(fourth, rel=0.1)
+
+
+def test_a_spoof_has_errors_of_its_own_and_a_copy_those_of_the_other():
+    def reports(kind, delay):
+        faults = (ScenarioFault(vehicle=2, kind=kind, start_s=-10.0, other=4, size=delay),)
+        sensors = flight(faults=faults)
+        return sensors.ugv(2, T + delay).p_enu, sensors.ugv(4, T).p_enu, sensors.world.track_enu(4, T)[0]
+
+    for delay in (0.0, 0.6):
+        copied, said, _ = reports("copy", delay)
+        assert np.array_equal(copied, said)
+        claimed, said, true = reports("spoof", delay)
+        assert 0.1 < np.linalg.norm((claimed - true)[:, :2], axis=1).mean() < 3.0
+        assert np.linalg.norm(claimed - said, axis=1).min() > 0.0
+
+
+def test_the_uavs_rates_are_those_of_its_wobble_or_none():
+    wobbling = ScenarioFlight(wobble_deg=2.5, wobble_tau_s=0.15)
+    sensors = flight(flight=wobbling, attitude=ScenarioAttitude(noise_deg=0.0, wander_deg=0.0))
+    reading = sensors.uav(np.arange(0.0, 20.0, 0.01), "attitude")
+    # small angles: pitch' is nearly the second rate
+    np.testing.assert_allclose(np.gradient(reading.pitch, 0.01), reading.rates[:, 1], atol=np.radians(6.0))
+    assert np.degrees(reading.rates[:, 1].std()) > 5.0
+    silent = flight(flight=wobbling, attitude=ScenarioAttitude(rates=False)).uav(T, "attitude")
+    assert not silent.rates.any()
+
+
+def test_attitude_wanders_slowly_and_the_uavs_position_lags():
+    attitude = ScenarioAttitude(noise_deg=0.0, compass_bias_deg=0.0, wander_deg=1.5)
+    sensors = flight(
+        attitude=attitude, gnss=Gnss(uav_white_m=0.0, uav_bias_m=0.0), timing=ScenarioTiming(uav_lag_s=0.4)
+    )
+    reading, truth = sensors.uav(T, "attitude"), sensors.world.at_uav(T)
+    error = np.degrees(np.stack([reading.yaw - truth.yaw, reading.pitch - truth.pitch, reading.roll - truth.roll]))
+    assert 0.3 < np.sqrt(np.mean(error**2)) < 4.0
+    assert np.abs(np.diff(error, axis=1)).std() < 0.3
+    np.testing.assert_allclose(reading.p_enu, sensors.world.at_uav(T - 0.4).p_enu)
+
+
+def test_reported_altitudes_err_by_vehicle_and_from_report_to_report():
+    sensors = flight(gnss=Gnss(altitude_bias_m=4.0, altitude_white_m=0.5))
+    z = np.stack([sensors.ugv(vehicle, T).p_enu[:, 2] for vehicle in range(7)])
+    assert 1.5 < z.mean(axis=1).std() < 8.0
+    assert (z - z.mean(axis=1, keepdims=True)).std() == pytest.approx(0.5, rel=0.15)
+
+
+def test_misses_come_in_runs_of_the_length_that_was_asked():
+    world = World(dataclasses.replace(nominal(), detector=ScenarioDetector(miss=0.2, miss_run_s=0.5)))
+    model = DetectorModel(world)
+    seen = np.array([np.isin(range(11, 18), model.detect(k / 10).system_id) for k in range(600)])
+    assert 1.0 - seen.mean() == pytest.approx(0.2, abs=0.05)
+    ends = (~seen[:-1] & seen[1:]).sum()
+    assert (~seen).sum() / ends / 10.0 == pytest.approx(0.5, rel=0.3)
+
+
+def test_noise_in_shares_of_the_box_grows_with_it():
+    world = World(dataclasses.replace(nominal(), detector=ScenarioDetector(pixel_noise=0.0, size_noise=0.1, miss=0.0)))
+    model, errors = DetectorModel(world), []
+    for k in range(100):
+        found, boxes = model.detect(k / 10), true_boxes(world.view(k / 10), world.bodies(k / 10))
+        index = found.system_id - 11
+        errors.append((found.values[:, 0] - boxes.cx[index]) / np.sqrt(boxes.w * boxes.h)[index])
+    assert np.concatenate(errors).std() == pytest.approx(0.1, rel=0.1)

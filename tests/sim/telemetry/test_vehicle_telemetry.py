@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from sim.telemetry.vehicle_telemetry import fleet_telemetry
 from sim.world.camera import body_rotation
 from sim.world.presets import nominal
-from sim.world.scenario import Gnss, ScenarioAttitude, ScenarioCamera, ScenarioFault, ScenarioTiming
+from sim.world.scenario import Gnss, ScenarioAttitude, ScenarioCamera, ScenarioFault, ScenarioFlight, ScenarioTiming
 from sim.world.world import World
 
 CLEAN = Gnss(white_m=0.0, bias_m=0.0, uav_white_m=0.0, uav_bias_m=0.0)
@@ -152,3 +152,19 @@ def test_the_unix_time_of_a_live_play_replaces_the_scenarios():
     world = flight()
     first = next(fleet_telemetry(world, start_us=1_900_000_000_000_000))
     assert abs(first.t_us - 1_899_999_998_000_000) < 1_000_000
+
+
+def test_the_uavs_altitude_counts_from_where_it_took_off():
+    pairs = parsed(flight(gnss=CLEAN, flight=ScenarioFlight(height_m=45.0, sway_m=0.0, takeoff_above_m=-20.0)))
+    uav, rover = (of(pairs, "GLOBAL_POSITION_INT", i)[0][1] for i in (1, 11))
+    assert uav.relative_alt == pytest.approx(65_000, abs=2)
+    # above the vehicles, by what both report, it is where it is
+    assert uav.alt - rover.alt == pytest.approx(45_000, abs=5)
+
+
+def test_attitude_comes_at_its_rate_and_positions_unevenly_if_asked():
+    pairs = parsed(flight(timing=ScenarioTiming(attitude_hz=4.0, irregular=0.8)))
+    assert len(of(pairs, "ATTITUDE", 1)) == 4 * 9
+    gaps = np.diff([m.time_boot_ms for _, m in of(pairs, "GLOBAL_POSITION_INT", 12)])
+    assert gaps.min() < 0.7 * 200.0 < 1.3 * 200.0 < gaps.max()
+    assert gaps.min() > 0.0

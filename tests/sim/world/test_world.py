@@ -8,7 +8,7 @@ import pytest
 from sim.errors import ScenarioError
 from sim.world.boxes import in_image, true_boxes, visible_share
 from sim.world.presets import curved_road, nominal
-from sim.world.scenario import Scenario, ScenarioFlight, ScenarioGround, Targets
+from sim.world.scenario import Scenario, ScenarioCamera, ScenarioFlight, ScenarioGround, Targets
 from sim.world.view import OCCLUDER
 from sim.world.world import World
 
@@ -160,3 +160,47 @@ def test_fifty_vehicles_for_a_minute_take_seconds():
 def test_too_many_for_the_ground_is_refused():
     with pytest.raises(ScenarioError, match=r"do not fit on the ground"):
         World(Scenario(ground=ScenarioGround(kind="parked", vehicles=60, area_m=(20.0, 10.0))))
+
+
+@pytest.mark.parametrize("tau_s", [0.15, 0.4])
+def test_a_fixed_camera_wobbles_smoothly_by_what_was_asked(tau_s):
+    flight = ScenarioFlight(wobble_deg=2.5, wobble_tau_s=tau_s, tilt_sway_deg=0.0, yaw_sway_deg=0.0)
+    world = World(Scenario(duration_s=400.0, ground=ScenarioGround(kind="parked", vehicles=1), flight=flight))
+    t = np.arange(0.0, 400.0, 0.02)
+    uav = world.at_uav(t)
+    for angle, std in ((uav.pitch, 2.5), (uav.roll, 2.5), (uav.yaw, 2.5 / 3.0)):
+        assert np.degrees(angle.std()) == pytest.approx(std, rel=0.2)
+        # three poles: ρ(Δ) = (1 + Δ/T + (Δ/T)²/3) e^(−Δ/T)
+        lag = round(2.0 * tau_s / 0.02)
+        expected = (1.0 + 2.0 + 4.0 / 3.0) * np.exp(-2.0)
+        assert np.mean(angle[lag:] * angle[:-lag]) / angle.var() == pytest.approx(expected, abs=0.1)
+    # smooth: no more than a linear motion's share is new in 20 ms
+    assert np.abs(np.diff(uav.pitch, 2)).std() < 0.02 * uav.pitch.std()
+
+
+def test_without_wobble_the_body_only_sways():
+    uav = World(Scenario(duration_s=20.0, flight=ScenarioFlight(tilt_sway_deg=0.0))).at_uav(np.arange(0.0, 20.0, 0.1))
+    assert not uav.pitch.any()
+
+
+def test_a_mirrored_image_is_flipped_left_to_right():
+    plain, flipped = (
+        World(Scenario(seed=3, camera=ScenarioCamera(mirrored=mirrored, pitch_deg=-50.0))) for mirrored in (False, True)
+    )
+    straight, mirror = (true_boxes(world.view(2.0), world.bodies(2.0)) for world in (plain, flipped))
+    np.testing.assert_allclose(mirror.cx, 1920.0 - straight.cx, atol=1e-6)
+    np.testing.assert_allclose(mirror.cy, straight.cy, atol=1e-6)
+    np.testing.assert_allclose(np.cos(mirror.angle + straight.angle), -1.0, atol=1e-9)
+
+
+def test_waves_lift_bodies_and_reports_alike():
+    ground = ScenarioGround(kind="open", vehicles=8, area_m=(120.0, 120.0), waves_m=6.0, wavelength_m=90.0)
+    world = World(Scenario(seed=3, ground=ground))
+    z = world.bodies(4.0).z[:8]
+    assert np.ptp(z) > 3.0
+    assert np.abs(z).max() <= 6.0
+    t = np.array([4.0, 4.01])
+    for vehicle in range(8):
+        p, v, _ = world.track_enu(vehicle, t)
+        assert p[0, 2] == pytest.approx(z[vehicle])
+        assert np.diff(p[:, 2])[0] / 0.01 == pytest.approx(v[0, 2], abs=0.05)
