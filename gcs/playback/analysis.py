@@ -266,7 +266,7 @@ class Analysis:
             frames = self._frames_with_boxes(images=False, from_us=looks_us)
         for index, t_us, _, boxes in frames:
             yield from self._moments_without_frame(pipeline, packets, moments_between(at_us, t_us, received_us))
-            for packet in packets.until(t_us):
+            for packet in packets.awaited(pipeline, t_us):
                 self._add_packet(pipeline, packet)
             health = self.health_at(t_us, index)
             yield t_us, pipeline.add_frame(index, t_us, size=self._size.size, detections=boxes, health=health)
@@ -287,7 +287,7 @@ class Analysis:
     def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
         packets = PacketsInOrder(self._log.packets())
         for index, t_us, image, boxes in self._frames_with_boxes(images):
-            for packet in packets.until(t_us):
+            for packet in packets.awaited(pipeline, t_us):
                 self._add_packet(pipeline, packet)
             shown, health = image if images else None, self._health(index)
             yield pipeline.add_frame(index, t_us, image=shown, size=self._size.size, detections=boxes, health=health)

@@ -45,6 +45,13 @@ class PacketsInOrder:
             yield self._next
             self._next = next(self._packets, None)
 
+    def awaited(self, pipeline: Pipeline, t_us: int) -> Iterator[Packet]:
+        """Those up to a frame's time, and those that the frame waits for in a flight, as long as the fold does."""
+        yield from self.until(t_us)
+        while self._next is not None and pipeline.awaits_telemetry(t_us, self._next.t_us):
+            yield self._next
+            self._next = next(self._packets, None)
+
 
 class GroundScale:
     """Ground metres a pixel of frames that the fold has not come to yet, from a fold of the telemetry of its own."""

@@ -148,6 +148,11 @@ class Gimbals:
         self._buffer.add(boot_us, attitude)
         return texts
 
+    @property
+    def newest(self) -> tuple[int, tuple[Quaternion, Frame]] | None:
+        """The newest attitude, its quaternion and frame, and its time."""
+        return self._buffer.newest
+
     def at(self, boot_us: int, body_yaw: float) -> NDArray[np.float64] | None:
         """R_enu_gimbal (3, 3), None when no attitude came in the last second.
 

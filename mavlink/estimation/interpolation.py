@@ -47,12 +47,19 @@ _DRIVER_ACCELERATION = 1.5
 
 ATTITUDE_LOST_S = 0.5
 """An attitude older than this is lost, and it is extrapolated no longer."""
+_SWAY_S = 0.2
+"""Rates of roll and pitch fade with this time constant after the last attitude: a body sways about its mean."""
 _ATTITUDE_GAP_US = 1_000_000
 """Attitudes farther apart than this are not interpolated."""
 _MAX_ANGLE = 2.0 * math.pi + 1e-3
 """rad; a little more than a whole turn, for rounding."""
 _MAX_RATE = 50.0
 """rad/s, faster than anything that carries an autopilot turns."""
+_RATE_GAP_US = 500_000
+"""Between attitudes farther apart than this, rates do not determine the path."""
+_RATE_MISFIT = 0.7
+"""rad/s; rates whose mean differs from the mean rate between two attitudes by more than this are in another unit or of
+another axis. A body that sways by 3° within a quarter of a second is below."""
 _GIMBAL_LOCK = 0.1
 """Cosine of a pitch so steep that the rates of roll and yaw mean nothing."""
 
@@ -234,6 +241,11 @@ class _Angles(NamedTuple):
     pitch_rate: float
     yaw_rate: float
 
+    @property
+    def has_rates(self) -> bool:
+        """Whether rates were sent: many senders leave all of them at zero."""
+        return any(self[3:])
+
 
 class Attitudes:
     """Attitudes of one vehicle by its boot time in µs."""
@@ -244,6 +256,11 @@ class Attitudes:
     def clear(self) -> None:
         """Removes every attitude, for a vehicle that has rebooted."""
         self._buffer.clear()
+
+    @property
+    def newest(self) -> tuple[int, _Angles] | None:
+        """The newest attitude and its time."""
+        return self._buffer.newest
 
     @staticmethod
     def is_possible(sample: Attitude) -> bool:
@@ -257,24 +274,49 @@ class Attitudes:
         return self._buffer.add(boot_us, _angles(sample)) is Insertion.ADDED
 
     def at(self, boot_us: int) -> Pose | None:
-        """Attitude at a time, each angle interpolated the short way round; None before the first report."""
+        """Attitude at a time: between two reports interpolated, after the last extrapolated by its rates.
+
+        Each angle goes the short way round. Returns None before the first report.
+        """
         before, after = self._buffer.around(boot_us)
         if before is None:
             return None
         t0, a = before
         age_s = (boot_us - t0) * 1e-6
         if after is not None and after[0] - t0 <= _ATTITUDE_GAP_US:
-            s = (boot_us - t0) / (after[0] - t0)
-            roll, pitch, yaw = (x + s * wrap_pi(y - x) for x, y in zip(a[:3], after[1][:3], strict=True))
+            roll, pitch, yaw = _between(a, after[1], (boot_us - t0) / (after[0] - t0), (after[0] - t0) * 1e-6)
             return Pose(wrap_pi(roll), pitch, wrap_pi(yaw), age_s, True)
         dt = min(age_s, ATTITUDE_LOST_S)
+        # ∫ e^(−t/τ) dt: roll and pitch come to rest, a turn goes on
+        sway_s = _SWAY_S * -math.expm1(-dt / _SWAY_S)
         return Pose(
-            wrap_pi(a.roll + a.roll_rate * dt),
-            a.pitch + a.pitch_rate * dt,
+            wrap_pi(a.roll + a.roll_rate * sway_s),
+            a.pitch + a.pitch_rate * sway_s,
             wrap_pi(a.yaw + a.yaw_rate * dt),
             age_s,
             False,
         )
+
+
+def _between(a: _Angles, b: _Angles, s: float, dt: float) -> tuple[float, float, float]:
+    """Angles a share s of the ``dt`` seconds after a: cubic Hermite where rates were sent and fit, else linear."""
+    turned = [wrap_pi(y - x) for x, y in zip(a[:3], b[:3], strict=True)]
+    h10 = h11 = 0.0
+    h01 = s
+    if dt * 1e6 <= _RATE_GAP_US and a.has_rates and b.has_rates and _rates_fit(a, b, turned, dt):
+        # x = x0 + h01 Δ + h10 dt ẋ0 + h11 dt ẋ1
+        h10, h01, h11 = s * (1.0 - s) ** 2, s * s * (3.0 - 2.0 * s), -s * s * (1.0 - s)
+    roll, pitch, yaw = (
+        x + h01 * by + dt * (h10 * rate_a + h11 * rate_b)
+        for x, by, rate_a, rate_b in zip(a[:3], turned, a[3:], b[3:], strict=True)
+    )
+    return roll, pitch, yaw
+
+
+def _rates_fit(a: _Angles, b: _Angles, turned: list[float], dt: float) -> bool:
+    # Δ / dt − (ẋ0 + ẋ1) / 2
+    off = (by / dt - 0.5 * (u + v) for by, u, v in zip(turned, a[3:], b[3:], strict=True))
+    return sum(rate * rate for rate in off) < _RATE_MISFIT**2
 
 
 def _angles(sample: Attitude) -> _Angles:

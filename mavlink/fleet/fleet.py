@@ -16,13 +16,14 @@ import numpy as np
 from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
 from mavlink.estimation.camera_report import CameraReports, CameraSample
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
-from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix, Pose, PositionEstimate
+from mavlink.estimation.interpolation import Fix, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
 from mavlink.estimation.positions import VehicleLimits, in_frame
 from mavlink.fleet.radio import MODEM_MESSAGES, add_radio_status
+from mavlink.fleet.uav import NO_FIX, is_awaited, uav_state
 from mavlink.fleet.vehicle import PositionReport, Vehicle
-from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
+from mavlink.geodesy import LocalFrame
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.messages import (
@@ -60,7 +61,6 @@ _MAX_WAITING = 2000
 """Reports kept until the origin is known."""
 _MAX_REPORTS = 100_000
 """Reports kept until they are collected."""
-_UNKNOWN = Fix(*[math.nan] * 9)
 
 
 class _AcceptedPosition(NamedTuple):
@@ -177,12 +177,11 @@ class Fleet:
         status_us = min(t_us, heard_us) if heard_us else t_us
         estimates = [vehicle.positions.at(vehicle.clock.boot_of(t_us)) for vehicle in self._ugvs]
         statuses = [_status(vehicle, status_us) for vehicle in self._ugvs]
-        rows = np.array([e.fix if e else _UNKNOWN for e in estimates], dtype=np.float64).reshape(-1, len(_UNKNOWN))
+        rows = np.array([e.fix if e else NO_FIX for e in estimates], dtype=np.float64).reshape(-1, len(NO_FIX))
         uav_status = _status(self._uav, status_us)
-        uav = self._uav_at(t_us, uav_status)
         return FleetState(
             t_us=t_us,
-            uav=uav,
+            uav=self._uav_at(t_us, uav_status),
             system_id=self._ids,
             p_enu=rows[:, 0:3],
             v_enu=rows[:, 3:6],
@@ -192,6 +191,14 @@ class Fleet:
             valid=np.array([_usable(e, s) for e, s in zip(estimates, statuses, strict=True)], dtype=np.bool_),
             vehicles=(uav_status, *statuses),
         )
+
+    def uav_at(self, t_us: int) -> UavState:
+        """The UAV alone at a Unix time in µs."""
+        return self._uav_at(t_us, _status(self._uav, t_us))
+
+    def awaits(self, t_us: int) -> bool:
+        """Whether reports of the UAV's pose after a Unix time are still to come, between which it is interpolated."""
+        return is_awaited(self._uav, self._gimbals, t_us)
 
     @property
     def origin(self) -> LocalFrame | None:
@@ -206,7 +213,7 @@ class Fleet:
     def take_reports(self) -> Reports:
         """Positions of ground vehicles accepted since the last call."""
         collected, self._evidence = self._evidence, deque(maxlen=_MAX_REPORTS)
-        rows = np.array([report.fix for report in collected], dtype=np.float64).reshape(-1, len(_UNKNOWN))
+        rows = np.array([report.fix for report in collected], dtype=np.float64).reshape(-1, len(NO_FIX))
         return Reports(
             t_us=np.array([report.made_us for report in collected], dtype=np.int64),
             system_id=np.array([report.vehicle.system_id for report in collected], dtype=np.int64),
@@ -301,6 +308,10 @@ class Fleet:
             self._evidence.append(_AcceptedPosition(vehicle, boot_us, fix, clock.restarts, clock.unix_of(boot_us)))
         return notices
 
+    def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
+        usable = _usable(self._uav.positions.at(self._uav.clock.boot_of(t_us)), status)
+        return uav_state(self._uav, self._gimbals, self._camera.report, t_us, status, usable=usable)
+
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
         """Puts the origin where a vehicle is; positions are converted, and those too far away dropped."""
         before, distance_m = self.origin, self._origin.distance_m(sample)
@@ -343,27 +354,6 @@ class Fleet:
             for text in texts
         )
 
-    def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
-        boot_us = self._uav.clock.boot_of(t_us)
-        estimate, pose = self._uav.positions.at(boot_us), self._uav.attitudes.at(boot_us)
-        fix = estimate.fix if estimate else _UNKNOWN
-        roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
-        return UavState(
-            p_enu=np.array(fix[0:3]),
-            v_enu=np.array(fix[3:6]),
-            height_m=fix.height_m,
-            R_enu_body=R_ENU_NED @ rotation_from_euler(roll, pitch, yaw),
-            yaw=yaw % (2.0 * math.pi),
-            pitch=pitch,
-            roll=roll,
-            R_enu_gimbal=self._gimbals.at(boot_us, yaw),
-            position_age_s=status.position_age_s,
-            attitude_age_s=status.attitude_age_s,
-            position_valid=_usable(estimate, status),
-            attitude_valid=_fresh(pose) and not status.contested,
-            camera=self._camera.report,
-        )
-
 
 def _status(vehicle: Vehicle, t_us: int) -> VehicleStatus:
     boot_us = vehicle.clock.boot_of(t_us)
@@ -386,10 +376,6 @@ def _add_attitude(vehicle: Vehicle, sample: Attitude, arrival: Arrival) -> tuple
 def _widened(std_m: float, doubt: Doubt | None) -> float:
     """1σ of a position, with that of a doubt about it."""
     return math.hypot(std_m, doubt.std_m) if doubt is not None else std_m
-
-
-def _fresh(pose: Pose | None) -> bool:
-    return pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
 
 
 def _usable(estimate: PositionEstimate | None, status: VehicleStatus) -> bool:

@@ -1,0 +1,65 @@
+"""The UAV at a time, and whether it is known yet as well as it will be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mavlink.estimation.gimbal import Gimbals
+from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix, Pose
+from mavlink.fleet.vehicle import Vehicle
+from mavlink.geodesy import R_ENU_NED, rotation_from_euler
+from mavlink.state import CameraReport, UavState, VehicleStatus
+
+__all__ = ["NO_FIX", "is_awaited", "is_fresh", "uav_state"]
+
+NO_FIX = Fix(*[math.nan] * 9)
+_REPORTING_US = 1_000_000
+"""What did not come for so long is not waited for: it stopped, or comes too rarely to interpolate."""
+
+
+def uav_state(
+    uav: Vehicle, gimbals: Gimbals, camera: CameraReport | None, t_us: int, status: VehicleStatus, *, usable: bool
+) -> UavState:
+    """The UAV at a Unix time, each sample by its own time.
+
+    Args:
+        uav: its reports.
+        gimbals: those of its gimbal.
+        camera: what it reports of its camera.
+        t_us: when.
+        status: how its reports come.
+        usable: whether its position may be used.
+    """
+    boot_us = uav.clock.boot_of(t_us)
+    estimate, pose = uav.positions.at(boot_us), uav.attitudes.at(boot_us)
+    fix = estimate.fix if estimate else NO_FIX
+    roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
+    return UavState(
+        p_enu=np.array(fix[0:3]),
+        v_enu=np.array(fix[3:6]),
+        height_m=fix.height_m,
+        R_enu_body=R_ENU_NED @ rotation_from_euler(roll, pitch, yaw),
+        yaw=yaw % (2.0 * math.pi),
+        pitch=pitch,
+        roll=roll,
+        R_enu_gimbal=gimbals.at(boot_us, yaw),
+        position_age_s=status.position_age_s,
+        attitude_age_s=status.attitude_age_s,
+        position_valid=usable,
+        attitude_valid=is_fresh(pose) and not status.contested,
+        camera=camera,
+    )
+
+
+def is_fresh(pose: Pose | None) -> bool:
+    """Whether an attitude may be used."""
+    return pose is not None and (pose.bracketed or pose.age_s <= ATTITUDE_LOST_S)
+
+
+def is_awaited(uav: Vehicle, gimbals: Gimbals, t_us: int) -> bool:
+    """Whether a position, attitude or gimbal's attitude that belongs to a Unix time is still to come."""
+    boot_us = uav.clock.boot_of(t_us)
+    newest = (uav.positions.newest, uav.attitudes.newest, gimbals.newest)
+    return any(sample is not None and 0 < boot_us - sample[0] <= _REPORTING_US for sample in newest)

@@ -1,0 +1,69 @@
+"""A frame waits for the attitude of its own time, not for long, and not where none will come."""
+
+from dataclasses import replace
+
+import pytest
+
+from gcs.fold.pipeline import WAIT_US, Pipeline
+from gcs.mission.mission import Clock
+from gcs.playback.recorded_order import PacketsInOrder
+from mavlink.protocol.packet import Packet
+from tests.support.flights import FIELD, T0, S
+from tests.support.frames import MessageEncoder
+from tests.support.snapshots import ONE_UGV
+
+DELAY_US = 20_000
+
+
+def heard(seconds, *, attitude_hz=10, position_hz=10):
+    """The UAV's packets in order of arrival, each some time after it was made."""
+    speaker, made = MessageEncoder(1), []
+    lat, lon, alt = (float(a) for a in FIELD.to_geodetic([0.0, 0.0, 40.0]))
+    for hz, message in (
+        (position_hz, lambda ms: speaker.global_position_int(ms, lat, lon, alt, 40.0, (0, 0, 0), 0.0)),
+        (attitude_hz, lambda ms: speaker.attitude(ms, 0.0, 0.0, 0.0)),
+    ):
+        times_us = [T0 + k * S // hz for k in range(int(seconds * hz))] if hz else []
+        made += [(t_us, message((t_us - T0) // 1000 + 60_000)) for t_us in times_us]
+    return [Packet(t_us + DELAY_US, frame) for t_us, frame in sorted(made)]
+
+
+def waited_us(packets, frame_us, pipeline=None):
+    """After how long a frame is folded, by what came last; 0: it did not wait."""
+    pipeline = pipeline or Pipeline(ONE_UGV)
+    last_us = frame_us
+    for packet in PacketsInOrder(iter(packets)).awaited(pipeline, frame_us):
+        pipeline.add_packet(packet)
+        last_us = packet.t_us
+    return max(last_us - frame_us, 0)
+
+
+@pytest.mark.parametrize("ahead_us", [5_000, 35_000, 99_000])
+def test_a_frame_waits_until_the_attitude_after_it_has_come(ahead_us):
+    frame_us = T0 + DELAY_US + 2 * S - ahead_us
+    pipeline = Pipeline(ONE_UGV)
+    assert waited_us(heard(4.0), frame_us, pipeline) == ahead_us
+    assert not pipeline.fleet.awaits(frame_us)
+
+
+def test_it_waits_for_the_position_too():
+    frame_us = T0 + DELAY_US + 2 * S - 90_000
+    assert waited_us(heard(4.0, attitude_hz=50), frame_us) == 90_000
+
+
+def test_it_waits_no_longer_than_the_bound():
+    frame_us = T0 + 2 * S + 50_000
+    waits_us = waited_us(heard(4.0, attitude_hz=2, position_hz=50), frame_us)
+    assert WAIT_US - 20_000 <= waits_us <= WAIT_US
+
+
+@pytest.mark.parametrize("packets", [[], heard(0.8), heard(4.0, attitude_hz=0)])
+def test_it_does_not_wait_for_what_will_not_come(packets):
+    frame_us = T0 + 2 * S + DELAY_US
+    assert waited_us(packets, frame_us) == 0
+
+
+def test_it_waits_by_the_clock_of_the_telemetry():
+    late = replace(ONE_UGV, clock=Clock(video_offset_s=0.5))
+    frame_us = T0 + 2 * S + DELAY_US - 35_000
+    assert waited_us(heard(4.0), frame_us, Pipeline(late)) == 0
