@@ -69,6 +69,8 @@ class CameraState:
     """True: a gimbal keeps the horizon; False: the camera tilts with the body, so tilt is known less well."""
     half_view: tuple[float, float] = (np.nan, np.nan)
     """Tangents of half the angle of view, across and along the image; NaN unknown."""
+    height_std_m: float = np.nan
+    """1σ of the camera's height above the ground, metres; NaN: as the identifier assumes."""
 
     def __post_init__(self) -> None:
         _need("R_enu_cam", self.R_enu_cam, (3, 3))

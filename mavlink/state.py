@@ -227,6 +227,8 @@ class FleetState:
     """(n,) of the position, inf never."""
     std_m: Array
     """(n,) 1σ of the horizontal position; grows while no report comes."""
+    up_std_m: Array
+    """(n,) 1σ of the height in ``p_enu``; NaN where the vehicle reports none that is possible."""
     valid: NDArray[np.bool_]
     """(n,) position may be used: reported within two seconds, and not in an id conflict."""
     vehicles: tuple[VehicleStatus, ...]

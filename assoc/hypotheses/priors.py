@@ -65,4 +65,5 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
         else (np.deg2rad(q.yaw_std_deg), np.deg2rad(q.yaw_rate_std_deg_s))
     )
     level = q.position_std_m if camera.position_known else _FREE_POSITION_STD_M
-    return PosePrior(std=np.array([yaw, rate, tilt, tilt, level, level, q.height_std_m, offset_std_s], np.float64))
+    height = camera.height_std_m if np.isfinite(camera.height_std_m) else q.height_std_m
+    return PosePrior(std=np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64))

@@ -260,4 +260,5 @@ def _complete_state(camera: CameraState) -> CameraState | None:
         position_known=camera.position_known,
         stabilized=camera.stabilized,
         half_view=camera.half_view,
+        height_std_m=camera.height_std_m,
     )

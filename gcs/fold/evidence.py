@@ -60,6 +60,7 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         R_enu_cam=view.pose.R_enu_cam,
         p_enu=view.pose.p_enu,
         ground_z=view.ground_z,
+        height_std_m=view.height_std_m,
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,
         position_known=view.position_sure,

@@ -25,6 +25,8 @@ class FrameCamera:
     pose: CameraPose
     ground_z: float
     """Height of the ground plane, ENU metres."""
+    height_std_m: float
+    """1σ of the camera's height above it."""
     attitude_known: bool
     position_sure: bool
     """False: the UAV doubts its own position."""

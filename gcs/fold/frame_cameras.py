@@ -8,6 +8,7 @@ import numpy as np
 
 from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.ground_height import GroundHeight
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Mission
@@ -28,6 +29,7 @@ class FrameCameras:
     def __init__(self, mission: Mission, *, sized: bool = True) -> None:
         self._uav_id = mission.uav.system_id
         self._steps = StepFilter()
+        self._heights = GroundHeight()
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
 
@@ -45,9 +47,13 @@ class FrameCameras:
         """Note an order that turns the camera."""
         self._direction.order_given(t_us)
 
-    def forget_steps(self) -> None:
+    def forget_places(self) -> None:
         """Take positions as they are reported again: they are given in another frame from now on."""
-        self._steps = StepFilter()
+        self._steps, self._heights = StepFilter(), GroundHeight()
+
+    def follow_ground(self, state: FleetState) -> None:
+        """Take in what the fleet's altitudes at a frame show of the ground."""
+        self._heights.update(state)
 
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.
@@ -87,10 +93,12 @@ class FrameCameras:
         if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None, events
         events += self._direction.check(state.t_us, uav)
+        z, std_m = self._heights.below(uav)
         camera = FrameCamera(
             intrinsics=intrinsics,
             pose=self._direction.pose(uav, uav.p_enu + self._steps.shift_enu),
-            ground_z=float(uav.p_enu[2] - uav.height_m),
+            ground_z=z,
+            height_std_m=std_m,
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
         )

@@ -122,6 +122,7 @@ def _sampled_frames(
         while waiting is not None and waiting.t_us <= t_us:
             pipeline.add_packet(waiting)
             waiting = next(packets, None)
+        pipeline.follow_ground(t_us)
         expected = pipeline.expected_pixels(t_us)
         if expected is None:
             continue

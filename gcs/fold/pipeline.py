@@ -157,6 +157,10 @@ class Pipeline:
         """
         self._statements.make(statement)
 
+    def follow_ground(self, t_us: int) -> None:
+        """Take in how high the ground is at a frame that is measured and not folded."""
+        self._cameras.follow_ground(self.fleet.at(self._telemetry_time(t_us)))
+
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
         """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
         view = self._frame_camera(self.fleet.at(self._telemetry_time(t_us)), _size_of(image))
@@ -208,6 +212,7 @@ class Pipeline:
         self._notices.follow(state)
         self._follow_origin()
         self._follow_steps(state)
+        self._cameras.follow_ground(state)
         view = self._frame_camera(state, size if image is None else _size_of(image))
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
@@ -262,7 +267,7 @@ class Pipeline:
         """Begin the names anew when places are given in another frame: all evidence was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
             self._begin_anew()
-            self._cameras.forget_steps()
+            self._cameras.forget_places()
         self._origin = self.fleet.origin
 
     def _begin_anew(self) -> None:

@@ -64,6 +64,7 @@ class GroundScale:
         """At the centre of a frame; frames come in order."""
         for packet in self._packets.until(frame.t_us):
             self._pipeline.add_packet(packet)
+        self._pipeline.follow_ground(frame.t_us)
         return self._pipeline.gsd_m(frame.t_us, frame.image)
 
 

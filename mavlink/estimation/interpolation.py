@@ -151,6 +151,8 @@ class Fix(NamedTuple):
     std_m: float
     height_m: float
     """Above home as reported."""
+    up_std_m: float
+    """1σ of ``up``; NaN where no possible altitude was reported and ``up`` is that of the home plane."""
 
 
 class PositionEstimate(NamedTuple):

@@ -33,7 +33,7 @@ __all__ = [
     "fix_of",
     "in_frame",
     "place_error",
-    "position_std",
+    "position_stds",
     "speed_possible",
     "too_far",
 ]
@@ -49,14 +49,18 @@ class VehicleLimits:
     """Beyond what the speed allows: filters settle in steps, and white noise of 4 m makes neighbours 20 m apart."""
     jump_accept_us: int = 1_000_000
     """A new place that has been held for this long, with nothing from the old one, is where the vehicle is."""
-    height_gap_m: float = 30.0
-    """A ground vehicle this far above or below the home plane reports the wrong altitude."""
+    height_gap_m: float = 150.0
+    """A ground vehicle this far above or below the UAV's home reports the wrong altitude: hills are lower."""
+    sea_level_gap_m: float = 30.0
+    """The same for one that reports sea level, as autopilots do until their filter has started."""
     course_gap: float = math.radians(40.0)
     """Heading this far from the course, forward or backward, while driving: the heading is wrong."""
     course_speed: float = 1.0
     """m/s; at less the course is not compared."""
     default_std_m: float = 2.0
     """1σ when the receiver reports none."""
+    default_up_std_m: float = 3.0
+    """The same of the altitude, which a barometer carries on from a receiver's first fix."""
     max_acceleration: float = 4.0
     """m/s²; what two radios of one vehicle may differ by between their reports. Raise for agile vehicles."""
     max_climb: float = 20.0
@@ -96,6 +100,10 @@ _M_PER_HDOP = 1.5
 """1σ of a single-frequency receiver at a dilution of 1."""
 _LEAST_ACCURACY_M, _LEAST_DILUTED_M = 0.02, 0.5
 """1σ is never less than this, by reported accuracy and by dilution."""
+_SEA_LEVEL_M = 5.0
+"""Altitudes this near to zero are those of a barometer that was set to zero where the vehicle was switched on."""
+_LEAST_UP_STD_M = 2.0
+"""1σ of an altitude is never less than this, however good the receiver: barometers drift with the weather."""
 _ALTITUDE_M = -1000.0, 20_000.0
 """Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
 _STDS = 3.0
@@ -155,8 +163,14 @@ def too_far(gap_m: float, dt_s: float, std_m: float, limits: VehicleLimits) -> b
     return gap_m > limits.max_speed * max(dt_s, 0.0) + limits.jump_margin_m + _STDS * std_m
 
 
-def position_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
-    """1σ of a horizontal position: as the receiver estimates it, else by its dilution, else by its kind of fix."""
+def position_stds(gps: GpsRaw | None, limits: VehicleLimits) -> tuple[float, float]:
+    """1σ of a position, level and of its altitude: as the receiver estimates them, else by what else it reports."""
+    known = gps is not None and math.isfinite(gps.v_acc_m)
+    return _level_std(gps, limits), max(gps.v_acc_m, _LEAST_UP_STD_M) if gps and known else limits.default_up_std_m
+
+
+def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
+    """As the receiver estimates it, else by its dilution, else by its kind of fix."""
     if gps is None or gps.fix_type < _FIX_2D:
         return limits.default_std_m
     if math.isfinite(gps.h_acc_m):
@@ -187,7 +201,7 @@ def fix_of(
     home_alt_m: float,
     *,
     heading: float,
-    std_m: float,
+    stds_m: tuple[float, float],
     limits: VehicleLimits,
     drives: bool,
 ) -> tuple[Fix, tuple[str, ...]]:
@@ -196,19 +210,22 @@ def fix_of(
     Args:
         sample: a place that may be one.
         frame: ENU.
-        home_alt_m: altitude of the home plane, NaN unknown; ground vehicles are on it.
+        home_alt_m: altitude of the home plane, NaN unknown; ground vehicles without an altitude are put on it.
         heading: from :meth:`Positions.check_heading`.
-        std_m: 1σ.
+        stds_m: from :func:`position_stds`.
         limits: what the vehicle can do.
         drives: a ground vehicle.
     """
     left_out = []
+    std_m, up_std_m = stds_m
     alt_m = sample.alt_m if altitude_known(sample.alt_m) else math.nan
-    if drives and not abs(alt_m - home_alt_m) <= limits.height_gap_m:
-        # rovers report sea level as their altitude until their filter has started, and some after
+    # rovers report sea level as their altitude until their filter has started, and some after
+    most_gap_m = limits.sea_level_gap_m if abs(alt_m) < _SEA_LEVEL_M else limits.height_gap_m
+    if drives and not abs(alt_m - home_alt_m) <= most_gap_m:
         if math.isfinite(home_alt_m):
             left_out.append("altitude, far from the ground")
         alt_m = home_alt_m if math.isfinite(home_alt_m) else alt_m if math.isfinite(alt_m) else frame.alt_m
+        up_std_m = math.nan
     known = math.isfinite(alt_m)
     east, north, up = frame.to_enu_point(sample.lat_deg, sample.lon_deg, alt_m if known else frame.alt_m)
     v_east, v_north = sample.v_east, sample.v_north
@@ -219,7 +236,7 @@ def fix_of(
         left_out.append("heading, against course or attitude")
     height_m = sample.relative_alt_m if altitude_known(sample.relative_alt_m) else math.nan
     up = up if known else math.nan
-    return Fix(east, north, up, v_east, v_north, -sample.v_down, heading, std_m, height_m), tuple(left_out)
+    return Fix(east, north, up, v_east, v_north, -sample.v_down, heading, std_m, height_m, up_std_m), tuple(left_out)
 
 
 class Positions:

@@ -188,6 +188,7 @@ class Fleet:
             heading=rows[:, 6],
             age_s=np.array([s.position_age_s for s in statuses], dtype=np.float64),
             std_m=np.array([_widened(std, v.doubt(t_us)) for std, v in zip(rows[:, 7], self._ugvs, strict=True)]),
+            up_std_m=rows[:, 9],
             valid=np.array([_usable(e, s) for e, s in zip(estimates, statuses, strict=True)], dtype=np.bool_),
             vehicles=(uav_status, *statuses),
         )

@@ -14,7 +14,7 @@ from mavlink.state import CameraReport, UavState, VehicleStatus
 
 __all__ = ["NO_FIX", "is_awaited", "is_fresh", "uav_state"]
 
-NO_FIX = Fix(*[math.nan] * 9)
+NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
 """What did not come for so long is not waited for: it stopped, or comes too rarely to interpolate."""
 

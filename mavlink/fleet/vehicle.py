@@ -18,7 +18,7 @@ from mavlink.estimation.clock_health import ClockHealth
 from mavlink.estimation.interpolation import ATTITUDE_LOST_S, LOST_S, Attitudes, Fix, Pose, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
-from mavlink.estimation.positions import Positions, VehicleLimits, Verdict, fix_of, place_error, position_std
+from mavlink.estimation.positions import Positions, VehicleLimits, Verdict, fix_of, place_error, position_stds
 from mavlink.fleet.condition import ConditionReports
 from mavlink.fleet.statustext import StatusTexts
 from mavlink.geodesy import LocalFrame
@@ -181,7 +181,7 @@ class Vehicle:
         if frame is not None and sample.component_id == self._components.autopilot:
             now_us = self.clock.boot_of(sample.t_us)
             fix_us = sample.fix_us if abs(sample.fix_us - now_us) < _GPS_FRESH_US else now_us
-            self.doubts.add_fix(sample, position_std(sample, self._limits), self.positions.at(fix_us), frame)
+            self.doubts.add_fix(sample, position_stds(sample, self._limits)[0], self.positions.at(fix_us), frame)
         level, text = self._receivers.add(sample, arrival.sender)
         if self._components.autopilot not in (NO_COMPONENT, sample.component_id) or self.in_conflict(sample.t_us):
             return
@@ -280,7 +280,7 @@ class Vehicle:
         """Compares a place with those of other senders, whichever component reports it."""
         gps = self._receivers.of_sender(sample.t_us, arrival.sender)
         if not place_error(sample, gps):
-            self._duplicate_id.compare_place(sample, arrival.sender, position_std(gps, self._limits))
+            self._duplicate_id.compare_place(sample, arrival.sender, position_stds(gps, self._limits)[0])
 
     def add_position(self, report: PositionReport, frame: LocalFrame, home_alt_m: float) -> tuple[Fix | None, Notices]:
         """Checks a report that is a place, and keeps it when it can be right.
@@ -292,9 +292,9 @@ class Vehicle:
         t_us, pose = sample.t_us, self.attitudes.at(reading.boot_us)
         yaw = pose.yaw if pose is not None and pose.age_s < ATTITUDE_LOST_S else math.nan
         heading = self.positions.check_heading(sample, yaw)
-        std_m = position_std(self._receivers.of_sender(t_us, sender), self._limits)
+        stds_m = position_stds(self._receivers.of_sender(t_us, sender), self._limits)
         fix, left_out = fix_of(
-            sample, frame, home_alt_m, heading=heading, std_m=std_m, limits=self._limits, drives=self._drives
+            sample, frame, home_alt_m, heading=heading, stds_m=stds_m, limits=self._limits, drives=self._drives
         )
         for reason in left_out:
             self.rejections.count(reason)

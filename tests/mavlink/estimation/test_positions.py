@@ -10,7 +10,7 @@ from mavlink.estimation.positions import (
     altitude_known,
     course_gap,
     place_error,
-    position_std,
+    position_stds,
     too_far,
 )
 from mavlink.protocol.messages import GlobalPosition, GpsRaw
@@ -77,7 +77,7 @@ def test_altitude_sentinels(alt, known):
     ],
 )
 def test_how_good_a_position_is(gps, std):
-    assert position_std(gps, LIMITS) == pytest.approx(std)
+    assert position_stds(gps, LIMITS)[0] == pytest.approx(std)
 
 
 def test_too_far():
@@ -96,7 +96,7 @@ def test_course_fits_forward_and_in_reverse(course_deg, heading_deg, gap_deg):
 
 
 def fix_at(east, north=0.0, *, v=(0.0, 0.0), heading=0.0, std=0.3):
-    return Fix(east, north, 0.0, v[0], v[1], 0.0, heading, std, 0.0)
+    return Fix(east, north, 0.0, v[0], v[1], 0.0, heading, std, 0.0, 3.0)
 
 
 def drive(positions, ticks, *, speed=5.0, start=0, east=0.0):

@@ -1,0 +1,178 @@
+"""How high the ground is where the vehicles drive, and how it slopes, from all that reports it.
+
+Unknown are the height g of the ground at a point c, its slope s, and u, by how much the vehicles' altitudes are higher
+than the UAV's all together. In ENU metres, with vehicle j at (p, z) and its own error b_j:
+
+    z_j = g + s·(p_j − c) + u + b_j + noise        u ~ N(0, σ_u²), b_j ~ N(0, σ_j²), s ~ N(0, σ_s²)
+    home plane = g + e                             e ~ 0.8 N(0, 1²) + 0.15 N(0, 15²) + 0.05 N(0, 40²)
+
+Errors are constant over a flight, more or less, so that more samples of a vehicle make its b_j no smaller, but they
+show how the ground rises where it drives.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mavlink.state import FleetState, UavState
+
+__all__ = ["Ground", "GroundHeight"]
+
+FloatArray = NDArray[np.float64]
+
+UAV_ALTITUDE_STD_M = 4.0
+"""1σ of what the UAV's altitude is off by, by its receiver's height at the start."""
+SLOPE_STD = 0.05
+"""1σ of the slope per axis: what vehicles drive on in formation."""
+RELIEF_STD_M = 1.0
+"""1σ of a sample, a second apart, about the plane: bumps, and the noise of an altitude."""
+HOME_STDS_M, HOME_SHARES = np.array([1.0, 15.0, 40.0]), np.array([0.8, 0.15, 0.05])
+"""1σ of the ground about the plane that the UAV took off from, and how often: a field, a slope, and a hill."""
+HOME_ALONE_STD_M = 6.0
+"""1σ of the ground while nothing but that plane is known."""
+MEMORY_S = 20.0
+"""Samples count less with age: the ground where the fleet was before is not where it is now."""
+LONGEST_SAMPLE_S = 1.0
+"""What the first sample of a vehicle counts for, and one after a gap."""
+SMOOTHING_S = 2.0
+"""The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
+OUTLIER_M, OUTLIER_STDS = 15.0, 3.5
+"""A vehicle's altitude is left out where it is so far from the median, and from the plane of the others."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """The plane that the vehicles drive on."""
+
+    at: FloatArray
+    """(2,) a point on it, east and north, metres."""
+    z: float
+    """Its height there, metres."""
+    slope: FloatArray
+    """(2,) rise per metre east and north."""
+    std_m: float
+    """1σ of ``z``."""
+
+    def height_at(self, p_enu: FloatArray) -> FloatArray:
+        """Heights (...,) at places (..., 2 or 3)."""
+        return np.asarray(self.z + (p_enu[..., :2] - self.at) @ self.slope)
+
+
+class GroundHeight:
+    """Follows the ground from frame to frame."""
+
+    def __init__(self) -> None:
+        self.ground: Ground | None = None
+        self._t_us = 0
+        self._moments = np.zeros((0, 4, 4))
+        """(n, 4, 4) decaying Σ x xᵀ of each vehicle, x = (1, east, north, up)."""
+
+    def below(self, uav: UavState) -> tuple[float, float]:
+        """Height of the ground, ENU metres, and its 1σ; that of the UAV's home while nothing else is known."""
+        if self.ground is None:
+            return float(uav.p_enu[2] - uav.height_m), HOME_ALONE_STD_M
+        return self.ground.z, self.ground.std_m
+
+    def update(self, state: FleetState) -> None:
+        """Take in the altitudes of one moment."""
+        home_z = float(state.uav.p_enu[2] - state.uav.height_m)
+        if not math.isfinite(home_z):
+            return
+        n, dt = len(state.system_id), (state.t_us - self._t_us) * 1e-6
+        if len(self._moments) != n or dt < 0.0:
+            self._moments, dt = np.zeros((n, 4, 4)), LONGEST_SAMPLE_S
+        self._t_us = state.t_us
+        used = state.valid & np.isfinite(state.up_std_m)
+        x = np.column_stack([np.ones(n), np.where(used[:, None], state.p_enu, 0.0)]) * used[:, None]
+        self._moments *= math.exp(-dt / MEMORY_S)
+        first = self._moments[:, 0, 0] == 0.0
+        weight = np.where(first, LONGEST_SAMPLE_S, min(dt, LONGEST_SAMPLE_S))
+        self._moments += weight[:, None, None] * x[:, :, None] * x[:, None, :]
+        std_m = np.where(used, state.up_std_m, np.nan)
+        found = find_ground(self._moments, std_m, home_z, state.uav.p_enu[:2])
+        self.ground = found if self.ground is None else _blend(self.ground, found, 1.0 - math.exp(-dt / SMOOTHING_S))
+
+
+def find_ground(moments: FloatArray, std_m: FloatArray, home_z: float, uav_en: FloatArray) -> Ground:
+    """The most probable plane.
+
+    Args:
+        moments: (n, 4, 4) Σ x xᵀ of each vehicle's samples, x = (1, east, north, up), metres.
+        std_m: (n,) 1σ of its altitude, NaN where it has none now.
+        home_z: Height of the plane that the UAV took off from.
+        uav_en: (2,) where the UAV is: the plane's point while no vehicle's altitude is known.
+    """
+    known = np.flatnonzero((moments[:, 0, 0] > 0.0) & np.isfinite(std_m))
+    mean = moments[known, 0, 1:] / moments[known, 0, :1]
+    near = _near_median(mean[:, 2], home_z)
+    known, mean = known[near], mean[near]
+    at, slope = (mean[:, :2].mean(axis=0) if len(known) else uav_en.copy()), np.zeros(2)
+    level, var = home_z, math.inf
+    while len(known):
+        plane, var = _fit_plane(moments[known], std_m[known], np.array([*at, home_z]))
+        level, slope = home_z + float(plane[0]), plane[1:]
+        gap = np.abs(mean[:, 2] - level - (mean[:, :2] - at) @ slope) / np.hypot(std_m[known], RELIEF_STD_M)
+        if gap.max() < OUTLIER_STDS:
+            break
+        kept = np.arange(len(known)) != gap.argmax()
+        known, mean = known[kept], mean[kept]
+        level, var = home_z, math.inf
+    z, var = _with_home(level, var + UAV_ALTITUDE_STD_M**2, home_z)
+    return Ground(at=at, z=z, slope=slope, std_m=math.sqrt(var))
+
+
+def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
+    """Which of some altitudes agree with most of them; of two, the one nearer to the home plane is the median."""
+    votes = np.append(z, home_z) if len(z) == 2 else z
+    return np.asarray(np.abs(z - np.median(votes)) < OUTLIER_M) if len(z) else np.zeros(0, np.bool_)
+
+
+def _fit_plane(moments: FloatArray, std_m: FloatArray, about: FloatArray) -> tuple[FloatArray, float]:
+    """Height above a point and slope (3,) of the plane through some vehicles, and the variance of the height.
+
+    With y = (1, e, n) about the point, w samples of unit weight and b_j ~ N(0, σ_j²) integrated out, a vehicle adds
+
+        A = (Σ y yᵀ − k Σy Σyᵀ) / σ²,    a = (Σ y z − k Σy Σz) / σ²,    k = 1 / (w + σ²/σ_j²)
+
+    Args:
+        moments: (n, 4, 4) of each.
+        std_m: (n,) σ_j.
+        about: (3,) the point.
+    """
+    shift = np.eye(4)
+    shift[1:, 0] = -about
+    m = shift @ moments @ shift.T
+    k = 1.0 / (m[:, 0, 0] + (RELIEF_STD_M / std_m) ** 2)
+    within = (m - k[:, None, None] * m[:, :, :1] * m[:, :1, :]).sum(axis=0) / RELIEF_STD_M**2
+    precision = within[:3, :3] + np.diag([0.0, SLOPE_STD**-2, SLOPE_STD**-2])
+    covariance = np.linalg.inv(precision)
+    return covariance @ within[:3, 3], float(covariance[0, 0])
+
+
+def _with_home(z: float, var: float, home_z: float) -> tuple[float, float]:
+    """Mean and variance of the ground's height: N(z, var) times the mixture about the home plane."""
+    if math.isinf(var):
+        return home_z, HOME_ALONE_STD_M**2
+    total = var + HOME_STDS_M**2
+    log_share = np.log(HOME_SHARES) - 0.5 * np.log(total) - 0.5 * (home_z - z) ** 2 / total
+    share = np.exp(log_share - log_share.max())
+    share /= share.sum()
+    # product of N(z, var) and N(home, S²): mean (z S² + home var) / (var + S²), variance var S² / (var + S²)
+    means = (z * HOME_STDS_M**2 + home_z * var) / total
+    mean = float(share @ means)
+    return mean, float(share @ (var * HOME_STDS_M**2 / total + (means - mean) ** 2))
+
+
+def _blend(before: Ground, now: Ground, share: float) -> Ground:
+    """The plane before moved towards the one that is found now."""
+    z, slope = float(before.height_at(now.at)), before.slope
+    return Ground(
+        at=now.at,
+        z=z + share * (now.z - z),
+        slope=slope + share * (now.slope - slope),
+        std_m=math.hypot(now.std_m, (1.0 - share) * (now.z - z)),
+    )

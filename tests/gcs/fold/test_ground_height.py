@@ -1,0 +1,105 @@
+"""The height of the ground: from the fleet's altitudes where they say more than the UAV's take-off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gcs.fold.ground_height import GroundHeight
+from tests.support.flights import World
+
+S = 1_000_000
+STD_M = 3.0
+
+
+def fleet_at(n):
+    """A state of a copter and n rovers, of which the tests replace what they need."""
+    world = World(rovers=n)
+    return world.fleet.at(world.run(2))
+
+
+def follow(up, *, height=60.0, home=0.0, seconds=10.0, step_s=0.1, std_m=STD_M, drive=5.0, rise=None):
+    """The ground after some seconds in which n rovers drove east, side by side.
+
+    Args:
+        up: (n,) errors of their altitudes, NaN none.
+        height: of the UAV above its home, which is at the height ``home``.
+        rise: height of the ground at places (n, 2), 0 everywhere by default.
+    """
+    n = len(up)
+    state, heights = fleet_at(n), GroundHeight()
+    uav = replace(state.uav, p_enu=np.array([0.0, 0.0, home + height]), height_m=height)
+    up = np.asarray(up, float)
+    for k, t_s in enumerate(np.arange(0.0, seconds, step_s)):
+        p = np.column_stack([np.full(n, drive * t_s), 12.0 * np.arange(n)])
+        z = (rise(p) if rise else 0.0) + np.where(np.isfinite(up), up, 0.0)
+        heights.update(
+            replace(
+                state,
+                t_us=state.t_us + round(k * step_s * S),
+                uav=uav,
+                p_enu=np.column_stack([p, z]),
+                up_std_m=np.where(np.isfinite(up), std_m, np.nan),
+                valid=np.ones(n, bool),
+            )
+        )
+    return heights.ground
+
+
+@pytest.mark.parametrize("home", [-40.0, -20.0, 30.0, 40.0])
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_take_off_from_a_hill_or_a_valley_is_seen_in_the_vehicles_altitudes(home, n):
+    ground = follow(np.zeros(n), home=home)
+    assert abs(ground.z) < 2.5 and 2.0 < ground.std_m < 7.0
+
+
+def test_on_the_field_of_the_take_off_it_is_known_as_well_as_the_barometer():
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        ground = follow(rng.normal(0.0, 3.0, 6) + 2.0)
+        assert abs(ground.z) < 1.5 and ground.std_m < 3.0
+
+
+def test_without_any_altitude_it_is_the_home_plane_and_doubtful():
+    ground = follow([np.nan, np.nan, np.nan], home=7.0)
+    assert ground.z == pytest.approx(7.0) and ground.std_m == 6.0 and not ground.slope.any()
+
+
+@pytest.mark.parametrize("wrong", [100.0, -100.0, 40.0])
+@pytest.mark.parametrize("home", [0.0, 30.0])
+def test_one_wrong_altitude_costs_nothing(wrong, home):
+    right = follow([1.0, -2.0, 0.5, 1.5], home=home)
+    with_wrong = follow([1.0, -2.0, 0.5, 1.5, wrong], home=home)
+    assert with_wrong.z == pytest.approx(right.z, abs=1.0)
+
+
+def test_of_two_that_contradict_each_other_the_one_near_home_is_right():
+    assert abs(follow([0.0, 120.0], home=-8.0).z) < 8.0
+
+
+@pytest.mark.parametrize("slope", [(0.08, 0.0), (-0.1, 0.0), (-0.06, 0.03)])
+def test_vehicles_that_drive_show_the_slope(slope):
+    rng = np.random.default_rng(2)
+    ground = follow(rng.normal(0.0, 1.0, 7), seconds=20.0, rise=lambda p: p @ np.array(slope))
+    assert ground.slope == pytest.approx(slope, abs=0.03)
+    rise = ground.height_at(np.array([[100.0, 36.0], [0.0, 36.0]]))
+    assert rise[0] - rise[1] == pytest.approx(100.0 * slope[0], abs=1.0)
+
+
+def test_a_vehicle_that_begins_to_report_moves_the_ground_smoothly():
+    heights, state = GroundHeight(), fleet_at(4)
+    uav = replace(state.uav, p_enu=np.array([0.0, 0.0, 60.0]), height_m=90.0)
+    z = []
+    for k in range(200):
+        up = np.array([0.0, 0.5, 1.0, 9.0])
+        known = np.array([True, True, True, k > 100])
+        std_m = np.where(known, STD_M, np.nan)
+        p = np.column_stack([0.5 * k * np.ones(4), 10.0 * np.arange(4), up])
+        heights.update(replace(state, t_us=state.t_us + k * S // 10, uav=uav, p_enu=p, up_std_m=std_m))
+        z.append(heights.ground.z)
+    assert 1.0 < z[-1] - z[99] < 4.0 and np.abs(np.diff(z)).max() < 0.2
+
+
+def test_the_same_moment_twice_counts_once_whatever_the_frame_rate():
+    often, seldom = follow([2.0, -1.0], home=20.0, step_s=0.02), follow([2.0, -1.0], home=20.0, step_s=0.5)
+    assert often.z == pytest.approx(seldom.z, abs=0.3) and often.std_m == pytest.approx(seldom.std_m, abs=0.3)
