@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.field.families import scenario_of
+from bench.field.families import film_of, scenario_of
 from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
@@ -49,7 +49,7 @@ def explain(number: int, hard: bool, seed: int) -> str:
     """Play one session and list what went wrong in it."""
     scenario = scenario_of(number, hard, seed)
     with tempfile.TemporaryDirectory(prefix="field-") as folder:
-        write_session(scenario, Path(folder) / "session")
+        write_session(scenario, Path(folder) / "session", film=film_of(number, hard, seed))
         played = identify(Path(folder) / "session", Path(folder) / "out")
         evidence = _read_identity(Path(folder) / "out" / "identity.jsonl")
         events = [json.loads(line) for line in (Path(folder) / "out" / "events.jsonl").read_text().splitlines()]
@@ -121,7 +121,7 @@ def _setting(scenario: Scenario) -> Iterator[str]:
         f"loss {t.loss:.0%}"
     )
     for fault in scenario.faults:
-        victim = f" as {FIRST_UGV_ID + fault.other}" if fault.kind == "spoof" else ""
+        victim = f" as {FIRST_UGV_ID + fault.other}" if fault.kind in ("spoof", "copy") else ""
         stop = "" if fault.stop_s > scenario.duration_s else f" to {fault.stop_s:.1f}"
         yield f"{FIRST_UGV_ID + fault.vehicle} is {fault.kind}{victim} from {fault.start_s:.1f}{stop} s"
 

@@ -1,4 +1,4 @@
-"""The families of sessions by number and seed: fifteen kinds of trouble, each in a standard and a hard version.
+"""The families of sessions by number and seed: kinds of trouble, each in a standard and a hard version.
 
 Seeds below 200 are for tuning, those from 200 on for reporting; a number fitted on the ones is reported on the others.
 """
@@ -11,14 +11,16 @@ from typing import Literal
 
 import numpy as np
 
+from bench.field import camera_trouble, other_trouble, standard
 from bench.field import hard as harder
-from bench.field import standard
 from sim.world.scenario import Scenario
 
-__all__ = ["FAMILIES", "Family", "Split", "Version", "label_of", "scenario_of", "seeds_of"]
+__all__ = ["FAMILIES", "UNRELATED", "Family", "Split", "Version", "film_of", "label_of", "scenario_of", "seeds_of"]
 
 Split = Literal["tune", "report"]
 REPORT_FROM = 200
+UNRELATED = 18
+"""Number of the family in which nobody who is seen is ours."""
 _ROUND = 100
 """Seeds after which the kinds of session begin anew."""
 
@@ -29,6 +31,8 @@ class Version:
 
     make: Callable[[int, np.random.Generator], Scenario]
     labels: tuple[str, ...]
+    film: Callable[[int, Scenario, np.random.Generator], Scenario] | None = None
+    """What is seen instead of the flight, from the kind's number and the flight; None: the flight itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +59,15 @@ def scenario_of(number: int, hard: bool, seed: int) -> Scenario:
     made = family.version(hard).make(_kind(family.version(hard), seed), np.random.default_rng([number, hard, seed]))
     name = f"{number:02d} {family.name}{', hard' if hard else ''}: {label_of(number, hard, seed)}"
     return replace(made, name=name, seed=10_000 * number + 5_000 * hard + seed)
+
+
+def film_of(number: int, hard: bool, seed: int) -> Scenario | None:
+    """The flight that is seen with the telemetry of :func:`scenario_of`, where it is another one."""
+    version = FAMILIES[number].version(hard)
+    if version.film is None:
+        return None
+    flown = scenario_of(number, hard, seed)
+    return version.film(_kind(version, seed), flown, np.random.default_rng([number, hard, seed, 1]))
 
 
 def label_of(number: int, hard: bool, seed: int) -> str:
@@ -85,8 +98,12 @@ def _family(number: int, name: str, easy: Version, tough: Version) -> tuple[int,
     return number, Family(number=number, name=name, standard=easy, hard=tough)
 
 
-def _of(make: Callable[[int, np.random.Generator], Scenario], labels: tuple[str, ...]) -> Version:
-    return Version(make=make, labels=labels)
+def _of(
+    make: Callable[[int, np.random.Generator], Scenario],
+    labels: tuple[str, ...],
+    film: Callable[[int, Scenario, np.random.Generator], Scenario] | None = None,
+) -> Version:
+    return Version(make=make, labels=labels, film=film)
 
 
 _THREE = ("straight", "curved", "open")
@@ -116,5 +133,41 @@ FAMILIES: dict[int, Family] = dict(
         ),
         _family(14, "pose-free", _of(standard.pose_free, standard.GROUNDS), _of(harder.pose_free, harder.BLIND)),
         _family(15, "unmodelled", _of(standard.unmodelled, standard.UNLIKE), _of(harder.unmodelled, harder.UNLIKE)),
+        _family(
+            16,
+            "shaking",
+            _of(camera_trouble.shaking, camera_trouble.SHAKING),
+            _of(camera_trouble.shaking_hard, camera_trouble.SHAKING_HARD),
+        ),
+        _family(
+            17,
+            "spoofers",
+            _of(other_trouble.spoofers, other_trouble.SPOOFERS),
+            _of(other_trouble.spoofers_hard, other_trouble.SPOOFERS_HARD),
+        ),
+        _family(
+            UNRELATED,
+            "unrelated film",
+            _of(other_trouble.unrelated, other_trouble.FILMS, other_trouble.unrelated_film),
+            _of(other_trouble.unrelated_hard, other_trouble.FILMS_HARD, other_trouble.unrelated_film_hard),
+        ),
+        _family(
+            19,
+            "wrong camera",
+            _of(camera_trouble.wrong_camera, camera_trouble.WRONG_CAMERAS),
+            _of(camera_trouble.wrong_camera_hard, camera_trouble.WRONG_CAMERAS_HARD),
+        ),
+        _family(
+            20,
+            "hill",
+            _of(camera_trouble.hill, camera_trouble.HILLS),
+            _of(camera_trouble.hill_hard, camera_trouble.HILLS_HARD),
+        ),
+        _family(
+            21,
+            "other errors",
+            _of(other_trouble.other_errors, other_trouble.OTHER_ERRORS),
+            _of(other_trouble.other_errors_hard, other_trouble.OTHER_ERRORS_HARD),
+        ),
     )
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +14,14 @@ from numpy.typing import NDArray
 from gcs.playback.analysis import Analysis
 from gcs.report.score import Matched, match
 from gcs.session.event_log import EventLog
-from gcs.session.frame_tables import read_truth
+from gcs.session.frame_tables import read_times, read_truth
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.session import open_session
 
 __all__ = ["ProductRun", "identify"]
+
+MISMATCH = "do not match"
+"""In the text of the alarm that video and telemetry do not belong together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,6 +35,8 @@ class ProductRun:
     """(frames,) the same in processor time, which other programs on the machine do not add to."""
     accused: frozenset[int]
     """System ids with an alarm that their reports contradict the video."""
+    mismatch_s: float
+    """Seconds from the first frame to the alarm that video and telemetry do not match; inf never."""
 
 
 def identify(folder: Path, out: Path) -> ProductRun:
@@ -54,14 +60,13 @@ def identify(folder: Path, out: Path) -> ProductRun:
     finally:
         analysis.close()
     true = read_truth(folder / "truth.csv")
+    told = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
+    alarms = [event for event in told if event["level"] == "alarm"]
+    first_us = float(read_times(folder / "frames.csv").times_us[0])
     return ProductRun(
         matched=match(true, read_identity(out / "identity.csv")),
         wall_ms=np.array(wall),
         cpu_ms=np.array(cpu),
-        accused=_accused(out / "events.jsonl"),
+        accused=frozenset(e["system_id"] for e in alarms if e["kind"] == "identity" and e["system_id"]),
+        mismatch_s=1e-6 * (min((e["time_us"] for e in alarms if MISMATCH in e["text"]), default=math.inf) - first_us),
     )
-
-
-def _accused(path: Path) -> frozenset[int]:
-    events = [json.loads(line) for line in path.read_text().splitlines()]
-    return frozenset(e["system_id"] for e in events if e["level"] == "alarm" and e["kind"] == "identity")

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bench.drawing import MISSING
-from bench.field.families import FAMILIES, Split, label_of, scenario_of, seeds_of
+from bench.field.families import FAMILIES, Split, film_of, label_of, scenario_of, seeds_of
 from bench.field.figure import draw_reliability
-from bench.field.measure import BoxCounts, matched_names, tally
+from bench.field.measure import BoxCounts, matched_names, tally, without_liars
 from bench.field.product import identify
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
@@ -42,6 +42,7 @@ class Task:
     duration_s: float | None = None
     """Shorter than the family has it."""
     rivals: bool = True
+    """Whether the others play too; never where the film is of another flight."""
 
 
 def play(task: Task) -> Outcome:
@@ -49,33 +50,49 @@ def play(task: Task) -> Outcome:
     scenario = scenario_of(task.family, task.hard, task.seed)
     if task.duration_s is not None:
         scenario = replace(scenario, duration_s=min(task.duration_s, scenario.duration_s))
+    film = film_of(task.family, task.hard, task.seed)
+    if film is not None:
+        film = replace(film, duration_s=scenario.duration_s)
     with tempfile.TemporaryDirectory(prefix="field-") as folder:
         session = Path(folder) / "session"
-        write_session(scenario, session)
+        write_session(scenario, session, film=film)
         played = identify(session, Path(folder) / "out")
+    liars = _liars(scenario)
+    # lost frames count for time as well
+    fps = len(played.cpu_ms) / scenario.duration_s
     rivals: dict[str, BoxCounts] = {}
-    if task.rivals:
+    if task.rivals and film is None:
         scene = scene_of(scenario)
         answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]
-        rivals = {name: tally(matched_names(scene, names), scenario.fps) for name, names in answers}
+        rivals = {name: tally(without_liars(matched_names(scene, names), liars), fps) for name, names in answers}
     return Outcome(
         family=task.family,
         hard=task.hard,
         seed=task.seed,
         label=label_of(task.family, task.hard, task.seed),
         vehicles=scenario.fleet_size,
-        product=tally(played.matched, scenario.fps),
+        product=tally(without_liars(played.matched, liars), fps),
         rivals=rivals,
         wall_ms=played.wall_ms,
         cpu_ms=played.cpu_ms,
         faulty=frozenset(FIRST_UGV_ID + fault.vehicle for fault in scenario.faults),
         spoofed=_spoofed(scenario),
         accused=played.accused,
+        mismatch_s=played.mismatch_s,
+    )
+
+
+def _liars(scenario: Scenario) -> frozenset[int]:
+    """System ids of the vehicles that report the place of another one for the whole flight."""
+    return frozenset(
+        FIRST_UGV_ID + fault.vehicle
+        for fault in scenario.faults
+        if fault.kind in ("spoof", "copy") and fault.start_s <= 0.0 and fault.stop_s >= scenario.duration_s
     )
 
 
 def _spoofed(scenario: Scenario) -> frozenset[int]:
-    spoofs = [fault for fault in scenario.faults if fault.kind == "spoof"]
+    spoofs = [fault for fault in scenario.faults if fault.kind in ("spoof", "copy")]
     return frozenset(FIRST_UGV_ID + vehicle for fault in spoofs for vehicle in (fault.vehicle, fault.other))
 
 
@@ -85,6 +102,7 @@ def tasks_of(
     quick: bool = False,
     families: Sequence[int] = (),
     versions: Sequence[bool] = (False, True),
+    rivals: bool = True,
 ) -> list[Task]:
     """The sessions of a run, the longest first.
 
@@ -93,10 +111,11 @@ def tasks_of(
         quick: one short session of each family and version.
         families: numbers; empty: all.
         versions: False standard, True hard.
+        rivals: whether the others play too.
     """
     most, duration_s = (1, QUICK_S) if quick else (None, None)
     tasks = [
-        Task(family=family, hard=hard, seed=seed, duration_s=duration_s)
+        Task(family=family, hard=hard, seed=seed, duration_s=duration_s, rivals=rivals)
         for family in (families or FAMILIES)
         for hard in versions
         for seed in seeds_of(family, hard, split, most)
@@ -111,6 +130,7 @@ def run(
     split: Split = "report",
     families: Sequence[int] = (),
     versions: Sequence[bool] = (False, True),
+    rivals: bool = True,
     workers: int = WORKERS,
     print_note: Callable[[str], None] = lambda _: None,
     report: Callable[[int, int], None] = lambda done, total: None,
@@ -123,6 +143,7 @@ def run(
         split: tuning or reporting seeds.
         families: numbers; empty: all.
         versions: False standard, True hard.
+        rivals: whether the others play too.
         workers: processes.
         print_note: called with messages about the run that are not part of its tables.
         report: called with the sessions that are played so far, and all there are.
@@ -131,7 +152,7 @@ def run(
         the text of ``field.md``.
     """
     began = time.monotonic()
-    tasks = tasks_of(split=split, quick=quick, families=families, versions=versions)
+    tasks = tasks_of(split=split, quick=quick, families=families, versions=versions, rivals=rivals)
     outcomes = sorted(_played(tasks, workers, report), key=lambda o: (o.family, o.hard, o.seed))
     title = f"{'quick look, ' if quick else ''}{'reporting' if split == 'report' else 'tuning'} seeds"
     text = tables(outcomes, title)

@@ -38,6 +38,8 @@ class Outcome:
     spoofed: frozenset[int]
     """System ids of the vehicle that spoofs and of the one it copies; empty without a spoof."""
     accused: frozenset[int]
+    mismatch_s: float = math.inf
+    """Seconds to the alarm that video and telemetry do not match."""
 
     @property
     def slandered(self) -> int:
@@ -83,6 +85,7 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
     first = [wait for t in tallies for wait in t.first_s]
     again = [wait for t in tallies for wait in t.again_s]
     sure = [t.wrong_sure_s for t in tallies]
+    tracked = [t.track_idf1 for t in tallies if not math.isnan(t.track_idf1)]
     return Summary(
         sessions=len(tallies),
         ours=total["ours"],
@@ -95,7 +98,7 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
         swaps=total["swaps"],
         # 2 IDTP / (2 IDTP + IDFP + IDFN)
         idf1=_percent(2 * total["right"], total["ours"] + total["named"]),
-        track_idf1=100.0 * float(np.nanmean([t.track_idf1 for t in tallies])) if tallies else NAN,
+        track_idf1=100.0 * float(np.mean(tracked)) if tracked else NAN,
         ece=ece_of(np.sum([t.bins for t in tallies], axis=0)) if tallies else NAN,
         wrong_sure_s=sum(sure),
         wrong_sure_worst_s=max(sure, default=0.0),

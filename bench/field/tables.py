@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.field.families import FAMILIES
-from bench.field.goals import GOALS, judge
-from bench.field.measure import EDGES
+from bench.field.families import FAMILIES, UNRELATED
+from bench.field.goals import ALL, GOALS, judge
+from bench.field.measure import EDGES, BoxCounts
 from bench.field.summary import Outcome, Summary, summarise
 
 __all__ = ["RIVALS", "report", "write_reliability", "write_sessions"]
@@ -30,7 +30,11 @@ def report(outcomes: Sequence[Outcome], title: str) -> str:
         mine = [o for o in outcomes if o.hard == hard]
         if mine:
             parts += [f"## {'Hard' if hard else 'Standard'} ({len(mine)} sessions)", "### The product"]
-            parts += [_product_table(mine), "### Beside the others: precision / right (FPER), %", _rival_table(mine)]
+            parts.append(_product_table(mine))
+            if any(o.rivals for o in mine):
+                parts += ["### Beside the others: precision / right (FPER), %", _rival_table(mine)]
+            if any(o.family == UNRELATED for o in mine):
+                parts += ["### Films of another flight", _unrelated_table(mine)]
     parts += ["## Goals not met", _missed(outcomes), "## Sessions with most boxes not named rightly", _worst(outcomes)]
     return "\n\n".join(parts) + "\n"
 
@@ -56,8 +60,9 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def _grouped(outcomes: Sequence[Outcome]) -> list[tuple[str, list[Outcome]]]:
     numbers = sorted({o.family for o in outcomes})
     groups = [(f"{n} {FAMILIES[n].name}", [o for o in outcomes if o.family == n]) for n in numbers]
-    with_goals = [o for o in outcomes if o.family != 15]
-    return [*groups, ("1–14", with_goals)] if len(groups) > 1 and with_goals else groups
+    modelled = [o for o in outcomes if o.family <= 14]
+    sums = [("1–14", modelled)] if len(groups) > 1 and modelled else []
+    return [*groups, *sums, *([("all", list(outcomes))] if len(groups) > 1 else [])]
 
 
 def _product_table(outcomes: Sequence[Outcome]) -> str:
@@ -95,10 +100,19 @@ def _goals_of(group: Sequence[Outcome]) -> str:
 
 def _rival_table(outcomes: Sequence[Outcome]) -> str:
     rows = []
-    for name, group in _grouped(outcomes):
+    for name, group in _grouped([o for o in outcomes if o.rivals]):
         own = _three(summarise([o.product for o in group]))
         rows.append([name, f"**{own}**", *(_three(summarise([o.rivals[r] for o in group])) for r in RIVALS)])
     return _table(("family", "the product", *RIVALS), rows)
+
+
+def _unrelated_table(outcomes: Sequence[Outcome]) -> str:
+    """Nobody who is seen is ours: which share of all boxes is named all the same, and when that is noticed."""
+    rows = []
+    for o in (o for o in outcomes if o.family == UNRELATED):
+        named = 100.0 * o.product.named / max(o.product.false, 1)
+        rows.append([o.label, str(o.seed), number(named), number(o.product.wrong_sure_s, 1), number(o.mismatch_s, 1)])
+    return _table(("film", "seed", "boxes named, %", "at ≥ 0.9, s", "alarm after s"), rows)
 
 
 def _three(s: Summary) -> str:
@@ -113,12 +127,14 @@ def _missed(outcomes: Sequence[Outcome]) -> str:
     for verdict in (judge(goal, outcomes) for goal in GOALS):
         if verdict.met is False:
             version = "hard" if verdict.goal.hard else "standard"
-            rows.append([f"{verdict.goal.family} {FAMILIES[verdict.goal.family].name}", version, verdict.text()])
+            number_of = verdict.goal.family
+            name = "all" if number_of == ALL else f"{number_of} {FAMILIES[number_of].name}"
+            rows.append([name, version, verdict.text()])
     return _table(("family", "version", "goal"), rows) if rows else "None."
 
 
 def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
-    ranked = sorted(outcomes, key=lambda o: o.product.right / max(o.product.ours + o.product.false_named, 1))
+    ranked = sorted((o for o in outcomes if o.product.ours), key=lambda o: o.product.right / _claims(o.product))
     rows = []
     for o in ranked[:most]:
         s = summarise([o.product])
@@ -126,6 +142,11 @@ def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
         shares = (s.precision, s.right, s.fper, s.track_idf1)
         rows.append([name, str(o.seed), *(number(v, 1) for v in shares), number(s.wrong_sure_s, 1)])
     return _table(("session", "seed", "precision", "right", "FPER", "tracks' IDF1", "wrong ≥ 0.9, s"), rows)
+
+
+def _claims(counts: BoxCounts) -> int:
+    """Boxes that are ours or are said to be."""
+    return counts.ours + counts.false_named
 
 
 def number(value: float, digits: int = 2) -> str:

@@ -1,0 +1,176 @@
+"""Families about the camera: fixed to a body that shakes, declared wrongly, or above ground of another height."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bench.field.draws import gnss, road, session, signed, slight
+from sim.world.scenario import (
+    Scenario,
+    ScenarioCamera,
+    ScenarioDeclared,
+    ScenarioFlight,
+    ScenarioTiming,
+)
+
+__all__ = [
+    "HILLS",
+    "HILLS_HARD",
+    "SHAKING",
+    "SHAKING_HARD",
+    "WRONG_CAMERAS",
+    "WRONG_CAMERAS_HARD",
+    "hill",
+    "hill_hard",
+    "shaking",
+    "shaking_hard",
+    "wrong_camera",
+    "wrong_camera_hard",
+]
+
+SHAKING = (
+    "nadir, 50 Hz, rates",
+    "nadir, 10 Hz",
+    "-60°, 25 Hz",
+    "-50°, 4 Hz, rates",
+    "-45°, 50 Hz, 15 fps",
+    "-30°, 20 Hz, rates, 30 fps",
+)
+SHAKING_HARD = (
+    "nadir, 4 Hz",
+    "-50°, 10 Hz",
+    "-30°, 4 Hz, 30 fps",
+    "-30°, 25 Hz, rates, 15 fps",
+    "nadir, no attitude",
+)
+WRONG_CAMERAS = ("focal × 0.7", "focal × 1.3", "yaw 30°", "offset 2 s", "distortion", "pitch 5°")
+WRONG_CAMERAS_HARD = ("yaw 90°", "yaw 180°", "mirrored", "pitch 15°", "offset 5 s", "focal × 1.3, yaw 30°, -45°")
+HILLS = ("+10 m", "-10 m", "+20 m, -50°", "-15 m, -60°", "slope 4°", "waves 3 m, -50°")
+HILLS_HARD = ("+30 m", "+30 m, -45°", "-20 m, -45°", "-20 m, open", "slope 7°, -50°", "waves 6 m, -45°")
+
+
+def shaking(k: int, rng: np.random.Generator) -> Scenario:
+    """A camera without a gimbal on a body that wobbles by 1-2°."""
+    return _shaken(SHAKING[k], k, float(rng.uniform(1.0, 2.0)), rng)
+
+
+def shaking_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The same with 2-3.5°, and attitude that comes too seldom or not at all."""
+    return _shaken(SHAKING_HARD[k], k, float(rng.uniform(2.0, 3.5)), rng)
+
+
+def _shaken(label: str, k: int, wobble_deg: float, rng: np.random.Generator) -> Scenario:
+    view, *parts = label.split(", ")
+    rate = [float(part.split()[0]) for part in parts if part.endswith("Hz")]
+    fps = [float(part.split()[0]) for part in parts if part.endswith("fps")]
+    attitude = slight(
+        rng,
+        missing="no attitude" in parts,
+        rates="rates" in parts,
+        noise_deg=float(rng.uniform(0.2, 1.0)),
+        wander_deg=float(rng.uniform(0.1, 0.5)),
+    )
+    return session(
+        duration_s=30.0,
+        fps=fps[0] if fps else 10.0,
+        ground=road(k, vehicles=int(rng.integers(5, 9)), area_m=(34.0, 20.0)),
+        camera=_lens(rng, view, mount="fixed"),
+        flight=ScenarioFlight(
+            height_m=float(rng.uniform(36.0, 50.0)),
+            wobble_deg=wobble_deg,
+            wobble_tau_s=float(rng.uniform(0.15, 0.4)),
+        ),
+        gnss=gnss(rng, white=float(rng.uniform(0.2, 0.6)), bias=float(rng.uniform(0.4, 1.2))),
+        attitude=attitude,
+        timing=ScenarioTiming(attitude_hz=rate[0] if rate else 20.0),
+    )
+
+
+def wrong_camera(k: int, rng: np.random.Generator) -> Scenario:
+    """The mission says a little that is not so."""
+    return _misdeclared(WRONG_CAMERAS[k], k, rng)
+
+
+def wrong_camera_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """The mission says something else altogether."""
+    return _misdeclared(WRONG_CAMERAS_HARD[k], k, rng)
+
+
+def _misdeclared(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    wrong: dict[str, float | bool] = {}
+    camera: dict[str, bool] = {}
+    view = "nadir"
+    for part in label.split(", "):
+        word, _, size = part.partition(" ")
+        if word == "focal":
+            wrong["focal_share"] = float(size.removeprefix("× "))
+        elif word in ("yaw", "pitch"):
+            # beyond straight down a mount's pitch does not go
+            turned = float(size.rstrip("°"))
+            wrong[f"{word}_deg"] = turned if word == "pitch" else turned * float(rng.choice((-1.0, 1.0)))
+        elif word == "offset":
+            wrong["offset_s"] = signed(rng, *2 * (float(size.split()[0]),))
+        elif word == "distortion":
+            wrong["distortion"] = False
+        elif word == "mirrored":
+            camera["mirrored"] = True
+        else:
+            view = word
+    return session(
+        ground=road(k),
+        camera=_lens(rng, view, **camera),
+        flight=ScenarioFlight(height_m=float(rng.uniform(36.0, 50.0)), yaw_deg=float(rng.uniform(0.0, 360.0))),
+        gnss=gnss(rng),
+        attitude=slight(rng),
+        declared=ScenarioDeclared(**wrong),  # type: ignore[arg-type]
+    )
+
+
+def hill(k: int, rng: np.random.Generator) -> Scenario:
+    """Taken off 10-20 m above or below the vehicles, a gentle slope, low waves."""
+    return _uneven(HILLS[k], k, rng)
+
+
+def hill_hard(k: int, rng: np.random.Generator) -> Scenario:
+    """Taken off 20-30 m above or below them, a steep slope, high waves."""
+    return _uneven(HILLS_HARD[k], k, rng)
+
+
+def _uneven(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Vehicles report altitudes as receivers do: off by metres, much of it in common with the UAV's."""
+    first, *rest = label.split(", ")
+    ground: dict[str, Any] = {"area_m": (36.0, 20.0)}
+    above = 0.0
+    if first.startswith("slope"):
+        ground |= {"slope_deg": float(first.split()[1].rstrip("°")), "uphill_deg": float(rng.uniform(0.0, 360.0))}
+    elif first.startswith("waves"):
+        ground |= {"waves_m": float(first.split()[1]), "wavelength_m": float(rng.uniform(60.0, 140.0))}
+    else:
+        above = float(first.split()[0])
+    if "open" in rest:
+        ground["kind"] = "open"
+    view = next((part for part in rest if part.endswith("°")), "nadir")
+    return session(
+        duration_s=30.0,
+        ground=road(k, **ground),
+        camera=_lens(rng, view),
+        flight=ScenarioFlight(height_m=float(rng.uniform(38.0, 55.0)), takeoff_above_m=above),
+        gnss=gnss(
+            rng,
+            bias=float(rng.uniform(0.4, 1.0)),
+            height_bias_m=float(rng.normal(0.0, 1.5)),
+            altitude_bias_m=1.5,
+            altitude_white_m=0.3,
+        ),
+        attitude=slight(rng),
+    )
+
+
+def _lens(rng: np.random.Generator, view: str, **parts: object) -> ScenarioCamera:
+    """A camera of some focal length, with a lens that bends a little; ``view`` is nadir or the pitch."""
+    focal = float(rng.uniform(1000.0, 1450.0))
+    bent = (float(rng.uniform(-0.12, 0.02)), float(rng.uniform(0.0, 0.03)), 0.0005, -0.0005, 0.0)
+    pitch = -90.0 if view == "nadir" else float(view.rstrip("°"))
+    return ScenarioCamera(fx=focal, fy=focal, distortion=bent, pitch_deg=pitch, **parts)  # type: ignore[arg-type]
