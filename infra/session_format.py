@@ -19,6 +19,7 @@ __all__ = [
     "LOG",
     "MARKS",
     "METADATA",
+    "MOTION",
     "PROGRAM_LOG",
     "REFUSED",
     "SENDERS",
@@ -61,6 +62,7 @@ REFUSED = TableFormat("refused.csv", "record,t_us,link,peer,auth")
 CLOCK = TableFormat("clock.csv", "record,t_us,offset_us,step_us")
 FRAMES = TableFormat("frames.csv", "frame,time_us")
 DETECTIONS = TableFormat("detections.csv", "frame,cx,cy,w,h,angle,score,heading", frozenset({"heading"}))
+MOTION = TableFormat("motion.csv", "frame,h11,h12,h13,h21,h22,h23,h31,h32,std_px,inliers,share")
 FOLDS = TableFormat(
     "folds.csv",
     "time_us,records,record_us,heard_us,frame,boxes,width,height",

@@ -12,13 +12,13 @@ import os
 from collections.abc import Callable, Iterator, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pymavlink.dialects.v20 import ardupilotmega
 
+from bench.again.encoders import SECRET, RebootedEncoder, ScriptedSigner
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults
@@ -31,13 +31,10 @@ from mavlink.ingest.ingest_memory import IngestMemory, Slot, make_ingest_memory
 from mavlink.ingest.plan import Signing
 from mavlink.ingest.receiver import Receiver, Signatures
 from mavlink.links.batch import Batch
-from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.encoder import GCS, MavlinkEncoder
-from mavlink.protocol.framing import checksum
-from mavlink.protocol.packet import Packet
-from mavlink.signing.keys import Key, read_ring, write_key
-from mavlink.signing.streams import ticks_of
+from mavlink.signing.keys import read_ring, write_key
 from mavlink.tlog.writer import TlogWriter
+from sim.render.film import Film
 from sim.telemetry.detections import DetectorModel
 from sim.telemetry.vehicle_telemetry import TELEMETRY_FROM_S, fleet_telemetry
 from sim.world.scenario import UAV_ID, Scenario, ScenarioCamera
@@ -45,7 +42,7 @@ from sim.world.world import World
 from vision.detect.detections import Detections
 from vision.video.video import Frame
 
-__all__ = ["CAMERA", "InjectedFaults", "RebootedEncoder", "ScriptedDetector", "fly"]
+__all__ = ["CAMERA", "InjectedFaults", "ScriptedDetector", "fly"]
 
 S = 1_000_000
 BATCH_US = 4_000
@@ -57,9 +54,6 @@ MISSION_CAMERA_SCALE = 3
 """The mission describes the camera at this many times the frames' size, so that intrinsics must be scaled."""
 IMPOSTOR_M = 120.0
 """Distance of the forged positions, north of the scenario's origin."""
-FIRST_BOOT_MS = 1500
-"""Of a vehicle that was just switched on, at its first message."""
-SECRET = bytes(range(32))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +90,8 @@ class InjectedFaults:
     """The detector finds nothing."""
     detector_fails: tuple[float, float] | None = None
     """The detector raises an error."""
+    rendered: bool = False
+    """Frames show the scene, so that they tell how the camera moves; else they are black."""
 
 
 class _ScriptedLink:
@@ -218,11 +214,11 @@ def fly(
 
     Args:
         folder: where to record.
-        scenario: what is flown; its camera is replaced by a small one.
+        scenario: what is flown; its camera is replaced by a small one that looks straight down.
         faults: what goes wrong.
         on_snapshot: called with what a screen shows after each turn of the fold.
     """
-    scenario = replace(scenario, camera=CAMERA)
+    scenario = replace(scenario, camera=replace(CAMERA, mount=scenario.camera.mount))
     flight = _ScriptedFlight(folder, scenario, faults, on_snapshot)
     rng = np.random.default_rng(scenario.seed)
     worlds = _worlds(scenario, faults)
@@ -267,7 +263,8 @@ def _mission(scenario: Scenario) -> Mission:
     camera = {
         name: getattr(CAMERA, name) * MISSION_CAMERA_SCALE for name in ("width", "height", "fx", "fy", "cx", "cy")
     }
-    table = {"uav": {"system_id": UAV_ID}, "ugv": [{"system_id": i} for i in scenario.ugv_ids], "camera": camera}
+    table = {"uav": {"system_id": UAV_ID}, "ugv": [{"system_id": i} for i in scenario.ugv_ids]}
+    table["camera"] = camera | {"mount": scenario.camera.mount}
     return parse_mission(table, "mission")
 
 
@@ -303,7 +300,7 @@ def _link_datagrams(
     world: World, start_s: float, stop_s: float, flight: _ScriptedFlight, *, link: int, delay_us: int
 ) -> Iterator[_Datagram]:
     """Datagrams of one world over one link, delayed, by time of arrival."""
-    signer = _ScriptedSigner() if flight.faults.signed else None
+    signer = ScriptedSigner() if flight.faults.signed else None
     rebooted = RebootedEncoder() if start_s > 0 else None
     for number, packet in enumerate(fleet_telemetry(world)):
         if start_s * S <= packet.t_us - flight.start_us < stop_s * S:
@@ -326,38 +323,6 @@ def _forged_datagrams(world: World, flight: _ScriptedFlight) -> Iterator[_Datagr
             yield _Datagram(t_us + 1000, k, 0, 77, encoder.heartbeat())
 
 
-class RebootedEncoder:
-    """Frames of a fleet whose boot clocks begin again."""
-
-    def __init__(self) -> None:
-        self._parser: Any = ardupilotmega.MAVLink(None)
-        self._encoders: dict[int, MavlinkEncoder] = {}
-        self._booted_ms: dict[int, int] = {}
-
-    def with_boot_time_reset(self, raw: bytes) -> bytes:
-        (message,) = self._parser.parse_buffer(raw)
-        system_id = message.get_srcSystem()
-        if hasattr(message, "time_boot_ms"):
-            booted_ms = self._booted_ms.setdefault(system_id, message.time_boot_ms - FIRST_BOOT_MS)
-            message.time_boot_ms -= booted_ms
-        return self._encoders.setdefault(system_id, MavlinkEncoder(system_id)).pack(message)
-
-
-class _ScriptedSigner:
-    """Signs frames, with timestamps that follow the clock."""
-
-    def __init__(self) -> None:
-        self._key, self._ticks = Key(SECRET), 0
-
-    def sign(self, raw: bytes, t_us: int) -> bytes:
-        packet = Packet(t_us, raw)
-        body = bytes([raw[0], raw[1], raw[2] | 1]) + raw[3 : 10 + raw[1]]
-        crc = checksum(body, DEFINITIONS[packet.message_id][1]).to_bytes(2, "little")
-        self._ticks = max(self._ticks + 1, ticks_of(t_us))
-        covered = body + crc + b"\x01" + self._ticks.to_bytes(6, "little")
-        return covered + self._key.signature(covered)
-
-
 def _batches(datagrams: Iterator[_Datagram]) -> Iterator[list[_Datagram]]:
     """Group consecutive datagrams of one link into batches."""
     batch: list[_Datagram] = []
@@ -378,6 +343,7 @@ def _frames(
     images = [np.zeros((CAMERA.height // k, CAMERA.width // k, 3), dtype=np.uint8) for k in (1, 2)]
     for world, start_s, stop_s in worlds:
         model, scenario = DetectorModel(world), world.scenario
+        film = Film(world) if faults.rendered else None
         for k in range(round(scenario.duration_s * scenario.fps)):
             t = k / scenario.fps
             exposed_us = scenario.start_us + round(t * S)
@@ -389,7 +355,8 @@ def _frames(
             stamp_us = flight.wall_us(exposed_us) + round(faults.late_stamp_s * S)
             last_us = max(stamp_us, last_us + 1)  # strictly increasing, as the video process makes them
             boxes = Detections.empty() if _within(faults.no_detections, since_us) else _boxes(found.values, small)
-            frame = Frame(index=index, t_us=last_us, image=images[small])
+            image = images[small] if film is None else cv2.resize(film.image(t, index), images[small].shape[1::-1])
+            frame = Frame(index=index, t_us=last_us, image=np.asarray(image, np.uint8))
             yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, _within(faults.detector_fails, since_us)
             index += 1
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.again.scripted import CAMERA, RebootedEncoder, ScriptedDetector
+from bench.again.encoders import RebootedEncoder
+from bench.again.scripted import CAMERA, ScriptedDetector
 from gcs.flight.frame_loop import FrameLoop
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import Faults

@@ -17,6 +17,8 @@ from infra.wall_clock import now_us
 from mavlink.protocol.packet import Packet
 from vision.detect.detections import Detections
 from vision.detect.detector import Detector
+from vision.motion.estimator import MotionEstimator
+from vision.motion.image_motion import ImageMotion
 from vision.video.video import Frame
 
 __all__ = ["FrameLoop"]
@@ -55,6 +57,7 @@ class FrameLoop:
         now_us: Callable[[], int] = now_us,
     ) -> None:
         self._pipeline, self._detector, self._recorder = pipeline, detector, recorder
+        self._motions = MotionEstimator()
         self._faults, self._on_snapshot = faults, on_snapshot
         self._now_us = now_us
         self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
@@ -133,6 +136,7 @@ class FrameLoop:
     def _process_frame(self, frame: Frame, heard_us: int) -> Snapshot:
         """Detect, fold and record a new frame."""
         boxes = self._detect(frame)
+        motion = None if boxes is None else self._compare(frame, boxes)
         self._frames += 1
         self._frame_ends.append(time.monotonic())
         self._shown_us = self._now_us()
@@ -140,7 +144,13 @@ class FrameLoop:
         behind_s = _behind_s(frame.t_us, heard_us)
         health = replace(self.health, frames=self._frames, lag_s=self._lag_us * 1e-6, behind_s=behind_s)
         snapshot = self._pipeline.add_frame(
-            frame.index, frame.t_us, image=frame.image, detections=boxes, health=health, heard_us=heard_us
+            frame.index,
+            frame.t_us,
+            image=frame.image,
+            detections=boxes,
+            motion=motion,
+            health=health,
+            heard_us=heard_us,
         )
         self._record_turn(frame.index, frame.t_us, heard_us, boxes, (frame.image.shape[1], frame.image.shape[0]))
         self._recorder.snapshot(snapshot)
@@ -178,6 +188,18 @@ class FrameLoop:
         self._faults.turn_succeeded("detecting")
         self._recorder.detections(frame.index, boxes)
         return boxes
+
+    def _compare(self, frame: Frame, boxes: Detections) -> ImageMotion | None:
+        """How the camera moved since the last frame that was looked at, recorded; None where that cannot be told."""
+        try:
+            motion = self._motions.update(frame.image, boxes)
+        except Exception as error:  # noqa: BLE001 - names do without it
+            self._faults.turn_failed("comparing images", error)
+            return None
+        self._faults.turn_succeeded("comparing images")
+        if motion is not None:
+            self._recorder.motion(frame.index, motion)
+        return motion
 
     def _process_without_frame(self, heard_us: int) -> Snapshot:
         """Fold without a new frame: the fleet goes on, the last image stays on the screen."""

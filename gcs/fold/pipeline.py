@@ -38,6 +38,7 @@ from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
 from vision.camera.camera import footprint, ground_sampling
 from vision.detect.detections import Detections
+from vision.motion.image_motion import ImageMotion
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
@@ -188,6 +189,7 @@ class Pipeline:
         image: NDArray[np.uint8] | None = None,
         size: tuple[int, int] | None = None,
         detections: Detections | None = None,
+        motion: ImageMotion | None = None,
         health: Health | None = None,
         heard_us: int = 0,
     ) -> Snapshot:
@@ -201,6 +203,7 @@ class Pipeline:
             image: (H, W, 3) BGR, only passed on.
             size: Width and height, px, of a frame that is not there; None: as the last one.
             detections: Boxes found; None: the detector did not run, and tracks are left as they are.
+            motion: How the camera moved since the last frame that was looked at, by the pixels; None: not known.
             health: How the program is doing, passed on.
             heard_us: All telemetry that came before this Unix time was added: ages are as of then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
@@ -217,7 +220,7 @@ class Pipeline:
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
-        warp = ground_warp(self._view, view)
+        warp = ground_warp(self._view, view) if motion is None else motion.H
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))
         stitch, known = self._stitch(t_us, view), self._known(state)

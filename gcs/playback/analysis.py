@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -20,11 +19,12 @@ from gcs.errors import SessionError
 from gcs.fold.frame_size import FrameSize, fitting_size, holds
 from gcs.fold.pipeline import Pipeline
 from gcs.playback.discovery import discover
+from gcs.playback.looked_frames import LookedFrame, RecordedLooks, look_again, recorded_frames
 from gcs.playback.moments import moments_between, telemetry_times
 from gcs.playback.recorded_order import GroundScale, PacketsInOrder, RecordedTurns, missing_inputs
 from gcs.session.event_log import read_statements
 from gcs.session.fold_order import NO_FRAME, FoldTurn
-from gcs.session.frame_tables import FrameDetections, read_detections, read_times
+from gcs.session.frame_tables import read_times
 from gcs.session.log import SessionLog
 from gcs.session.session import Session
 from gcs.snapshot import Event, Health, Snapshot
@@ -73,10 +73,9 @@ class Analysis:
         steps, start_us = self._log.steps, self._log.start_us
         times = steps.correct_frames(self._frames.times_us, start_us) if self._frames else None
         self.video = self._open_video(session.video, times)
-        self._boxes = self._open_detections(redetect)
-        self._turns = (
-            RecordedTurns.open(session.folds, self._log, self._boxes) if session.folds and self._boxes else None
-        )
+        self._looks = self._open_looks(redetect)
+        boxes = self._boxes = self._looks.boxes if self._looks else None
+        self._turns = RecordedTurns.open(session.folds, self._log, boxes) if session.folds and boxes else None
         self.times_us = self._frame_times(times)
         self._frames_order_us = np.maximum.accumulate(self.times_us)
         self._stall_s = stall_after_s(self._frames_order_us)
@@ -91,7 +90,7 @@ class Analysis:
         start_us = self._log.start_us + round(self.session.video_start_s * 1e6)
         return VideoFile.open(path, times, start_us=start_us)
 
-    def _open_detections(self, redetect: bool) -> FrameDetections | None:
+    def _open_looks(self, redetect: bool) -> RecordedLooks | None:
         path = self.session.detections
         if redetect and self.session.video is None:
             raise SessionError(f"{self.session.path}: no video to detect in; leave --detect out to use its detections")
@@ -99,7 +98,7 @@ class Analysis:
             return None
         if self.session.frames is None and self.session.video is None:
             raise SessionError(f"{self.session.path}: detections.csv needs frames.csv beside it, each frame's time")
-        return read_detections(path)
+        return RecordedLooks.read(path, self.session.motion)
 
     def _frame_times(self, times: NDArray[np.int64] | None) -> NDArray[np.int64]:
         known = self.video.times_us if self.video is not None else times
@@ -133,8 +132,9 @@ class Analysis:
 
     def _find_warnings(self) -> Iterator[str]:
         yield from self._log.warnings
-        if self._boxes is not None and self._boxes.skipped:
-            yield f"detections.csv: {self._boxes.skipped} rows could not be read and were skipped"
+        for name, skipped in (self._looks.skipped if self._looks else {}).items():
+            if skipped:
+                yield f"{name}: {skipped} rows could not be read and were skipped"
         yield from self._time_warnings()
         if self.video is not None and self.video.missing:
             yield f"{self.video.missing} frames were seen in flight and are not in the recorded video"
@@ -259,17 +259,15 @@ class Analysis:
                     yield at_us, self._fold_turn(pipeline, turn, boxes, self.health_at(at_us, turn.frame))
                 shift_us = turn.t_us - at_us
             packets = PacketsInOrder(self._turns.packets_after())
-            frames: Iterator[tuple[int, int, Image | None, Detections | None]] = iter(())
+            frames: Iterator[LookedFrame] = iter(())
         else:
             packets = PacketsInOrder(self._log.packets())
             deque(packets.until(hears_us - 1), maxlen=0)
-            frames = self._frames_with_boxes(images=False, from_us=looks_us)
-        for index, t_us, _, boxes in frames:
+            frames = self._looked_frames(images=False, from_us=looks_us)
+        for frame in frames:
+            t_us = frame.t_us
             yield from self._moments_without_frame(pipeline, packets, moments_between(at_us, t_us, received_us))
-            for packet in packets.awaited(pipeline, t_us):
-                self._add_packet(pipeline, packet)
-            health = self.health_at(t_us, index)
-            yield t_us, pipeline.add_frame(index, t_us, size=self._size.size, detections=boxes, health=health)
+            yield t_us, self._fold_frame(pipeline, packets, frame, None, self.health_at(t_us, frame.index))
             at_us = max(at_us, t_us)
         stop_us = int(received_us[-1])
         times_us = chain(moments_between(at_us, stop_us, received_us), [stop_us] * (at_us < stop_us))
@@ -286,11 +284,24 @@ class Analysis:
 
     def _by_time(self, pipeline: Pipeline, images: bool) -> Iterator[Snapshot]:
         packets = PacketsInOrder(self._log.packets())
-        for index, t_us, image, boxes in self._frames_with_boxes(images):
-            for packet in packets.awaited(pipeline, t_us):
-                self._add_packet(pipeline, packet)
-            shown, health = image if images else None, self._health(index)
-            yield pipeline.add_frame(index, t_us, image=shown, size=self._size.size, detections=boxes, health=health)
+        for frame in self._looked_frames(images):
+            shown = frame.image if images else None
+            yield self._fold_frame(pipeline, packets, frame, shown, self._health(frame.index))
+
+    def _fold_frame(
+        self, pipeline: Pipeline, packets: PacketsInOrder, frame: LookedFrame, image: Image | None, health: Health
+    ) -> Snapshot:
+        for packet in packets.awaited(pipeline, frame.t_us):
+            self._add_packet(pipeline, packet)
+        return pipeline.add_frame(
+            frame.index,
+            frame.t_us,
+            image=image,
+            size=self._size.size,
+            detections=frame.boxes,
+            motion=frame.motion,
+            health=health,
+        )
 
     def _by_turns(self, pipeline: Pipeline, recorded: RecordedTurns, images: bool) -> Iterator[Snapshot]:
         """Each turn of the fold as it was made; frames that the flight did not look at show the fleet as it was.
@@ -325,7 +336,13 @@ class Analysis:
 
     def _fold_turn(self, pipeline: Pipeline, turn: FoldTurn, boxes: Detections | None, health: Health) -> Snapshot:
         return pipeline.add_frame(
-            turn.frame, turn.t_us, size=turn.size, detections=boxes, health=health, heard_us=turn.heard_us
+            turn.frame,
+            turn.t_us,
+            size=turn.size,
+            detections=boxes,
+            motion=self._looks.motion(turn.frame) if self._looks else None,
+            health=health,
+            heard_us=turn.heard_us,
         )
 
     def _frames_in_order(self, images: bool) -> Iterator[tuple[int, int, Image | None]]:
@@ -361,32 +378,15 @@ class Analysis:
         stalled = t_us - int(self._frames_order_us[before - 1]) > self._stall_s * 1e6
         return replace(health, video="stalled") if stalled else health
 
-    def _frames_with_boxes(
-        self, images: bool, from_us: int | None = None
-    ) -> Iterator[tuple[int, int, Image | None, Detections | None]]:
-        """Index, time, image and boxes of every frame, or of those from a time on; the images only where asked for."""
+    def _looked_frames(self, images: bool, from_us: int | None = None) -> Iterator[LookedFrame]:
+        """Every frame, or those from a time on, with what was seen in it; the images only where asked for."""
         first = 0 if from_us is None else int(np.searchsorted(self._frames_order_us, from_us))
         detector = self.detector()
         if detector is not None and self.video is not None:
-            from vision.video.prefetch import look_ahead
-
             packets = PacketsInOrder(self._log.packets())
             deque(packets.until(0 if from_us is None else from_us - WARM_UP_US), maxlen=0)
-            scale = GroundScale(self.mission, packets)
-            with closing(look_ahead(self.video.frames(first), detector, scale.gsd_m)) as looked:
-                for frame, boxes in looked:
-                    yield frame.index, frame.t_us, frame.image, boxes
-        elif self.video is not None and images:
-            for frame in self.video.frames():
-                yield frame.index, frame.t_us, frame.image, self._recorded_boxes(frame.index)
-        else:
-            for index, t_us in enumerate(self.times_us[first:].tolist(), first):
-                yield index, t_us, None, self._recorded_boxes(index)
-
-    def _recorded_boxes(self, index: int) -> Detections | None:
-        """Detections of a frame; one without any was perhaps never looked at, as a live flight skips frames."""
-        boxes = self._boxes.at(index) if self._boxes else None
-        return boxes if boxes else None
+            return look_again(self.video, detector, GroundScale(self.mission, packets).gsd_m, first)
+        return recorded_frames(self._looks, self.times_us, first, self.video if images else None)
 
     def close(self) -> None:
         """Close the video."""

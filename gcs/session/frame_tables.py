@@ -1,4 +1,4 @@
-"""The tables about frames: when each was taken, what the detector found in it, and what was truly there.
+"""The tables about frames: when each was taken, what was found in it, how the camera moved, and what was truly there.
 
 Units and frames: Unix µs by frame index; boxes in pixels, x right and y down, angles clockwise on screen in radians.
 """
@@ -14,16 +14,20 @@ from numpy.typing import NDArray
 
 from gcs.errors import SessionError
 from gcs.session.tables import Table, read_table
-from infra.session_format import DETECTIONS, FRAMES, TRUTH
+from infra.session_format import DETECTIONS, FRAMES, MOTION, TRUTH
 from mavlink.tlog.timestamps import times_ok
 from vision.detect.detections import Detections
+from vision.motion.image_motion import ImageMotion
 
 __all__ = [
     "FrameDetections",
+    "FrameMotions",
     "FrameTimes",
     "detection_rows",
     "frame_row",
+    "motion_row",
     "read_detections",
+    "read_motions",
     "read_times",
     "read_truth",
 ]
@@ -117,6 +121,40 @@ class FrameDetections:
 def read_detections(path: Path) -> FrameDetections:
     """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown."""
     return FrameDetections(read_table(path, DETECTIONS))
+
+
+def motion_row(frame: int, motion: ImageMotion) -> str:
+    """A line of ``motion.csv``, to the last digit; the homography's last entry is 1."""
+    numbers = [*motion.H.ravel().tolist()[:8], motion.std_px, motion.inliers, motion.share]
+    return f"{frame},{','.join(map(repr, numbers))}\n"
+
+
+class FrameMotions:
+    """The rows of ``motion.csv`` by frame."""
+
+    def __init__(self, table: Table) -> None:
+        self._rows = {
+            int(row[0]): row[1:] for row in zip(*(table[name].tolist() for name in MOTION.columns), strict=True)
+        }
+        self.skipped = table.skipped
+
+    def at(self, frame: int) -> ImageMotion | None:
+        """How the camera moved from the last frame that was looked at to this one; None where that is not known."""
+        row = self._rows.get(frame)
+        if row is None:
+            return None
+        *entries, std_px, inliers, share = row
+        H = np.array([*entries, 1.0]).reshape(3, 3)
+        return ImageMotion(H=H, std_px=std_px, inliers=int(inliers), share=share)
+
+
+def read_motions(path: Path) -> FrameMotions:
+    """Read ``motion.csv``: homographies in pixels.
+
+    Raises:
+        SessionError: no such table.
+    """
+    return FrameMotions(read_table(path, MOTION))
 
 
 def read_truth(path: Path) -> Table:

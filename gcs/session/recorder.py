@@ -21,7 +21,7 @@ from typing import Any
 from gcs.mission.mission import Mission
 from gcs.session.event_log import EventLog
 from gcs.session.fold_order import FoldTurn, unfolded_row
-from gcs.session.frame_tables import detection_rows, frame_row
+from gcs.session.frame_tables import detection_rows, frame_row, motion_row
 from gcs.session.identity_log import IdentityLog
 from gcs.session.line_file import LineFile
 from gcs.session.metadata import SessionFile
@@ -32,9 +32,10 @@ from infra.files.disk import OS_DISK, Disk
 from infra.files.flusher import Flusher
 from infra.files.record_state import RecordState
 from infra.program_log import LogFile, least_level
-from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, PROGRAM_LOG, UNFOLDED, TableFormat
+from infra.session_format import DETECTIONS, EVENTS, FOLDS, FRAMES, LOG, MOTION, PROGRAM_LOG, UNFOLDED, TableFormat
 from infra.wall_clock import now_us
 from vision.detect.detections import Detections
+from vision.motion.image_motion import ImageMotion
 
 __all__ = ["Recorder", "SpaceForecast"]
 
@@ -82,6 +83,7 @@ class Recorder:
         self._files: list[LineFile] = []
         self._frames: LineFile | None = None
         self._detections: LineFile | None = None
+        self._motion: LineFile | None = None
         self._folds: LineFile | None = None
         self._unfolded: LineFile | None = None
         self._log = LogFile(self.folder / PROGRAM_LOG, least_level(logging.INFO))
@@ -104,6 +106,7 @@ class Recorder:
         if video:
             self._frames = self._table(disk, FRAMES)
             self._detections = self._table(disk, DETECTIONS)
+            self._motion = self._table(disk, MOTION)
             self._folds = self._table(disk, FOLDS)
             self._unfolded = self._table(disk, UNFOLDED, lazy=True)
 
@@ -124,6 +127,11 @@ class Recorder:
         """Append what the detector saw in a frame, to the last digit: a replay folds the very same numbers."""
         if self._detections:
             self._detections.write(detection_rows(frame, detections))
+
+    def motion(self, frame: int, motion: ImageMotion) -> None:
+        """Append how the camera moved from the last frame that was looked at to this one."""
+        if self._motion:
+            self._motion.write(motion_row(frame, motion))
 
     def fold(self, turn: FoldTurn) -> None:
         """Append a turn of the fold."""

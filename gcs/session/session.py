@@ -18,7 +18,7 @@ from gcs.errors import ConfigError, SessionError
 from gcs.mission.mission import Mission, load_mission, load_table
 from gcs.session.metadata import FlightNotes
 from infra.files.segments import segments
-from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, TRUTH
+from infra.session_format import DETECTIONS, FOLDS, FRAMES, IDENTITY, LOG, METADATA, MOTION, TRUTH
 
 __all__ = ["Session", "create_folder", "open_session"]
 
@@ -38,6 +38,8 @@ class Session:
     """When a video without frames.csv begins, seconds after the log's first message."""
     frames: Path | None = None
     detections: Path | None = None
+    motion: Path | None = None
+    """How the camera moved between frames, by their pixels."""
     folds: Path | None = None
     """In which order the flight took in telemetry and frames."""
     frame_size: tuple[int, int] | None = None
@@ -100,6 +102,7 @@ def open_session(
         video_start_s=video_start_s,
         frames=None if video else _existing(path / FRAMES.name),
         detections=_existing(path / DETECTIONS.name),
+        motion=None if video else _existing(path / MOTION.name),
         folds=None if video else _existing(path / FOLDS.name),
         frame_size=frame_size,
         notes=notes,

@@ -66,6 +66,10 @@ _RANGES: Mapping[str, _Range] = {
     "heading": _Range(-_FAR_RAD, _FAR_RAD),
     "score": _Range(0, _FAR),
     "confidence": _Range(0, 1),
+    **{name: _Range(-_FAR, _FAR) for name in ("h11", "h12", "h13", "h21", "h22", "h23", "h31", "h32")},
+    "std_px": _Range(0, _MOST_PX),
+    "inliers": _Range(0, _MOST_RECORDS, whole=True),
+    "share": _Range(0, 1),
     "lat": _Range(-90, 90),
     "lon": _Range(-180, 180),
 }

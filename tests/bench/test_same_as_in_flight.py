@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from bench.again.scripted import CAMERA, SECRET, InjectedFaults, fly
+from bench.again.encoders import SECRET
+from bench.again.scripted import CAMERA, InjectedFaults, fly
 from gcs.cli.identify import identify_into
 from gcs.errors import SessionError
 from gcs.fold.pipeline import Pipeline

@@ -87,13 +87,15 @@ class MotionEstimator:
         """
         size = image.shape[:2]
         if min(size) < LEAST_SIDE:
+            self._size = (0, 0)
             return None
-        small, halvings = _reduced(image)
-        before, corners = self._small, self._corners
-        known = size == self._size
-        self._small, self._size = small, size
-        self._corners = _find_corners(small, boxes, 0.5**halvings)
-        return _compare(before, small, corners, 2.0**halvings) if known and len(corners) else None
+        before, corners, comparable = self._small, self._corners, size == self._size
+        self._size = (0, 0)
+        self._small, halvings = _reduced(image)
+        self._corners = _find_corners(self._small, boxes, 0.5**halvings)
+        # only now: what follows an image that could not be worked on has nothing to be compared with
+        self._size = size
+        return _compare(before, self._small, corners, 2.0**halvings) if comparable and len(corners) else None
 
 
 def _reduced(image: Image) -> tuple[Image, int]:
