@@ -21,7 +21,7 @@ def min_max_norm(x: FloatArray) -> FloatArray:
     """(x − min) / (max − min) over the whole matrix; zeros where max = min."""
     if x.size == 0:
         return x.copy()
-    low, high = float(np.min(x)), float(np.max(x))
+    low, high = float(x.min()), float(x.max())
     # halves, so that the range of the largest floats stays finite
     span = high / 2.0 - low / 2.0
     if not span > 0.0:
@@ -31,9 +31,9 @@ def min_max_norm(x: FloatArray) -> FloatArray:
 
 def row_norm(x: FloatArray) -> FloatArray:
     """x_ij / Σ_k x_ik for x ≥ 0; rows without any weight become uniform."""
-    total = np.sum(x, axis=1, keepdims=True)
+    total = x.sum(axis=1, keepdims=True)
     uniform = np.full(x.shape, 1.0 / max(x.shape[1], 1))
-    return np.asarray(np.where(total > 0.0, x / np.where(total > 0.0, total, 1.0), uniform))
+    return np.asarray(np.divide(x, total, out=uniform, where=total > 0.0))
 
 
 def masses(cost: FloatArray) -> FloatArray:
@@ -75,9 +75,10 @@ def fuse(first: FloatArray, second: FloatArray) -> FloatArray:
     Returns:
         (m, n) rows sum to 1.
     """
-    largest = np.max(first, axis=1, keepdims=True, initial=0.0), np.max(second, axis=1, keepdims=True, initial=0.0)
-    # scaled rows, so that products of small masses do not vanish
-    a, b = (
-        np.where(t > 0.0, x / np.where(t > 0.0, t, 1.0), 0.0) for x, t in zip((first, second), largest, strict=True)
-    )
-    return row_norm(a * b)
+    return row_norm(_of_largest(first) * _of_largest(second))
+
+
+def _of_largest(x: FloatArray) -> FloatArray:
+    """Rows scaled to a largest mass of 1, so that products of small masses do not vanish; zeros stay."""
+    largest = x.max(axis=1, keepdims=True, initial=0.0)
+    return np.asarray(np.divide(x, largest, out=np.zeros(x.shape), where=largest > 0.0))

@@ -22,20 +22,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-def _unit(heading: FloatArray) -> FloatArray:
-    """Heading clockwise from forward → (right, forward)."""
-    return np.stack([np.sin(heading), np.cos(heading)], axis=-1)
-
-
-def _cosine_law(p: FloatArray, q: FloatArray) -> FloatArray:
-    """∠(p, q) = arccos((|p|² + |q|² − |p − q|²) / 2|p||q|), π/2 for a vector without length."""
-    a2, b2 = np.sum(p * p, axis=-1), np.sum(q * q, axis=-1)
-    c2 = np.sum((p - q) ** 2, axis=-1)
-    length = 2.0 * np.sqrt(a2 * b2)
-    cosine = np.where(length > 0.0, (a2 + b2 - c2) / np.where(length > 0.0, length, 1.0), 0.0)
-    return np.asarray(np.where(np.isnan(length), np.nan, np.arccos(np.clip(cosine, -1.0, 1.0))))
-
-
 def topology_angles(offset: FloatArray, heading: FloatArray, reference: float = 0.0) -> FloatArray:
     """α and β of every target, unsigned.
 
@@ -47,8 +33,17 @@ def topology_angles(offset: FloatArray, heading: FloatArray, reference: float = 
     Returns:
         (n, 2) in [0, π]; β is NaN where the heading is unknown.
     """
-    v0 = np.broadcast_to(_unit(np.asarray(reference, np.float64)), offset.shape)
-    return np.stack([_cosine_law(offset, v0), _cosine_law(offset, _unit(heading))], axis=-1)
+    # p = v₀ᵢ; q = v₀ and vᵢ, (n, 2) each; whole columns, for at these sizes it is the number of calls that counts
+    px, py = np.asarray(offset, np.float64).T[..., None]
+    towards = np.empty((len(offset), 2))
+    towards[:, 0], towards[:, 1] = reference, heading
+    qx, qy = np.sin(towards), np.cos(towards)
+    # ∠(p, q) = arccos((|p|² + |q|² − |p − q|²) / 2|p||q|), π/2 for a vector without length
+    p2, q2 = px * px + py * py, qx * qx + qy * qy
+    dx, dy = px - qx, py - qy
+    length = 2.0 * np.sqrt(p2 * q2)
+    cosine = np.divide(p2 + q2 - (dx * dx + dy * dy), length, out=np.zeros_like(length), where=length != 0.0)
+    return np.asarray(np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0)))
 
 
 def signed_angles(offset: FloatArray, heading: FloatArray, reference: float = 0.0) -> FloatArray:
@@ -72,8 +67,10 @@ def topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
     Returns:
         (m, n) radians; an unknown β counts as agreement.
     """
-    d = np.nan_to_num(image[:, None, :] - world[None, :, :])
-    return np.asarray(np.sqrt(np.sum(d * d, axis=2)))
+    d = image[:, None, :] - world
+    d[np.isnan(d)] = 0.0
+    d *= d
+    return np.asarray(np.sqrt(d[..., 0] + d[..., 1]))
 
 
 def signed_topology_cost(image: FloatArray, world: FloatArray) -> FloatArray:
