@@ -12,7 +12,7 @@ from gcs.errors import SessionError
 from gcs.health.faults import Faults
 from gcs.mission.mission import Mission, MissionVehicle
 from gcs.session.fold_order import FoldOrder, FoldTurn
-from gcs.session.frame_tables import read_detections, read_times
+from gcs.session.frame_tables import read_detections, read_motions, read_times
 from gcs.session.line_file import LineFile
 from gcs.session.recorder import Recorder
 from gcs.session.recording_events import RecordingEvents
@@ -27,11 +27,13 @@ from tests.support.faulty_disk import FaultyDisk, HangingDisk, WholeRecorder, de
 from tests.support.frames import FRAMES, T0, packet, records
 from tests.support.waiting import until
 from vision.detect.detections import Detections
+from vision.motion.image_motion import ImageMotion
 
 MISSION = Mission(
     uav=MissionVehicle(system_id=1), ugv=(MissionVehicle(system_id=2, name="Alpha"), MissionVehicle(system_id=3))
 )
-TEXTS = ("identity.csv", "identity.jsonl", "events.jsonl", "frames.csv", "detections.csv", "folds.csv", "unfolded.csv")
+TABLES = ("identity.csv", "frames.csv", "detections.csv", "motion.csv", "folds.csv", "unfolded.csv")
+TEXTS = (*TABLES, "identity.jsonl", "events.jsonl")
 
 
 def boxes(frame):
@@ -65,6 +67,7 @@ def fly(recorder, frames):
         recorder.packet(packet(frame))
         recorder.frame_time(frame, T0 + 100_000 * frame)
         recorder.detections(frame, boxes(frame))
+        recorder.motion(frame, ImageMotion(H=np.eye(3) + 1e-3 * frame, std_px=0.1, inliers=90, share=0.75))
         recorder.fold(
             FoldTurn(
                 frame=frame,
@@ -86,6 +89,8 @@ def complete(folder, frames):
     assert read_times(folder / "frames.csv").times_us.tolist() == [T0 + 100_000 * k for k in range(frames)]
     seen = read_detections(folder / "detections.csv")
     assert [seen.at(k).cx.tolist() for k in range(frames)] == [[k + 0.5] * 2 for k in range(frames)]
+    motions = read_motions(folder / "motion.csv")
+    assert [motions.at(k).H[0, 1] for k in range(frames)] == [1e-3 * k for k in range(frames)]
     folds = FoldOrder.read(folder)
     assert [turn.frame for turn in folds.turns] == list(range(frames))
     assert not folds.taken_in(frames).any() and folds.taken_in(frames + 1)[frames]
