@@ -92,6 +92,10 @@ class UavState:
     position_valid: bool
     attitude_valid: bool
     camera: CameraReport | None
+    range_m: float = math.nan
+    """To the ground along the body's own vertical axis, by its rangefinder; NaN not reported in the last second."""
+    terrain_height_m: float = math.nan
+    """Above the ground by the autopilot's own map of the terrain, likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

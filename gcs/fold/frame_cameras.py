@@ -51,9 +51,9 @@ class FrameCameras:
         """Take positions as they are reported again: they are given in another frame from now on."""
         self._steps, self._heights = StepFilter(), GroundHeight()
 
-    def follow_ground(self, state: FleetState) -> None:
-        """Take in what the fleet's altitudes at a frame show of the ground."""
-        self._heights.update(state)
+    def follow_ground(self, state: FleetState) -> Sequence[Event]:
+        """Take in what the fleet reports of the ground's height at a frame, and what an operator should know of it."""
+        return self._heights.update(state)
 
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.

@@ -4,6 +4,7 @@ Unknown are the height g of the ground at a point c, its slope s, and u, by how 
 than the UAV's all together. In ENU metres, with vehicle j at (p, z) and its own error b_j:
 
     z_j = g + s·(p_j − c) + u + b_j + noise        u ~ N(0, σ_u²), b_j ~ N(0, σ_j²), s ~ N(0, σ_s²)
+    below the UAV  = g + s·(p_uav − c) + noise     by a rangefinder, or by the autopilot's map of the terrain
     home plane = g + e                             e ~ 0.8 N(0, 1²) + 0.15 N(0, 15²) + 0.05 N(0, 40²)
 
 Errors are constant over a flight, more or less, so that more samples of a vehicle make its b_j no smaller, but they
@@ -13,11 +14,13 @@ show how the ground rises where it drives.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
 
 __all__ = ["Ground", "GroundHeight"]
@@ -30,10 +33,14 @@ SLOPE_STD = 0.05
 """1σ of the slope per axis: what vehicles drive on in formation."""
 RELIEF_STD_M = 1.0
 """1σ of a sample, a second apart, about the plane: bumps, and the noise of an altitude."""
+RANGE_STD_M, TERRAIN_STD_M = 2.0, 5.0
+"""1σ of the ground by a rangefinder, which sees bushes and ditches, and by a map with a grid of 30 or 100 m."""
 HOME_STDS_M, HOME_SHARES = np.array([1.0, 15.0, 40.0]), np.array([0.8, 0.15, 0.05])
 """1σ of the ground about the plane that the UAV took off from, and how often: a field, a slope, and a hill."""
 HOME_ALONE_STD_M = 6.0
 """1σ of the ground while nothing but that plane is known."""
+UNKNOWN_VAR = 1e8
+"""Of a height that nothing is known of, m²."""
 MEMORY_S = 20.0
 """Samples count less with age: the ground where the fleet was before is not where it is now."""
 LONGEST_SAMPLE_S = 1.0
@@ -41,7 +48,23 @@ LONGEST_SAMPLE_S = 1.0
 SMOOTHING_S = 2.0
 """The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
 OUTLIER_M, OUTLIER_STDS = 15.0, 3.5
-"""A vehicle's altitude is left out where it is so far from the median, and from the plane of the others."""
+"""An altitude is left out where it is so far from the median, or from the plane of the others."""
+GAP_M = 8.0
+"""Sources that differ from what is used by less than this, metres, or by less than ``OUTLIER_STDS`` agree."""
+GAP_LASTS_US = 3_000_000
+"""For so long before it is reported: filters start, and reports come one after the other."""
+TOLD_GAP_M = 10.0
+"""A source is reported again once it differs by so much more or less than when it was last reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """What one source makes of the ground's height."""
+
+    name: str
+    z: float
+    """At the plane's point, metres."""
+    std_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +79,7 @@ class Ground:
     """(2,) rise per metre east and north."""
     std_m: float
     """1σ of ``z``."""
+    sources: tuple[Source, ...] = ()
 
     def height_at(self, p_enu: FloatArray) -> FloatArray:
         """Heights (...,) at places (..., 2 or 3)."""
@@ -70,6 +94,10 @@ class GroundHeight:
         self._t_us = 0
         self._moments = np.zeros((0, 4, 4))
         """(n, 4, 4) decaying Σ x xᵀ of each vehicle, x = (1, east, north, up)."""
+        self._since_us: dict[str, int] = {}
+        """Since when a source differs from what is used."""
+        self._told_m: dict[str, float] = {}
+        """By how much a source differed when that was reported."""
 
     def below(self, uav: UavState) -> tuple[float, float]:
         """Height of the ground, ENU metres, and its 1σ; that of the UAV's home while nothing else is known."""
@@ -77,11 +105,12 @@ class GroundHeight:
             return float(uav.p_enu[2] - uav.height_m), HOME_ALONE_STD_M
         return self.ground.z, self.ground.std_m
 
-    def update(self, state: FleetState) -> None:
-        """Take in the altitudes of one moment."""
-        home_z = float(state.uav.p_enu[2] - state.uav.height_m)
+    def update(self, state: FleetState) -> Sequence[Event]:
+        """Take in the altitudes of one moment; returns what an operator should know."""
+        uav = state.uav
+        home_z = float(uav.p_enu[2] - uav.height_m)
         if not math.isfinite(home_z):
-            return
+            return ()
         n, dt = len(state.system_id), (state.t_us - self._t_us) * 1e-6
         if len(self._moments) != n or dt < 0.0:
             self._moments, dt = np.zeros((n, 4, 4)), LONGEST_SAMPLE_S
@@ -93,36 +122,84 @@ class GroundHeight:
         weight = np.where(first, LONGEST_SAMPLE_S, min(dt, LONGEST_SAMPLE_S))
         self._moments += weight[:, None, None] * x[:, :, None] * x[:, None, :]
         std_m = np.where(used, state.up_std_m, np.nan)
-        found = find_ground(self._moments, std_m, home_z, state.uav.p_enu[:2])
+        found = find_ground(self._moments, std_m, home_z, uav.p_enu[:2], _below_uav(uav))
         self.ground = found if self.ground is None else _blend(self.ground, found, 1.0 - math.exp(-dt / SMOOTHING_S))
+        return self._gaps(state.t_us, float(uav.p_enu[2]), found, state.vehicles[0].system_id)
+
+    def _gaps(self, t_us: int, uav_z: float, found: Ground, uav_id: int) -> Sequence[Event]:
+        """An event for sources that differ from what is used by more than they may."""
+        new = []
+        for source in found.sources:
+            gap_m = source.z - found.z
+            if abs(gap_m) < max(GAP_M, OUTLIER_STDS * min(source.std_m, found.std_m)):
+                self._since_us.pop(source.name, None)
+                continue
+            lasts_us = t_us - self._since_us.setdefault(source.name, t_us)
+            if lasts_us >= GAP_LASTS_US and abs(gap_m - self._told_m.get(source.name, 0.0)) > TOLD_GAP_M:
+                self._told_m[source.name] = gap_m
+                new.append(source)
+        if not new:
+            return ()
+        said = ", ".join(f"{source.name} {uav_z - source.z:.0f} m" for source in found.sources)
+        text = f"sources of the height above ground disagree: {said}; {uav_z - found.z:.0f} m is used"
+        return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
 
-def find_ground(moments: FloatArray, std_m: FloatArray, home_z: float, uav_en: FloatArray) -> Ground:
+def _below_uav(uav: UavState) -> tuple[Source, ...]:
+    """The ground below the UAV as what it carries measures it."""
+    # d along the body's vertical axis: the ground is d cos(tilt) lower; R_enu_body[2, 2] = −cos(tilt)
+    upright = -float(uav.R_enu_body[2, 2]) if uav.attitude_valid else 1.0
+    found = (
+        Source(name="the rangefinder", z=float(uav.p_enu[2]) - uav.range_m * upright, std_m=RANGE_STD_M),
+        Source(
+            name="the autopilot's terrain map",
+            z=float(uav.p_enu[2]) - uav.terrain_height_m,
+            std_m=TERRAIN_STD_M,
+        ),
+    )
+    return tuple(source for source in found if math.isfinite(source.z))
+
+
+def find_ground(
+    moments: FloatArray, std_m: FloatArray, home_z: float, uav_en: FloatArray, below_uav: Sequence[Source] = ()
+) -> Ground:
     """The most probable plane.
 
     Args:
         moments: (n, 4, 4) Σ x xᵀ of each vehicle's samples, x = (1, east, north, up), metres.
         std_m: (n,) 1σ of its altitude, NaN where it has none now.
         home_z: Height of the plane that the UAV took off from.
-        uav_en: (2,) where the UAV is: the plane's point while no vehicle's altitude is known.
+        uav_en: (2,) where the UAV is.
+        below_uav: Heights of the ground below it.
     """
     known = np.flatnonzero((moments[:, 0, 0] > 0.0) & np.isfinite(std_m))
     mean = moments[known, 0, 1:] / moments[known, 0, :1]
     near = _near_median(mean[:, 2], home_z)
     known, mean = known[near], mean[near]
-    at, slope = (mean[:, :2].mean(axis=0) if len(known) else uav_en.copy()), np.zeros(2)
-    level, var = home_z, math.inf
+    at = mean[:, :2].mean(axis=0) if len(known) else uav_en.copy()
+    plane, cov = np.array([home_z, 0.0, 0.0]), np.diag([UNKNOWN_VAR, SLOPE_STD**2, SLOPE_STD**2])
     while len(known):
-        plane, var = _fit_plane(moments[known], std_m[known], np.array([*at, home_z]))
-        level, slope = home_z + float(plane[0]), plane[1:]
-        gap = np.abs(mean[:, 2] - level - (mean[:, :2] - at) @ slope) / np.hypot(std_m[known], RELIEF_STD_M)
+        fitted, fitted_cov = _fit_plane(moments[known], std_m[known], np.array([*at, home_z]))
+        fitted[0] += home_z
+        gap = np.abs(mean[:, 2] - fitted[0] - (mean[:, :2] - at) @ fitted[1:])
+        gap /= np.hypot(std_m[known], RELIEF_STD_M)
         if gap.max() < OUTLIER_STDS:
+            plane, cov = fitted, fitted_cov
             break
         kept = np.arange(len(known)) != gap.argmax()
         known, mean = known[kept], mean[kept]
-        level, var = home_z, math.inf
-    z, var = _with_home(level, var + UAV_ALTITUDE_STD_M**2, home_z)
-    return Ground(at=at, z=z, slope=slope, std_m=math.sqrt(var))
+    cov[0, 0] += UAV_ALTITUDE_STD_M**2
+    sources = []
+    if len(known):
+        sources.append(Source(name="the vehicles' altitudes", z=float(plane[0]), std_m=math.sqrt(cov[0, 0])))
+    h = np.array([1.0, *(uav_en - at)])
+    for source in below_uav:
+        there = float(plane[0] + source.z - h @ plane)
+        sources.append(Source(name=source.name, z=there, std_m=math.hypot(source.std_m, SLOPE_STD * np.hypot(*h[1:]))))
+        plane, cov = _with_height(plane, cov, h, source)
+    sources.append(Source(name="the take-off", z=home_z, std_m=float(HOME_STDS_M[0])))
+    z, var = _with_home(float(plane[0]), float(cov[0, 0]), home_z)
+    return Ground(at=at, z=z, slope=plane[1:], std_m=math.sqrt(var), sources=tuple(sources))
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
@@ -131,8 +208,8 @@ def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
     return np.asarray(np.abs(z - np.median(votes)) < OUTLIER_M) if len(z) else np.zeros(0, np.bool_)
 
 
-def _fit_plane(moments: FloatArray, std_m: FloatArray, about: FloatArray) -> tuple[FloatArray, float]:
-    """Height above a point and slope (3,) of the plane through some vehicles, and the variance of the height.
+def _fit_plane(moments: FloatArray, std_m: FloatArray, about: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Height above a point and slope (3,) of the plane through some vehicles, and their covariance (3, 3).
 
     With y = (1, e, n) about the point, w samples of unit weight and b_j ~ N(0, σ_j²) integrated out, a vehicle adds
 
@@ -148,14 +225,22 @@ def _fit_plane(moments: FloatArray, std_m: FloatArray, about: FloatArray) -> tup
     m = shift @ moments @ shift.T
     k = 1.0 / (m[:, 0, 0] + (RELIEF_STD_M / std_m) ** 2)
     within = (m - k[:, None, None] * m[:, :, :1] * m[:, :1, :]).sum(axis=0) / RELIEF_STD_M**2
-    precision = within[:3, :3] + np.diag([0.0, SLOPE_STD**-2, SLOPE_STD**-2])
-    covariance = np.linalg.inv(precision)
-    return covariance @ within[:3, 3], float(covariance[0, 0])
+    covariance = np.linalg.inv(within[:3, :3] + np.diag([0.0, SLOPE_STD**-2, SLOPE_STD**-2]))
+    return covariance @ within[:3, 3], covariance
+
+
+def _with_height(plane: FloatArray, cov: FloatArray, h: FloatArray, source: Source) -> tuple[FloatArray, FloatArray]:
+    """Kalman update of the plane (3,) by its height h·plane at one place; left out where it contradicts the rest."""
+    innovation, var = source.z - h @ plane, h @ cov @ h + source.std_m**2
+    if innovation**2 > OUTLIER_STDS**2 * var:
+        return plane, cov
+    gain = cov @ h / var
+    return plane + gain * innovation, cov - np.outer(gain, h @ cov)
 
 
 def _with_home(z: float, var: float, home_z: float) -> tuple[float, float]:
     """Mean and variance of the ground's height: N(z, var) times the mixture about the home plane."""
-    if math.isinf(var):
+    if var >= UNKNOWN_VAR:
         return home_z, HOME_ALONE_STD_M**2
     total = var + HOME_STDS_M**2
     log_share = np.log(HOME_SHARES) - 0.5 * np.log(total) - 0.5 * (home_z - z) ** 2 / total

@@ -215,7 +215,7 @@ class Pipeline:
         self._notices.follow(state)
         self._follow_origin()
         self._follow_steps(state)
-        self._cameras.follow_ground(state)
+        self._events += self._cameras.follow_ground(state)
         view = self._frame_camera(state, size if image is None else _size_of(image))
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
         if detections is None:

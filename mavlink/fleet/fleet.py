@@ -16,6 +16,7 @@ import numpy as np
 from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
 from mavlink.estimation.camera_report import CameraReports, CameraSample
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
+from mavlink.estimation.ground_distance import GroundDistance
 from mavlink.estimation.interpolation import Fix, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M, LOCAL_REACH_M, TOO_FAR, Origin
 from mavlink.estimation.position_quality import Doubt
@@ -31,6 +32,7 @@ from mavlink.protocol.messages import (
     CameraFov,
     CameraInformation,
     CameraSettings,
+    DistanceSensor,
     FilterStatus,
     GimbalAttitude,
     GlobalPosition,
@@ -41,6 +43,7 @@ from mavlink.protocol.messages import (
     SensorHealth,
     StatusText,
     SystemTime,
+    TerrainReport,
     TimeSync,
     VideoStreamInformation,
 )
@@ -123,6 +126,7 @@ class Fleet:
         self._evidence: deque[_AcceptedPosition] = deque(maxlen=_MAX_REPORTS)
         self._gimbals = Gimbals(gimbal_id)
         self._camera = CameraReports(camera_id)
+        self._ground_distance = GroundDistance()
         self._handlers: dict[type, Callable[[Vehicle, Any, Arrival], Iterable[Notice]]] = {
             Heartbeat: _add_heartbeat,
             GpsRaw: lambda vehicle, sample, arrival: vehicle.add_gps(sample, arrival, self.origin),
@@ -140,6 +144,8 @@ class Fleet:
             CameraSettings: self._add_camera,
             CameraFov: self._add_camera,
             VideoStreamInformation: self._add_camera,
+            DistanceSensor: self._add_ground_distance,
+            TerrainReport: self._add_ground_distance,
         }
 
     def add_packet(self, packet: Packet) -> tuple[Notice, ...]:
@@ -311,7 +317,8 @@ class Fleet:
 
     def _uav_at(self, t_us: int, status: VehicleStatus) -> UavState:
         usable = _usable(self._uav.positions.at(self._uav.clock.boot_of(t_us)), status)
-        return uav_state(self._uav, self._gimbals, self._camera.report, t_us, status, usable=usable)
+        camera, ground = self._camera.report, self._ground_distance
+        return uav_state(self._uav, self._gimbals, camera, ground, t_us, status, usable=usable)
 
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
         """Puts the origin where a vehicle is; positions are converted, and those too far away dropped."""
@@ -345,6 +352,13 @@ class Fleet:
         notices = self._camera_notices(sample.t_us, self._camera.add(sample))
         self._gimbals.set_camera_gimbal(self._camera.gimbal_id)
         return notices + (self._add_gimbal(vehicle, sample, arrival) if isinstance(sample, CameraFov) else ())
+
+    def _add_ground_distance(
+        self, vehicle: Vehicle, sample: DistanceSensor | TerrainReport, arrival: Arrival
+    ) -> tuple[Notice, ...]:
+        if vehicle is self._uav and not arrival.late:
+            self._ground_distance.add(sample)
+        return ()
 
     def _camera_notices(self, t_us: int, texts: list[str]) -> tuple[Notice, ...]:
         uav = self._uav.system_id

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from mavlink.estimation.gimbal import Gimbals
+from mavlink.estimation.ground_distance import GroundDistance
 from mavlink.estimation.interpolation import ATTITUDE_LOST_S, Fix, Pose
 from mavlink.fleet.vehicle import Vehicle
 from mavlink.geodesy import R_ENU_NED, rotation_from_euler
@@ -20,7 +21,14 @@ _REPORTING_US = 1_000_000
 
 
 def uav_state(
-    uav: Vehicle, gimbals: Gimbals, camera: CameraReport | None, t_us: int, status: VehicleStatus, *, usable: bool
+    uav: Vehicle,
+    gimbals: Gimbals,
+    camera: CameraReport | None,
+    ground: GroundDistance,
+    t_us: int,
+    status: VehicleStatus,
+    *,
+    usable: bool,
 ) -> UavState:
     """The UAV at a Unix time, each sample by its own time.
 
@@ -28,6 +36,7 @@ def uav_state(
         uav: its reports.
         gimbals: those of its gimbal.
         camera: what it reports of its camera.
+        ground: what it reports of the ground below it.
         t_us: when.
         status: how its reports come.
         usable: whether its position may be used.
@@ -50,6 +59,8 @@ def uav_state(
         position_valid=usable,
         attitude_valid=is_fresh(pose) and not status.contested,
         camera=camera,
+        range_m=ground.range_m(t_us),
+        terrain_height_m=ground.terrain_height_m(t_us),
     )
 
 

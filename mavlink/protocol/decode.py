@@ -21,6 +21,7 @@ from mavlink.protocol.messages import (
     CameraFov,
     CameraInformation,
     CameraSettings,
+    DistanceSensor,
     FilterStatus,
     GimbalAttitude,
     GlobalPosition,
@@ -34,6 +35,7 @@ from mavlink.protocol.messages import (
     SensorHealth,
     StatusText,
     SystemTime,
+    TerrainReport,
     TimeSync,
     VideoStreamInformation,
 )
@@ -181,6 +183,16 @@ def _battery(head: _Head, v: _Values) -> BatteryStatus:
     return BatteryStatus(*head, battery_id, function, _volts(v[3:13] + v[20:24]), charge, state)
 
 
+def _distance(head: _Head, v: _Values) -> DistanceSensor:
+    _, least, most, distance, _, _, orientation, _, *_, quality = v
+    return DistanceSensor(*head, least * 0.01, most * 0.01, distance * 0.01, orientation, quality)
+
+
+def _terrain(head: _Head, v: _Values) -> TerrainReport:
+    _, _, _, height, spacing, _, _ = v
+    return TerrainReport(*head, height, spacing)
+
+
 def _gimbal(head: _Head, v: _Values) -> GimbalAttitude:
     boot_ms, w, x, y, z, _, _, _, _, flags, *_, device_id = v
     return GimbalAttitude(*head, boot_ms, flags, (w, x, y, z), device_id)
@@ -282,6 +294,8 @@ _MAKERS: dict[int, Callable[[_Head, _Values], Sample]] = {
     109: _radio,
     111: _timesync,
     124: _second_gps,
+    132: _distance,
+    136: _terrain,
     147: _battery,
     158: _mount_status,
     166: _radio,

@@ -15,6 +15,7 @@ __all__ = [
     "CameraFov",
     "CameraInformation",
     "CameraSettings",
+    "DistanceSensor",
     "FilterStatus",
     "GimbalAttitude",
     "GlobalPosition",
@@ -28,6 +29,7 @@ __all__ = [
     "SensorHealth",
     "StatusText",
     "SystemTime",
+    "TerrainReport",
     "TimeSync",
     "VideoStreamInformation",
 ]
@@ -187,6 +189,30 @@ class BatteryStatus(_Sample):
 
 
 @dataclass(frozen=True, slots=True)
+class DistanceSensor(_Sample):
+    """DISTANCE_SENSOR (132)."""
+
+    min_m: float
+    """Ranges that are not between these two are none."""
+    max_m: float
+    distance_m: float
+    orientation: int
+    """MAV_SENSOR_ORIENTATION: 25 down."""
+    quality: int
+    """Percent; 0 unknown, 1 an invalid range."""
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainReport(_Sample):
+    """TERRAIN_REPORT (136): the autopilot's place on its own map of the terrain."""
+
+    current_height_m: float
+    """Of the vehicle above the ground."""
+    spacing_m: int
+    """Of the map's grid, 0 where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
 class GimbalAttitude(_Sample):
     """GIMBAL_DEVICE_ATTITUDE_STATUS (285)."""
 
@@ -336,5 +362,7 @@ Sample = (
     | VideoStreamInformation
     | StatusText
     | RadioStatus
+    | DistanceSensor
+    | TerrainReport
 )
 """Everything that :func:`mavlink.protocol.decode.decode` can return."""

@@ -31,7 +31,9 @@ RADIO_STATUS = 109
 SETUP_SIGNING = 256
 SIGNED = 0x01
 """The incompatibility flag of signed frames."""
-STATE_MESSAGES = frozenset({0, 1, 2, 24, 30, 31, 33, 111, 124, 147, 158, 193, 230, 253, 259, 260, 265, 269, 271, 285})
+STATE_MESSAGES = frozenset(
+    {0, 1, 2, 24, 30, 31, 33, 111, 124, 132, 136, 147, 158, 193, 230, 253, 259, 260, 265, 269, 271, 285}
+)
 """Messages that make up a vehicle's state: all that :mod:`mavlink.protocol.decode` decodes, except the modems' own."""
 Keyless = Literal["refused", "open"]
 _OVERHEAD = 12 + SIGNATURE_LENGTH

@@ -23,12 +23,14 @@ from mavlink.state import SILENT_S
 from mavlink.transmit.rate_requests import (
     ATTITUDE,
     COMMAND_ACK,
+    DISTANCE_SENSOR,
     GIMBAL_ATTITUDE,
     GLOBAL_POSITION_INT,
     GPS_RAW_INT,
     PARAMETERS,
     STREAMS,
     SYSTEM_TIME,
+    TERRAIN_REPORT,
     interval_answer,
     interval_request,
     stream_request,
@@ -43,6 +45,8 @@ UAV_RATES: Mapping[int, float] = {
     GIMBAL_ATTITUDE: 10.0,
     GPS_RAW_INT: 1.0,
     SYSTEM_TIME: 1.0,
+    DISTANCE_SENSOR: 2.0,
+    TERRAIN_REPORT: 1.0,
 }
 """message id → Hz that the UAV has to send for vehicles to be identified in the video."""
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
@@ -72,7 +76,7 @@ LOSS_MEMORY = 50.0
 """Packets over which the loss of a link is measured: a few seconds."""
 LOSSY = 0.1
 """Share of packets lost from which on the link is named as the cause of a low rate."""
-_WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME})
+_WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME, DISTANCE_SENSOR, TERRAIN_REPORT})
 """Messages of equipment that a vehicle need not have: one that never came is not reported."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
 """A boot time that is so much less than before, and less than a minute, is one after a reboot."""

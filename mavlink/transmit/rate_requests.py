@@ -17,24 +17,29 @@ from mavlink.protocol.packet import Packet
 __all__ = [
     "ATTITUDE",
     "COMMAND_ACK",
+    "DISTANCE_SENSOR",
     "GIMBAL_ATTITUDE",
     "GLOBAL_POSITION_INT",
     "GPS_RAW_INT",
     "PARAMETERS",
     "STREAMS",
     "SYSTEM_TIME",
+    "TERRAIN_REPORT",
     "interval_answer",
     "interval_request",
     "stream_request",
 ]
 
 SYSTEM_TIME, GPS_RAW_INT, ATTITUDE, GLOBAL_POSITION_INT, COMMAND_ACK, GIMBAL_ATTITUDE = 2, 24, 30, 33, 77, 285
+DISTANCE_SENSOR, TERRAIN_REPORT = 132, 136
 STREAMS: Mapping[int, int] = {
     SYSTEM_TIME: 12,
     GPS_RAW_INT: 2,
     ATTITUDE: 10,
     GLOBAL_POSITION_INT: 6,
     GIMBAL_ATTITUDE: 12,
+    DISTANCE_SENSOR: 12,
+    TERRAIN_REPORT: 12,
 }
 """message id → MAV_DATA_STREAM that brings it with ArduPilot."""
 PARAMETERS: Mapping[int, str] = {

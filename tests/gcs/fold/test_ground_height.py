@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.fold.ground_height import GroundHeight
+from mavlink.geodesy import R_ENU_NED, rotation_from_euler
 from tests.support.flights import World
 
 S = 1_000_000
@@ -18,31 +19,36 @@ def fleet_at(n):
     return world.fleet.at(world.run(2))
 
 
-def follow(up, *, height=60.0, home=0.0, seconds=10.0, step_s=0.1, std_m=STD_M, drive=5.0, rise=None):
+def follow(
+    up, *, height=60.0, home=0.0, seconds=10.0, step_s=0.1, std_m=STD_M, drive=5.0, rise=None, events=None, **uav
+):
     """The ground after some seconds in which n rovers drove east, side by side.
 
     Args:
         up: (n,) errors of their altitudes, NaN none.
         height: of the UAV above its home, which is at the height ``home``.
         rise: height of the ground at places (n, 2), 0 everywhere by default.
+        events: takes what is to be known.
+        uav: more of its state.
     """
     n = len(up)
     state, heights = fleet_at(n), GroundHeight()
-    uav = replace(state.uav, p_enu=np.array([0.0, 0.0, home + height]), height_m=height)
+    uav = replace(state.uav, p_enu=np.array([0.0, 0.0, home + height]), height_m=height, **uav)
     up = np.asarray(up, float)
     for k, t_s in enumerate(np.arange(0.0, seconds, step_s)):
         p = np.column_stack([np.full(n, drive * t_s), 12.0 * np.arange(n)])
         z = (rise(p) if rise else 0.0) + np.where(np.isfinite(up), up, 0.0)
-        heights.update(
-            replace(
-                state,
-                t_us=state.t_us + round(k * step_s * S),
-                uav=uav,
-                p_enu=np.column_stack([p, z]),
-                up_std_m=np.where(np.isfinite(up), std_m, np.nan),
-                valid=np.ones(n, bool),
-            )
+        moment = replace(
+            state,
+            t_us=state.t_us + round(k * step_s * S),
+            uav=uav,
+            p_enu=np.column_stack([p, z]),
+            up_std_m=np.where(np.isfinite(up), std_m, np.nan),
+            valid=np.ones(n, bool),
         )
+        said = heights.update(moment)
+        if events is not None:
+            events += said
     return heights.ground
 
 
@@ -103,3 +109,46 @@ def test_a_vehicle_that_begins_to_report_moves_the_ground_smoothly():
 def test_the_same_moment_twice_counts_once_whatever_the_frame_rate():
     often, seldom = follow([2.0, -1.0], home=20.0, step_s=0.02), follow([2.0, -1.0], home=20.0, step_s=0.5)
     assert often.z == pytest.approx(seldom.z, abs=0.3) and often.std_m == pytest.approx(seldom.std_m, abs=0.3)
+
+
+def tilted(degrees):
+    """Rotation of a body whose nose is down by so much."""
+    return R_ENU_NED @ rotation_from_euler(0.0, np.radians(-degrees), 0.0)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0])
+def test_a_rangefinder_knows_the_height_better_than_altitudes_do(degrees):
+    above = 45.0
+    range_m = above / np.cos(np.radians(degrees))
+    ground = follow([5.0, 6.0], home=0.0, height=above + 15.0, range_m=range_m, R_enu_body=tilted(degrees))
+    assert ground.z == pytest.approx(15.0, abs=2.0) and ground.std_m < 3.0
+
+
+def test_the_autopilots_map_helps_where_vehicles_have_no_altitude():
+    ground = follow([np.nan, np.nan], home=0.0, height=60.0, terrain_height_m=40.0)
+    assert ground.z == pytest.approx(20.0, abs=3.0) and 3.0 < ground.std_m < 7.0
+
+
+def test_a_range_to_a_roof_is_left_out_where_all_else_agrees():
+    events = []
+    ground = follow([0.0, 1.0, -1.0], height=60.0, range_m=25.0, R_enu_body=tilted(0.0), events=events)
+    assert abs(ground.z) < 1.0
+    (event,) = events
+    assert "the rangefinder 25 m" in event.text and event.text.endswith("60 m is used")
+
+
+def test_sources_that_disagree_are_told_once_with_what_each_says():
+    events = []
+    follow([0.5, -0.5, 1.0], home=20.0, height=60.0, seconds=30.0, events=events)
+    (event,) = events
+    assert event.level == "warning" and event.system_id == 1
+    assert event.text == (
+        "sources of the height above ground disagree: the vehicles' altitudes 80 m, the take-off 60 m; 78 m is used"
+    )
+
+
+def test_sources_that_agree_are_nothing_to_tell():
+    events = []
+    rng = np.random.default_rng(3)
+    follow(rng.normal(0.0, 3.0, 5), seconds=20.0, range_m=58.0, R_enu_body=tilted(0.0), events=events)
+    assert events == []

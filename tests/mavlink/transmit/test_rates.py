@@ -62,7 +62,7 @@ class Sky:
         self, keeper: MessageRates, *, can: dict[int, float] | None = None, result: int = 0, streams=True
     ) -> None:
         self.keeper, self.result, self.streams = keeper, result, streams
-        self.can = {30: 50.0, 33: 50.0, 285: 50.0, 24: 5.0, 2: 5.0} if can is None else can
+        self.can = {30: 50.0, 33: 50.0, 285: 50.0, 24: 5.0, 2: 5.0, 132: 5.0, 136: 5.0} | (can or {})
         self.hz: dict[int, float] = {}
         self.due: dict[int, float] = {}
         self.now_s = 100.0
@@ -80,6 +80,10 @@ class Sky:
             return UAV.system_time(boot_ms, 1)
         if message_id == 24:
             return UAV.gps_raw_int(1, 47.0, 8.0, 500.0)
+        if message_id == 132:
+            return UAV.pack(dialect.MAVLink_distance_sensor_message(boot_ms, 20, 7000, 4000, 0, 0, 25, 255))
+        if message_id == 136:
+            return UAV.pack(dialect.MAVLink_terrain_report_message(0, 0, 100, 500.0, 40.0, 0, 24))
         return UAV.pack(
             dialect.MAVLink_gimbal_device_attitude_status_message(0, 0, boot_ms, 0, [1, 0, 0, 0], 0, 0, 0, 0)
         )
@@ -104,7 +108,7 @@ class Sky:
         if not self.answers:
             return
         if said.get_type() == "REQUEST_DATA_STREAM":
-            for message_id, stream in {30: 10, 33: 6, 24: 2, 2: 12, 285: 12}.items():
+            for message_id, stream in {30: 10, 33: 6, 24: 2, 2: 12, 285: 12, 132: 12, 136: 12}.items():
                 if stream == said.req_stream_id and self.streams:
                     self.hz[message_id] = min(said.req_message_rate, self.can[message_id])
             return
