@@ -163,14 +163,24 @@ class TrackState:
         _move(self.table, *kalman.predict(self.x, self.P, dt, wander * self.length))
         self.table[AGES] += dt
         self.table[DETECTION] = -1.0
+
+    def note_expected(self) -> None:
+        """Keep where the tracks are now as where they are expected in this frame."""
         self.table[EXPECTED] = self.table[:2]
+
+    def copy(self) -> TrackState:
+        """The same tracks, to be moved otherwise."""
+        return TrackState(self.table.copy())
+
+    def take_motion(self, other: TrackState) -> None:
+        """Be where the same tracks of ``other`` are; where they are expected stays."""
+        self.table[: EXPECTED.start] = other.table[: EXPECTED.start]
 
     def warp(self, H: Floats) -> None:
         """Follow the camera: H (3, 3) leads from the frame before to this one."""
         table = self.table
         x, P, J = kalman.warp(self.x, self.P, H)
         _move(table, x, P)
-        table[EXPECTED] = table[:2]
         c, s = np.cos(table[AXIS]), np.sin(table[AXIS])
         # columns of J R(axis): where a step along the box and one across it lead
         moved = J @ np.array([[c, -s], [s, c]]).transpose(2, 0, 1)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from vision.detect.boxes import prob_iou, prob_iou_pairs, wrap
 from vision.detect.detections import Detections
 from vision.track import kalman
+from vision.track.alignment import Alignment, Boxes, Lens, align
 from vision.track.matching import Pairs, assign, one_to_one
 from vision.track.merged_detections import find_merged
 from vision.track.track_state import TrackState
@@ -30,16 +31,24 @@ Ints = NDArray[np.int64]
 Indices = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
-SHIFT_SHARE = 0.7
-"""Share of a shift common to all tracks by which they are moved: part of it may be their own motion."""
 LEAST_SHIFT = 0.1
-"""A smaller one, in box sizes, is left to the filter."""
-LEAST_SETTLED = 3
-"""Settled tracks that are needed to see a common shift."""
-SETTLED_HITS = 4
-"""Frames in which a settled track has been seen at least."""
-SHIFT_GATE = 4.0
-"""Factor on the gate while a common shift is looked for."""
+"""A smaller displacement of most tracks, in box sizes, is left to the filter."""
+REACH = 4.0
+"""No track is displaced further by an unknown motion of the camera, sizes."""
+UNREST_S = 1.0
+"""Time over which displacements are averaged."""
+FIRST_UNREST_PX2 = 400.0
+"""Mean square of displacements that is assumed at first."""
+VELOCITY_SHARE = 0.2
+"""Share of a displacement that is taken for velocity: a camera that turns on is followed, one that shakes hardly."""
+REST = 0.25
+"""A displacement of so many sizes is never unusual."""
+REACH_SHARE = 0.05
+"""... or than this share of the frame's width, if that is more: small boxes jump as far as large ones."""
+SURE_SHARE = 0.7
+"""Share of all that could be explained from which on the warp is not doubted."""
+BETTER_START = 6.0
+"""The warp is left out only if that explains more by this much, in units of the squared distance."""
 
 
 class Tracker:
@@ -58,6 +67,10 @@ class Tracker:
         self._next_id = 1
         self._t_us: int | None = None
         self._recent_s = self.params.known_s
+        self._unwarped: TrackState | None = None
+        """The tracks of this frame without its warp, which may be wrong."""
+        self._unrest = FIRST_UNREST_PX2
+        """Mean square of the recent displacements that were common to all tracks, px²."""
 
     def update(
         self,
@@ -67,6 +80,7 @@ class Tracker:
         warp: Floats | None = None,
         stitch: Stitch | None = None,
         known: Collection[int] = (),
+        focal_px: float | None = None,
     ) -> Tracks:
         """Continue, begin and end tracks by the boxes of one frame.
 
@@ -77,6 +91,7 @@ class Tracker:
             stitch: called once for lost tracks and left-over boxes; returns which boxes continue which tracks.
             known: ids of tracks whose vehicle is known. Once they have been out of sight for a while, ``stitch`` alone
                 continues them: the vehicle's report is better evidence than the track's course.
+            focal_px: of the camera; None unknown.
         """
         dt = 0.0 if self._t_us is None else max(t_us - self._t_us, 0) / 1e6
         self._t_us = t_us
@@ -85,7 +100,9 @@ class Tracker:
         self._advance(dt, warp)
         free = detections.score >= self.params.low_score
         if len(self._state) and len(detections):
-            free = self._match(detections, free, known if stitch is not None else ())
+            high = free & (detections.score >= self.params.high_score)
+            self._align(detections, high, dt, focal_px)
+            free = self._match(detections, free, high, known if stitch is not None else ())
             if stitch is not None:
                 free = self._stitch(detections, free, stitch)
         self._drop()
@@ -95,20 +112,20 @@ class Tracker:
     def _advance(self, dt: float, warp: Floats | None) -> None:
         state = self._state
         state.predict(dt, self.params.wander)
+        self._unwarped = None
         if warp is not None and np.isfinite(warp).all():
+            self._unwarped = state.copy()
             state.warp(np.asarray(warp, dtype=np.float64))
+        state.note_expected()
 
-    def _match(self, boxes: Detections, free: Flags, known: Collection[int]) -> Flags:
+    def _match(self, boxes: Detections, free: Flags, high: Flags, known: Collection[int]) -> Flags:
         """Both rounds on the boxes (m,) that are free; which are free afterwards; those around several never are."""
         params, state = self.params, self._state
         apart = state.apart(boxes)
         merged = find_merged(state, params, boxes, apart)
         if merged is not None:
-            free = free & ~merged.box
+            free, high = free & ~merged.box, high & ~merged.box
             state.move(merged.rows, merged.place, merged.gap_s)
-            apart = state.apart(boxes)
-        high = free & (boxes.score >= params.high_score)
-        if self._shift(boxes, high, apart):
             apart = state.apart(boxes)
         pairs = self._candidates(boxes, apart, params.gate)
         if len(known):
@@ -125,36 +142,55 @@ class Tracker:
             owned &= np.isin(self._state.track_id, list(known))
         return owned
 
-    def _shift(self, boxes: Detections, chosen: Flags, apart: Floats) -> bool:
-        """Remove the offset that all tracks share: the camera turned in a way that the warp does not contain.
+    def _align(self, boxes: Detections, chosen: Flags, dt: float, focal_px: float | None) -> None:
+        """Move the tracks by what they all are displaced: the camera moved in a way that the warp does not contain.
 
         Args:
             boxes: of this frame.
             chosen: (m,) those that count.
-            apart: (k, m) squared distances of tracks and boxes, px².
-
-        Returns:
-            Whether the tracks were moved.
+            dt: s since the frame before.
+            focal_px: of the camera, None unknown.
         """
-        params, state = self.params, self._state
-        settled = (state.hits >= SETTLED_HITS) & (state.gap_s <= self._recent_s)
-        voters, count = int(np.count_nonzero(settled)), int(np.count_nonzero(chosen))
-        if voters < LEAST_SETTLED or not count:
-            return False
-        nearest = (apart if count == len(chosen) else apart[:, chosen]).min(axis=1)
-        near = nearest < (LEAST_SHIFT * state.length) ** 2
-        if np.count_nonzero(near & settled) > voters // 2:
-            return False
-        pairs = self._candidates(boxes, np.where(settled[:, None] & chosen, apart, np.inf), SHIFT_GATE * params.gate)
-        i, j = self._settle(boxes, pairs, SHIFT_GATE * params.gate + params.overlap_weight)
-        if len(i) < max(LEAST_SETTLED, voters // 2):
-            return False
-        off = boxes.centre[j] - state.x[i, :2]
-        # the median in the plane: the one that is nearest to all others
-        between = off[:, None] - off
-        middle = np.argmin(np.sqrt((between * between).sum(axis=2)).sum(axis=1))
-        state.x[:, :2] += SHIFT_SHARE * off[middle]
-        return True
+        state = self._state
+        voters = np.flatnonzero(state.gap_s <= self._recent_s)
+        if not len(voters) or not np.count_nonzero(chosen):
+            return
+        keep = np.exp(-dt / UNREST_S)
+        self._unrest *= keep
+        nearest = state.apart(boxes)[voters][:, chosen].min(axis=1)
+        near = nearest < (LEAST_SHIFT * state.length[voters]) ** 2
+        if np.count_nonzero(near) > len(voters) // 2:
+            return
+        seen = Boxes.of(boxes.boxes[chosen])
+        found = self._aligned(state, voters, seen, focal_px)
+        if self._unwarped is not None and found.share < SURE_SHARE:
+            other = self._aligned(self._unwarped, voters, seen, focal_px)
+            if other.score > found.score + BETTER_START:
+                state.take_motion(self._unwarped)
+                found = other
+        self._unrest += (1 - keep) * found.moved_px**2
+        before = state.x[:, :2].copy()
+        state.warp(found.H)
+        if dt > 0:
+            state.x[:, 2:] += VELOCITY_SHARE * (state.x[:, :2] - before) / dt
+
+    def _aligned(self, state: TrackState, voters: Indices, seen: Boxes, focal_px: float | None) -> Alignment:
+        params = self.params
+        voting = state.select(voters)
+        noise = self._noise_of(voting.length)
+        P, floor = voting.P, noise * noise
+        variance = 0.5 * (P[:, 0, 0] + P[:, 1, 1]) + floor
+        size = voting.length
+        middle = voting.x[:, :2].mean(axis=0) if params.frame_size is None else 0.5 * np.array(params.frame_size)
+        return align(
+            Boxes.of(voting.boxes),
+            variance,
+            seen,
+            worth=params.limit - params.overlap_weight - 2.0 * np.log(variance / floor),
+            reach=np.maximum(REACH * size, REACH_SHARE * (params.frame_size or (0, 0))[0]),
+            usual_px=float(np.sqrt(self._unrest + (REST * np.median(size)) ** 2)),
+            lens=Lens(middle=middle, focal_px=focal_px or np.inf),
+        )
 
     def _candidates(self, boxes: Detections, apart: Floats, gate: float) -> Pairs:
         """Pairs within the gate and their cost without the overlap term: −2 ln p, p the likelihood of the centre."""
