@@ -224,7 +224,8 @@ class Pipeline:
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))
         stitch, known = self._stitch(t_us, view), self._known(state)
-        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known)
+        focal_px = view.intrinsics.fx if view else None
+        tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known, focal_px=focal_px)
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
         self._view = view
         self._look = _Look(

@@ -208,7 +208,7 @@ def _candidates(A: Floats, offset: Floats, value: Floats, variance: Floats, anch
     seen = anchors[np.isfinite(value[anchors, 0])]
     between = place[seen][:, None] - place[seen]
     farthest = np.argsort(-(between * between).sum(axis=2), axis=1, kind="stable")
-    couples = {}
+    couples: dict[tuple[int, int], None] = {}
     for k in range(min(len(seen), ANCHORS)):
         # not always the farthest, which may be what has a box of something else
         partner = int(farthest[k, min(k % PARTNERS, max(len(seen) - 2, 0))])
