@@ -1,7 +1,7 @@
 import pytest
 
 from assoc.identification.identifier import Identifier
-from bench.latency.stream import timed_parts, measure_streams
+from bench.latency.stream import measure_streams, timed_parts
 from vision.track.tracker import Tracker
 
 
