@@ -155,9 +155,11 @@ def ground_tracks(history: TrackHistory, start: int, theta: FloatArray, columns:
     # ∂g/∂yaw (clockwise) = (arm_n, −arm_e)
     jacobian[..., 0, YAW], jacobian[..., 1, YAW] = arm[..., 1], -arm[..., 0]
     jacobian[..., YAW_RATE] = jacobian[..., YAW] * (history.t[rows] - history.t[history.n - 1])[:, None, None]
-    yaw = _yaw(history, rows, theta)
+    yaw = _yaw(history, rows, theta)[:, None]
+    c, s = np.cos(yaw), np.sin(yaw)
     for k, axis in zip((PITCH, ROLL), _level_axes(R), strict=True):
-        x, y, _ = np.matmul(_rotations(R, yaw, 0.0, 0.0), axis[..., None])[:, :, 0].T[:, :, None]
+        # the level axis turned clockwise by yaw
+        x, y = c * axis[:, :1] + s * axis[:, 1:2], c * axis[:, 1:2] - s * axis[:, :1]
         # the ray turns by a × d, a = (x, y, 0): ∂g = fall ((y, −x) − u (x u_n − y u_e))
         spin = x * u[..., 1] - y * u[..., 0]
         jacobian[..., 0, k], jacobian[..., 1, k] = fall * (y - u[..., 0] * spin), fall * (-x - u[..., 1] * spin)

@@ -9,6 +9,8 @@ r² = x² + y² and radial = 1 + k1 r² + k2 r⁴ + k3 r⁶:
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,7 +59,11 @@ def undistort(xy: Floats, lens: Floats) -> Floats:
 def fold_radius(lens: Floats) -> float:
     """Radius, in focal lengths, up to which the radial model grows; points beyond it fold back. inf: it always does."""
     # coefficients too small to bend anything would only upset the root finding
-    k1, k2, k3 = np.where(np.abs(lens) < 1e-12, 0.0, lens)[[0, 1, 4]]
+    return _fold_radius(*(0.0 if abs(k) < 1e-12 else k for k in lens[[0, 1, 4]].tolist()))
+
+
+@lru_cache(maxsize=64)
+def _fold_radius(k1: float, k2: float, k3: float) -> float:
     if min(k1, k2, k3) >= 0:
         return float(np.inf)
     # d(r·radial)/dr = 1 + 3 k1 q + 5 k2 q² + 7 k3 q³ = 0 with q = r²
