@@ -46,7 +46,8 @@ def _text(timings: list[MethodTiming], odd: list[str], machine: str) -> str:
         "(first step) and fusion one frame. Per frame: 30 s of a flight at ten frames a second, from the first, "
         "with ordinary errors of position and attitude and five reports a second of every vehicle. Published: "
         "i9-13900HX and RTX 3090; those of topology and TTS cannot be the association alone, so the peer to compare "
-        "with is the literal one. Faster: CPU median of the fastest peer of this run at the same size by that of the row.\n\n"
+        "with is the literal one. Faster: CPU median of the fastest peer of this run at the same size by that of the "
+        "row.\n\n"
     )
     header = ("method", "variant", "vehicles × tracks", "calls", *TIMES, "faster", "published")
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
