@@ -38,7 +38,7 @@ FINALISTS = 5
 """Candidates that are refined."""
 REFINEMENTS = 2
 """Rounds of least squares, each on the pairs that fit the last one."""
-MOST_NEAR = 16
+MOST_NEAR = 12
 """Boxes that are considered for each track, the nearest ones."""
 TURN_STD = 0.03
 """1σ of the rotation in one frame, rad: a fixed camera that looks ahead rolls so fast in gusts."""
@@ -56,6 +56,8 @@ TOLERANCE = 0.2
 """1σ of what a candidate leaves before it is refined, sizes."""
 MOTION_WEIGHT = 3.0
 """Weight of ln(1 + d²/2σ²), the prior of a displacement d: its tails are heavy since gusts come suddenly."""
+EVIDENT_SHARE = 0.9
+"""If a small motion explains so much of all that could be explained, no other is looked for."""
 LEAST_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
 
@@ -119,45 +121,54 @@ def align(
         usual_px: 1σ of the displacements of the frames before.
         lens: of the camera.
     """
-    n = len(tracks.centre)
-    offset, value, column = _near(tracks, boxes, worth, reach)
-    motion = _motion(tracks.centre - lens.middle, lens.focal_px)
-    if n < 3:
+    pairs = _near(tracks, boxes, variance, worth, reach, lens)
+    if len(pairs.motion) < 3:
         # two tracks cannot show more than a shift: any two boxes fit some rotation and scale
-        motion[:, :, 2:] = 0.0
-    prior = _Prior(mean=motion.mean(axis=0), usual_px=usual_px)
-    order = np.argsort(variance, kind="stable")[:VOTERS]
-    theta = _candidates(motion, offset, value, variance, order, tracks.centre)
-    if len(theta) > FINALISTS:
-        loose = variance[order] + (TOLERANCE * tracks.size[order]) ** 2
-        fit = _fit(theta, motion[order], offset[order], value[order], loose)
-        score = fit.max(axis=2).sum(axis=1) - prior.penalty(theta)
-        theta = theta[np.argpartition(-score, FINALISTS)[:FINALISTS]]
-    theta = np.concatenate([np.zeros((1, 4)), theta])
-    spread = TOLERANCE * tracks.size
-    for _ in range(REFINEMENTS):
-        fit = _fit(theta, motion, offset, value, variance + spread * spread)
-        theta = _refined(fit, motion, offset, variance)
-        spread = 0.5 * spread
-    theta = np.concatenate([np.zeros((1, 4)), theta])
-    fit = _fit(theta, motion, offset, value, variance)
-    score = _explained(fit, column, len(boxes.centre)) - prior.penalty(theta)
-    best = int(np.argmax(score))
-    if score[best] < score[0] + LEAST_GAIN:
-        best = 0
-    moved = float(np.linalg.norm(prior.mean @ theta[best]))
+        pairs.motion[:, :, 2:] = 0.0
+    prior = _Prior(mean=pairs.motion.mean(axis=0), usual_px=usual_px)
     possible = float(np.sort(worth)[-len(boxes.centre) :].sum())
-    return Alignment(
-        H=_homography(theta[best], lens), score=float(score[best]), share=float(score[best]) / possible, moved_px=moved
-    )
+    none = np.zeros((1, 4))
+    theta, score = _best(none, pairs, tracks.size, prior, len(boxes.centre))
+    if score < EVIDENT_SHARE * possible:
+        order = np.argsort(variance, kind="stable")[:VOTERS]
+        found = _candidates(pairs.of(order), tracks.centre[order])
+        if len(found) > FINALISTS:
+            loose = variance[order] + (TOLERANCE * tracks.size[order]) ** 2
+            rough = _fit(found, pairs.of(order), loose).max(axis=2).sum(axis=1) - prior.penalty(found)
+            found = found[np.argpartition(-rough, FINALISTS)[:FINALISTS]]
+        theta, score = _best(np.concatenate([none, found]), pairs, tracks.size, prior, len(boxes.centre))
+    moved = float(np.linalg.norm(prior.mean @ theta))
+    return Alignment(H=_homography(theta, lens), score=score, share=score / possible, moved_px=moved)
 
 
-def _near(tracks: Boxes, boxes: Boxes, worth: Floats, reach: Floats) -> tuple[Floats, Floats, Indices]:
-    """The c nearest compatible boxes of each track.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Pairs:
+    """n tracks and c boxes that each of them may have."""
 
-    Returns:
-        offset (n, c, 2) px; value (n, c) of such a pair where it fits exactly, -inf where it is none; column (n, c).
-    """
+    motion: Floats
+    """(n, 2, 4) A of each track."""
+    variance: Floats
+    """(n,) px²."""
+    offset: Floats
+    """(n, c, 2) from track to box, px."""
+    value: Floats
+    """(n, c) of a pair that fits exactly, -inf where there is none."""
+    column: Indices
+    """(n, c) of the box."""
+
+    def of(self, rows: Indices) -> _Pairs:
+        """Of some of the tracks."""
+        return _Pairs(
+            motion=self.motion[rows],
+            variance=self.variance[rows],
+            offset=self.offset[rows],
+            value=self.value[rows],
+            column=self.column[rows],
+        )
+
+
+def _near(tracks: Boxes, boxes: Boxes, variance: Floats, worth: Floats, reach: Floats, lens: Lens) -> _Pairs:
+    """The nearest compatible boxes of each track."""
     between = boxes.centre - tracks.centre[:, None]
     squared = (between * between).sum(axis=2)
     turned = np.abs((boxes.axis - tracks.axis[:, None] + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
@@ -168,8 +179,28 @@ def _near(tracks: Boxes, boxes: Boxes, worth: Floats, reach: Floats) -> tuple[Fl
     column = np.argsort(squared, axis=1, kind="stable")[:, :most]
     larger = np.log(boxes.size[column] / tracks.size[:, None]) / SIZE_STD
     rows = np.arange(len(column))[:, None]
-    value = np.where(possible[rows, column], worth[:, None] - larger * larger, -np.inf)
-    return between[rows, column], value, column
+    return _Pairs(
+        motion=_motion(tracks.centre - lens.middle, lens.focal_px),
+        variance=variance,
+        offset=between[rows, column],
+        value=np.where(possible[rows, column], worth[:, None] - larger * larger, -np.inf),
+        column=column,
+    )
+
+
+def _best(theta: Floats, pairs: _Pairs, size: Floats, prior: _Prior, boxes: int) -> tuple[Floats, float]:
+    """The best of candidates (h, 4) after refinement, and its score; zero if none is clearly better than that."""
+    none = np.zeros((1, 4))
+    spread = TOLERANCE * size
+    for _ in range(REFINEMENTS):
+        theta = _refined(_fit(theta, pairs, pairs.variance + spread * spread), pairs)
+        spread = 0.5 * spread
+    theta = np.concatenate([none, theta])
+    score = _explained(_fit(theta, pairs, pairs.variance), pairs.column, boxes) - prior.penalty(theta)
+    best = int(np.argmax(score))
+    if score[best] < score[0] + LEAST_GAIN:
+        best = 0
+    return theta[best], float(score[best])
 
 
 def _motion(p: Floats, focal_px: float) -> Floats:
@@ -202,61 +233,59 @@ _PRECISION = np.diag([1e-9, 1e-9, TURN_STD**-2, ZOOM_STD**-2])
 """Λ of θ in least squares: shifts are free."""
 
 
-def _candidates(A: Floats, offset: Floats, value: Floats, variance: Floats, anchors: Indices, place: Floats) -> Floats:
-    """θ (h, 4) of each two tracks, an anchor and the one farthest from it, with every box that both may have."""
+def _candidates(pairs: _Pairs, place: Floats) -> Floats:
+    """θ (h, 4) of two tracks each, one of the first and another far from it, with every two boxes that fit."""
     found = [np.empty((0, 4))]
-    seen = anchors[np.isfinite(value[anchors, 0])]
+    seen = np.flatnonzero(np.isfinite(pairs.value[:, 0]))
     between = place[seen][:, None] - place[seen]
     farthest = np.argsort(-(between * between).sum(axis=2), axis=1, kind="stable")
     couples: dict[tuple[int, int], None] = {}
     for k in range(min(len(seen), ANCHORS)):
-        # not always the farthest, which may be what has a box of something else
+        # not always the farthest, which may be where something else has a box
         partner = int(farthest[k, min(k % PARTNERS, max(len(seen) - 2, 0))])
         couples[min(k, partner), max(k, partner)] = None
-    for a, b in [(int(seen[i]), int(seen[j])) for i, j in couples]:
-        one, other = (offset[i][np.isfinite(value[i])] for i in (a, b))
-        two = [a] if a == b else [a, b]
-        J, w = A[two].reshape(-1, 4), np.repeat(1.0 / variance[two], 2)
-        # θ = (Jᵀ W J + Λ)⁻¹ Jᵀ W d for all d = (one, other)
-        gain = np.linalg.solve((J.T * w) @ J + _PRECISION, J.T * w)
-        if a == b:
-            found.append(one @ gain.T)
-            continue
-        d = np.concatenate([np.repeat(one, len(other), axis=0), np.tile(other, (len(one), 1))], axis=1)
-        theta = d @ gain.T
-        left = d - theta @ J.T
-        distance = (left * left) @ w + (theta[:, 2:] ** 2) @ np.diagonal(_PRECISION)[2:]
-        found.append(theta[distance < COMPATIBLE])
+    for k, partner in couples:
+        two = seen[[k, partner]]
+        one, other = (pairs.offset[i][np.isfinite(pairs.value[i])] for i in two)
+        J, w = pairs.motion[two].reshape(-1, 4), np.repeat(1.0 / pairs.variance[two], 2)
+        # d = (one, other) gives θ = G d, G = (Jᵀ W J + Λ)⁻¹ Jᵀ W, and is dᵀ Q d away from it, Q = W − W J G
+        G = np.linalg.solve((J.T * w) @ J + _PRECISION, J.T * w)
+        Q = np.diag(w) - w[:, None] * (J @ G)
+        left = _squares(one, Q[:2, :2])[:, None] + _squares(other, Q[2:, 2:]) + 2.0 * one @ Q[:2, 2:] @ other.T
+        i, j = np.nonzero(left < COMPATIBLE)
+        found.append(one[i] @ G[:, :2].T + other[j] @ G[:, 2:].T)
     return np.concatenate(found)
 
 
-def _fit(theta: Floats, A: Floats, offset: Floats, value: Floats, variance: Floats) -> Floats:
+def _squares(d: Floats, Q: Floats) -> Floats:
+    """dᵀ Q d of rows d (p, 2), (p,)."""
+    return np.asarray(((d @ Q) * d).sum(axis=1))
+
+
+def _fit(theta: Floats, pairs: _Pairs, variance: Floats) -> Floats:
     """How well θ (h, 4) explains each track with each of its boxes, (h, n, c), at least 0."""
-    # d² = |offset − A θ|² / variance
-    moved = np.tensordot(theta, A, axes=(1, 2))[:, :, None]
-    x, y = offset[..., 0] - moved[..., 0], offset[..., 1] - moved[..., 1]
-    return np.asarray(np.maximum(value - (x * x + y * y) / variance[:, None], 0.0))
+    # |offset − A θ|² / variance
+    moved = np.tensordot(theta, pairs.motion, axes=(1, 2))[:, :, None]
+    x, y = pairs.offset[..., 0] - moved[..., 0], pairs.offset[..., 1] - moved[..., 1]
+    return np.asarray(np.maximum(pairs.value - (x * x + y * y) / variance[:, None], 0.0))
 
 
-def _refined(fit: Floats, A: Floats, offset: Floats, variance: Floats) -> Floats:
+def _refined(fit: Floats, pairs: _Pairs) -> Floats:
     """θ (h, 4) by least squares on the best pair of each track that has one."""
     best = fit.argmax(axis=2)
-    rows = np.arange(len(A))
-    w = (fit[np.arange(len(fit))[:, None], rows, best] > 0.0) / variance
-    d = offset[rows, best]
+    rows, A = np.arange(len(pairs.motion)), pairs.motion
+    w = (fit.max(axis=2) > 0.0) / pairs.variance
     # θ = (Σ w AᵀA + Λ)⁻¹ Σ w Aᵀd
     N = np.tensordot(w, A.transpose(0, 2, 1) @ A, axes=(1, 0)) + _PRECISION
-    g = np.einsum("hn,nik,hni->hk", w, A, d)
+    g = np.einsum("hn,nik,hni->hk", w, A, pairs.offset[rows, best])
     return np.asarray(np.linalg.solve(N, g[..., None])[..., 0])
 
 
 def _explained(fit: Floats, column: Indices, boxes: int) -> Floats:
     """(h,) by how much boxes and tracks are explained, a box by one track only."""
-    best = fit.argmax(axis=2)
-    h, n = best.shape
-    rows = np.arange(n)
-    by_box = np.zeros((h, boxes))
-    np.maximum.at(by_box, (np.arange(h)[:, None], column[rows, best]), fit[np.arange(h)[:, None], rows, best])
+    best, value = fit.argmax(axis=2), fit.max(axis=2)
+    by_box = np.zeros((len(fit), boxes))
+    np.maximum.at(by_box, (np.arange(len(fit))[:, None], column[np.arange(len(column)), best]), value)
     return np.asarray(by_box.sum(axis=1))
 
 
