@@ -8,12 +8,15 @@ import numpy as np
 
 from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.frame_camera import FrameCamera
-from mavlink.fleet.fleet import Reports
+from mavlink.fleet.fleet import FleetState, Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
 __all__ = ["camera_of", "observation_of", "reports_of"]
+
+LONGEST_AGO_S = 2.0
+"""Reports that are older are late by radio; the camera is taken to have flown straight on for so long."""
 
 
 def observation_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics) -> Observation:
@@ -40,13 +43,26 @@ def observation_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intr
     )
 
 
-def reports_of(reports: Reports, ugv_ids: Sequence[int]) -> VehicleReports:
-    """Reports by the vehicles' places in the mission."""
+def reports_of(reports: Reports, ugv_ids: Sequence[int], view: FrameCamera | None, state: FleetState) -> VehicleReports:
+    """Reports by the vehicles' indices in the mission, where the camera sees them on level ground.
+
+    Args:
+        reports: Those that came since the last frame.
+        ugv_ids: The mission's vehicles.
+        view: The camera, None unknown.
+        state: The fleet at the frame.
+    """
+    p_enu = reports.p_enu
+    if view is not None:
+        # the camera was elsewhere when a report was made
+        ago_s = np.clip((state.t_us - reports.t_us) * 1e-6, -LONGEST_AGO_S, LONGEST_AGO_S)
+        camera = view.pose.p_enu - ago_s[:, None] * np.nan_to_num(state.uav.v_enu)
+        p_enu = view.ground.seen_on_level(p_enu, camera)
     place = {system_id: k for k, system_id in enumerate(ugv_ids)}
     return VehicleReports(
         t_us=reports.t_us,
         vehicle=np.array([place[int(s)] for s in reports.system_id], dtype=np.int64),
-        p_enu=reports.p_enu,
+        p_enu=p_enu,
         v_enu=reports.v_enu,
         heading=reports.heading,
         std_m=reports.std_m,
@@ -60,7 +76,7 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         R_enu_cam=view.pose.R_enu_cam,
         p_enu=view.pose.p_enu,
         ground_z=view.ground_z,
-        height_std_m=view.height_std_m,
+        height_std_m=view.ground.std_m,
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,
         position_known=view.position_sure,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.fold.ground import Ground
 from mavlink.state import FleetState
 from vision.camera.camera import CameraPose, image_warp, project
 from vision.camera.intrinsics import Intrinsics
@@ -23,13 +24,15 @@ class FrameCamera:
 
     intrinsics: Intrinsics
     pose: CameraPose
-    ground_z: float
-    """Height of the ground plane, ENU metres."""
-    height_std_m: float
-    """1σ of the camera's height above it."""
+    ground: Ground
     attitude_known: bool
     position_sure: bool
     """False: the UAV doubts its own position."""
+
+    @property
+    def ground_z(self) -> float:
+        """Height of the level plane on which tracks and reports are compared, ENU metres."""
+        return self.ground.z
 
 
 def reported_pixels(state: FleetState, view: FrameCamera | None) -> dict[int, FloatArray]:
@@ -37,7 +40,7 @@ def reported_pixels(state: FleetState, view: FrameCamera | None) -> dict[int, Fl
     if view is None:
         return {}
     places = state.p_enu.copy()
-    places[:, 2] = view.ground_z
+    places[:, 2] = view.ground.height_at(places)
     uv, ahead = project(view.intrinsics, view.pose, places)
     usable = ahead & state.valid
     return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
@@ -56,7 +59,7 @@ def expected_pixels(
     Returns:
         Pixels by system id, without those behind the camera; None while the camera's pose is unknown.
     """
-    directions = None if view is None else rays(state.p_enu, view)
+    directions = None if view is None else rays(view.ground.seen_on_level(state.p_enu, view.pose.p_enu), view)
     if view is None or directions is None:
         return None
     uv, ahead = view.intrinsics.pixels(directions)

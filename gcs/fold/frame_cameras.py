@@ -93,12 +93,10 @@ class FrameCameras:
         if intrinsics is None or not uav.position_valid or not np.isfinite(uav.height_m):
             return None, events
         events += self._direction.check(state.t_us, uav)
-        z, std_m = self._heights.below(uav)
         camera = FrameCamera(
             intrinsics=intrinsics,
             pose=self._direction.pose(uav, uav.p_enu + self._steps.shift_enu),
-            ground_z=z,
-            height_std_m=std_m,
+            ground=self._heights.below(uav),
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
         )

@@ -15,21 +15,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs.fold.ground import Ground, Source
 from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
 
-__all__ = ["Ground", "GroundHeight"]
+__all__ = ["GroundHeight"]
 
 FloatArray = NDArray[np.float64]
 
 UAV_ALTITUDE_STD_M = 4.0
 """1σ of what the UAV's altitude is off by, by its receiver's height at the start."""
-SLOPE_STD = 0.05
+SLOPE_STD = 0.03
 """1σ of the slope per axis: what vehicles drive on in formation."""
 RELIEF_STD_M = 1.0
 """1σ of a sample, a second apart, about the plane: bumps, and the noise of an altitude."""
@@ -57,35 +57,6 @@ TOLD_GAP_M = 10.0
 """A source is reported again once it differs by so much more or less than when it was last reported."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """What one source makes of the ground's height."""
-
-    name: str
-    z: float
-    """At the plane's point, metres."""
-    std_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ground:
-    """The plane that the vehicles drive on."""
-
-    at: FloatArray
-    """(2,) a point on it, east and north, metres."""
-    z: float
-    """Its height there, metres."""
-    slope: FloatArray
-    """(2,) rise per metre east and north."""
-    std_m: float
-    """1σ of ``z``."""
-    sources: tuple[Source, ...] = ()
-
-    def height_at(self, p_enu: FloatArray) -> FloatArray:
-        """Heights (...,) at places (..., 2 or 3)."""
-        return np.asarray(self.z + (p_enu[..., :2] - self.at) @ self.slope)
-
-
 class GroundHeight:
     """Follows the ground from frame to frame."""
 
@@ -99,11 +70,12 @@ class GroundHeight:
         self._told_m: dict[str, float] = {}
         """By how much a source differed when that was reported."""
 
-    def below(self, uav: UavState) -> tuple[float, float]:
-        """Height of the ground, ENU metres, and its 1σ; that of the UAV's home while nothing else is known."""
-        if self.ground is None:
-            return float(uav.p_enu[2] - uav.height_m), HOME_ALONE_STD_M
-        return self.ground.z, self.ground.std_m
+    def below(self, uav: UavState) -> Ground:
+        """The ground; the plane of the UAV's home while nothing else is known."""
+        if self.ground is not None:
+            return self.ground
+        home_z = float(uav.p_enu[2] - uav.height_m)
+        return Ground(at=uav.p_enu[:2], z=home_z, slope=np.zeros(2), std_m=HOME_ALONE_STD_M)
 
     def update(self, state: FleetState) -> Sequence[Event]:
         """Take in the altitudes of one moment; returns what an operator should know."""

@@ -217,7 +217,7 @@ class Pipeline:
         self._follow_steps(state)
         self._events += self._cameras.follow_ground(state)
         view = self._frame_camera(state, size if image is None else _size_of(image))
-        self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids))
+        self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
         warp = ground_warp(self._view, view) if motion is None else motion.H

@@ -66,7 +66,8 @@ def boxes_of(
     rows += [places[k] | {"track_id": 0} for k in sorted(set(range(len(places))) - set(tracks.detection.tolist()))]
     if view is not None and rows:
         centre = np.array([[row["cx"], row["cy"]] for row in rows])
-        p_enu = ground(view.intrinsics, view.pose, centre, view.ground_z)
+        level = ground(view.intrinsics, view.pose, centre, view.ground_z)
+        p_enu = view.ground.below_level(level, view.pose.p_enu)
         nowhere = np.full(len(rows), np.nan)
         lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
         for row, p, lat_deg, lon_deg in zip(rows, p_enu, lat.tolist(), lon.tolist(), strict=True):
