@@ -16,7 +16,7 @@ from bench.field.scene import SessionFrames
 from bench.field.windows import UNANSWERED
 from gcs.report.score import Matched, score
 
-__all__ = ["EDGES", "BoxCounts", "delays", "matched_names", "tally", "without_liars"]
+__all__ = ["EDGES", "BoxCounts", "delays", "matched_names", "tally", "without_nameless"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -81,16 +81,15 @@ def tally(m: Matched, fps: float) -> BoxCounts:
     )
 
 
-def without_liars(m: Matched, liars: frozenset[int]) -> Matched:
-    """Matched boxes where vehicles that never report their own place count as none of ours.
+def without_nameless(m: Matched, nameless: frozenset[int]) -> Matched:
+    """Matched boxes where vehicles that nothing can name count as none of ours.
 
-    Nothing that they say can name them: boxes of theirs that are named rightly all the same are left out, and any other
-    name is one given to a false target.
+    Boxes of theirs that are named rightly all the same are left out, any other name is one given to a false target.
     """
-    lying = np.isin(m.truth, list(liars))
-    kept = ~(lying & (m.named == m.truth))
+    unknowable = np.isin(m.truth, list(nameless))
+    kept = ~(unknowable & (m.named == m.truth))
     parts = {field.name: getattr(m, field.name)[kept] for field in fields(m)}
-    return Matched(**(parts | {"truth": np.where(lying, 0, m.truth)[kept]}))
+    return Matched(**(parts | {"truth": np.where(unknowable, 0, m.truth)[kept]}))
 
 
 def matched_names(scene: SessionFrames, answers: list[IntArray]) -> Matched:

@@ -14,7 +14,7 @@ from pathlib import Path
 from bench.drawing import MISSING
 from bench.field.families import FAMILIES, Split, film_of, label_of, scenario_of, seeds_of
 from bench.field.figure import draw_reliability
-from bench.field.measure import BoxCounts, matched_names, tally, without_liars
+from bench.field.measure import BoxCounts, matched_names, tally, without_nameless
 from bench.field.product import identify
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
@@ -57,21 +57,21 @@ def play(task: Task) -> Outcome:
         session = Path(folder) / "session"
         write_session(scenario, session, film=film)
         played = identify(session, Path(folder) / "out")
-    liars = _liars(scenario)
+    nameless = _nameless(scenario)
     # lost frames count for time as well
     fps = len(played.cpu_ms) / scenario.duration_s
     rivals: dict[str, BoxCounts] = {}
     if task.rivals and film is None:
         scene = scene_of(scenario)
         answers = [*by_windows(scene).items(), ("mean residual", mean_residual(scene))]
-        rivals = {name: tally(without_liars(matched_names(scene, names), liars), fps) for name, names in answers}
+        rivals = {name: tally(without_nameless(matched_names(scene, names), nameless), fps) for name, names in answers}
     return Outcome(
         family=task.family,
         hard=task.hard,
         seed=task.seed,
         label=label_of(task.family, task.hard, task.seed),
         vehicles=scenario.fleet_size,
-        product=tally(without_liars(played.matched, liars), fps),
+        product=tally(without_nameless(played.matched, nameless), fps),
         rivals=rivals,
         wall_ms=played.wall_ms,
         cpu_ms=played.cpu_ms,
@@ -82,13 +82,18 @@ def play(task: Task) -> Outcome:
     )
 
 
-def _liars(scenario: Scenario) -> frozenset[int]:
-    """System ids of the vehicles that report the place of another one for the whole flight."""
-    return frozenset(
-        FIRST_UGV_ID + fault.vehicle
+def _nameless(scenario: Scenario) -> frozenset[int]:
+    """System ids of the vehicles that nothing can name: who reports the place of another one for the whole flight.
+
+    Without a delay both report alike, and nothing tells which of them is there.
+    """
+    lies = [
+        fault
         for fault in scenario.faults
         if fault.kind in ("spoof", "copy") and fault.start_s <= 0.0 and fault.stop_s >= scenario.duration_s
-    )
+    ]
+    either = [fault.other for fault in lies if fault.size == 0.0]
+    return frozenset(FIRST_UGV_ID + vehicle for vehicle in [*(fault.vehicle for fault in lies), *either])
 
 
 def _spoofed(scenario: Scenario) -> frozenset[int]:

@@ -8,7 +8,7 @@ import pytest
 from bench.field.explain import spans
 from bench.field.families import FAMILIES, UNRELATED, film_of, label_of, scenario_of, seeds_of
 from bench.field.goals import ALL, GOALS, Goal, judge
-from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally, without_liars
+from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally, without_nameless
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
 from bench.field.suite import Task, play, tasks_of
@@ -241,9 +241,9 @@ def test_only_unrelated_films_are_of_another_flight_and_of_the_same_camera(hard)
         assert (film.camera, film.fps, film.duration_s) == (flown.camera, flown.fps, flown.duration_s)
 
 
-def test_whoever_lies_all_the_time_cannot_be_named_and_must_not_be():
+def test_who_cannot_be_named_must_not_be():
     m = matched([11, 11, 12, 12, 12], [11, 0, 12, 11, 0], confidence=[0.9] * 5)
-    one = tally(without_liars(m, frozenset({12})), 10.0)
+    one = tally(without_nameless(m, frozenset({12})), 10.0)
     # the right name of box 3 is left out; the wrong one of box 4 counts as one on a false target
     assert (one.ours, one.right, one.named, one.false, one.false_named) == (2, 1, 2, 2, 1)
 
