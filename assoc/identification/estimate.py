@@ -25,6 +25,7 @@ from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.identification.conflicts import ConflictMonitor
+from assoc.identification.fleet_fit import FleetFit, log_evidence
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
 from assoc.params import MANY_PAIRS, IdentifierParams
@@ -70,6 +71,7 @@ class Estimator:
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
+        self.fit = FleetFit()
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
         self._anchors: dict[int, int] = {}
@@ -160,6 +162,10 @@ class Estimator:
         free = self._co_visibility.log_not_lost(live, seen)
         clutter = self._clutter_chance(t, context)
         p = mixed_marginals(found, share, self._bias_std, clutter, context.in_view, free)
+        self.fit.update(t, log_evidence(context, best))
+        p = self.fit.limited(p, self._stated.among(history.track_id[live]))
+        if not self.fit.fits:
+            return self._without_names(t, context, best, p)
         self._co_visibility.update(live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
         self._widen_offset_prior(t)
@@ -170,6 +176,14 @@ class Estimator:
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
         return UpdateResult(live, review.p, review.vehicles)
+
+    def _without_names(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> UpdateResult:
+        """The result while film and telemetry do not fit: nothing is learnt from it, and no vehicle is accused."""
+        self._confident.clear()
+        self._anchors.clear()
+        self._lock.unlock(t)
+        self._fold(context, best)
+        return UpdateResult(context.columns[: context.live], p, ())
 
     def predicted(self, t: float) -> tuple[FloatArray, FloatArray]:
         """Where the vehicles' tracks are expected under the correction: (n, 2) metres, (n,) variance per axis, m²."""
