@@ -279,6 +279,8 @@ class Health:
     yaw_offset: float = math.nan
     """Estimated error of the camera's reported heading, radians clockwise, and its 1σ; NaN unknown."""
     yaw_offset_std: float = math.nan
+    fit: float = math.nan
+    """Probability that video and telemetry belong together, NaN while nothing was compared."""
     undecoded: int = 0
     """Frames that came and could not be decoded."""
     keys: int | None = None

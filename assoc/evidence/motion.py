@@ -7,7 +7,8 @@ each report, and their sums over all reports choose σ without any association.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from copy import copy
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,6 +182,27 @@ class ReportLog:
         return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
             np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age
         )
+
+    def turned(self, centre: FloatArray, angle: FloatArray) -> ReportLog:
+        """A copy in which each vehicle's reports are turned about one place by an angle of their own.
+
+        Their densities under the vehicle's own past stay, as these do not depend on direction.
+
+        Args:
+            centre: (2,) east and north, metres.
+            angle: (n,) clockwise, radians.
+        """
+
+        def around(p: FloatArray, vehicle: IntArray) -> FloatArray:
+            # clockwise: multiplied by e^(−iφ)
+            return to_east_north((to_complex(p) - to_complex(centre)) * np.exp(-1j * angle[vehicle])) + centre
+
+        other, kept, every = copy(self), self._joined(), np.arange(self.n_vehicles)
+        heading = kept.heading + angle[kept.vehicle]
+        other._kept = [replace(kept, p=around(kept.p, kept.vehicle), heading=heading)]
+        other.last_p = around(self.last_p, every)
+        other.last_v = around(self.last_v + centre, every) - centre
+        return other
 
     def _accept(self, vehicle: IntArray, t: FloatArray, reports: VehicleReports, rows: IntArray) -> None:
         """Accept at most one report per vehicle."""

@@ -25,7 +25,7 @@ from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.identification.conflicts import ConflictMonitor
-from assoc.identification.fleet_fit import FleetFit, log_evidence
+from assoc.identification.fleet_fit import FleetFit
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
 from assoc.params import MANY_PAIRS, IdentifierParams
@@ -162,7 +162,7 @@ class Estimator:
         free = self._co_visibility.log_not_lost(live, seen)
         clutter = self._clutter_chance(t, context)
         p = mixed_marginals(found, share, self._bias_std, clutter, context.in_view, free)
-        self.fit.update(t, log_evidence(context, best))
+        self.fit.update(t, context, best)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:
             return self._without_names(t, context, best, p)

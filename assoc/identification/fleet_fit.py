@@ -2,18 +2,21 @@
 
 Names are meaningless where the film is of another place or minute, or the camera looks elsewhere than the mission says;
 single vehicles may still fit single boxes. Against "the film is of something else" stands the evidence of all matched
-pairs together: with L_ij the ln ratios of the pairs in the window alone, o_j the prior odds of each vehicle to have a box,
-and the pose integrated out,
+pairs together: with L_ij the ln ratios of the pairs in the window alone, o_j the prior odds of each vehicle to have a
+box, and the pose integrated out,
 
     V = Σ (L_ij + o_j) − ½ θᵀΛθ + ½ ln|Λ| − ½ ln|Λ + JᵀJ| − ln Z,    Z = Σ_k m!/(m − k)! e_k(exp o).
 
-Z sums the prior weights of all assignments of m tracks (e_k: elementary symmetric polynomial), so that V is the ln ratio
-of two normalised densities, up to one assignment standing for all. A vehicle that should be in view and matches no
-box counts against the fit, a vehicle that need not be in view does not.
+Z sums the prior weights of all assignments of m tracks (e_k: elementary symmetric polynomial), so that V is the ln
+ratio of two normalised densities, up to one assignment standing for all. A vehicle that should be in view and matches
+no box counts against the fit, a vehicle that need not be in view does not.
+
+What chance reaches among these very boxes is measured with decoys: the same reports, turned vehicle by vehicle.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +25,8 @@ from scipy.special import expit, gammaln
 
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import bound_variance, initial_state, run_filter
-from assoc.hypotheses.search import Hypothesis, UpdateContext
+from assoc.geometry.ground import THETA
+from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 
 __all__ = ["FleetFit", "log_assignments", "log_evidence"]
 
@@ -30,15 +34,23 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_PRIOR_LOG_ODDS = 0.0
-"""ln odds, before any evidence, that film and telemetry belong together. They usually do, but two vehicles near two
-boxes must not be enough."""
+_PRIOR_LOG_ODDS = -3.0
+"""ln odds, before any evidence, that film and telemetry belong together. They usually do; but chance is measured by a
+few decoys alone, and the luckiest of many moments must not be enough for a name."""
 _FITS = 0.5
 """Probability from which what is learnt from names may be trusted."""
 _MOST, _LEAST = 30.0, -30.0
 """Bounds of the remembered evidence, nats: so that what no longer fits is noticed within seconds."""
 _FORGET_S, _DOUBT_S = 20.0, 4.0
 """Time constants τ₁ and τ₂, seconds: tracks break and vehicles are hidden for moments."""
+_CLEAR = 40.0
+"""Evidence, nats, that no decoy reaches among a handful of vehicles: it is not compared with any."""
+_DECOYS, _DECOYS_FIRST = 6, 3
+"""How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+"""Angle whose multiples never come near one another, radians."""
+_LIKELY_IN_VIEW = 0.3
+"""Chance of being in view from which a vehicle counts for the fleet's centre."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds: what was not seen speaks neither for nor against a fit."""
 
@@ -100,28 +112,75 @@ def log_evidence(context: UpdateContext, best: Hypothesis) -> float:
     return float(pairs) + pose - log_assignments(log_odds[reporting], context.live)
 
 
+def decoy_evidence(context: UpdateContext, number: int) -> float:
+    """V of a fleet that is not there: each vehicle's reports are turned about the centre by an angle of their own.
+
+    It has the real one's speeds, distances from the centre and moments of turning, but not its formation, which no
+    correction of the pose gives back. What it reaches is what chance reaches among these boxes.
+
+    Args:
+        context: What the update works on.
+        number: Of the decoy; each has other angles.
+    """
+    log, live = context.log, context.live
+    n = log.n_vehicles
+    place, _ = log.extrapolated(float(context.history.t[context.history.n - 1]))
+    counted = np.isfinite(place[:, 0]) & (context.view > _LIKELY_IN_VIEW)
+    if not counted.any():
+        return 0.0
+    angle = _GOLDEN_ANGLE * (1.0 + np.arange(n) + n * number)
+    decoy = replace(
+        context,
+        log=log.turned(np.mean(place[counted], axis=0), angle),
+        columns=context.columns[:live],
+        anchors=np.empty(0, np.int64),
+        state=bound_variance(initial_state(live, n), context.noise.bias_std),
+        log_switch=context.log_switch[:, :live],
+        fold=0,
+    )
+    return log_evidence(decoy, refine(decoy, np.zeros(THETA)))
+
+
 class FleetFit:
     """The probability that film and telemetry belong together, over time."""
 
     def __init__(self) -> None:
         self._log_ratio = 0.0
         self._t = -np.inf
+        self._decoys: deque[float] = deque(maxlen=_DECOYS)
+        self._tried = 0
 
     @property
     def probability(self) -> float:
-        """That they belong together."""
-        return float(expit(self._log_ratio + _PRIOR_LOG_ODDS))
+        """That they belong together, NaN before the first update."""
+        chance = max(self._decoys, default=0.0)
+        ratio = self._log_ratio - max(chance, 0.0) + _PRIOR_LOG_ODDS
+        return float("nan") if self._t == -np.inf else float(expit(ratio))
 
     @property
     def fits(self) -> bool:
         """Whether they rather do than not."""
         return self.probability >= _FITS
 
-    def update(self, t: float, evidence: float) -> None:
+    def update(self, t: float, context: UpdateContext, best: Hypothesis) -> None:
+        """Take in the results of one update.
+
+        Args:
+            t: Time, seconds.
+            context: What it worked on.
+            best: Its best hypothesis.
+        """
+        evidence = log_evidence(context, best)
+        self.add_evidence(t, evidence)
+        for _ in range(0 if evidence > _CLEAR else 1 if self._decoys else _DECOYS_FIRST):
+            self._decoys.append(decoy_evidence(context, self._tried))
+            self._tried += 1
+
+    def add_evidence(self, t: float, evidence: float) -> None:
         """Take in the evidence of one update.
 
         Better evidence than S, the remembered one, counts at once. While V is worse but speaks for a fit,
-        S ← V + (S − V) exp(−Δt/τ₁); while it speaks against one, S ← S + V Δt/τ₂; where it says nothing, V = 0, S stays.
+        S ← V + (S − V) exp(−Δt/τ₁); while it speaks against one, S ← S + V Δt/τ₂; with V = 0, no news, S stays.
 
         Args:
             t: Time, seconds.
@@ -137,6 +196,11 @@ class FleetFit:
         self._log_ratio = max(now, kept)
 
     def limited(self, p: FloatArray, stated: BoolArray) -> FloatArray:
-        """Marginals (m, n + 1) in which names count only as far as film and telemetry belong together, or are stated."""
+        """Marginals in which names count as far as film and telemetry belong together, or the operator stated them.
+
+        Args:
+            p: (m, n + 1), the last column "none of ours".
+            stated: (m,) tracks of which the operator stated anything.
+        """
         named = p[:, :-1] * np.where(stated, 1.0, self.probability)[:, None]
         return np.concatenate([named, 1.0 - np.sum(named, axis=1, keepdims=True)], axis=1)

@@ -67,6 +67,11 @@ class Identifier:
         return self._estimator.theta_std.copy()
 
     @property
+    def fit_probability(self) -> float:
+        """Probability that film and telemetry belong together, NaN while nothing was compared."""
+        return self._estimator.fit.probability
+
+    @property
     def locked(self) -> bool:
         """Whether the search is locked: nearly all tracks have had certain answers for seconds."""
         return self._estimator.locked

@@ -336,6 +336,7 @@ class Pipeline:
             time_offset_std_s=float(std[OFFSET]),
             yaw_offset=float(theta[YAW]) if np.isfinite(std[YAW]) else math.nan,
             yaw_offset_std=float(std[YAW]),
+            fit=self._identifier.fit_probability,
         )
 
     def _snapshot(

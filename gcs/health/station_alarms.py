@@ -22,6 +22,8 @@ CLOCK_OFFSET_S = 0.1
 """A vehicle at 5 m/s is half a metre elsewhere after a tenth of a second; also the 1σ up to which it is known."""
 CLOCK_OFFSET_FOR_S = 5.0
 """The estimate is not settled before."""
+FIT, NO_FIT_FOR_S = 0.1, 2.0
+"""Below this probability video and telemetry do not belong together; a moment's cover of the camera is no news."""
 STEP_S = 0.5
 """A time service slews what is less."""
 STALLED_S = 1.0
@@ -176,6 +178,18 @@ STATION_RULES: tuple[AlarmRule[Health], ...] = (
         condition=_video_clock_off,
         detail=lambda health, _: f"{health.time_offset_s:+.1f} s",
         lasts_s=CLOCK_OFFSET_FOR_S,
+    ),
+    AlarmRule(
+        key="no match",
+        level="alarm",
+        kind="video",
+        text="video and telemetry do not match: clock, camera, place or recording",
+        meaning=f"for {NO_FIT_FOR_S:g} s no more boxes are where vehicles report to be than chance would put there; "
+        "until they are, nothing is named",
+        advice="check that the recording is of this flight, then the mission's video_offset_s, mount, pitch_deg, "
+        "yaw_deg and focal length, and the UAV's heading and height",
+        condition=lambda health, _: health.fit < FIT,
+        lasts_s=NO_FIT_FOR_S,
     ),
     AlarmRule(
         key="clock step",

@@ -84,6 +84,7 @@ def test_every_trouble_of_a_vehicle_is_one_alarm_raised_once_and_cleared_once(wa
         (replace(WELL, lag_s=1.5), "lag", "warning"),
         (replace(WELL, behind_s=2.5), "overload", "alarm"),
         (replace(WELL, time_offset_s=0.8, time_offset_std_s=0.02), "video clock", "warning"),
+        (replace(WELL, fit=0.01), "no match", "alarm"),
         (replace(WELL, clock_step_s=-3600.0), "clock step", "warning"),
         (replace(WELL, write_failing_s=0.4, write_reason="No space left on device"), "disk", "alarm"),
         (replace(WELL, write_stalled_s=1.2), "disk hangs", "alarm"),

@@ -323,6 +323,19 @@ def has_a_camera_that_dates_its_frames_late(tmp_path):
     return Scene(mission=mission).run(12, filmed=True, video_late_s=0.3).came
 
 
+class OtherFilm(Scene):
+    """A scene beside the film of another road."""
+
+    def boxes(self):
+        found = super().boxes()
+        return replace(found, cx=1280.0 - found.cx + 150.0, cy=found.cy + 120.0)
+
+
+@raises("no match")
+def has_the_film_of_another_flight():
+    return OtherFilm().run(8, filmed=True).came
+
+
 def test_there_is_a_case_for_every_alarm():
     assert set(CASES) == {(rule.key, rule.level) for rule in RULES}
 

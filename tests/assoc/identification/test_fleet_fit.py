@@ -1,0 +1,81 @@
+"""Film and telemetry that do not belong together: no names, whatever single vehicles look like."""
+
+from itertools import combinations, permutations
+
+import numpy as np
+import pytest
+
+from assoc.identification.fleet_fit import FleetFit, log_assignments
+from assoc.identification.identifier import Identifier
+from assoc.records import VehicleReports
+from tests.support.assoc_scene import Fleet, camera
+
+IDS = (11, 12, 13, 14)
+
+
+def films(identifier, film, fleet, start, stop):
+    """Frames of one fleet beside the reports of another; (answers, fit probabilities)."""
+    rng, answers, fits = np.random.default_rng(1), [], []
+    for k in range(round(start * 10), round(stop * 10)):
+        t = k / 10
+        reports = fleet.reports(t - 0.1, t, rng) if fleet else VehicleReports.empty()
+        tracks = np.arange(1, film.n + len(film.strangers) + 1)
+        answers.append(identifier.update(film.observation(t, camera(), tracks, rng), camera(), reports))
+        fits.append(identifier.fit_probability)
+    return answers, fits
+
+
+@pytest.mark.parametrize("tracks", [0, 1, 3, 5])
+def test_all_assignments_are_summed(tracks):
+    odds = np.array([0.3, 2.0, -1.5])
+    total = sum(
+        float(np.prod(np.exp(odds[list(vehicles)])))
+        for k in range(min(tracks, 3) + 1)
+        for vehicles in combinations(range(3), k)
+        for _ in permutations(range(tracks), k)
+    )
+    assert log_assignments(odds, tracks) == pytest.approx(np.log(total))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_film_of_another_fleet_is_named_nowhere(seed):
+    film = Fleet(seed=seed + 10, n=7, spacing_m=7.0, strangers=((4.0, 9.0),))
+    film.start = film.start @ np.array([[0.6, 0.8], [-0.8, 0.6]]) + (3.0, -2.0)
+    answers, fits = films(Identifier(IDS), film, Fleet(seed=seed), 0.0, 8.0)
+    assert not any(answer.system_id.any() for answer in answers)
+    assert max(fits[1:]) < 0.5
+    assert not any(answer.conflict for answer in answers), "nobody is accused for it"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_film_of_the_fleet_itself_is_named_in_its_first_frames(seed):
+    fleet = Fleet(seed=seed)
+    answers, fits = films(Identifier(IDS), fleet, fleet, 0.0, 3.0)
+    assert all(answer.system_id.tolist() == list(IDS) for answer in answers[5:])
+    assert min(fits[5:]) > 0.99
+
+
+def test_names_go_when_the_film_becomes_another_and_come_back_with_the_right_one():
+    fleet, other, identifier = Fleet(seed=1), Fleet(seed=8, n=6, spacing_m=5.0), Identifier(IDS)
+    other.start = other.start[:, ::-1] + (2.0, 5.0)
+    films(identifier, fleet, fleet, 0.0, 8.0)
+    answers, fits = films(identifier, other, fleet, 8.0, 25.0)
+    assert fits[-1] < 0.01 and not answers[-1].system_id.any()
+    answers, fits = films(identifier, fleet, fleet, 25.0, 40.0)
+    assert fits[-1] > 0.99 and answers[-1].system_id.tolist() == list(IDS)
+
+
+def test_without_reports_nothing_speaks_against_the_film():
+    fleet, identifier = Fleet(seed=2), Identifier(IDS)
+    films(identifier, fleet, fleet, 0.0, 6.0)
+    _, fits = films(identifier, fleet, None, 6.0, 40.0)
+    assert min(fits) > 0.99
+
+
+def test_what_is_stated_stays_while_nothing_fits():
+    fit = FleetFit()
+    fit.add_evidence(0.0, -20.0)
+    p = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1]])
+    limited = fit.limited(p, np.array([True, False]))
+    assert limited[0].tolist() == pytest.approx(p[0].tolist())
+    assert limited[1, 2] > 0.99 and limited.sum(axis=1).tolist() == pytest.approx([1.0, 1.0])
