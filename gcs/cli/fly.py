@@ -42,6 +42,7 @@ from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight, FlightPlan
 from gcs.mission.mission import Mission, load_mission
+from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
 from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
@@ -122,7 +123,7 @@ def fly(
         loaded = replace(loaded, detector=replace(loaded.detector, model=str(model.absolute())))
     links = tuple(link or ()) or loaded.links.telemetry
     screen = not headless and sys.stdout.isatty() and sys.stdin.isatty()
-    _check(links, duration, loaded.tiles, screen=screen)
+    _check(links, duration, loaded, screen=screen)
     source = loaded.links.video if video is None else video
     forward = tuple(out or ()) or loaded.links.forward
     plan = FlightPlan(
@@ -209,13 +210,15 @@ def _check_vehicles(system_ids: Sequence[int], mission: Mission) -> tuple[int, .
     return tuple(system_ids)
 
 
-def _check(links: tuple[str, ...], duration: float | None, tiles: Path | None, *, screen: bool) -> None:
+def _check(links: tuple[str, ...], duration: float | None, mission: Mission, *, screen: bool) -> None:
     if not links:
         raise GcsError("no telemetry link; give --link (for example --link 14550) or [links] telemetry in the mission")
     if screen and duration is not None:
         raise GcsError("--duration is for flights without a screen; add --headless")
-    if screen and tiles is not None:
-        TileFile(tiles).close()
+    if screen and mission.tiles is not None:
+        TileFile(mission.tiles).close()
+    if mission.terrain is not None:
+        TerrainFile(mission.terrain)
 
 
 def _gone_on(flight: Flight, why: str) -> str:

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gcs.errors import ConfigError
 from gcs.fold.camera_direction import CameraDirection
 from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.ground import Relief
 from gcs.fold.ground_height import GroundHeight
 from gcs.fold.optics import Optics
 from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Mission
+from gcs.mission.terrain_file import TerrainFile
 from gcs.snapshot import Event
+from mavlink.geodesy import LocalFrame
 from mavlink.state import FleetState
 
 __all__ = ["FrameCameras"]
@@ -30,6 +34,7 @@ class FrameCameras:
         self._uav_id = mission.uav.system_id
         self._steps = StepFilter()
         self._heights = GroundHeight()
+        self._terrain, self._terrain_fault = _terrain_of(mission)
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
 
@@ -51,9 +56,22 @@ class FrameCameras:
         """Take positions as they are reported again: they are given in another frame from now on."""
         self._steps, self._heights = StepFilter(), GroundHeight()
 
-    def follow_ground(self, state: FleetState) -> Sequence[Event]:
-        """Take in what the fleet reports of the ground's height at a frame, and what an operator should know of it."""
-        return self._heights.update(state)
+    def follow_ground(self, state: FleetState, frame: LocalFrame | None) -> Sequence[Event]:
+        """Take in what the fleet reports of the ground's height at a frame.
+
+        Args:
+            state: the fleet.
+            frame: its local frame, None while no place is known.
+
+        Returns:
+            What an operator should know of it.
+        """
+        relief = Relief(terrain=self._terrain, frame=frame) if self._terrain and frame else None
+        events = list(self._heights.update(state, relief))
+        if self._terrain_fault:
+            text, self._terrain_fault = self._terrain_fault, ""
+            events.append(Event(t_us=state.t_us, level="warning", kind="camera", text=text, system_id=self._uav_id))
+        return events
 
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.
@@ -101,3 +119,13 @@ class FrameCameras:
             position_sure=not state.vehicles[0].doubted_for,
         )
         return camera, events
+
+
+def _terrain_of(mission: Mission) -> tuple[TerrainFile | None, str]:
+    """The mission's terrain file, or why it is not used: recordings replay without it."""
+    if mission.terrain is None:
+        return None, ""
+    try:
+        return TerrainFile(mission.terrain), ""
+    except ConfigError as error:
+        return None, f"{error}; the ground's height is found without it"

@@ -1,4 +1,4 @@
-"""The ground as a plane, and how it looks to a camera that takes it for level.
+"""The ground, and how it looks to a camera that takes it for level.
 
 Tracks and reports are compared on the level plane z = z_0. A place (p, z) on the slope is seen from a camera at c where
 the line of sight meets that plane:
@@ -13,12 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Ground", "Source"]
+from gcs.mission.terrain_file import TerrainFile
+from mavlink.geodesy import LocalFrame
+
+__all__ = ["Ground", "Relief", "Source"]
 
 FloatArray = NDArray[np.float64]
 
 LEAST_HEIGHT_M = 2.0
 """A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
+STEPS = 6
+"""Of following a line of sight to the ground: on a slope of 10 % seen at 30° each leaves a sixth of the error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,8 +37,22 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Relief:
+    """Heights from a terrain file in a local frame."""
+
+    terrain: TerrainFile
+    frame: LocalFrame
+
+    def heights(self, p_enu: FloatArray) -> FloatArray:
+        """Heights (k,) of the ground at places (k, 2 or 3), ENU metres in the file's datum; NaN where it has none."""
+        level = np.column_stack([p_enu[:, :2], np.zeros(len(p_enu))])
+        lat, lon, _ = self.frame.to_geodetic(level)
+        return np.asarray(self.terrain.elevations(lat, lon) - self.frame.alt_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Ground:
-    """The plane that the vehicles drive on."""
+    """What the vehicles drive on: a plane, with the relief of a terrain file upon it where there is one."""
 
     at: FloatArray
     """(2,) a point on it, east and north, metres."""
@@ -44,10 +63,15 @@ class Ground:
     std_m: float
     """1σ of ``z``."""
     sources: tuple[Source, ...] = ()
+    relief: Relief | None = None
 
     def height_at(self, p_enu: FloatArray) -> FloatArray:
-        """Heights (...,) at places (..., 2 or 3)."""
-        return np.asarray(self.z + (p_enu[..., :2] - self.at) @ self.slope)
+        """Heights (k,) at places (k, 2 or 3)."""
+        plane = np.asarray(self.z + (p_enu[:, :2] - self.at) @ self.slope)
+        if self.relief is None or not len(p_enu):
+            return plane
+        rise = self.relief.heights(np.concatenate([self.at[None], p_enu[:, :2]]))
+        return np.asarray(plane + np.nan_to_num(rise[1:] - rise[0]))
 
     def seen_on_level(self, p_enu: FloatArray, camera_enu: FloatArray) -> FloatArray:
         """Where places on the ground appear on the level plane.
@@ -65,13 +89,11 @@ class Ground:
         return np.column_stack([level, np.full(len(level), self.z)])
 
     def below_level(self, level_enu: FloatArray, camera_enu: FloatArray) -> FloatArray:
-        """Places (k, 3) on the ground that appear at places (k, 3) on the level plane, from a camera at (3,).
-
-        Where a line of sight c + λ (p_0 − c) meets the slope,
-
-            λ = (c_z − z(c)) / (c_z − z_0 + s·(p_0 − c))
-        """
+        """Places (k, 3) on the ground that appear at places (k, 3) on the level plane, from a camera at (3,)."""
         to = level_enu - camera_enu
-        above = float(camera_enu[2] - self.height_at(camera_enu))
-        falls = np.maximum(self.slope @ to[:, :2].T - to[:, 2], LEAST_HEIGHT_M)
-        return np.asarray(camera_enu + to * (above / falls)[:, None])
+        p = level_enu
+        for _ in range(STEPS):
+            # where the line of sight c + λ (p_0 − c) is as high as the ground at the place found before
+            share = (camera_enu[2] - self.height_at(p)) / np.maximum(-to[:, 2], LEAST_HEIGHT_M)
+            p = camera_enu + to * share[:, None]
+        return np.asarray(p)

@@ -5,21 +5,22 @@ than the UAV's all together. In ENU metres, with vehicle j at (p, z) and its own
 
     z_j = g + s·(p_j − c) + u + b_j + noise        u ~ N(0, σ_u²), b_j ~ N(0, σ_j²), s ~ N(0, σ_s²)
     below the UAV  = g + s·(p_uav − c) + noise     by a rangefinder, or by the autopilot's map of the terrain
-    home plane = g + e                             e ~ 0.8 N(0, 1²) + 0.15 N(0, 15²) + 0.05 N(0, 40²)
+    take-off = g + e                               e ~ 0.8 N(0, 1²) + 0.15 N(0, 15²) + 0.05 N(0, 40²)
 
 Errors are constant over a flight, more or less, so that more samples of a vehicle make its b_j no smaller, but they
-show how the ground rises where it drives.
+show how the ground rises where it drives. With a terrain file all heights are above its own.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs.fold.ground import Ground, Source
+from gcs.fold.ground import Ground, Relief, Source
 from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
 
@@ -31,6 +32,16 @@ UAV_ALTITUDE_STD_M = 4.0
 """1σ of what the UAV's altitude is off by, by its receiver's height at the start."""
 SLOPE_STD = 0.03
 """1σ of the slope per axis: what vehicles drive on in formation."""
+RELIEF_SLOPE_STD = 0.005
+"""The same about a terrain file, whose own error is a height that changes over kilometres."""
+FILE_STD_M = 5.0
+"""1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
+FILE = Source(name="the terrain file", z=0.0, std_m=FILE_STD_M)
+TAKEOFF = "the take-off"
+ON_FILE_STD_M = 2.0
+"""1σ of the ground, above the relief, by the place of the take-off: a barometer's drift and a file's errors."""
+TAKEOFF_M = 2.0
+"""A UAV no higher than this above its home is where it took off."""
 RELIEF_STD_M = 1.0
 """1σ of a sample, a second apart, about the plane: bumps, and the noise of an altitude."""
 RANGE_STD_M, TERRAIN_STD_M = 2.0, 5.0
@@ -62,6 +73,9 @@ class GroundHeight:
 
     def __init__(self) -> None:
         self.ground: Ground | None = None
+        self._relief: Relief | None = None
+        self._outside_told = False
+        self._takeoff_en: FloatArray | None = None
         self._t_us = 0
         self._moments = np.zeros((0, 4, 4))
         """(n, 4, 4) decaying Σ x xᵀ of each vehicle, x = (1, east, north, up)."""
@@ -77,26 +91,56 @@ class GroundHeight:
         home_z = float(uav.p_enu[2] - uav.height_m)
         return Ground(at=uav.p_enu[:2], z=home_z, slope=np.zeros(2), std_m=HOME_ALONE_STD_M)
 
-    def update(self, state: FleetState) -> Sequence[Event]:
-        """Take in the altitudes of one moment; returns what an operator should know."""
+    def update(self, state: FleetState, relief: Relief | None = None) -> Sequence[Event]:
+        """Take in the altitudes of one moment; returns what an operator should know.
+
+        Args:
+            state: the fleet.
+            relief: heights of a terrain file, to which all others are then relative; None without one.
+        """
         uav = state.uav
         home_z = float(uav.p_enu[2] - uav.height_m)
         if not math.isfinite(home_z):
             return ()
-        n, dt = len(state.system_id), (state.t_us - self._t_us) * 1e-6
-        if len(self._moments) != n or dt < 0.0:
-            self._moments, dt = np.zeros((n, 4, 4)), LONGEST_SAMPLE_S
-        self._t_us = state.t_us
+        if abs(uav.height_m) < TAKEOFF_M:
+            self._takeoff_en = uav.p_enu[:2]
         used = state.valid & np.isfinite(state.up_std_m)
-        x = np.column_stack([np.ones(n), np.where(used[:, None], state.p_enu, 0.0)]) * used[:, None]
+        takeoff_en = uav.p_enu[:2] if self._takeoff_en is None else self._takeoff_en
+        places = np.concatenate([uav.p_enu[None, :2], takeoff_en[None], state.p_enu[:, :2]])
+        rise = relief.heights(places) if relief is not None else np.zeros(len(places))
+        covered = bool(np.isfinite(rise[:2]).all() and np.isfinite(rise[2:][used]).all())
+        if not covered:
+            relief, rise = None, np.zeros(len(places))
+        n, dt = len(state.system_id), (state.t_us - self._t_us) * 1e-6
+        if len(self._moments) != n or dt < 0.0 or (relief is None) != (self._relief is None):
+            self._moments, dt = np.zeros((n, 4, 4)), LONGEST_SAMPLE_S
+        self._t_us, self._relief = state.t_us, relief
+        above = state.p_enu - rise[2:, None] * np.array([0.0, 0.0, 1.0])
+        x = np.column_stack([np.ones(n), np.where(used[:, None], above, 0.0)]) * used[:, None]
         self._moments *= math.exp(-dt / MEMORY_S)
         first = self._moments[:, 0, 0] == 0.0
         weight = np.where(first, LONGEST_SAMPLE_S, min(dt, LONGEST_SAMPLE_S))
         self._moments += weight[:, None, None] * x[:, :, None] * x[:, None, :]
         std_m = np.where(used, state.up_std_m, np.nan)
-        found = find_ground(self._moments, std_m, home_z, uav.p_enu[:2], _below_uav(uav))
+        uav_en, home_z = uav.p_enu[:2], home_z - float(rise[1])
+        measured = [(replace(source, z=source.z - float(rise[0])), uav_en) for source in _below_uav(uav)]
+        if relief is not None and self._takeoff_en is not None:
+            measured.append((Source(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
+        found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief)
         self.ground = found if self.ground is None else _blend(self.ground, found, 1.0 - math.exp(-dt / SMOOTHING_S))
-        return self._gaps(state.t_us, float(uav.p_enu[2]), found, state.vehicles[0].system_id)
+        uav_id = state.vehicles[0].system_id
+        return (
+            *self._outside(state.t_us, covered, uav_id),
+            *self._gaps(state.t_us, float(uav.p_enu[2]), found, uav_id),
+        )
+
+    def _outside(self, t_us: int, covered: bool, uav_id: int) -> Sequence[Event]:
+        """An event once the fleet is where the terrain file has no heights."""
+        if covered or self._outside_told:
+            return ()
+        self._outside_told = True
+        text = "the terrain file has no heights where the fleet is: it is not used there"
+        return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
     def _gaps(self, t_us: int, uav_z: float, found: Ground, uav_id: int) -> Sequence[Event]:
         """An event for sources that differ from what is used by more than they may."""
@@ -133,25 +177,32 @@ def _below_uav(uav: UavState) -> tuple[Source, ...]:
 
 
 def find_ground(
-    moments: FloatArray, std_m: FloatArray, home_z: float, uav_en: FloatArray, below_uav: Sequence[Source] = ()
+    moments: FloatArray,
+    std_m: FloatArray,
+    home_z: float,
+    uav_en: FloatArray,
+    measured: Sequence[tuple[Source, FloatArray]] = (),
+    relief: Relief | None = None,
 ) -> Ground:
-    """The most probable plane.
+    """The most probable ground; all heights are above the relief where there is one.
 
     Args:
         moments: (n, 4, 4) Σ x xᵀ of each vehicle's samples, x = (1, east, north, up), metres.
         std_m: (n,) 1σ of its altitude, NaN where it has none now.
         home_z: Height of the plane that the UAV took off from.
         uav_en: (2,) where the UAV is.
-        below_uav: Heights of the ground below it.
+        measured: Heights of the ground at places (2,).
+        relief: Heights of a terrain file.
     """
+    slope_std = SLOPE_STD if relief is None else RELIEF_SLOPE_STD
     known = np.flatnonzero((moments[:, 0, 0] > 0.0) & np.isfinite(std_m))
     mean = moments[known, 0, 1:] / moments[known, 0, :1]
     near = _near_median(mean[:, 2], home_z)
     known, mean = known[near], mean[near]
     at = mean[:, :2].mean(axis=0) if len(known) else uav_en.copy()
-    plane, cov = np.array([home_z, 0.0, 0.0]), np.diag([UNKNOWN_VAR, SLOPE_STD**2, SLOPE_STD**2])
+    plane, cov = np.array([home_z, 0.0, 0.0]), np.diag([UNKNOWN_VAR, slope_std**2, slope_std**2])
     while len(known):
-        fitted, fitted_cov = _fit_plane(moments[known], std_m[known], np.array([*at, home_z]))
+        fitted, fitted_cov = _fit_plane(moments[known], std_m[known], np.array([*at, home_z]), slope_std)
         fitted[0] += home_z
         gap = np.abs(mean[:, 2] - fitted[0] - (mean[:, :2] - at) @ fitted[1:])
         gap /= np.hypot(std_m[known], RELIEF_STD_M)
@@ -164,14 +215,18 @@ def find_ground(
     sources = []
     if len(known):
         sources.append(Source(name="the vehicles' altitudes", z=float(plane[0]), std_m=math.sqrt(cov[0, 0])))
-    h = np.array([1.0, *(uav_en - at)])
-    for source in below_uav:
+    for source, place_en in (*measured, *([(FILE, at)] if relief is not None else [])):
+        h = np.array([1.0, *(place_en - at)])
         there = float(plane[0] + source.z - h @ plane)
-        sources.append(Source(name=source.name, z=there, std_m=math.hypot(source.std_m, SLOPE_STD * np.hypot(*h[1:]))))
+        sources.append(Source(name=source.name, z=there, std_m=math.hypot(source.std_m, slope_std * np.hypot(*h[1:]))))
         plane, cov = _with_height(plane, cov, h, source)
-    sources.append(Source(name="the take-off", z=home_z, std_m=float(HOME_STDS_M[0])))
-    z, var = _with_home(float(plane[0]), float(cov[0, 0]), home_z)
-    return Ground(at=at, z=z, slope=plane[1:], std_m=math.sqrt(var), sources=tuple(sources))
+    z, var = float(plane[0]), float(cov[0, 0])
+    if TAKEOFF not in [source.name for source in sources]:
+        sources.append(Source(name=TAKEOFF, z=home_z, std_m=float(HOME_STDS_M[0])))
+        z, var = _with_home(z, var, home_z)
+    rise = float(relief.heights(at[None])[0]) if relief is not None else 0.0
+    said = tuple(replace(source, z=source.z + rise) for source in sources)
+    return Ground(at=at, z=z + rise, slope=plane[1:], std_m=math.sqrt(var), sources=said, relief=relief)
 
 
 def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
@@ -180,7 +235,9 @@ def _near_median(z: FloatArray, home_z: float) -> NDArray[np.bool_]:
     return np.asarray(np.abs(z - np.median(votes)) < OUTLIER_M) if len(z) else np.zeros(0, np.bool_)
 
 
-def _fit_plane(moments: FloatArray, std_m: FloatArray, about: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _fit_plane(
+    moments: FloatArray, std_m: FloatArray, about: FloatArray, slope_std: float
+) -> tuple[FloatArray, FloatArray]:
     """Height above a point and slope (3,) of the plane through some vehicles, and their covariance (3, 3).
 
     With y = (1, e, n) about the point, w samples of unit weight and b_j ~ N(0, σ_j²) integrated out, a vehicle adds
@@ -191,13 +248,14 @@ def _fit_plane(moments: FloatArray, std_m: FloatArray, about: FloatArray) -> tup
         moments: (n, 4, 4) of each.
         std_m: (n,) σ_j.
         about: (3,) the point.
+        slope_std: 1σ of the slope per axis.
     """
     shift = np.eye(4)
     shift[1:, 0] = -about
     m = shift @ moments @ shift.T
     k = 1.0 / (m[:, 0, 0] + (RELIEF_STD_M / std_m) ** 2)
     within = (m - k[:, None, None] * m[:, :, :1] * m[:, :1, :]).sum(axis=0) / RELIEF_STD_M**2
-    covariance = np.linalg.inv(within[:3, :3] + np.diag([0.0, SLOPE_STD**-2, SLOPE_STD**-2]))
+    covariance = np.linalg.inv(within[:3, :3] + np.diag([0.0, slope_std**-2, slope_std**-2]))
     return covariance @ within[:3, 3], covariance
 
 
@@ -226,10 +284,11 @@ def _with_home(z: float, var: float, home_z: float) -> tuple[float, float]:
 
 def _blend(before: Ground, now: Ground, share: float) -> Ground:
     """The plane before moved towards the one that is found now."""
-    z, slope = float(before.height_at(now.at)), before.slope
+    z, slope = float(before.height_at(now.at[None])[0]), before.slope
     return Ground(
         at=now.at,
         z=z + share * (now.z - z),
         slope=slope + share * (now.slope - slope),
         std_m=math.hypot(now.std_m, (1.0 - share) * (now.z - z)),
+        relief=now.relief,
     )

@@ -160,7 +160,7 @@ class Pipeline:
 
     def follow_ground(self, t_us: int) -> None:
         """Take in how high the ground is at a frame that is measured and not folded."""
-        self._cameras.follow_ground(self.fleet.at(self._telemetry_time(t_us)))
+        self._cameras.follow_ground(self.fleet.at(self._telemetry_time(t_us)), self.fleet.origin)
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
         """Ground metres a pixel at the centre of a frame (H, W, 3), None while the camera's pose is unknown."""
@@ -215,7 +215,7 @@ class Pipeline:
         self._notices.follow(state)
         self._follow_origin()
         self._follow_steps(state)
-        self._events += self._cameras.follow_ground(state)
+        self._events += self._cameras.follow_ground(state, self.fleet.origin)
         view = self._frame_camera(state, size if image is None else _size_of(image))
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
         if detections is None:

@@ -197,6 +197,8 @@ class MapChoice:
 
     tiles: str = ""
     """Path of an MBTiles file, relative to the mission file; empty: nothing."""
+    terrain: str = ""
+    """Path of a GeoTIFF of elevations, likewise; empty: none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,6 +242,11 @@ class Mission:
         """Where the map's tiles are, None without any."""
         return Path(self.map.tiles) if self.map.tiles else None
 
+    @property
+    def terrain(self) -> Path | None:
+        """Where the ground's elevations are, None without any."""
+        return Path(self.map.terrain) if self.map.terrain else None
+
     def name_of(self, system_id: int) -> str:
         """Name of a vehicle of this mission, a default for any other id."""
         for vehicle in (self.uav, *self.ugv):
@@ -279,9 +286,14 @@ def load_mission(path: Path) -> Mission:
     mission = parse_mission(load_table(path), str(path))
     camera = _with_lens(mission.camera, path.parent, str(path)) if mission.camera else None
     signing = replace(mission.signing, keys=_keys_folder(mission.signing.keys, path.parent))
-    tiles = str((path.parent / Path(mission.map.tiles).expanduser()).absolute()) if mission.map.tiles else ""
+    shown = MapChoice(tiles=_beside(path, mission.map.tiles), terrain=_beside(path, mission.map.terrain))
     detector = _placed(mission.detector, path.parent)
-    return replace(mission, detector=detector, camera=camera, signing=signing, map=MapChoice(tiles=tiles))
+    return replace(mission, detector=detector, camera=camera, signing=signing, map=shown)
+
+
+def _beside(path: Path, name: str) -> str:
+    """A file that a mission file names, as an absolute path; empty for none."""
+    return str((path.parent / Path(name).expanduser()).absolute()) if name else ""
 
 
 def user_keys() -> Path:

@@ -124,7 +124,7 @@ def mission_table(mission: Mission, notes: Mapping[str, Any]) -> str:
             table[name] = _values(part)
     if mission.fence:
         table["fence"] = [_values(fence) for fence in mission.fence]
-    if mission.map.tiles:
+    if mission.map.tiles or mission.map.terrain:
         table["map"] = _values(mission.map)
     signing = mission.signing
     table["signing"] = {"unsigned": list(signing.unsigned), "keyless": signing.keyless}

@@ -1,9 +1,15 @@
 """A sloping ground as a camera sees it that takes it for level."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
+from gcs.fold.frame_cameras import FrameCameras
 from gcs.fold.ground import Ground
+from gcs.mission.mission import parse_mission
+from tests.support.flights import World
+from tests.support.geotiff import write_geotiff
 from vision.camera.camera import CameraPose, Mount, camera_pose, ground, project
 from vision.camera.intrinsics import Intrinsics
 
@@ -27,7 +33,7 @@ def test_a_place_on_a_slope_appears_where_its_pixel_meets_the_level_plane(pitch_
     level = ground(LENS, pose, uv, SLOPE.z)
     assert ahead.all()
     np.testing.assert_allclose(SLOPE.seen_on_level(places, pose.p_enu), level, atol=1e-6)
-    np.testing.assert_allclose(SLOPE.below_level(level, pose.p_enu), places, atol=1e-6)
+    np.testing.assert_allclose(SLOPE.below_level(level, pose.p_enu), places, atol=1e-4)
 
 
 def test_each_report_is_seen_from_where_the_camera_was():
@@ -43,3 +49,30 @@ def test_level_ground_is_where_it_is():
     places = np.array([[30.0, 10.0, 3.0], [-5.0, 90.0, 3.0]])
     np.testing.assert_allclose(level.seen_on_level(places, np.array([0.0, 0.0, 40.0])), places)
     np.testing.assert_allclose(level.below_level(places, np.array([0.0, 0.0, 40.0])), places)
+
+
+def cameras_with(terrain):
+    lens = "{width = 1920, height = 1080, fx = 1400.0, fy = 1400.0, cx = 960.0, cy = 540.0}"
+    text = f'uav.system_id = 1\nmap.terrain = "{terrain}"\ncamera = {lens}\n[[ugv]]\nsystem_id = 11'
+    world = World(rovers=1)
+    return FrameCameras(parse_mission(tomllib.loads(text), "")), world.fleet.at(world.run(2)), world.fleet.origin
+
+
+def test_a_terrain_file_that_cannot_be_read_is_told_once_and_done_without(tmp_path):
+    cameras, state, frame = cameras_with(tmp_path / "gone.tif")
+    (event,) = cameras.follow_ground(state, frame)
+    assert event.level == "warning" and event.text == (
+        f"{tmp_path}/gone.tif: no such file; [map] terrain needs a GeoTIFF of elevations; "
+        "the ground's height is found without it"
+    )
+    assert not cameras.follow_ground(state, frame)
+
+
+def test_the_missions_terrain_file_shapes_the_ground(tmp_path):
+    rows = 584.0 + 0.1 * 11.1 * np.arange(100, 0, -1)[:, None] * np.ones((1, 100))  # 10 % up to the north
+    path = write_geotiff(tmp_path / "a.tif", rows.astype(np.float32), (149.16, -35.358), (0.0001, 0.0001))
+    cameras, state, frame = cameras_with(path)
+    assert not cameras.follow_ground(state, frame)
+    view, _ = cameras.at(state, None)
+    up, down = view.ground.height_at(np.array([[0.0, 50.0], [0.0, -50.0]]))
+    assert up - down == pytest.approx(10.0, abs=0.1)

@@ -20,7 +20,7 @@ def fleet_at(n):
 
 
 def follow(
-    up, *, height=60.0, home=0.0, seconds=10.0, step_s=0.1, std_m=STD_M, drive=5.0, rise=None, events=None, **uav
+    up, *, height=60.0, home=0.0, seconds=10.0, step_s=0.1, drive=5.0, rise=None, events=None, relief=None, **uav
 ):
     """The ground after some seconds in which n rovers drove east, side by side.
 
@@ -29,6 +29,7 @@ def follow(
         height: of the UAV above its home, which is at the height ``home``.
         rise: height of the ground at places (n, 2), 0 everywhere by default.
         events: takes what is to be known.
+        relief: of a terrain file.
         uav: more of its state.
     """
     n = len(up)
@@ -43,10 +44,10 @@ def follow(
             t_us=state.t_us + round(k * step_s * S),
             uav=uav,
             p_enu=np.column_stack([p, z]),
-            up_std_m=np.where(np.isfinite(up), std_m, np.nan),
+            up_std_m=np.where(np.isfinite(up), STD_M, np.nan),
             valid=np.ones(n, bool),
         )
-        said = heights.update(moment)
+        said = heights.update(moment, relief)
         if events is not None:
             events += said
     return heights.ground
@@ -152,3 +153,45 @@ def test_sources_that_agree_are_nothing_to_tell():
     rng = np.random.default_rng(3)
     follow(rng.normal(0.0, 3.0, 5), seconds=20.0, range_m=58.0, R_enu_body=tilted(0.0), events=events)
     assert events == []
+
+
+class Hillside:
+    """A terrain file's heights that rise to the east, in a datum of its own."""
+
+    def __init__(self, datum=0.0, edge=np.inf):
+        self.datum, self.edge = datum, edge
+
+    def heights(self, p_enu):
+        z = 0.002 * np.square(p_enu[:, 0]) + 0.1 * p_enu[:, 1]
+        return np.where(p_enu[:, 0] > self.edge, np.nan, z + self.datum)
+
+
+@pytest.mark.parametrize("datum", [0.0, 48.0, -30.0])
+def test_a_terrain_file_gives_the_grounds_shape_whatever_its_datum(datum):
+    hill, truth = Hillside(datum), Hillside()
+    ground = follow([2.0, -1.0, 1.5, -2.0, 0.0], home=30.0, rise=truth.heights, relief=hill)
+    places = np.array([[60.0, 5.0], [20.0, 30.0], [70.0, -10.0]])
+    gap = ground.height_at(places) - truth.heights(places)
+    assert np.ptp(gap) < 0.8 and abs(gap.mean()) < 4.0
+
+
+def test_where_it_took_off_the_file_tells_the_height_above_everything_else():
+    hill, heights, state = Hillside(20.0), GroundHeight(), fleet_at(2)
+    for k in range(200):
+        uav_en = np.array([100.0 - 0.5 * k, 0.0])
+        height = min(0.5 * k, 60.0)
+        uav = replace(state.uav, p_enu=np.array([*uav_en, 20.0 + height]), height_m=height)
+        moment = replace(
+            state, t_us=state.t_us + k * S // 10, uav=uav, p_enu=np.zeros((2, 3)), up_std_m=np.full(2, np.nan)
+        )
+        heights.update(moment, hill)
+    assert heights.ground.height_at(np.zeros((1, 2)))[0] == pytest.approx(0.0, abs=2.0)
+
+
+def test_where_the_file_has_no_heights_it_is_not_used_and_that_is_told_once():
+    events = []
+    ground = follow([0.0, 1.0], home=0.0, relief=Hillside(edge=20.0), events=events)
+    assert abs(ground.z) < 1.5 and ground.relief is None
+    assert [event.text for event in events] == [
+        "the terrain file has no heights where the fleet is: it is not used there"
+    ]
