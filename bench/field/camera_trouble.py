@@ -37,6 +37,7 @@ SHAKING = (
     "-50°, 4 Hz, rates",
     "-45°, 50 Hz, 15 fps",
     "-30°, 20 Hz, rates, 30 fps",
+    "-50°, 10 Hz, pixels",
 )
 SHAKING_HARD = (
     "nadir, 4 Hz",
@@ -44,6 +45,8 @@ SHAKING_HARD = (
     "-30°, 4 Hz, 30 fps",
     "-30°, 25 Hz, rates, 15 fps",
     "nadir, no attitude",
+    "-30°, 4 Hz, 15 fps, pixels",
+    "nadir, no attitude, pixels",
 )
 WRONG_CAMERAS = ("focal × 0.7", "focal × 1.3", "yaw 30°", "offset 2 s", "distortion", "pitch 5°")
 WRONG_CAMERAS_HARD = ("yaw 90°", "yaw 180°", "mirrored", "pitch 15°", "offset 5 s", "focal × 1.3, yaw 30°, -45°")

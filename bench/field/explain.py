@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.field.families import film_of, scenario_of
+from bench.field.families import film_of, has_pixels, scenario_of
 from bench.field.measure import tally
+from bench.field.pixels import write_motion
 from bench.field.product import identify
 from bench.field.summary import summarise
 from gcs.report.score import Matched
@@ -50,6 +51,8 @@ def explain(number: int, hard: bool, seed: int) -> str:
     scenario = scenario_of(number, hard, seed)
     with tempfile.TemporaryDirectory(prefix="field-") as folder:
         write_session(scenario, Path(folder) / "session", film=film_of(number, hard, seed))
+        if has_pixels(number, hard, seed):
+            write_motion(scenario, Path(folder) / "session")
         played = identify(Path(folder) / "session", Path(folder) / "out")
         evidence = _read_identity(Path(folder) / "out" / "identity.jsonl")
         events = [json.loads(line) for line in (Path(folder) / "out" / "events.jsonl").read_text().splitlines()]

@@ -15,7 +15,18 @@ from bench.field import camera_trouble, other_trouble, standard
 from bench.field import hard as harder
 from sim.world.scenario import Scenario
 
-__all__ = ["FAMILIES", "UNRELATED", "Family", "Split", "Version", "film_of", "label_of", "scenario_of", "seeds_of"]
+__all__ = [
+    "FAMILIES",
+    "UNRELATED",
+    "Family",
+    "Split",
+    "Version",
+    "film_of",
+    "has_pixels",
+    "label_of",
+    "scenario_of",
+    "seeds_of",
+]
 
 Split = Literal["tune", "report"]
 REPORT_FROM = 200
@@ -68,6 +79,11 @@ def film_of(number: int, hard: bool, seed: int) -> Scenario | None:
         return None
     flown = scenario_of(number, hard, seed)
     return version.film(_kind(version, seed), flown, np.random.default_rng([number, hard, seed, 1]))
+
+
+def has_pixels(number: int, hard: bool, seed: int) -> bool:
+    """Whether frames are drawn, for the camera's motion to be seen in them; boxes are modelled all the same."""
+    return "pixels" in label_of(number, hard, seed).split(", ")
 
 
 def label_of(number: int, hard: bool, seed: int) -> str:

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bench.drawing import MISSING
-from bench.field.families import FAMILIES, Split, film_of, label_of, scenario_of, seeds_of
+from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.figure import draw_reliability
 from bench.field.measure import BoxCounts, matched_names, tally, without_nameless
+from bench.field.pixels import write_motion
 from bench.field.product import identify
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
@@ -56,6 +57,8 @@ def play(task: Task) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="field-") as folder:
         session = Path(folder) / "session"
         write_session(scenario, session, film=film)
+        if has_pixels(task.family, task.hard, task.seed):
+            write_motion(scenario, session)
         played = identify(session, Path(folder) / "out")
     nameless = _nameless(scenario)
     # lost frames count for time as well

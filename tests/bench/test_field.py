@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from bench.field.explain import spans
-from bench.field.families import FAMILIES, UNRELATED, film_of, label_of, scenario_of, seeds_of
+from bench.field.families import FAMILIES, UNRELATED, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.goals import ALL, GOALS, Goal, judge
 from bench.field.measure import EDGES, BoxCounts, delays, matched_names, tally, without_nameless
+from bench.field.pixels import write_motion
 from bench.field.residual import mean_residual
 from bench.field.scene import scene_of
 from bench.field.suite import Task, play, tasks_of
@@ -16,7 +17,16 @@ from bench.field.summary import Outcome, ece_of, percentile, summarise
 from bench.field.tables import report, write_reliability, write_sessions
 from bench.field.windows import METHODS, by_windows
 from gcs.report.score import Matched
-from sim.world.scenario import Gnss, Scenario, ScenarioAttitude, ScenarioDetector, ScenarioFlight, ScenarioGround
+from sim.session import write_session
+from sim.world.scenario import (
+    Gnss,
+    Scenario,
+    ScenarioAttitude,
+    ScenarioCamera,
+    ScenarioDetector,
+    ScenarioFlight,
+    ScenarioGround,
+)
 from sim.world.world import World
 
 VERSIONS = [(number, hard) for number in FAMILIES for hard in (False, True)]
@@ -99,8 +109,6 @@ def test_all_methods_are_right_where_it_is_easy(easy_scene):
 
 
 def test_a_scene_is_the_session_that_is_written(tmp_path, easy_scene):
-    from sim.session import write_session
-
     write_session(EASY, tmp_path / "s")
     with (tmp_path / "s" / "truth.csv").open(newline="") as file:
         rows = [(int(r["frame"]), float(r["cx"]), int(r["system_id"])) for r in csv.DictReader(file)]
@@ -259,3 +267,20 @@ def test_films_of_another_flight_have_a_table_and_a_goal():
     assert "| oblique | 0 | 1.50 | 0.2 | 12.0 |" in text
     assert "mismatch alarm s 12.00 > 10" in text
     assert "FPER 98.50 < 99.9" in text
+
+
+def test_motion_is_seen_in_drawn_frames_where_a_kind_asks_for_pixels(tmp_path):
+    asked = [(n, h, s) for n, h in VERSIONS for s in seeds_of(n, h, "tune") if has_pixels(n, h, s)]
+    assert {n for n, _, _ in asked} == {16}
+    camera = ScenarioCamera(width=480, height=270, fx=300.0, fy=300.0, cx=240.0, cy=135.0, mount="fixed")
+    shaken = dataclasses.replace(EASY, duration_s=0.6, camera=camera, flight=ScenarioFlight(wobble_deg=3.0))
+    write_session(shaken, tmp_path / "s")
+    write_motion(shaken, tmp_path / "s")
+    with (tmp_path / "s" / "motion.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["frame"]) for row in rows] == [1, 2, 3, 4, 5]
+    views = [World(shaken).view(k / 10) for k in (2, 3)]
+    # H = K R_now' R_before K⁻¹ but for the small parallax of 40 m
+    K = np.array([[300.0, 0.0, 240.0], [0.0, 300.0, 135.0], [0.0, 0.0, 1.0]])
+    H = K @ views[1].R_enu_cam.T @ views[0].R_enu_cam @ np.linalg.inv(K)
+    assert float(rows[2]["h13"]) == pytest.approx((H / H[2, 2])[0, 2], abs=6.0)
