@@ -40,7 +40,7 @@ CORNER_BLOCK = 5
 """Side of the square in which a corner is one, px of half the small picture."""
 LEAST_CORNER = 2e-5
 """Smaller eigenvalue of the gradients' covariance below which there is nothing to follow: sensor noise has a tenth."""
-WINDOW, LEVELS = 11, 3
+WINDOW, LEVELS = 9, 3
 """Side of the square that is followed, small px, and halvings for large motions: these reach 40 small px."""
 STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 0.03)
 """Steps of the search on each level at most, and the step, small px, after which it ends."""
