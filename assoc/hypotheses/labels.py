@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.hypotheses.doubles import share_evidence, shared_tracks
 from assoc.hypotheses.look_alikes import discount_lookalikes
 from assoc.hypotheses.marginals import best_assignment, marginals
 from assoc.hypotheses.search import Hypothesis
@@ -13,6 +14,7 @@ __all__ = ["mixed_marginals", "most_probable_names", "posterior_weights"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _LEAST_WEIGHT = 1e-4
 """Hypotheses with less than this share of the best one's weight are left out."""
@@ -31,7 +33,9 @@ def mixed_marginals(
     bias_std: float,
     chance: float,
     in_view: FloatArray,
+    log_odds: float,
     log_not_lost: FloatArray,
+    elsewhere: BoolArray,
 ) -> FloatArray:
     """Marginals averaged over hypotheses.
 
@@ -41,8 +45,10 @@ def mixed_marginals(
         bias_std: σ_b, metres.
         chance: Prior chance that a track is a look-alike that moves like one of ours.
         in_view: (n,) part of the scores that a vehicle has because it should be in view.
+        log_odds: Part of the scores that every vehicle has before any evidence.
         log_not_lost: (m, n) ln chance that a vehicle is not one of the lost tracks that were once in view together with
                 this track.
+        elsewhere: (m, n) vehicles that were another track while this one was seen.
 
     Returns:
         (m, n + 1); the last column is "none of ours".
@@ -52,7 +58,9 @@ def mixed_marginals(
     for hypothesis, w in zip(hypotheses, share, strict=True):
         if w >= _LEAST_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
-            score = discount_lookalikes(hypothesis.score, bias, bias_std, chance, in_view)
+            shared = shared_tracks(hypothesis.score, hypothesis.score - in_view - log_odds, bias, bias_std, elsewhere)
+            score = share_evidence(hypothesis.score, shared)
+            score = discount_lookalikes(score, bias, bias_std, chance, in_view)
             # two tracks in view at once are two vehicles, however well one moves like the other's
             total += w * marginals(score + log_not_lost)
             used += w

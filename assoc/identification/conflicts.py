@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.hypotheses.doubles import shared_tracks
 from assoc.hypotheses.labels import most_probable_names
 from assoc.hypotheses.search import Hypothesis, UpdateContext
 
@@ -18,13 +19,13 @@ BoolArray = NDArray[np.bool_]
 
 _LASTING_S = 2.0
 """A contradiction is reported once it has lasted this long, seconds: neighbours look like doubles for a moment."""
-_JUMPED_TIMEOUT_S = 1.0
-"""How long a double in which one vehicle jumped stays valid without being observed again, seconds."""
+_TIMEOUT_S = 1.0
+"""How long a double stays valid without being observed again, seconds."""
 _REACH_STD, _HYSTERESIS = 2.5, 2.0
 """Two vehicles count as reporting one place if closer than the first times σ of the bias plus one σ of the white noise;
 once one is known to have jumped there, the second times as far is allowed."""
-_DOUBLE_SCORE = 12.0
-"""Score, nats, above which a vehicle without a track of its own fits another's track well enough to be a double."""
+_LIES = 0.5
+"""Chance above which a vehicle that fits another's track without one of its own lies, rather than drives beside it."""
 _CONFIDENT = 0.9
 """Probability above which a track counts as certainly one vehicle, or as certainly none of ours."""
 _REPORTING_S = 3.0
@@ -45,18 +46,13 @@ class _Double:
     jumper: int = _UNKNOWN
     """Index of the vehicle whose reports jumped there, further than a vehicle can move; −1 none."""
 
-    @property
-    def timeout_s(self) -> float:
-        """How long it stays valid without being observed again: 0 without a jump, as two neighbours look like it."""
-        return 0.0 if self.jumper == _UNKNOWN else _JUMPED_TIMEOUT_S
-
 
 @dataclass(frozen=True, slots=True)
 class ConflictReview:
     """Effect of the contradictions on the results of an update."""
 
     p: FloatArray
-    """(m, n + 1) marginals in which doubles share their track."""
+    """(m, n + 1) marginals in which vehicles that report one place share the track there."""
     vehicles: tuple[int, ...]
     """Indices of the vehicles in conflict."""
     rejected_since: FloatArray
@@ -76,7 +72,9 @@ class ConflictMonitor:
         self._last_vehicle: dict[int, int] = {}
         self._gone_since: dict[int, float] = {}
 
-    def review(self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray) -> ConflictReview:
+    def review(
+        self, t: float, context: UpdateContext, best: Hypothesis, p: FloatArray, elsewhere: BoolArray
+    ) -> ConflictReview:
         """Look for contradictions in the results of an update.
 
         Args:
@@ -84,16 +82,17 @@ class ConflictMonitor:
             context: What the update worked on.
             best: Its best hypothesis.
             p: (m, n + 1) marginals.
+            elsewhere: (m, n) vehicles that were another track while this one was seen: it is not theirs.
         """
         choice = most_probable_names(p)
         self._update_doubles(t, context, best, choice)
         lasting = {pair: d for pair, d in self._double.items() if t - d.since >= _LASTING_S}
         rejected_since, p = np.full(p.shape[1] - 1, np.inf), p.copy()
         for pair, double in lasting.items():
-            if double.jumper == _UNKNOWN:
+            if double.jumper != _UNKNOWN:
+                rejected_since[double.jumper] = double.since - _TIMEOUT_S
+            elif double.last == t and not np.any(elsewhere[double.row, pair]):
                 p[double.row, pair] = 0.5 * np.sum(p[double.row, pair])
-            else:
-                rejected_since[double.jumper] = double.since - _JUMPED_TIMEOUT_S
         gone = self._gone_vehicles(t, context, choice, p)
         vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
         return ConflictReview(p, vehicles, rejected_since)
@@ -105,30 +104,49 @@ class ConflictMonitor:
         # shorter jumps are not counted: they are within the distance between neighbours
         jumped = reporting & np.any(best.blocks.jump_var > reach**2, axis=0)
         away = np.hypot(best.final.mean[: context.live, :, 0], best.final.mean[: context.live, :, 1])
-        free = reporting.copy()
+        self._note_copies(t, context, best, reporting)
+        free = np.ones(len(place), np.bool_)
         free[choice[choice >= 0]] = False
         for row in np.flatnonzero(choice >= 0).tolist():
             own = int(choice[row])
             if not reporting[own] or away[row, own] > reach:
                 continue
             apart = np.hypot(*(place - place[own]).T)
-            known = self._copies(own, len(place)) & reporting & (apart < _HYSTERESIS * reach)
-            claims = known | ((apart < reach) & (jumped | (free & (best.score[row] > _DOUBLE_SCORE))))
+            jumpers, copies = self._copies(t, own, len(place))
+            known = (jumpers | (copies & free)) & reporting & (apart < _HYSTERESIS * reach)
+            claims = known | ((apart < reach) & jumped)
             claims[own] = False
             for other in np.flatnonzero(claims).tolist():
-                double = self._double.setdefault((min(own, other), max(own, other)), _Double(row, t, t))
-                double.row, double.last = row, t
+                double = self._observed(t, row, own, other)
                 if double.jumper == _UNKNOWN and jumped[own] != jumped[other]:
                     double.jumper = own if jumped[own] else other
-        self._double = {pair: d for pair, d in self._double.items() if t - d.last <= d.timeout_s}
+        self._double = {pair: d for pair, d in self._double.items() if t - d.last <= _TIMEOUT_S}
 
-    def _copies(self, own: int, n: int) -> BoolArray:
-        """(n,) vehicles of which one jumped to where the other was, ``own`` among the two."""
-        found = np.zeros(n, np.bool_)
+    def _note_copies(self, t: float, context: UpdateContext, best: Hypothesis, reporting: BoolArray) -> None:
+        """Note vehicles without a track of their own that report the place of another."""
+        evidence, bias = best.score - context.in_view - context.log_odds, best.final.mean[: context.live]
+        nowhere = np.zeros(best.score.shape, np.bool_)
+        for track in shared_tracks(best.score, evidence, bias, context.noise.bias_std, nowhere):
+            own, *others = track.vehicles
+            for other, lies in zip(others, track.lies[1:].tolist(), strict=True):
+                if lies > _LIES and reporting[own] and reporting[other]:
+                    self._observed(t, track.row, own, other)
+
+    def _observed(self, t: float, row: int, own: int, other: int) -> _Double:
+        """The double of two vehicles, observed at the track of one of them."""
+        double = self._double.setdefault((min(own, other), max(own, other)), _Double(row, t, t))
+        double.row, double.last = row, t
+        return double
+
+    def _copies(self, t: float, own: int, n: int) -> tuple[BoolArray, BoolArray]:
+        """(n,) vehicles known to report one place with ``own``: after a jump, and without one."""
+        jumped, lasting = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         for pair, double in self._double.items():
             if own in pair and double.jumper != _UNKNOWN:
-                found[list(pair)] = True
-        return found
+                jumped[list(pair)] = True
+            elif own in pair and t - double.since >= _LASTING_S:
+                lasting[list(pair)] = True
+        return jumped, lasting
 
     def _gone_vehicles(self, t: float, context: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
         """Vehicles without a track whose former track is still seen but has for ``_LASTING_S`` been none of ours."""

@@ -160,8 +160,9 @@ class Estimator:
         self.theta_std = best.theta_std
         seen = context.gap_s <= 0.0
         free = self._co_visibility.log_not_lost(live, seen)
+        elsewhere = self._co_visibility.elsewhere(live)
         clutter = self._clutter_chance(t, context)
-        p = mixed_marginals(found, share, self._bias_std, clutter, context.in_view, free)
+        p = mixed_marginals(found, share, self._bias_std, clutter, context.in_view, context.log_odds, free, elsewhere)
         self.fit.update(t, context, best)
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:
@@ -172,7 +173,7 @@ class Estimator:
         score = np.max(best.score, axis=1)
         best_score = {int(c): float(s) for c, s, now in zip(live, score, seen, strict=True) if now}
         self._lock.update(t, np.max(p, axis=1), float(share[0]), best_score)
-        review = self._conflicts.review(t, context, best, p)
+        review = self._conflicts.review(t, context, best, p, elsewhere)
         self._log.rejected_since = review.rejected_since
         self._fold(context, best)
         return UpdateResult(live, review.p, review.vehicles)

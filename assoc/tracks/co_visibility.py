@@ -18,6 +18,9 @@ BoolArray = NDArray[np.bool_]
 _MOST = 8.0
 """Most that lost tracks count against another, nats: their names may have been wrong."""
 
+_PROBABLE = 0.5
+"""Probability above which a vehicle most probably is one of the tracks seen beside another."""
+
 
 class CoVisibility:
     """Remembers which tracks each was seen beside, and its probabilities when it was seen last.
@@ -29,18 +32,23 @@ class CoVisibility:
         self._belief = np.zeros((0, n_vehicles))
         self._beside = np.zeros((0, 0), np.bool_)
         """(C, C) whether a track was seen beside another, too far from it to have been exchanged with it."""
+        self._elsewhere = np.zeros((0, n_vehicles), np.bool_)
+        """(C, n) whether a vehicle most probably was another track that was seen beside this one."""
 
     def begin(self, columns: IntArray, width: int) -> None:
         """Start tracks that are new in their ``columns``, of ``width`` in all."""
         more = width - len(self._belief)
         self._belief = np.pad(self._belief, ((0, more), (0, 0)))
         self._beside = np.pad(self._beside, ((0, more), (0, more)))
+        self._elsewhere = np.pad(self._elsewhere, ((0, more), (0, 0)))
         self._belief[columns] = 0.0
         self._beside[columns] = self._beside[:, columns] = False
+        self._elsewhere[columns] = False
 
     def reset(self, columns: IntArray) -> None:
         """Clear what is known of tracks that may be another vehicle by now."""
         self._beside[columns] = False
+        self._elsewhere[columns] = False
 
     def forget(self, column: int) -> None:
         """Clear what a track was, which was wrong: it keeps no vehicle from the tracks beside it."""
@@ -57,8 +65,10 @@ class CoVisibility:
             reach_m: Tracks nearer than this may be exchanged.
         """
         away = np.linalg.norm(place[:, None] - place[None], axis=2)
-        self._beside[np.ix_(seen, seen)] = away >= reach_m
+        beside = away >= reach_m
+        self._beside[np.ix_(seen, seen)] = beside
         self._belief[seen] = belief
+        self._elsewhere[seen] |= beside @ belief > _PROBABLE
 
     def log_handover(self, before: IntArray, change: float) -> FloatArray:
         """Evidence of tracks that broke off for those that a tracker went on with: ln (p + (1 − p) c).
@@ -72,6 +82,10 @@ class CoVisibility:
         """
         claim = np.log(change + (1.0 - change) * self._belief[before])
         return np.asarray(np.where(before[:, None] >= 0, claim, 0.0))
+
+    def elsewhere(self, columns: IntArray) -> BoolArray:
+        """(m, n) vehicles that have been another track while these were seen."""
+        return np.asarray(self._elsewhere[columns])
 
     def log_not_lost(self, columns: IntArray, seen: BoolArray) -> FloatArray:
         """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).

@@ -11,6 +11,8 @@ from assoc.hypotheses.labels import mixed_marginals, most_probable_names, poster
 from assoc.hypotheses.marginals import exact_marginals
 
 BIAS_STD_M, CHANCE, SPREAD_M = 1.5, 0.02, 12.0
+ODDS = 1e4
+"""More than any score here: no score is evidence that a vehicle reports the place of another."""
 seeds = st.integers(0, 10_000)
 
 
@@ -22,7 +24,10 @@ def hypothesis(score, value=0.0, bias=0.0):
 def mixed(hypotheses, chance=1e-12, log_not_lost=0.0):
     m, n = hypotheses[0].score.shape
     free = np.broadcast_to(np.asarray(log_not_lost), (m, n))
-    return mixed_marginals(hypotheses, posterior_weights(hypotheses), BIAS_STD_M, chance, np.zeros(n), free)
+    nowhere = np.zeros((m, n), np.bool_)
+    return mixed_marginals(
+        hypotheses, posterior_weights(hypotheses), BIAS_STD_M, chance, np.zeros(n), ODDS, free, nowhere
+    )
 
 
 def test_weights_are_the_shares_of_the_likelihoods_however_small_these_are():

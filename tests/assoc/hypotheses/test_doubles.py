@@ -1,0 +1,60 @@
+"""Vehicles that report one place: their motion says nothing about whose the track there is."""
+
+import numpy as np
+import pytest
+
+from assoc.hypotheses.doubles import share_evidence, shared_tracks
+from assoc.hypotheses.marginals import exact_marginals
+
+BIAS_STD_M, ODDS = 1.0, 6.5
+NEAR, ASIDE, FAR = (0.5, 0.0), (4.0, 0.0), (30.0, 0.0)
+
+
+def named(score, bias, elsewhere=()):
+    """(m, n + 1) marginals of scores once the evidence is shared."""
+    score = np.array(score)
+    apart = np.zeros(score.shape, np.bool_)
+    for row, vehicle in elsewhere:
+        apart[row, vehicle] = True
+    shared = shared_tracks(score, score - ODDS, np.array(bias), BIAS_STD_M, apart)
+    return exact_marginals(share_evidence(score, shared)), shared
+
+
+def test_the_better_fit_of_two_that_report_one_place_is_no_reason_for_a_name():
+    before = exact_marginals(np.array([[40.0, 30.0]]))
+    after, (double,) = named([[40.0, 30.0]], [[NEAR, NEAR]])
+    assert before[0, 0] > 0.999
+    assert after[0] == pytest.approx([0.5, 0.5, 0.0], abs=0.01)
+    assert (double.row, double.vehicles) == (0, (0, 1))
+    assert np.all(double.lies > 0.9)
+
+
+def test_three_that_report_one_place_share_it():
+    after, _ = named([[40.0, 30.0, 35.0]], [[NEAR, NEAR, NEAR]])
+    assert after[0] == pytest.approx([1 / 3, 1 / 3, 1 / 3, 0.0], abs=0.01)
+
+
+def test_beside_the_track_without_a_box_is_no_lie_and_place_tells():
+    after, (double,) = named([[40.0, 30.0]], [[NEAR, ASIDE]])
+    assert double.lies[1] < 0.5
+    assert after[0, 0] > 0.8
+
+
+@pytest.mark.parametrize(
+    ("score", "bias", "elsewhere"),
+    [
+        pytest.param([[40.0, 30.0], [20.0, 38.0]], [[NEAR, ASIDE], [ASIDE, NEAR]], (), id="a track of its own"),
+        pytest.param([[40.0, 30.0]], [[NEAR, NEAR]], [(0, 1)], id="was another track beside this one"),
+        pytest.param([[40.0, 30.0]], [[NEAR, FAR]], (), id="reports another place"),
+        pytest.param([[40.0, 4.0]], [[NEAR, NEAR]], (), id="no evidence yet"),
+    ],
+)
+def test_nothing_is_shared_with_one_that_has(score, bias, elsewhere):
+    after, shared = named(score, bias, elsewhere)
+    assert not shared
+    np.testing.assert_array_equal(after, exact_marginals(np.array(score)))
+
+
+def test_the_box_of_the_one_that_lies_is_not_given_to_the_one_it_copies():
+    after, _ = named([[40.0, 30.0], [7.5, 7.0]], [[NEAR, NEAR], [ASIDE, ASIDE]])
+    assert after[1, 2] > 0.99
