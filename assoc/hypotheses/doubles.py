@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.hypotheses.look_alikes import look_alike_gap
+from assoc.hypotheses.look_alikes import SPREAD_M, look_alike_gap
 from assoc.hypotheses.marginals import best_assignment
 
 __all__ = ["Shared", "share_evidence", "shared_tracks"]
@@ -33,8 +33,6 @@ _UNSEEN_BESIDE = 0.1
 _LEAST = 0.0
 """ln N from which a vehicle is weighed."""
 
-_REACH_M = 12.0
-"""A vehicle that reports to be further from a track than this, metres, does not report its place."""
 _WEAK = 8.0
 """Score, nats, below which a vehicle has no track of its own worth the name."""
 
@@ -74,7 +72,7 @@ def shared_tracks(
     own[choice[taken]] = score[taken, choice[taken]]
     # who may be at another's track besides, and at which one best
     away2 = np.sum(bias * bias, axis=2)
-    possible = (log_copy > _LEAST) & (own < _WEAK) & ~elsewhere & (away2 < _REACH_M**2)
+    possible = (log_copy > _LEAST) & (own < _WEAK) & ~elsewhere & (away2 < SPREAD_M**2)
     possible[taken, choice[taken]] = False
     possible &= (choice >= 0)[:, None] & (log_copy[np.arange(len(score)), choice] > _LEAST)[:, None]
     at = np.argmin(np.where(possible, away2, np.inf), axis=0)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["discount_lookalikes", "look_alike_gap"]
+__all__ = ["SPREAD_M", "discount_lookalikes", "look_alike_gap"]
 
 FloatArray = NDArray[np.float64]
 
 _MOST_BIAS_GAP = 5.0
 """Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
-_SPREAD_M = 12.0
+SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
 
 
@@ -25,7 +25,7 @@ def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
         bias_std: σ_b, metres.
     """
     near = np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), _MOST_BIAS_GAP)
-    return np.asarray(2.0 * np.log(_SPREAD_M / bias_std) - near)
+    return np.asarray(2.0 * np.log(SPREAD_M / bias_std) - near)
 
 
 def discount_lookalikes(

@@ -26,6 +26,8 @@ _REACH_STD, _HYSTERESIS = 2.5, 2.0
 once one is known to have jumped there, the second times as far is allowed."""
 _LIES = 0.5
 """Chance above which a vehicle that fits another's track without one of its own lies, rather than drives beside it."""
+_IN_VIEW = 0.5
+"""Chance from which a vehicle should be in view."""
 _CONFIDENT = 0.9
 """Probability above which a track counts as certainly one vehicle, or as certainly none of ours."""
 _REPORTING_S = 3.0
@@ -104,7 +106,8 @@ class ConflictMonitor:
         # shorter jumps are not counted: they are within the distance between neighbours
         jumped = reporting & np.any(best.blocks.jump_var > reach**2, axis=0)
         away = np.hypot(best.final.mean[: context.live, :, 0], best.final.mean[: context.live, :, 1])
-        self._note_copies(t, context, best, reporting)
+        # one that is out of view has no box of its own to miss
+        self._note_copies(t, context, best, reporting & (context.view >= _IN_VIEW), reach)
         free = np.ones(len(place), np.bool_)
         free[choice[choice >= 0]] = False
         for row in np.flatnonzero(choice >= 0).tolist():
@@ -122,14 +125,17 @@ class ConflictMonitor:
                     double.jumper = own if jumped[own] else other
         self._double = {pair: d for pair, d in self._double.items() if t - d.last <= _TIMEOUT_S}
 
-    def _note_copies(self, t: float, context: UpdateContext, best: Hypothesis, reporting: BoolArray) -> None:
+    def _note_copies(
+        self, t: float, context: UpdateContext, best: Hypothesis, visible: BoolArray, reach: float
+    ) -> None:
         """Note vehicles without a track of their own that report the place of another."""
         evidence, bias = best.score - context.in_view - context.log_odds, best.final.mean[: context.live]
         nowhere = np.zeros(best.score.shape, np.bool_)
         for track in shared_tracks(best.score, evidence, bias, context.noise.bias_std, nowhere):
             own, *others = track.vehicles
             for other, lies in zip(others, track.lies[1:].tolist(), strict=True):
-                if lies > _LIES and reporting[own] and reporting[other]:
+                apart = np.hypot(*(bias[track.row, other] - bias[track.row, own]))
+                if lies > _LIES and visible[other] and apart < _HYSTERESIS * reach:
                     self._observed(t, track.row, own, other)
 
     def _observed(self, t: float, row: int, own: int, other: int) -> _Double:
