@@ -153,13 +153,14 @@ class Tracker:
         """
         state = self._state
         voters = np.flatnonzero(state.gap_s <= self._recent_s)
-        if not len(voters) or not np.count_nonzero(chosen):
+        count = int(np.count_nonzero(chosen))
+        if not len(voters) or not count:
             return
         keep = np.exp(-dt / UNREST_S)
         self._unrest *= keep
         nearest = state.apart(boxes)[voters][:, chosen].min(axis=1)
         near = nearest < (LEAST_SHIFT * state.length[voters]) ** 2
-        if np.count_nonzero(near) > len(voters) // 2:
+        if np.count_nonzero(near) > min(len(voters), count) // 2:
             return
         seen = Boxes.of(boxes.boxes[chosen])
         found = self._aligned(state, voters, seen, focal_px)
