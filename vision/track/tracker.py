@@ -162,7 +162,7 @@ class Tracker:
         near = nearest < (LEAST_SHIFT * state.length[voters]) ** 2
         # boxes of nothing come once, but at the start nothing has come twice
         settled = state.hits[voters] >= min(self.params.confirm_hits, state.hits[voters].max())
-        if np.count_nonzero(near & settled) > min(np.count_nonzero(settled), count) // 2:
+        if np.count_nonzero(near & settled) > min(int(np.count_nonzero(settled)), count) // 2:
             return
         seen = Boxes.of(boxes.boxes[chosen])
         found = self._aligned(state, voters, seen, focal_px)
