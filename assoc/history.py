@@ -44,6 +44,8 @@ class TrackHistory:
         """(R,) height of the ground, metres."""
         self.px_rad = np.zeros(rows)
         """(R,) angle of one pixel, radians."""
+        self.of_image_time = False
+        """Whether ``R`` is that of each frame's own moment, also where telemetry's clock is off."""
         self.ray = np.full((rows, 0, 3), np.nan)
         """(R, T, 3) ray through each box's centre, camera frame, NaN unseen."""
         self.front = np.full((rows, 0, 3), np.nan)
@@ -72,6 +74,7 @@ class TrackHistory:
         row = self.n - 1
         self.t[row], self.z[row], self.px_rad[row] = t, camera.ground_z, camera.px_rad
         self.R[row], self.p[row] = camera.R_enu_cam, camera.p_enu
+        self.of_image_time = camera.of_image_time
         seen = observation.gap_s <= 0.0
         broken = self._end_at_gaps(observation.track_id[seen], t)
         columns, fresh = self._columns_of(observation.track_id, t)

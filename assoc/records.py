@@ -69,6 +69,8 @@ class CameraState:
     """True: a gimbal keeps the horizon; False: the camera tilts with the body, so tilt is known less well."""
     half_view: tuple[float, float] = (np.nan, np.nan)
     """Tangents of half the angle of view, across and along the image; NaN unknown."""
+    of_image_time: bool = False
+    """True: ``R_enu_cam`` is the rotation at the moment of the frame, whatever telemetry's clock is off by."""
     height_std_m: float = np.nan
     """1σ of the camera's height above the ground, metres; NaN: as the identifier assumes."""
 

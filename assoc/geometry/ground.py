@@ -73,15 +73,18 @@ def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int
 def _camera_at(history: TrackHistory, rows: slice, delta_s: float) -> tuple[FloatArray, FloatArray]:
     """Camera rotation (F, 3, 3) and position (F, 3) of the rows, interpolated at telemetry time t − δ.
 
-    Rotations are blended linearly: between neighbouring rows they differ by a few degrees at most.
+    Rotations are blended linearly: between neighbouring rows they differ by a few degrees at most. Those that were
+    found by the image are of its time already.
     """
     if delta_s == 0.0:
         return history.R[rows], history.p[rows]
     times = history.t[: history.n]
     k, w = _interpolation(times, history.t[rows] - delta_s)
     after = np.minimum(k + 1, history.n - 1)
-    R = history.R[k] * (1.0 - w)[:, None, None] + history.R[after] * w[:, None, None]
-    return R, history.p[k] * (1.0 - w)[:, None] + history.p[after] * w[:, None]
+    p = history.p[k] * (1.0 - w)[:, None] + history.p[after] * w[:, None]
+    if history.of_image_time:
+        return history.R[rows], p
+    return history.R[k] * (1.0 - w)[:, None, None] + history.R[after] * w[:, None, None], p
 
 
 def _level_axes(R: FloatArray) -> tuple[FloatArray, FloatArray]:

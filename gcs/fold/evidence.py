@@ -77,6 +77,7 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         p_enu=view.pose.p_enu,
         ground_z=view.ground_z,
         height_std_m=view.ground.std_m,
+        of_image_time=view.of_image_time,
         px_rad=1.0 / lens.fx,
         attitude_known=view.attitude_known,
         position_known=view.position_sure,

@@ -28,6 +28,8 @@ class FrameCamera:
     attitude_known: bool
     position_sure: bool
     """False: the UAV doubts its own position."""
+    of_image_time: bool = False
+    """The rotation is that of the frame's own moment, as its boxes show; else telemetry's, by telemetry's clock."""
 
     @property
     def ground_z(self) -> float:

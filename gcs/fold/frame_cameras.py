@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.errors import ConfigError
 from gcs.fold.camera_direction import CameraDirection
@@ -16,10 +18,17 @@ from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Mission
 from gcs.mission.terrain_file import TerrainFile
 from gcs.snapshot import Event
+from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
-from mavlink.state import FleetState
+from mavlink.state import FleetState, UavState
+from vision.detect.detections import Detections
+from vision.motion.attitude_fusion import AttitudeFusion, ReportedRotation, SeenTracks
+from vision.track.tracks import Tracks
 
 __all__ = ["FrameCameras"]
+
+BOX_NOISE, LEAST_NOISE_PX = 0.04, 1.0
+"""1σ of a box's centre, in box sizes, and at least, px: as the tracker has it."""
 
 
 class FrameCameras:
@@ -37,6 +46,9 @@ class FrameCameras:
         self._terrain, self._terrain_fault = _terrain_of(mission)
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
+        self._fusion = AttitudeFusion()
+        self._reported: ReportedRotation | None = None
+        self._asked_us = 0
 
     @property
     def size(self) -> tuple[int, int] | None:
@@ -55,6 +67,7 @@ class FrameCameras:
     def forget_places(self) -> None:
         """Take positions as they are reported again: they are given in another frame from now on."""
         self._steps, self._heights = StepFilter(), GroundHeight()
+        self._fusion.restart()
 
     def follow_ground(self, state: FleetState, frame: LocalFrame | None) -> Sequence[Event]:
         """Take in what the fleet reports of the ground's height at a frame.
@@ -90,10 +103,54 @@ class FrameCameras:
         taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
         if not (anew_m or taken_m):
             return False, ()
+        if anew_m:
+            self._fusion.restart()
         then = "names begin anew" if anew_m else "the camera goes on from where it was"
         text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
         return bool(anew_m), (event,)
+
+    def predicted(self, t_us: int, camera: FrameCamera, fleet: Fleet) -> FrameCamera:
+        """The camera as it should be at a frame before its boxes are seen.
+
+        Args:
+            t_us: the frame's time on telemetry's clock.
+            camera: as telemetry has it.
+            fleet: asked for the attitude.
+        """
+        self._reported = self._attitude(t_us, camera, fleet)
+        return _turned(camera, self._fusion.predicted(t_us, self._reported))
+
+    def seen(self, t_us: int, camera: FrameCamera, detections: Detections, tracks: Tracks) -> FrameCamera:
+        """The camera after the boxes of the frame that was predicted last."""
+        assert self._reported is not None
+        found = np.flatnonzero(tracks.detection >= 0)
+        boxes = tracks.detection[found]
+        rays = camera.intrinsics.rays(detections.centre[boxes])
+        size = np.sqrt(detections.w[boxes] * detections.h[boxes])
+        seen = SeenTracks(
+            track_id=tracks.track_id[found],
+            ray=rays / rays[:, 2:],
+            noise=np.maximum(BOX_NOISE * size, LEAST_NOISE_PX) / camera.intrinsics.fx,
+        )
+        return _turned(camera, self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen))
+
+    def _attitude(self, t_us: int, camera: FrameCamera, fleet: Fleet) -> ReportedRotation:
+        """Telemetry's rotation at a frame and since the last."""
+        lag_us = round(self._fusion.lag_s * 1e6)
+        uav = fleet.uav_at(t_us + lag_us)
+        before_us, self._asked_us = self._asked_us, t_us
+
+        def rotation(uav: UavState) -> NDArray[np.float64]:
+            return self._direction.pose(uav, camera.pose.p_enu).R_enu_cam
+
+        sampled_us = fleet.attitude_times(before_us + lag_us, t_us + lag_us) if before_us else []
+        return ReportedRotation(
+            R_enu_cam=rotation(uav),
+            known=uav.attitude_valid,
+            sample_us=tuple(sample_us - lag_us for sample_us in sampled_us),
+            samples_enu_cam=tuple(rotation(fleet.uav_at(sample_us)) for sample_us in sampled_us),
+        )
 
     def at(self, state: FleetState, size: tuple[int, int] | None) -> tuple[FrameCamera | None, Sequence[Event]]:
         """The camera, and what an operator should know of it.
@@ -129,3 +186,7 @@ def _terrain_of(mission: Mission) -> tuple[TerrainFile | None, str]:
         return TerrainFile(mission.terrain), ""
     except ConfigError as error:
         return None, f"{error}; the ground's height is found without it"
+
+
+def _turned(camera: FrameCamera, R_enu_cam: NDArray[np.float64]) -> FrameCamera:
+    return replace(camera, pose=replace(camera.pose, R_enu_cam=R_enu_cam), of_image_time=True)

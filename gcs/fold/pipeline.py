@@ -52,8 +52,8 @@ HELD_US = 2_000_000
 """Names are shown for so long after the frame that they were found in: a vehicle at 5 m/s is 10 m on by then, and
 may be where its neighbour was."""
 WAIT_US = 150_000
-"""A frame waits so long for the attitude after its own time, between which and the one before it is interpolated: that
-is two reports at 20 Hz with a radio's jitter. Pictures of a live video are older than that when they come."""
+"""A frame waits so long for the attitude after its own time, to interpolate: two reports at 20 Hz with a radio's
+jitter. Pictures of a live video are older than that when they come."""
 CLOCK_SET_US = 10_000_000
 """A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
 
@@ -220,13 +220,15 @@ class Pipeline:
         self._identifier.add_reports(reports_of(self.fleet.take_reports(), self.mission.ugv_ids, view, state))
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
+        telemetry_us = self._telemetry_time(t_us)
+        view = self._cameras.predicted(telemetry_us, view, self.fleet) if view else None
         warp = ground_warp(self._view, view) if motion is None else motion.H
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))
-        stitch, known = self._stitch(t_us, view), self._known(state)
-        focal_px = view.intrinsics.fx if view else None
+        stitch, known, focal_px = self._stitch(t_us, view), self._known(state), view.intrinsics.fx if view else None
         tracks = self._tracker.update(detections, t_us, warp=warp, stitch=stitch, known=known, focal_px=focal_px)
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
+        view = self._cameras.seen(telemetry_us, view, detections, tracks) if view else None
         self._view = view
         self._look = _Look(
             t_us=t_us,

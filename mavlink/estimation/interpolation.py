@@ -126,6 +126,10 @@ class SampleBuffer(Generic[Sample]):
         after = (self._times[place], self._samples[place]) if place < len(self._times) else None
         return before, after
 
+    def times(self, after_us: int, until_us: int) -> list[int]:
+        """Times of the samples after one and up to another."""
+        return self._times[bisect_right(self._times, after_us) : bisect_right(self._times, until_us)]
+
     def replace_all(self, change: Callable[[list[Sample]], list[Sample]]) -> None:
         """Replaces all samples by changed ones of the same times."""
         if self._samples:
@@ -258,6 +262,10 @@ class Attitudes:
     def clear(self) -> None:
         """Removes every attitude, for a vehicle that has rebooted."""
         self._buffer.clear()
+
+    def times(self, after_us: int, until_us: int) -> list[int]:
+        """Times of the attitudes after one and up to another."""
+        return self._buffer.times(after_us, until_us)
 
     @property
     def newest(self) -> tuple[int, _Angles] | None:

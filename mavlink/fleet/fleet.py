@@ -203,6 +203,11 @@ class Fleet:
         """The UAV alone at a Unix time in µs."""
         return self._uav_at(t_us, _status(self._uav, t_us))
 
+    def attitude_times(self, after_us: int, until_us: int) -> list[int]:
+        """When the UAV's attitude was measured after one Unix time and up to another, µs."""
+        clock = self._uav.clock
+        return [clock.unix_of(t) for t in self._uav.attitudes.times(clock.boot_of(after_us), clock.boot_of(until_us))]
+
     def awaits(self, t_us: int) -> bool:
         """Whether reports of the UAV's pose after a Unix time are still to come, between which it is interpolated."""
         return is_awaited(self._uav, self._gimbals, t_us)
