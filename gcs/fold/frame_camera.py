@@ -42,7 +42,7 @@ def reported_pixels(state: FleetState, view: FrameCamera | None) -> dict[int, Fl
     if view is None:
         return {}
     places = state.p_enu.copy()
-    places[:, 2] = view.ground.height_at(places)
+    places[:, 2] = view.ground.height_at(places) + view.ground.bumps_under(state.system_id)
     uv, ahead = project(view.intrinsics, view.pose, places)
     usable = ahead & state.valid
     return {int(i): uv[k] for k, i in enumerate(state.system_id) if usable[k]}
@@ -61,8 +61,10 @@ def expected_pixels(
     Returns:
         Pixels by system id, without those behind the camera; None while the camera's pose is unknown.
     """
-    directions = None if view is None else rays(view.ground.seen_on_level(state.p_enu, view.pose.p_enu), view)
-    if view is None or directions is None:
+    if view is None:
+        return None
+    directions = rays(view.ground.seen_on_level(state.p_enu, state.system_id, view.pose.p_enu), view)
+    if directions is None:
         return None
     uv, ahead = view.intrinsics.pixels(directions)
     return {i: (x, y) for i, (x, y), seen in zip(state.system_id.tolist(), uv.tolist(), ahead, strict=True) if seen}

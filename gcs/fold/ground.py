@@ -8,7 +8,8 @@ the line of sight meets that plane:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from mavlink.geodesy import LocalFrame
 __all__ = ["Ground", "Relief", "Source"]
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 LEAST_HEIGHT_M = 2.0
 """A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
@@ -64,6 +66,8 @@ class Ground:
     """1σ of ``z``."""
     sources: tuple[Source, ...] = ()
     relief: Relief | None = None
+    bumps: Mapping[int, float] = field(default_factory=dict)
+    """Of the ground under each vehicle above all that, metres, by system id."""
 
     def height_at(self, p_enu: FloatArray) -> FloatArray:
         """Heights (k,) at places (k, 2 or 3)."""
@@ -73,18 +77,24 @@ class Ground:
         rise = self.relief.heights(np.concatenate([self.at[None], p_enu[:, :2]]))
         return np.asarray(plane + np.nan_to_num(rise[1:] - rise[0]))
 
-    def seen_on_level(self, p_enu: FloatArray, camera_enu: FloatArray) -> FloatArray:
-        """Where places on the ground appear on the level plane.
+    def bumps_under(self, system_id: IntArray) -> FloatArray:
+        """Heights (k,) of the ground under vehicles (k,) above what it is at their places otherwise."""
+        return np.array([self.bumps.get(i, 0.0) for i in system_id.tolist()], dtype=np.float64)
+
+    def seen_on_level(self, p_enu: FloatArray, system_id: IntArray, camera_enu: FloatArray) -> FloatArray:
+        """Where vehicles appear on the level plane.
 
         Args:
             p_enu: (k, 3) metres; their own heights are not used.
+            system_id: (k,) which they are.
             camera_enu: (3,) or (k, 3) the camera.
 
         Returns:
             (k, 3) with the height of the plane's point.
         """
         c_z = camera_enu[..., 2]
-        share = (c_z - self.z) / np.maximum(c_z - self.height_at(p_enu), LEAST_HEIGHT_M)
+        z = self.height_at(p_enu) + self.bumps_under(system_id)
+        share = (c_z - self.z) / np.maximum(c_z - z, LEAST_HEIGHT_M)
         level = camera_enu[..., :2] + (p_enu[:, :2] - camera_enu[..., :2]) * share[:, None]
         return np.column_stack([level, np.full(len(level), self.z)])
 

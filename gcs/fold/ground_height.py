@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.fold.ground import Ground, Relief, Source
+from gcs.fold.vehicle_relief import VehicleRelief
 from gcs.snapshot import Event
 from mavlink.state import FleetState, UavState
 
@@ -74,6 +75,7 @@ class GroundHeight:
     def __init__(self) -> None:
         self.ground: Ground | None = None
         self._relief: Relief | None = None
+        self._bumps = VehicleRelief(0)
         self._outside_told = False
         self._takeoff_en: FloatArray | None = None
         self._t_us = 0
@@ -128,6 +130,12 @@ class GroundHeight:
             measured.append((Source(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
         found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief)
         self.ground = found if self.ground is None else _blend(self.ground, found, 1.0 - math.exp(-dt / SMOOTHING_S))
+        if len(self._bumps.heights_m) != n:
+            self._bumps = VehicleRelief(n)
+        plane = self.ground.height_at(np.where(used[:, None], state.p_enu, 0.0))
+        self._bumps.update(np.where(used, state.p_enu[:, 2] - plane, np.nan), dt)
+        bumps = dict(zip(state.system_id.tolist(), self._bumps.heights_m.tolist(), strict=True))
+        self.ground = replace(self.ground, bumps=bumps)
         uav_id = state.vehicles[0].system_id
         return (
             *self._outside(state.t_us, covered, uav_id),

@@ -1,6 +1,7 @@
 """A sloping ground as a camera sees it that takes it for level."""
 
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from vision.camera.camera import CameraPose, Mount, camera_pose, ground, project
 from vision.camera.intrinsics import Intrinsics
 
 LENS = Intrinsics(width=1920, height=1080, fx=1400, fy=1400, cx=960, cy=540, distortion=np.zeros(5))
+IDS = np.array([11, 12, 13])
 SLOPE = Ground(at=np.array([10.0, 40.0]), z=3.0, slope=np.array([0.08, -0.05]), std_m=1.0)
 NORTH = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
@@ -32,22 +34,30 @@ def test_a_place_on_a_slope_appears_where_its_pixel_meets_the_level_plane(pitch_
     uv, ahead = project(LENS, pose, places)
     level = ground(LENS, pose, uv, SLOPE.z)
     assert ahead.all()
-    np.testing.assert_allclose(SLOPE.seen_on_level(places, pose.p_enu), level, atol=1e-6)
+    np.testing.assert_allclose(SLOPE.seen_on_level(places, IDS, pose.p_enu), level, atol=1e-6)
     np.testing.assert_allclose(SLOPE.below_level(level, pose.p_enu), places, atol=1e-4)
 
 
 def test_each_report_is_seen_from_where_the_camera_was():
     cameras = np.array([[0.0, 0.0, 50.0], [20.0, 0.0, 60.0]])
     places = np.array([[30.0, 10.0, 99.0], [30.0, 10.0, -99.0]])
-    both = SLOPE.seen_on_level(places, cameras)
+    both = SLOPE.seen_on_level(places, IDS[:2], cameras)
     for k in range(2):
-        np.testing.assert_allclose(both[k], SLOPE.seen_on_level(places[k : k + 1], cameras[k])[0])
+        np.testing.assert_allclose(both[k], SLOPE.seen_on_level(places[k : k + 1], IDS[:1], cameras[k])[0])
+
+
+def test_a_vehicle_on_a_bump_appears_farther_away():
+    bumpy = replace(SLOPE, slope=np.zeros(2), bumps={12: 5.0})
+    places = np.array([[30.0, 0.0, 0.0], [30.0, 0.0, 0.0]])
+    seen = bumpy.seen_on_level(places, IDS[:2], np.array([0.0, 0.0, 53.0]))
+    # 50 m above the level, 45 m above the bump
+    np.testing.assert_allclose(seen[:, 0], [30.0, 30.0 * 50.0 / 45.0])
 
 
 def test_level_ground_is_where_it_is():
     level = Ground(at=np.zeros(2), z=3.0, slope=np.zeros(2), std_m=1.0)
     places = np.array([[30.0, 10.0, 3.0], [-5.0, 90.0, 3.0]])
-    np.testing.assert_allclose(level.seen_on_level(places, np.array([0.0, 0.0, 40.0])), places)
+    np.testing.assert_allclose(level.seen_on_level(places, IDS[:2], np.array([0.0, 0.0, 40.0])), places)
     np.testing.assert_allclose(level.below_level(places, np.array([0.0, 0.0, 40.0])), places)
 
 
