@@ -50,6 +50,8 @@ _log = logging.getLogger(__name__)
 READ_S = 0.2
 IDLE_S = 0.2
 """Without a new frame for this long the fleet is shown all the same."""
+WAITING_S = 0.02
+"""So long while frames wait for telemetry."""
 CARE_S = 0.5
 FAULT_PAUSE_S = 0.1
 LOOK_THREADS = min(os.cpu_count() or 1, 2)
@@ -291,7 +293,7 @@ class Flight:
                 self._rates.add_packet(packet, now_s)
 
     def _process(self) -> None:
-        frame = self._video.latest(IDLE_S)
+        frame = self._video.latest(WAITING_S if self._loop.frames_wait else IDLE_S)
         if self._video.stream is None:
             self._stop.wait(IDLE_S)
         if self._commands:

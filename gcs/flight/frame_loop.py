@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from gcs.flight.monitor import Throughput
-from gcs.fold.pipeline import HELD_US, Pipeline
+from gcs.fold.pipeline import HELD_US, WAIT_US, Pipeline
 from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.recorder import Recorder
@@ -29,6 +29,17 @@ MOST_WAITING = 200_000
 PACE_FRAMES, PACE_S = 20, 2.0
 MOST_LAG_US = HELD_US
 """By how much what is shown without a frame is behind the clock, at most, and for how long after the last frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _LookedAt:
+    """A frame that the detector has seen and that is not folded in yet."""
+
+    frame: Frame
+    boxes: Detections | None
+    motion: ImageMotion | None
+    since_us: int
+    """When it was put by, by the wall clock."""
 
 
 class FrameLoop:
@@ -66,6 +77,8 @@ class FrameLoop:
         self._new_events: deque[Event] = deque()
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._frames = 0
+        self._looked_at: deque[_LookedAt] = deque()
+        """Frames that wait for the telemetry of their time, in order."""
         self._records = self._record_us = 0
         """Number of the record after the one taken in last, and the stamp of that one."""
         self._lag_us = self._shown_us = 0
@@ -101,7 +114,7 @@ class FrameLoop:
         return Throughput(frames=self._frames, fps=fps, packets_dropped=self._packets_dropped)
 
     def run_once(self, frame: Frame | None) -> None:
-        """One turn: fold in the queued packets and events, and the frame.
+        """One turn: fold in the queued packets and events, and each frame whose telemetry has come or is late.
 
         Args:
             frame: the newest, None if none came since the last turn.
@@ -111,13 +124,35 @@ class FrameLoop:
             self._process_packet(self._waiting.popleft())
         while self._new_events:
             self._pipeline.add_event(self._new_events.popleft())
-        snapshot = self._process_frame(frame, heard_us) if frame else self._process_without_frame(heard_us)
+        if frame:
+            self._looked_at.append(self._look_at(frame))
+        elif not self._looked_at:
+            self._show(self._process_without_frame(heard_us))
+        while self._looked_at and not self._awaits(self._looked_at[0], heard_us):
+            self._show(self._process_frame(self._looked_at.popleft(), heard_us))
+
+    @property
+    def frames_wait(self) -> bool:
+        """Whether frames wait for telemetry, so that the next turn should come soon."""
+        return bool(self._looked_at)
+
+    def close(self) -> None:
+        """Fold in the frames that still wait, and record the events since the last turn."""
+        try:
+            while self._looked_at:
+                self._show(self._process_frame(self._looked_at.popleft(), self._heard_us))
+        except Exception as error:  # noqa: BLE001 - the recording is sealed all the same
+            self._faults.turn_failed("naming", error)
+        self._recorder.events(tuple(self._new_events))
+
+    def _show(self, snapshot: Snapshot) -> None:
         self._events.extend(snapshot.events)
         self.latest = snapshot
 
-    def close(self) -> None:
-        """Record the events since the last turn."""
-        self._recorder.events(tuple(self._new_events))
+    def _awaits(self, looked_at: _LookedAt, heard_us: int) -> bool:
+        """Whether a frame's telemetry is still to come; where nothing is heard at all the wall clock decides."""
+        waits_us = self._now_us() - looked_at.since_us
+        return 0 <= waits_us < WAIT_US and self._pipeline.awaits_telemetry(looked_at.frame.t_us, heard_us)
 
     def _process_packet(self, packet: Packet) -> None:
         if packet.record >= 0:
@@ -133,10 +168,14 @@ class FrameLoop:
             self._recorder.unfolded(self._records, packet.record - self._records)
         self._records, self._record_us = packet.record + 1, packet.t_us
 
-    def _process_frame(self, frame: Frame, heard_us: int) -> Snapshot:
-        """Detect, fold and record a new frame."""
+    def _look_at(self, frame: Frame) -> _LookedAt:
         boxes = self._detect(frame)
         motion = None if boxes is None else self._compare(frame, boxes)
+        return _LookedAt(frame=frame, boxes=boxes, motion=motion, since_us=self._now_us())
+
+    def _process_frame(self, looked_at: _LookedAt, heard_us: int) -> Snapshot:
+        """Fold in and record a frame."""
+        frame, boxes = looked_at.frame, looked_at.boxes
         self._frames += 1
         self._frame_ends.append(time.monotonic())
         self._shown_us = self._now_us()
@@ -148,7 +187,7 @@ class FrameLoop:
             frame.t_us,
             image=frame.image,
             detections=boxes,
-            motion=motion,
+            motion=looked_at.motion,
             health=health,
             heard_us=heard_us,
         )

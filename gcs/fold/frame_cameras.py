@@ -60,6 +60,11 @@ class FrameCameras:
         """Whether a gimbal keeps the camera's horizon level."""
         return self._direction.stabilized
 
+    @property
+    def attitude_lag_us(self) -> int:
+        """So long after a frame's time, by telemetry's clock, is the attitude that belongs to it."""
+        return round(self._fusion.lag_s * 1e6)
+
     def order_given(self, t_us: int) -> None:
         """Note an order that turns the camera."""
         self._direction.order_given(t_us)
@@ -137,7 +142,7 @@ class FrameCameras:
 
     def _attitude(self, t_us: int, camera: FrameCamera, fleet: Fleet) -> ReportedRotation:
         """Telemetry's rotation at a frame and since the last."""
-        lag_us = round(self._fusion.lag_s * 1e6)
+        lag_us = self.attitude_lag_us
         uav = fleet.uav_at(t_us + lag_us)
         before_us, self._asked_us = self._asked_us, t_us
 

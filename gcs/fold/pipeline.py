@@ -52,8 +52,7 @@ HELD_US = 2_000_000
 """Names are shown for so long after the frame that they were found in: a vehicle at 5 m/s is 10 m on by then, and
 may be where its neighbour was."""
 WAIT_US = 150_000
-"""A frame waits so long for the attitude after its own time, to interpolate: two reports at 20 Hz with a radio's
-jitter. Pictures of a live video are older than that when they come."""
+"""A frame waits so long for the attitude after its own time; pictures of a live video come later than that."""
 CLOCK_SET_US = 10_000_000
 """A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
 
@@ -143,7 +142,8 @@ class Pipeline:
             t_us: when the frame was taken, Unix µs on the video's clock.
             heard_us: whatever came before this Unix time was added.
         """
-        return heard_us - t_us < WAIT_US and self.fleet.awaits(self._telemetry_time(t_us))
+        belongs_us = self._telemetry_time(t_us) + self._cameras.attitude_lag_us
+        return heard_us - t_us < WAIT_US and self.fleet.awaits(belongs_us)
 
     def add_event(self, event: Event) -> None:
         """Add an event of the surroundings (links, video, operator) to the next snapshot."""
