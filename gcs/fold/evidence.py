@@ -8,6 +8,7 @@ import numpy as np
 
 from assoc.records import CameraState, Observation, VehicleReports
 from gcs.fold.frame_camera import FrameCamera
+from gcs.fold.ground_contact import contact_rays
 from mavlink.fleet.fleet import FleetState, Reports
 from vision.camera.camera import Intrinsics
 from vision.detect.detections import Detections
@@ -19,7 +20,9 @@ LONGEST_AGO_S = 2.0
 """Reports that are older are late by radio; the camera is taken to have flown straight on for so long."""
 
 
-def observation_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics) -> Observation:
+def observation_of(
+    t_us: int, detections: Detections, tracks: Tracks, lens: Intrinsics, view: FrameCamera | None = None
+) -> Observation:
     """Tracks of a frame as rays; a track that is seen is where its box is, not where the filter has it.
 
     Args:
@@ -27,17 +30,21 @@ def observation_of(t_us: int, detections: Detections, tracks: Tracks, lens: Intr
         detections: The frame's boxes.
         tracks: The tracks after them.
         lens: The camera's.
+        view: The camera, where boxes are of bodies; None: they are of places on the ground.
     """
     seen = tracks.detection >= 0
     centre = np.column_stack([tracks.cx, tracks.cy])
     centre[seen] = detections.centre[tracks.detection[seen]]
     reach = 0.5 * np.maximum(tracks.w, tracks.h)[:, None]
     front = centre + reach * np.column_stack([np.sin(tracks.heading), -np.cos(tracks.heading)])
+    rays = lens.rays(np.concatenate([centre, front]))
+    if view is not None:
+        rays = contact_rays(rays, np.tile(np.sqrt(tracks.w * tracks.h), 2), view)
     return Observation(
         t_us=t_us,
         track_id=tracks.track_id,
-        ray_cam=lens.rays(centre),
-        front_cam=lens.rays(front),
+        ray_cam=rays[: len(tracks)],
+        front_cam=rays[len(tracks) :],
         gap_s=np.where(seen, 0.0, tracks.gap_s),
         score=tracks.score,
     )

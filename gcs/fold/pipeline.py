@@ -323,7 +323,7 @@ class Pipeline:
     ) -> Identities | None:
         if view is None:
             return None
-        observation = observation_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics)
+        observation = observation_of(self._telemetry_time(t_us), detections, tracks, view.intrinsics, view)
         return self._identifier.update(observation, self._camera(view))
 
     def _camera(self, view: FrameCamera) -> CameraState:

@@ -1,0 +1,44 @@
+"""Where boxes stand on the ground: the middle of a box is that of a body, half its height above its place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs.fold.frame_camera import FrameCamera
+
+__all__ = ["contact_rays"]
+
+FloatArray = NDArray[np.float64]
+
+HALF_HEIGHT = 0.25
+"""Height of a body's middle over √(length · width) of its box: 0.26 for small UGVs, 0.27 for cars."""
+HIGHEST_M = 1.5
+"""No vehicle's middle is higher, whatever its box says."""
+LEAST_SINE = 0.17
+"""Sine of the depression, 10°, below which a place is so uncertain that nothing is gained."""
+
+
+def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> FloatArray:
+    """Rays to the places below the middles of bodies.
+
+    Seen at a depression δ, a body of height h looks as if its middle lay h / (2 tan δ) further away on the ground.
+
+    Args:
+        rays: (k, 3) through the middles of boxes, camera frame.
+        size_px: (k,) √(w h) of the boxes.
+        view: the camera.
+
+    Returns:
+        (k, 3) camera frame; those that do not come down clearly are left as they are.
+    """
+    R = view.pose.R_enu_cam
+    unit = rays / np.linalg.norm(rays, axis=1)[:, None]
+    sine = -(unit @ R[2])
+    above = view.pose.p_enu[2] - view.ground_z
+    range_m = above / np.maximum(sine, LEAST_SINE)
+    half_m = np.minimum(HALF_HEIGHT * size_px * range_m / view.intrinsics.fx, min(HIGHEST_M, 0.5 * max(above, 0.0)))
+    # the middle is at s d with s d_z = h/2 − above; its place is h/2 lower
+    down = range_m * (1.0 - half_m / max(above, 1e-9))
+    lowered = unit * down[:, None] - half_m[:, None] * R[2]
+    return np.where((sine > LEAST_SINE)[:, None], lowered, rays)
