@@ -28,7 +28,7 @@ BoolArray = NDArray[np.bool_]
 
 _LIES = 0.02
 """π, chance that a vehicle without a track of its own reports the place of another."""
-_UNSEEN_BESIDE = 0.1
+_UNSEEN_BESIDE = 0.03
 """ν, chance that it drives in the same traffic and has no box."""
 _LEAST = 0.0
 """ln N from which a vehicle is weighed."""

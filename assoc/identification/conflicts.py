@@ -24,6 +24,8 @@ _TIMEOUT_S = 1.0
 _REACH_STD, _HYSTERESIS = 2.5, 2.0
 """Two vehicles count as reporting one place if closer than the first times σ of the bias plus one σ of the white noise;
 once one is known to have jumped there, the second times as far is allowed."""
+_COPY = 6.0
+"""ln N above which a vehicle without a track of its own surely moves like another's."""
 _LIES = 0.5
 """Chance above which a vehicle that fits another's track without one of its own lies, rather than drives beside it."""
 _IN_VIEW = 0.5
@@ -87,7 +89,7 @@ class ConflictMonitor:
             elsewhere: (m, n) vehicles that were another track while this one was seen: it is not theirs.
         """
         choice = most_probable_names(p)
-        self._update_doubles(t, context, best, choice)
+        self._update_doubles(t, context, best, choice, elsewhere)
         lasting = {pair: d for pair, d in self._double.items() if t - d.since >= _LASTING_S}
         rejected_since, p = np.full(p.shape[1] - 1, np.inf), p.copy()
         for pair, double in lasting.items():
@@ -99,7 +101,9 @@ class ConflictMonitor:
         vehicles = tuple(sorted({v for pair in lasting for v in pair} | gone))
         return ConflictReview(p, vehicles, rejected_since)
 
-    def _update_doubles(self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray) -> None:
+    def _update_doubles(
+        self, t: float, context: UpdateContext, best: Hypothesis, choice: IntArray, elsewhere: BoolArray
+    ) -> None:
         """Update the pairs of vehicles that report one place: the track there, and which of them jumped there."""
         place, reporting = context.log.extrapolated(t)[0], t - context.log.last_t < _REPORTING_S
         reach = _REACH_STD * context.noise.bias_std + float(np.sqrt(context.noise.white_var))
@@ -107,16 +111,13 @@ class ConflictMonitor:
         jumped = reporting & np.any(best.blocks.jump_var > reach**2, axis=0)
         away = np.hypot(best.final.mean[: context.live, :, 0], best.final.mean[: context.live, :, 1])
         # one that is out of view has no box of its own to miss
-        self._note_copies(t, context, best, reporting & (context.view >= _IN_VIEW), reach)
-        free = np.ones(len(place), np.bool_)
-        free[choice[choice >= 0]] = False
+        self._note_copies(t, context, best, reporting & (context.view >= _IN_VIEW), elsewhere)
         for row in np.flatnonzero(choice >= 0).tolist():
             own = int(choice[row])
             if not reporting[own] or away[row, own] > reach:
                 continue
             apart = np.hypot(*(place - place[own]).T)
-            jumpers, copies = self._copies(t, own, len(place))
-            known = (jumpers | (copies & free)) & reporting & (apart < _HYSTERESIS * reach)
+            known = self._copies(own, len(place)) & reporting & (apart < _HYSTERESIS * reach)
             claims = known | ((apart < reach) & jumped)
             claims[own] = False
             for other in np.flatnonzero(claims).tolist():
@@ -126,16 +127,18 @@ class ConflictMonitor:
         self._double = {pair: d for pair, d in self._double.items() if t - d.last <= _TIMEOUT_S}
 
     def _note_copies(
-        self, t: float, context: UpdateContext, best: Hypothesis, visible: BoolArray, reach: float
+        self, t: float, context: UpdateContext, best: Hypothesis, visible: BoolArray, elsewhere: BoolArray
     ) -> None:
         """Note vehicles without a track of their own that report the place of another."""
         evidence, bias = best.score - context.in_view - context.log_odds, best.final.mean[: context.live]
-        nowhere = np.zeros(best.score.shape, np.bool_)
-        for track in shared_tracks(best.score, evidence, bias, context.noise.bias_std, nowhere):
+        for track in shared_tracks(best.score, evidence, bias, context.noise.bias_std, elsewhere):
             own, *others = track.vehicles
-            for other, lies in zip(others, track.lies[1:].tolist(), strict=True):
+            sure = (track.log_copy > _COPY) & (track.lies > _LIES)
+            for other, copies in zip(others, sure[1:].tolist(), strict=True):
+                # their biases, which are smoothed, tell how far apart the two report to be
                 apart = np.hypot(*(bias[track.row, other] - bias[track.row, own]))
-                if lies > _LIES and visible[other] and apart < _HYSTERESIS * reach:
+                limit = _REACH_STD * context.noise.bias_std * (_HYSTERESIS if self._lasts(t, own, other) else 1.0)
+                if copies and visible[other] and apart < limit:
                     self._observed(t, track.row, own, other)
 
     def _observed(self, t: float, row: int, own: int, other: int) -> _Double:
@@ -144,15 +147,18 @@ class ConflictMonitor:
         double.row, double.last = row, t
         return double
 
-    def _copies(self, t: float, own: int, n: int) -> tuple[BoolArray, BoolArray]:
-        """(n,) vehicles known to report one place with ``own``: after a jump, and without one."""
-        jumped, lasting = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    def _lasts(self, t: float, own: int, other: int) -> bool:
+        """Whether the two have been a double for long enough to be told."""
+        double = self._double.get((min(own, other), max(own, other)))
+        return double is not None and t - double.since >= _LASTING_S
+
+    def _copies(self, own: int, n: int) -> BoolArray:
+        """(n,) vehicles of which one jumped to where the other was, ``own`` among the two."""
+        found = np.zeros(n, np.bool_)
         for pair, double in self._double.items():
             if own in pair and double.jumper != _UNKNOWN:
-                jumped[list(pair)] = True
-            elif own in pair and t - double.since >= _LASTING_S:
-                lasting[list(pair)] = True
-        return jumped, lasting
+                found[list(pair)] = True
+        return found
 
     def _gone_vehicles(self, t: float, context: UpdateContext, choice: IntArray, p: FloatArray) -> set[int]:
         """Vehicles without a track whose former track is still seen but has for ``_LASTING_S`` been none of ours."""

@@ -37,7 +37,7 @@ def test_three_that_report_one_place_share_it():
 def test_beside_the_track_without_a_box_is_no_lie_and_place_tells():
     after, (double,) = named([[40.0, 30.0]], [[NEAR, ASIDE]])
     assert double.lies[1] < 0.5
-    assert after[0, 0] > 0.8
+    assert after[0, 0] > 0.7
 
 
 @pytest.mark.parametrize(
