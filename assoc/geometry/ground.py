@@ -67,7 +67,7 @@ def _interpolation(times: FloatArray, query: FloatArray) -> tuple[NDArray[np.int
     if len(times) < 2:
         return np.zeros(len(query), np.int64), np.zeros(len(query))
     k = np.clip(np.searchsorted(times, query, side="right") - 1, 0, len(times) - 2)
-    return k, (query - times[k]) / (times[k + 1] - times[k])
+    return k, np.clip((query - times[k]) / (times[k + 1] - times[k]), -1.0, 2.0)
 
 
 def _camera_at(history: TrackHistory, rows: slice, delta_s: float) -> tuple[FloatArray, FloatArray]:

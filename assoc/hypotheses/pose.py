@@ -7,7 +7,7 @@ residual and its Jacobian together, as nine columns.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,14 +30,24 @@ _OUTLIER = 40.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PosePrior:
-    """Gaussian about zero."""
+    """Gaussian, or with ``others`` a mixture of Gaussians of which this one has nearly all the weight."""
 
     std: FloatArray
     """(8,) 1σ of θ."""
+    mean: FloatArray = field(default_factory=lambda: np.zeros(THETA))
+    """(8,)."""
+    log_share: float = 0.0
+    """ln of its weight in the mixture."""
+    others: tuple[PosePrior, ...] = ()
+    """The other parts: errors that are rare and large."""
 
     def cost(self, theta: FloatArray) -> float:
-        """½ θᵀΛθ."""
-        return float(0.5 * np.sum((theta / self.std) ** 2))
+        """½ (θ − μ)ᵀΛ(θ − μ) − ln w of this part."""
+        return float(0.5 * np.sum(((theta - self.mean) / self.std) ** 2)) - self.log_share
+
+    def part_at(self, theta: FloatArray) -> PosePrior:
+        """The part of the mixture that has most of the density at θ."""
+        return min((self, *self.others), key=lambda part: part.cost(theta) + float(np.sum(np.log(part.std))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,7 +217,7 @@ def fit(white: Whitened, prior: PosePrior) -> Fitted:
         J = (white.jacobian * np.sqrt(weight)[:, None, None]).reshape(-1, THETA)
         e = (white.e * np.sqrt(weight)[:, None]).reshape(-1)
         H = precision + J.T @ J
-        # (Λ + JᵀJ) θ = Jᵀ(J θ₀ − e)
-        theta = np.asarray(np.linalg.solve(H, J.T @ (J @ white.theta - e)), np.float64)
+        # (Λ + JᵀJ) θ = Λμ + Jᵀ(J θ₀ − e)
+        theta = np.asarray(np.linalg.solve(H, precision @ prior.mean + J.T @ (J @ white.theta - e)), np.float64)
     cost = 0.5 * (np.linalg.slogdet(precision)[1] - np.linalg.slogdet(H)[1])
     return Fitted(theta=theta, std=np.sqrt(np.diagonal(np.linalg.inv(H))), cost=float(cost))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.evidence.likelihood import Noise
+from assoc.geometry.ground import OFFSET, PITCH, THETA, YAW
 from assoc.hypotheses.pose import PosePrior
 from assoc.params import IdentifierParams
 from assoc.records import CameraState
@@ -20,6 +23,15 @@ _AREA_PER_HEIGHT2, _LEAST_AREA_M2, _MOST_AREA_M2 = 2.0, 50.0, 5e4
 """Ground in view for a camera at height h: 2 h², within these bounds, m²."""
 _FREE_TILT_STD_DEG, _FREE_YAW_RATE_STD_DEG_S, _FREE_POSITION_STD_M = 5.0, 3.0, 30.0
 """Prior 1σ where nothing is reported: tilt of a camera fixed to the body, drift of the heading, horizontal position."""
+
+_GROSS: tuple[tuple[int, FloatArray, float, float], ...] = (
+    (YAW, np.deg2rad([90.0, 180.0, -90.0]), float(np.deg2rad(12.0)), 2e-3),
+    (PITCH, np.deg2rad([15.0, -15.0]), float(np.deg2rad(5.0)), 1e-3),
+    (OFFSET, np.array([0.4, -0.4]), 0.2, 1e-2),
+    (OFFSET, np.array([1.0, 2.0, 3.0, 4.0, 5.0, -1.0, -2.0, -3.0, -4.0, -5.0]), 0.4, 1e-3),
+)
+"""Gross errors: which number of θ, about which means, with which 1σ, and the weight of each in the prior: cameras
+mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock."""
 
 
 def noise_of(
@@ -66,4 +78,15 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float) -> P
     )
     level = q.position_std_m if camera.position_known else _FREE_POSITION_STD_M
     height = camera.height_std_m if np.isfinite(camera.height_std_m) else q.height_std_m
-    return PosePrior(std=np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64))
+    std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s], np.float64)
+    return PosePrior(std=std, others=tuple(_gross_errors(std, attitude_known=not free)))
+
+
+def _gross_errors(std: FloatArray, *, attitude_known: bool) -> Iterator[PosePrior]:
+    """The rare parts of the prior: one quantity is far off, the others err as usual."""
+    for index, means, wide, share in _GROSS:
+        if std[index] < wide and (attitude_known or index == OFFSET):
+            for mean in means:
+                off, wider = np.zeros(THETA), std.copy()
+                off[index], wider[index] = mean, wide
+                yield PosePrior(std=wider, mean=off, log_share=float(np.log(share)))

@@ -7,7 +7,7 @@ versions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,7 +114,8 @@ class Hypothesis:
 
 def residual_blocks(context: UpdateContext, theta: FloatArray) -> Blocks:
     """The residuals linearised at θ."""
-    start = context.history.first_row_since(context.first_block * context.block_s + theta[OFFSET] - context.gap_max_s)
+    since = context.first_block * context.block_s + theta[OFFSET] - context.gap_max_s
+    start = min(context.history.first_row_since(since), context.history.n - 1)
     tracks = ground_tracks(context.history, start, theta, context.columns)
     samples = context.log.samples(context.first_block * context.block_s, (context.last_block + 1) * context.block_s)
     blocks = make_blocks(
@@ -156,10 +157,11 @@ def refine(
 
     Args:
         context: What the update works on.
-        theta: (8,) to start from.
+        theta: (8,) to start from; the part of the prior that it belongs to holds.
         vehicle: (m,) assignment to start from, if there is one already.
         blocks: Residuals that hold at ``theta``, if there are any already.
     """
+    context = replace(context, prior=context.prior.part_at(theta)) if context.prior.others else context
     blocks = blocks or residual_blocks(context, theta)
     if vehicle is None:
         vehicle = best_assignment(scores(context, blocks, theta)[0])
@@ -222,6 +224,7 @@ def swaps(context: UpdateContext, best: Hypothesis, most: int) -> list[Hypothesi
 
 def _with_assignment(context: UpdateContext, best: Hypothesis, vehicle: IntArray) -> Hypothesis | None:
     """The hypothesis with a given assignment and its best θ; None when its value is negligible against the best."""
+    context = replace(context, prior=context.prior.part_at(best.theta))
     white = whiten(best.blocks, *_pairs(context, vehicle), context.state, context.noise)
     fitted = fit(white, context.prior)
     theta = fitted.theta

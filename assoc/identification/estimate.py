@@ -26,6 +26,7 @@ from assoc.hypotheses.priors import noise_of, prior_of
 from assoc.hypotheses.search import Hypothesis, UpdateContext, keep_best, refine, shifts, swaps, turns
 from assoc.identification.conflicts import ConflictMonitor
 from assoc.identification.fleet_fit import FleetFit
+from assoc.identification.gross_errors import GrossErrors
 from assoc.identification.search_lock import SearchLock, SearchState
 from assoc.identification.stated_tracks import StatedTracks
 from assoc.params import MANY_PAIRS, IdentifierParams
@@ -71,7 +72,7 @@ class Estimator:
         self.theta_std: FloatArray = np.full(THETA, np.nan)
         """(8,) 1σ of ``theta``, NaN before the first update."""
         self._lock = SearchLock(params.lock)
-        self.fit = FleetFit()
+        self.fit, self._gross = FleetFit(), GrossErrors()
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
         self._anchors: dict[int, int] = {}
@@ -307,6 +308,7 @@ class Estimator:
             found = [refine(context, self._thetas[0].copy(), self._last_vehicles(context))]
         else:
             starts = self._starts(context, not camera.attitude_known)
+            starts += self._gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
             found = keep_best([refine(context, theta) for theta in starts], q.hypotheses)
             if self._updates % q.shift_every == 1:
                 most = q.shifts_many if self._is_large(context) else q.shifts

@@ -45,6 +45,10 @@ _FORGET_S, _DOUBT_S = 20.0, 4.0
 """Time constants τ₁ and τ₂, seconds: tracks break and vehicles are hidden for moments."""
 _CLEAR = 40.0
 """Evidence, nats, that no decoy reaches among a handful of vehicles: it is not compared with any."""
+_TOLL = 0.7
+"""Evidence that a second of a matched pair must bring, nats, before film and telemetry fit; the right brings 1 to 3."""
+_BETTER = 15.0
+"""Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the model is."""
 _DECOYS, _DECOYS_FIRST = 6, 3
 """How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
@@ -128,10 +132,13 @@ def decoy_evidence(context: UpdateContext, number: int) -> float:
     counted = np.isfinite(place[:, 0]) & (context.view > _LIKELY_IN_VIEW)
     if not counted.any():
         return 0.0
-    angle = _GOLDEN_ANGLE * (1.0 + np.arange(n) + n * number)
+    centre = np.mean(place[counted], axis=0)
+    # by rank of the distance, so that the order of the vehicles does not matter
+    rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
+    angle = _GOLDEN_ANGLE * (1.0 + rank + n * number)
     decoy = replace(
         context,
-        log=log.turned(np.mean(place[counted], axis=0), angle),
+        log=log.turned(centre, angle),
         columns=context.columns[:live],
         anchors=np.empty(0, np.int64),
         state=bound_variance(initial_state(live, n), context.noise.bias_std),
@@ -147,15 +154,19 @@ class FleetFit:
     def __init__(self) -> None:
         self._log_ratio = 0.0
         self._t = -np.inf
+        self._evidence = 0.0
         self._decoys: deque[float] = deque(maxlen=_DECOYS)
         self._tried = 0
 
     @property
     def probability(self) -> float:
         """That they belong together, NaN before the first update."""
-        chance = max(self._decoys, default=0.0)
-        ratio = self._log_ratio - max(chance, 0.0) + _PRIOR_LOG_ODDS
-        return float("nan") if self._t == -np.inf else float(expit(ratio))
+        return float("nan") if self._t == -np.inf else float(expit(self._log_ratio + _PRIOR_LOG_ODDS))
+
+    @property
+    def clear(self) -> bool:
+        """Whether they fit so well that nothing else needs to be tried."""
+        return self._evidence > _CLEAR
 
     @property
     def fits(self) -> bool:
@@ -170,21 +181,30 @@ class FleetFit:
             context: What it worked on.
             best: Its best hypothesis.
         """
-        evidence = log_evidence(context, best)
-        self.add_evidence(t, evidence)
-        for _ in range(0 if evidence > _CLEAR else 1 if self._decoys else _DECOYS_FIRST):
+        self._evidence = log_evidence(context, best)
+        for _ in range(0 if self.clear else 1 if self._decoys else _DECOYS_FIRST):
             self._decoys.append(decoy_evidence(context, self._tried))
             self._tried += 1
+        decoys = np.array(self._decoys) if self._decoys else np.array([self._evidence])
+        lucky = max(float(np.max(decoys)), 0.0) if not self.clear else 0.0
+        rows = np.flatnonzero(best.vehicle >= 0)
+        compared = int(np.sum(best.blocks.count[:, rows, best.vehicle[rows]] > 0.0))
+        # many starts find what fits by chance, the more the longer they look: the fleet itself gains far more
+        toll = 0.0 if self.fits else _TOLL * compared
+        self.add_evidence(t, self._evidence - lucky - toll, float(np.median(decoys)) - lucky - toll)
 
-    def add_evidence(self, t: float, evidence: float) -> None:
+    def add_evidence(self, t: float, evidence: float, chance: float) -> None:
         """Take in the evidence of one update.
 
         Better evidence than S, the remembered one, counts at once. While V is worse but speaks for a fit,
-        S ← V + (S − V) exp(−Δt/τ₁); while it speaks against one, S ← S + V Δt/τ₂; with V = 0, no news, S stays.
+        S ← V + (S − V) exp(−Δt/τ₁); while it speaks against one, S ← S + w V Δt/τ₂; with V = 0, no news, S stays.
+        Against a fit it speaks only as far as chance does as well, w = 1 − (V − D)/15 within 0 and 1: what else is
+        wrong, tracks or the ground's height, does not make a fleet that is there fit as badly as one that is not.
 
         Args:
             t: Time, seconds.
-            evidence: V.
+            evidence: V, less what the luckiest decoy reached.
+            chance: D, what decoys usually reach.
         """
         now = float(np.clip(evidence, _LEAST, _MOST))
         dt = min(t - self._t, _LONGEST_STEP_S)
@@ -192,7 +212,8 @@ class FleetFit:
         if now > 0.0:
             kept = now + (self._log_ratio - now) * float(np.exp(-dt / _FORGET_S))
         else:
-            kept = max(self._log_ratio + now * dt / _DOUBT_S, _LEAST)
+            weight = float(np.clip(1.0 - (evidence - chance) / _BETTER, 0.0, 1.0))
+            kept = max(self._log_ratio + weight * now * dt / _DOUBT_S, _LEAST)
         self._log_ratio = max(now, kept)
 
     def limited(self, p: FloatArray, stated: BoolArray) -> FloatArray:

@@ -74,8 +74,33 @@ def test_without_reports_nothing_speaks_against_the_film():
 
 def test_what_is_stated_stays_while_nothing_fits():
     fit = FleetFit()
-    fit.add_evidence(0.0, -20.0)
+    fit.add_evidence(0.0, -20.0, -20.0)
     p = np.array([[0.9, 0.05, 0.05], [0.1, 0.8, 0.1]])
     limited = fit.limited(p, np.array([True, False]))
     assert limited[0].tolist() == pytest.approx(p[0].tolist())
     assert limited[1, 2] > 0.99 and limited.sum(axis=1).tolist() == pytest.approx([1.0, 1.0])
+
+
+def test_evidence_against_a_fit_counts_only_as_far_as_chance_does_as_well():
+    def after(chance):
+        fit = FleetFit()
+        fit.add_evidence(0.0, 30.0, 0.0)
+        for k in range(40):
+            fit.add_evidence(0.25 * k, -20.0, chance)
+        return fit.probability
+
+    assert after(-20.0) < 0.01 and after(-50.0) > 0.99
+
+
+@pytest.mark.parametrize("turned_deg", [90.0, 180.0, -90.0])
+def test_a_camera_mounted_turned_is_found_in_the_first_frames(turned_deg):
+    fleet, identifier, rng = Fleet(seed=3, n=4), Identifier(IDS), np.random.default_rng(2)
+    told = camera(yaw=np.deg2rad(turned_deg))
+    for k in range(20):
+        t = k / 10
+        seen = fleet.observation(t, camera(), [1, 2, 3, 4], rng)
+        answer = identifier.update(seen, told, fleet.reports(t - 0.1, t, rng))
+        assert set(zip(answer.system_id.tolist(), IDS, strict=True)) <= {(0, 11), (0, 12), (0, 13), (0, 14)} | {
+            (vehicle, vehicle) for vehicle in IDS
+        }
+    assert answer.system_id.tolist() == list(IDS) and answer.confidence.min() > 0.9
