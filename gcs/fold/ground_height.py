@@ -57,6 +57,8 @@ MEMORY_S = 20.0
 """Samples count less with age: the ground where the fleet was before is not where it is now."""
 LONGEST_SAMPLE_S = 1.0
 """What the first sample of a vehicle counts for, and one after a gap."""
+FIND_EVERY_US = 300_000
+"""The plane is fitted no more often: reports come a few times a second."""
 SMOOTHING_S = 2.0
 """The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
 OUTLIER_M, OUTLIER_STDS = 15.0, 3.5
@@ -74,6 +76,9 @@ class GroundHeight:
 
     def __init__(self) -> None:
         self.ground: Ground | None = None
+        self._found: Ground | None = None
+        self._found_us = 0
+        """What was found last, and when; ``ground`` follows it."""
         self._relief: Relief | None = None
         self._bumps = VehicleRelief(0)
         self._outside_told = False
@@ -128,7 +133,10 @@ class GroundHeight:
         measured = [(replace(source, z=source.z - float(rise[0])), uav_en) for source in _below_uav(uav)]
         if relief is not None and self._takeoff_en is not None:
             measured.append((Source(name=TAKEOFF, z=home_z, std_m=ON_FILE_STD_M), self._takeoff_en))
-        found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief)
+        found, ago_us = self._found, state.t_us - self._found_us
+        if found is None or not 0 <= ago_us < FIND_EVERY_US or (found.relief is None) != (relief is None):
+            found = find_ground(self._moments, std_m, home_z, uav_en, measured, relief)
+            self._found, self._found_us = found, state.t_us
         self.ground = found if self.ground is None else _blend(self.ground, found, 1.0 - math.exp(-dt / SMOOTHING_S))
         if len(self._bumps.heights_m) != n:
             self._bumps = VehicleRelief(n)
