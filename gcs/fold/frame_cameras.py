@@ -22,11 +22,18 @@ from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
 from mavlink.state import FleetState, UavState
 from vision.detect.detections import Detections
-from vision.motion.attitude_fusion import AttitudeFusion, ReportedRotation, SeenTracks
+from vision.motion.attitude_fusion import AttitudeFusion
+from vision.motion.fused_evidence import ReportedRotation, SeenTracks
+from vision.motion.image_motion import ImageMotion
+from vision.motion.rotation import CameraTurn, GroundShift, rotation_of
 from vision.track.tracks import Tracks
 
 __all__ = ["FrameCameras"]
 
+LEAST_HEIGHT_M = 2.0
+"""Above the ground; lower down nothing is level enough."""
+SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0
+"""1σ per axis of the UAV's reported velocity, m/s, and of one that reports none."""
 BOX_NOISE, LEAST_NOISE_PX = 0.04, 1.0
 """1σ of a box's centre, in box sizes, and at least, px: as the tracker has it."""
 
@@ -47,6 +54,7 @@ class FrameCameras:
         self._optics = Optics(mission.camera, sized=sized)
         self._direction = CameraDirection(mission)
         self._fusion = AttitudeFusion()
+        self._K: NDArray[np.float64] = np.zeros((3, 3))
         self._reported: ReportedRotation | None = None
         self._asked_us = 0
 
@@ -115,15 +123,21 @@ class FrameCameras:
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
         return bool(anew_m), (event,)
 
-    def predicted(self, t_us: int, camera: FrameCamera, fleet: Fleet) -> FrameCamera:
+    def predicted(self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion | None) -> FrameCamera:
         """The camera as it should be at a frame before its boxes are seen.
 
         Args:
             t_us: the frame's time on telemetry's clock.
             camera: as telemetry has it.
             fleet: asked for the attitude.
+            motion: how the camera moved since the last frame, by the pixels; None: not known.
         """
         self._reported = self._attitude(t_us, camera, fleet)
+        zoomed = not np.array_equal(self._K, camera.intrinsics.K)
+        self._K = camera.intrinsics.K
+        if motion is not None and not zoomed:
+            turn = self._turn(t_us, camera, fleet, motion)
+            self._reported = replace(self._reported, seen_turn=turn)
         return _turned(camera, self._fusion.predicted(t_us, self._reported))
 
     def seen(self, t_us: int, camera: FrameCamera, detections: Detections, tracks: Tracks) -> FrameCamera:
@@ -139,6 +153,22 @@ class FrameCameras:
             noise=np.maximum(BOX_NOISE * size, LEAST_NOISE_PX) / camera.intrinsics.fx,
         )
         return _turned(camera, self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen))
+
+    def _turn(self, t_us: int, camera: FrameCamera, fleet: Fleet, motion: ImageMotion) -> CameraTurn | None:
+        """How the camera turned since the last frame by the pixels, with what telemetry knows of its flight."""
+        before = self._fusion.rotation(t_us)
+        height = float(camera.pose.p_enu[2]) - camera.ground_z
+        v_enu = fleet.uav_at(t_us).v_enu
+        if before is None or height < LEAST_HEIGHT_M:
+            return None
+        (R_enu_cam, dt), known = before, bool(np.isfinite(v_enu).all())
+        ground = GroundShift(
+            shift=R_enu_cam.T @ v_enu * dt if known else np.zeros(3),
+            shift_std=(SPEED_STD if known else UNKNOWN_SPEED_STD) * dt,
+            down=-R_enu_cam[2],
+            height=height,
+        )
+        return rotation_of(motion, camera.intrinsics, ground)
 
     def _attitude(self, t_us: int, camera: FrameCamera, fleet: Fleet) -> ReportedRotation:
         """Telemetry's rotation at a frame and since the last."""

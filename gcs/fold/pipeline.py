@@ -221,7 +221,7 @@ class Pipeline:
         if detections is None:
             return self._snapshot(index, t_us, state, view, image, self._names_held(state), health)
         telemetry_us = self._telemetry_time(t_us)
-        view = self._cameras.predicted(telemetry_us, view, self.fleet) if view else None
+        view = self._cameras.predicted(telemetry_us, view, self.fleet, motion if self._view else None) if view else None
         warp = ground_warp(self._view, view) if motion is None else motion.H
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(frame_size=self._cameras.size))

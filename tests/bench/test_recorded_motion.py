@@ -1,4 +1,4 @@
-"""A camera that shakes: how it moved by the pixels is recorded, holds the tracks, and is folded again as it was."""
+"""A camera that shakes: how it moved by the pixels is recorded, helps the names, and is folded again as it was."""
 
 import csv
 from dataclasses import replace
@@ -19,8 +19,8 @@ from vision.motion.image_motion import ImageMotion
 # no attitude is reported, so that nothing but the pixels tells how the camera turns
 SHAKING = replace(
     nominal(3),
-    ground=ScenarioGround(kind="curved", vehicles=7, spacing_m=5.0),
-    flight=ScenarioFlight(wobble_deg=4.0, wobble_tau_s=0.25),
+    ground=ScenarioGround(kind="curved", vehicles=4, spacing_m=8.0),
+    flight=ScenarioFlight(wobble_deg=6.0, wobble_tau_s=0.25),
     attitude=ScenarioAttitude(missing=True),
     camera=ScenarioCamera(mount="fixed"),
     duration_s=6.0,
@@ -40,7 +40,7 @@ def lines(path):
 def test_a_flight_that_saw_its_motion_is_folded_again_as_it_was(flown, tmp_path):
     compared = {int(row["frame"]) for row in csv.DictReader(lines(flown / "motion.csv"))}
     looked = {int(row["frame"]) for row in csv.DictReader(lines(flown / "folds.csv")) if row["boxes"]}
-    assert compared < looked and len(looked - compared) <= 3, "the first frame, and the first of another size"
+    assert compared < looked and len(compared) > 0.8 * len(looked), "all but the first, and the first of another size"
     identify_into(open_session(flown), tmp_path / "again")
     for name in ("identity.csv", "identity.jsonl"):
         assert lines(tmp_path / "again" / name) == lines(flown / name)
@@ -57,10 +57,15 @@ def test_a_replay_shows_the_same(flown):
     assert {(frame, track) for frame, track, _, _ in told} == {(int(r["frame"]), int(r["track_id"])) for r in rows}
 
 
-def test_tracks_hold_that_telemetry_cannot_hold(flown, tmp_path):
+def test_more_is_named_where_pixels_tell_how_the_camera_turns(flown, tmp_path):
     blind = fly(tmp_path, SHAKING, replace(SEEN, rendered=False))
-    tracks = [len({row["track_id"] for row in csv.DictReader(lines(p / "identity.csv"))}) for p in (flown, blind)]
-    assert tracks[0] < 2 * SHAKING.ground.vehicles < tracks[1]
+    boxes, named = [], []
+    for folder in (flown, blind):
+        rows = list(csv.DictReader(lines(folder / "identity.csv")))
+        boxes.append(len(rows))
+        named.append(sum(row["system_id"] != "" for row in rows))
+    assert boxes[0] == boxes[1]
+    assert named[0] > 1.1 * named[1]
 
 
 def test_a_recording_without_it_can_be_identified(flown, tmp_path, capsys):

@@ -9,9 +9,9 @@ drift. An extended Kalman filter has both: its state is
 with the error ξ of the camera's rotation R (camera frame, R_true = R Exp ξ), the rate β of a sway that telemetry does
 not show, the lag δ of telemetry behind the video, and place g and velocity v of up to ``MOST_TRACKS`` vehicles on the
 ground, which drive straight but for white acceleration. From frame to frame R turns by a share of what telemetry turns,
-and by β. A sample of attitude measures R at its own time, and the box of a track measures R and the vehicle's place
-together. By what telemetry errs constantly the places are turned too: that cannot be seen here, and the identifier
-estimates it.
+and by β; where the images themselves show the turn, by that alone. A sample of attitude measures R at its own time, and
+the box of a track measures R and the vehicle's place together. By what telemetry errs constantly the places are turned
+too: that cannot be seen here, and the identifier estimates it.
 
 How far telemetry is to be trusted is learnt: the share of its turning that is the camera's, how much of the turning it
 misses, and the noise of its samples, which is scaled until innovations are as large as the filter expects them (R.
@@ -21,15 +21,14 @@ doi:10.1109/TAC.1970.1099422).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from vision.camera.jacobians import ground_jacobians, image_jacobians
+from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 
-__all__ = ["AttitudeFusion", "ReportedRotation", "SeenTracks"]
+__all__ = ["AttitudeFusion"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -69,32 +68,6 @@ XI, BETA, LAG, BASE = slice(0, 3), slice(3, 6), 6, 7
 """Where ξ, β and δ are in the state; the vehicles follow, four states each."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReportedRotation:
-    """The camera's rotation by telemetry, at a frame and at the samples of attitude since the one before."""
-
-    R_enu_cam: FloatArray
-    """(3, 3) at the frame's time and the filter's lag; without an attitude that of a level body."""
-    known: bool
-    """Whether there is an attitude."""
-    sample_us: tuple[int, ...] = ()
-    """When samples were taken since the last frame, less the filter's lag, Unix µs."""
-    samples_enu_cam: tuple[FloatArray, ...] = ()
-    """(3, 3) the rotation by each."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeenTracks:
-    """Tracks that have a box in a frame."""
-
-    track_id: IntArray
-    """(k,)."""
-    ray: FloatArray
-    """(k, 3) through each box, camera frame, third coordinate 1."""
-    noise: FloatArray
-    """(k,) 1σ of the first two coordinates."""
-
-
 class AttitudeFusion:
     """The filter, fed with one frame after the other.
 
@@ -122,6 +95,11 @@ class AttitudeFusion:
         self._track_id: IntArray = np.zeros(0, np.int64)
         self._seen_us: IntArray = np.zeros(0, np.int64)
 
+    def rotation(self, t_us: int) -> tuple[FloatArray, float] | None:
+        """The camera's rotation (3, 3) at the last frame, and how many seconds before this one that was; None: none."""
+        dt_us = t_us - self._t_us
+        return (self._R, dt_us * 1e-6) if self._reported is not None and 0 < dt_us <= LONGEST_US else None
+
     def restart(self) -> None:
         """Forget all places, as they are given in another frame from now on; what was learnt of telemetry stays."""
         self._reported = None
@@ -130,6 +108,9 @@ class AttitudeFusion:
         """(3, 3) the camera's rotation at a frame before its boxes are seen."""
         if self._reported is None or not self._continues(t_us, reported):
             return reported.R_enu_cam
+        if reported.seen_turn is not None:
+            # R_enu_later = R_enu_earlier R_later_earlierᵀ
+            return self._R @ _turned_by(-reported.seen_turn.vector)
         dt = (t_us - self._t_us) * 1e-6
         turn = self._R.T @ (self._followed * self._turn(reported)) + _lasting(dt)[0] * self._x[BETA]
         return self._R @ _turned_by(turn)
@@ -154,10 +135,10 @@ class AttitudeFusion:
             turn = self._turn(reported)
             self._predict(t_us, dt, reported)
             self._level(p_enu, ground_z)
-            boxes = self._see(t_us, p_enu, ground_z, seen)
-            telling = boxes >= TELLING
+            boxes = self._see(t_us, p_enu, ground_z, seen, learn=reported.seen_turn is None)
+            telling = boxes >= TELLING or reported.seen_turn is not None
             self._hold_on(reported, before, dt, telling=telling)
-            if telling:
+            if telling and reported.seen_turn is None:
                 self._learn_turning(before, turn)
         else:
             self._begin(reported)
@@ -190,11 +171,16 @@ class AttitudeFusion:
         F = np.eye(len(self._x))
         # R Exp(ξ) T = R T Exp(Tᵀ ξ)
         F[XI, XI] = turn.T
-        F[XI, BETA], F[BETA, BETA] = moved_s * turn.T, left * turn.T
+        F[BETA, BETA] = left * turn.T
+        if reported.seen_turn is None:
+            F[XI, BETA] = moved_s * turn.T
         F[g, v] = dt
         self._x = F @ self._x
         P = F @ self._P @ F.T
-        P[XI, XI] += self._R.T @ (self._turn_var[:, None] * self._R)
+        if reported.seen_turn is None:
+            P[XI, XI] += self._R.T @ (self._turn_var[:, None] * self._R)
+        else:
+            P[XI, XI] += reported.seen_turn.cov
         P[BETA, BETA] += (1.0 - left * left) * self._R.T @ (self._rate_var[:, None] * self._R)
         P[LAG, LAG] += LAG_WANDER**2 * dt
         # ∫ of white acceleration (Bar-Shalom, Li, Kirubarajan 2001, section 6.2.2)
@@ -213,7 +199,7 @@ class AttitudeFusion:
             vehicles[:, 0] = p_enu[:2] + share * (vehicles[:, 0] - p_enu[:2])
             vehicles[:, 1] *= share
 
-    def _see(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks) -> int:
+    def _see(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks, *, learn: bool) -> int:
         """Correct by the boxes of the vehicles in the state; how many there are."""
         _, place, row = np.intersect1d(self._track_id, seen.track_id, assume_unique=True, return_indices=True)
         to = np.column_stack([self._x[BASE:].reshape(-1, 4)[place, :2], np.full(len(place), ground_z)]) - p_enu
@@ -228,14 +214,14 @@ class AttitudeFusion:
         for axis in (0, 1):
             H[np.arange(len(d)), :, BASE + 4 * place + axis] = by_place[:, :, axis]
         off, noise = seen.ray[row, :2] - u, seen.noise[row]
-        strayed = self._correct_by_boxes(H, off, noise)
+        strayed = self._correct_by_boxes(H, off, noise, learn=learn)
         self._seen_us[place] = t_us
         keep = np.ones(len(self._track_id), dtype=bool)
         keep[place[strayed]] = False
         self._keep(keep)
         return len(place)
 
-    def _correct_by_boxes(self, H: FloatArray, off: FloatArray, noise: FloatArray) -> NDArray[np.bool_]:
+    def _correct_by_boxes(self, H: FloatArray, off: FloatArray, noise: FloatArray, *, learn: bool) -> NDArray[np.bool_]:
         """Correct by residuals (k, 2) with derivatives (k, 2, n) and noise (k,); which of them are far off."""
         k = len(off)
         H_all, var = H.reshape(2 * k, -1), np.repeat(noise * noise, 2)
@@ -251,7 +237,8 @@ class AttitudeFusion:
                 break
             var = np.repeat((noise * np.maximum(distance / OUTLIER, 1.0) ** 2) ** 2, 2)
         after = self._P - gain @ PH.T
-        self._learn_turn(step[XI], after)
+        if learn:
+            self._learn_turn(step[XI], after)
         self._apply(step, after)
         return distance > STRAYED
 

@@ -7,7 +7,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from vision.motion.attitude_fusion import AttitudeFusion, ReportedRotation, SeenTracks
+from vision.motion.attitude_fusion import AttitudeFusion
+from vision.motion.fused_evidence import ReportedRotation, SeenTracks
+from vision.motion.rotation import CameraTurn
 
 FOCAL_PX = 1400.0
 HEIGHT_M = 45.0
@@ -31,6 +33,8 @@ class Sway:
     bias_deg: float = 1.5
     box_px: float = 1.0
     known: bool = True
+    pixels_deg: float = 0.0
+    """Noise of the turn that the pixels show from frame to frame; 0: they show none."""
     swapped_s: float = -1.0
     """When two tracks go on with one another's vehicle."""
 
@@ -70,11 +74,18 @@ class Sway:
                 ids[:2] = ids[1::-1]
             late = fusion.lag_s
             times = stamped[(stamped > before + late) & (stamped <= t + late)] if before >= 0.0 else ()
+            turn = None
+            if self.pixels_deg and before >= 0.0:
+                noise = np.radians(self.pixels_deg) * rng.normal(0.0, 1.0, 3)
+                R_later_earlier = R.T @ Rotation.from_rotvec(true(before)).as_matrix() @ DOWN
+                vector = Rotation.from_matrix(R_later_earlier).as_rotvec() + noise
+                turn = CameraTurn(vector=vector, cov=np.eye(3) * np.radians(self.pixels_deg) ** 2)
             now = ReportedRotation(
                 R_enu_cam=reported(t + late),
                 known=self.known,
                 sample_us=tuple(round((s - late) * 1e6) + 10**9 for s in times) if self.known else (),
                 samples_enu_cam=tuple(reported(s) for s in times) if self.known else (),
+                seen_turn=turn,
             )
             seen = SeenTracks(track_id=ids, ray=ray, noise=np.full(len(ids), 1.5 / FOCAL_PX))
             estimate = fusion.update(round(t * 1e6) + 10**9, now, p, 0.0, seen)
@@ -151,3 +162,17 @@ def test_after_a_pause_it_begins_at_what_is_reported():
     assert fusion.update(10**9 + 5_000_000, turned, p, 0.0, none) == pytest.approx(R)
     fusion.restart()
     assert fusion.predicted(10**9 + 5_100_000, ReportedRotation(R_enu_cam=DOWN, known=True)) == pytest.approx(DOWN)
+
+
+@pytest.mark.parametrize("options", [{}, {"fps": 30.0, "tau_s": 0.15}, {"attitude_hz": 20.0, "lag_s": 0.06}])
+def test_a_sway_is_seen_in_the_pixels_also_without_vehicles(options):
+    alone, fused, _ = Sway(vehicles=0, pixels_deg=0.02, **options).fly()
+    assert quick(fused).max() < 0.1
+    assert quick(fused)[:2].max() < 0.3 * quick(alone)[:2].max()
+
+
+def test_without_attitude_the_pixels_carry_the_cameras_turning():
+    blind = Sway(known=False).fly()[1]
+    seen = Sway(known=False, pixels_deg=0.02).fly()[1]
+    assert np.diff(seen, axis=0).std() < 0.3 * np.diff(blind, axis=0).std()
+    assert np.abs(seen[:, :2]).max() < 3.0
