@@ -18,8 +18,8 @@ BoolArray = NDArray[np.bool_]
 _MOST = 8.0
 """Most that lost tracks count against another, nats: their names may have been wrong."""
 
-_PROBABLE = 0.5
-"""Probability above which a vehicle most probably is one of the tracks seen beside another."""
+_PROBABLE = 0.95
+"""Probability above which a vehicle surely is one of the tracks seen beside another."""
 
 
 class CoVisibility:
@@ -33,7 +33,7 @@ class CoVisibility:
         self._beside = np.zeros((0, 0), np.bool_)
         """(C, C) whether a track was seen beside another, too far from it to have been exchanged with it."""
         self._elsewhere = np.zeros((0, n_vehicles), np.bool_)
-        """(C, n) whether a vehicle most probably was another track that was seen beside this one."""
+        """(C, n) whether a vehicle surely was another track that was seen beside this one."""
 
     def begin(self, columns: IntArray, width: int) -> None:
         """Start tracks that are new in their ``columns``, of ``width`` in all."""
