@@ -168,7 +168,7 @@ class Estimator:
         p = self.fit.limited(p, self._stated.among(history.track_id[live]))
         if not self.fit.fits:
             return self._without_names(t, context, best, p)
-        self._co_visibility.update(live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
+        self._co_visibility.update(t, live[seen], self._places(live[seen], camera), p[seen, :n], self._params.close_m)
         self._learn(t, context, best, p)
         self._widen_offset_prior(t)
         score = np.max(best.score, axis=1)

@@ -20,6 +20,10 @@ _MOST = 8.0
 
 _PROBABLE = 0.95
 """Probability above which a vehicle surely is one of the tracks seen beside another."""
+_HISTORY_S = 5.0
+"""It must have been for so long, seconds: the first names of two that report one place may be wrong."""
+_LONGEST_STEP_S = 1.0
+"""Time that counts between two updates, seconds."""
 
 
 class CoVisibility:
@@ -32,33 +36,35 @@ class CoVisibility:
         self._belief = np.zeros((0, n_vehicles))
         self._beside = np.zeros((0, 0), np.bool_)
         """(C, C) whether a track was seen beside another, too far from it to have been exchanged with it."""
-        self._elsewhere = np.zeros((0, n_vehicles), np.bool_)
-        """(C, n) whether a vehicle surely was another track that was seen beside this one."""
+        self._elsewhere_s = np.zeros((0, n_vehicles))
+        """(C, n) for how long a vehicle surely was another track that was seen beside this one, seconds."""
+        self._t = -np.inf
 
     def begin(self, columns: IntArray, width: int) -> None:
         """Start tracks that are new in their ``columns``, of ``width`` in all."""
         more = width - len(self._belief)
         self._belief = np.pad(self._belief, ((0, more), (0, 0)))
         self._beside = np.pad(self._beside, ((0, more), (0, more)))
-        self._elsewhere = np.pad(self._elsewhere, ((0, more), (0, 0)))
+        self._elsewhere_s = np.pad(self._elsewhere_s, ((0, more), (0, 0)))
         self._belief[columns] = 0.0
         self._beside[columns] = self._beside[:, columns] = False
-        self._elsewhere[columns] = False
+        self._elsewhere_s[columns] = 0.0
 
     def reset(self, columns: IntArray) -> None:
         """Clear what is known of tracks that may be another vehicle by now."""
         self._beside[columns] = False
-        self._elsewhere[columns] = False
+        self._elsewhere_s[columns] = 0.0
 
     def forget(self, column: int) -> None:
         """Clear what a track was, which was wrong: it keeps no vehicle from the tracks beside it."""
         if column < len(self._belief):
             self._belief[column] = 0.0
 
-    def update(self, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
+    def update(self, t: float, seen: IntArray, place: FloatArray, belief: FloatArray, reach_m: float) -> None:
         """Remember the tracks of a frame.
 
         Args:
+            t: Its time, seconds.
             seen: (s,) their columns.
             place: (s, 2) on the ground, metres.
             belief: (s, n) probability of each vehicle.
@@ -68,7 +74,8 @@ class CoVisibility:
         beside = away >= reach_m
         self._beside[np.ix_(seen, seen)] = beside
         self._belief[seen] = belief
-        self._elsewhere[seen] |= beside @ belief > _PROBABLE
+        self._elsewhere_s[seen] += min(t - self._t, _LONGEST_STEP_S) * (beside @ belief > _PROBABLE)
+        self._t = t
 
     def log_handover(self, before: IntArray, change: float) -> FloatArray:
         """Evidence of tracks that broke off for those that a tracker went on with: ln (p + (1 − p) c).
@@ -84,8 +91,8 @@ class CoVisibility:
         return np.asarray(np.where(before[:, None] >= 0, claim, 0.0))
 
     def elsewhere(self, columns: IntArray) -> BoolArray:
-        """(m, n) vehicles that have been another track while these were seen."""
-        return np.asarray(self._elsewhere[columns])
+        """(m, n) vehicles that have surely been another track for long while these were seen."""
+        return np.asarray(self._elsewhere_s[columns] >= _HISTORY_S)
 
     def log_not_lost(self, columns: IntArray, seen: BoolArray) -> FloatArray:
         """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).

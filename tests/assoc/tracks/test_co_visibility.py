@@ -15,7 +15,7 @@ BELIEF = np.array([(0.9, 0.0), (0.05, 0.6), (0.0, 0.2)])
 def seen_together(place=FAR, belief=BELIEF):
     company = CoVisibility(2)
     company.begin(COLUMNS, 3)
-    company.update(COLUMNS, place, belief, 3.0)
+    company.update(0.0, COLUMNS, place, belief, 3.0)
     return company
 
 
@@ -47,9 +47,9 @@ def test_the_surest_name_may_still_have_been_wrong():
 
 def test_one_that_began_since_may_be_the_lost_one():
     company = seen_together()
-    company.update(COLUMNS[1:], FAR[1:], BELIEF[1:], 3.0)
+    company.update(0.2, COLUMNS[1:], FAR[1:], BELIEF[1:], 3.0)
     company.begin(np.array([3]), 4)
-    company.update(np.array([1, 2, 3]), FAR, BELIEF, 3.0)
+    company.update(0.4, np.array([1, 2, 3]), FAR, BELIEF, 3.0)
     said = company.log_not_lost(np.arange(4), np.array([False, True, True, True]))
     assert said[3, 0] == 0.0
     assert said[1, 0] < 0.0
@@ -82,3 +82,13 @@ def test_what_broke_off_claims_those_it_went_on_as():
     company = seen_together()
     said = company.log_handover(np.array([0, 2, -1]), 0.1)
     np.testing.assert_allclose(said, [np.log((0.91, 0.1)), np.log((0.1, 0.28)), (0.0, 0.0)])
+
+
+@pytest.mark.parametrize(("seconds", "certainty", "known"), [(3, 0.99, False), (10, 0.99, True), (10, 0.9, False)])
+def test_a_vehicle_is_elsewhere_once_it_surely_was_another_track_for_long(seconds, certainty, known):
+    company = CoVisibility(2)
+    company.begin(COLUMNS, 3)
+    belief = np.array([(certainty, 0.0), (0.0, 0.0), (0.0, 0.0)])
+    for t in np.arange(0.0, seconds, 0.25):
+        company.update(float(t), COLUMNS, FAR, belief, 3.0)
+    assert company.elsewhere(COLUMNS).tolist() == [[False, False], [known, False], [known, False]]
